@@ -1,0 +1,62 @@
+# make demo · make test · make lint · make bench — each sets up what it needs; a second run does no work again.
+SHELL := /bin/bash
+PYTHON ?= python3
+RUN := source env.sh &&
+SEED ?= 2009
+DEMO_OUT ?= runs/demo
+PYTEST_ARGS ?=
+
+PACKAGE_FILES := $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg ros_ws/src/*/package.xml \
+	ros_ws/src/sandbot_bringup/launch/* ros_ws/src/sandbot_bringup/config/*)
+
+.PHONY: help setup demo test test-quick lint bench lock browser clean
+
+help:
+	@sed -n '1p' Makefile
+
+.venv/.ready: requirements.lock
+	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "trackway: Python 3.11 or newer is needed, this is " + sys.version.split()[0] + "; try make PYTHON=python3.11")'
+	@echo "trackway: creating .venv from requirements.lock (about two minutes)"
+	$(PYTHON) -m venv .venv
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock
+	@touch $@
+
+ros_ws/install/.ready: .venv/.ready $(PACKAGE_FILES)
+	@echo "trackway: building the workspace"
+	@rm -rf ros_ws/build ros_ws/install ros_ws/log
+	source .venv/bin/activate && cd ros_ws && colcon build --symlink-install --event-handlers console_direct- status- --executor sequential
+	.venv/bin/python tools/install_ros2_fallback.py
+	@touch $@
+
+setup: ros_ws/install/.ready
+
+demo: setup
+	$(RUN) bash tools/demo.sh "$(DEMO_OUT)" "$(SEED)"
+
+test: setup browser lint
+	$(RUN) python -m pytest $(PYTEST_ARGS)
+
+test-quick: setup
+	$(RUN) python -m pytest -m "not slow and not ros and not browser" $(PYTEST_ARGS)
+
+lint: setup
+	$(RUN) ruff check . && ruff format --check . && mypy && lint-imports
+
+bench: setup
+	$(RUN) python benchmarks/run.py
+
+# Chromium for the browser tests comes from the distribution; nothing to do where it is there already.
+browser:
+	@command -v chromium >/dev/null && command -v chromedriver >/dev/null || \
+		{ echo "trackway: installing chromium for the browser tests"; \
+		  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq chromium chromium-driver >/dev/null; }
+
+# Re-pin every wheel from requirements.in.
+lock:
+	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
+	.venv-lock/bin/python -m pip install --quiet -r requirements.in
+	.venv-lock/bin/python -m pip freeze --all | grep -v -E '^pip==' > requirements.lock
+	rm -rf .venv-lock
+
+clean:
+	rm -rf .venv ros_ws/build ros_ws/install ros_ws/log runs

@@ -1,0 +1,1 @@
+"""The fluidised bed: pulse protocol and volume fraction with its uncertainty."""

@@ -1,0 +1,1 @@
+"""Launch files, configuration, the campaign runner and the console."""

@@ -1,0 +1,29 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = "sandbot_bringup"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/launch", glob("launch/*.py")),
+        (f"share/{NAME}/config", glob("config/*.*")),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="trackway maintainers",
+    maintainer_email="maintainers@trackway.example",
+    description="Launch files, configuration, the campaign runner and the console.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "campaign = sandbot_bringup.tools.campaign:main",
+            "console = sandbot_bringup.tools.console:main",
+        ],
+    },
+)

@@ -1,0 +1,1 @@
+"""The leg clock signal: gait parameters to leg set-points."""

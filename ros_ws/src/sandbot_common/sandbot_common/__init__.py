@@ -1,0 +1,10 @@
+"""What every room shares.
+
+errors      InputError: one line that says which file, row or parameter is wrong and what would be right
+cli         command lines that print that line and exit 2
+parameters  frozen dataclasses with unit, bounds and meaning: YAML checks and ROS descriptors derive from them
+files       write through a temporary name, so that nothing is ever half-written
+messages    numpy to standard ROS messages (no rclpy)
+topics      names, types and QoS of every topic, once
+node        the only module here that imports rclpy: parameters, diagnostics, start and stop of a node
+"""

@@ -1,0 +1,37 @@
+"""Command lines with one manner: 0 on success, 2 with one line on bad input, 130 on Ctrl-C."""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+from typing import NoReturn
+
+from sandbot_common.errors import InputError
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+class Parser(argparse.ArgumentParser):
+    """An ArgumentParser whose complaint is one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise InputError in place of usage and exit."""
+        raise InputError(f"{message} (see {self.prog} --help)")
+
+
+def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | None = None) -> int:
+    """Run ``command`` on the arguments and return the exit code; only InputError and Ctrl-C are caught."""
+    name = os.path.basename(sys.argv[0])
+    try:
+        return command(sys.argv[1:] if argv is None else argv) or 0
+    except InputError as error:
+        print(f"{name}: error: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print(f"{name}: interrupted; what was finished is kept", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        # The reader of our output (head, less) has gone: not an error of ours.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0

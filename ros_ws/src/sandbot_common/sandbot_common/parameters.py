@@ -1,0 +1,128 @@
+"""Parameters once: a frozen dataclass whose fields carry unit, bounds and meaning.
+
+    @dataclass(frozen=True)
+    class Gait:
+        theta_s_rad: float = parameter(1.1, unit="rad", doc="span of the slow phase", low=0.0, high=6.28)
+
+``from_mapping`` builds one from YAML and refuses what does not fit; sandbot_common.node declares the same
+fields as ROS parameters.
+"""
+
+import dataclasses
+import difflib
+import math
+import types
+import typing
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from sandbot_common.errors import InputError
+
+T = TypeVar("T")
+_KEY = "sandbot"
+
+
+@dataclasses.dataclass(frozen=True)
+class Spec:
+    """What is known of one parameter beside its value."""
+
+    name: str
+    type: type
+    unit: str
+    doc: str
+    low: float
+    high: float
+    choices: tuple[Any, ...]
+
+
+def parameter(
+    default: Any = dataclasses.MISSING,
+    *,
+    unit: str = "",
+    doc: str,
+    low: float = -math.inf,
+    high: float = math.inf,
+    choices: tuple[Any, ...] = (),
+) -> Any:
+    """A dataclass field with unit, inclusive bounds and meaning. Numbers must be finite."""
+    metadata = {_KEY: {"unit": unit, "doc": doc, "low": low, "high": high, "choices": choices}}
+    if isinstance(default, list | dict):
+        return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def specs(cls: type) -> tuple[Spec, ...]:
+    """The specs of a parameter dataclass, in order."""
+    hints = typing.get_type_hints(cls)
+    return tuple(
+        Spec(name=field.name, type=hints[field.name], **field.metadata[_KEY])
+        for field in dataclasses.fields(cls)
+        if _KEY in field.metadata
+    )
+
+
+def from_mapping(cls: type[T], mapping: Any, where: str) -> T:
+    """Build ``cls`` from a mapping; ``where`` (file and section) opens every error line.
+
+    Raises InputError on an unknown key, a wrong type, a missing value, NaN or a value out of bounds.
+    """
+    if not isinstance(mapping, Mapping):
+        raise InputError(f"{where}: expected a mapping of parameters, got {mapping!r}")
+    known = {spec.name: spec for spec in specs(cls)}
+    for key in mapping:
+        if key not in known:
+            raise InputError(f"{where}: unknown key {key!r}{_suggest(str(key), known)}")
+    values = {key: check(known[key], value, where) for key, value in mapping.items()}
+    required = {f.name for f in dataclasses.fields(cls) if _required(f)}  # type: ignore[arg-type]
+    if missing := sorted(required - values.keys()):
+        raise InputError(f"{where}: missing key {missing[0]!r} ({known[missing[0]].doc})")
+    return cls(**values)
+
+
+def check(spec: Spec, value: Any, where: str) -> Any:
+    """The value, converted to the spec's type; InputError if it does not fit."""
+    wanted = typing.get_origin(spec.type) or spec.type
+    if wanted is typing.Union or wanted is types.UnionType:
+        options = typing.get_args(spec.type)
+        if value is None and type(None) in options:
+            return None
+        inner = next(option for option in options if option is not type(None))
+        return check(dataclasses.replace(spec, type=inner), value, where)
+    if wanted in (list, tuple):
+        if not isinstance(value, list | tuple):
+            raise InputError(f"{where}: {spec.name}: {value!r} is not a list")
+        item_types = typing.get_args(spec.type)
+        item = dataclasses.replace(spec, type=item_types[0] if item_types else object)
+        return wanted(check(item, one, where) for one in value)
+    if wanted is float and isinstance(value, int | float) and not isinstance(value, bool):
+        return float(_bounded(spec, value, where))
+    if wanted is int and isinstance(value, int) and not isinstance(value, bool):
+        return _bounded(spec, value, where)
+    if wanted in (str, bool) and isinstance(value, wanted):
+        return _chosen(spec, value, where)
+    if wanted in (object, dict) or wanted is Any:
+        return value
+    raise InputError(f"{where}: {spec.name}: {value!r} is not of type {getattr(wanted, '__name__', wanted)}")
+
+
+def _bounded(spec: Spec, value: float, where: str) -> Any:
+    if not math.isfinite(value) or not spec.low <= value <= spec.high:
+        unit = f" {spec.unit}" if spec.unit else ""
+        raise InputError(f"{where}: {spec.name}: {value} is outside [{spec.low:g}, {spec.high:g}]{unit} ({spec.doc})")
+    return _chosen(spec, value, where)
+
+
+def _chosen(spec: Spec, value: Any, where: str) -> Any:
+    if spec.choices and value not in spec.choices:
+        allowed = ", ".join(map(str, spec.choices))
+        raise InputError(f"{where}: {spec.name}: {value!r} is not one of {allowed}")
+    return value
+
+
+def _required(field: dataclasses.Field[Any]) -> bool:
+    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+
+
+def _suggest(key: str, known: Mapping[str, Any]) -> str:
+    close = difflib.get_close_matches(key, known, n=1)
+    return f", did you mean {close[0]!r}?" if close else f"; known: {', '.join(known)}"

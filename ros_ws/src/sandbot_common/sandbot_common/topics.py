@@ -1,0 +1,46 @@
+"""Every topic of the trackway: name, type, and how it is delivered (design: SI units, REP-103)."""
+
+from dataclasses import dataclass
+
+LEGS = ("front_left", "middle_right", "rear_left", "front_right", "middle_left", "rear_right")
+"""Joint names in the order of every six-leg array: tripod A first, then tripod B, half a period later."""
+
+FRAME = "trackway"
+"""x along the track, z up from the undisturbed surface."""
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic; ``latched`` ones keep their last message for late subscribers (transient local)."""
+
+    name: str
+    type: str
+    latched: bool = False
+    depth: int = 50
+
+
+LEG_SETPOINTS = Topic("/leg_setpoints", "sensor_msgs/msg/JointState", depth=2000)
+LEG_STATES = Topic("/leg_states", "sensor_msgs/msg/JointState", depth=2000)
+SYNC_LED = Topic("/sync_led", "std_msgs/msg/Header")
+BED_HEIGHT = Topic("/bed/height", "sensor_msgs/msg/Range")
+BED_BLOWER = Topic("/bed/blower", "std_msgs/msg/Float64")
+BED_PHI = Topic("/bed/volume_fraction", "std_msgs/msg/Float64", latched=True, depth=1)
+BED_STATUS = Topic("/bed/status", "diagnostic_msgs/msg/DiagnosticArray")
+DORSAL_IMAGE = Topic("/camera/dorsal/image_raw", "sensor_msgs/msg/Image", depth=200)
+DORSAL_INFO = Topic("/camera/dorsal/camera_info", "sensor_msgs/msg/CameraInfo", depth=200)
+LATERAL_IMAGE = Topic("/camera/lateral/image_raw", "sensor_msgs/msg/Image", depth=200)
+LATERAL_INFO = Topic("/camera/lateral/camera_info", "sensor_msgs/msg/CameraInfo", depth=200)
+COM = Topic("/landmarks/com", "geometry_msgs/msg/PointStamped", depth=200)
+FRONT_AXLE = Topic("/landmarks/front_axle", "geometry_msgs/msg/PointStamped", depth=200)
+REAR_AXLE = Topic("/landmarks/rear_axle", "geometry_msgs/msg/PointStamped", depth=200)
+SPEED = Topic("/speed", "geometry_msgs/msg/TwistWithCovarianceStamped", depth=200)
+SPEED_MEAN = Topic("/speed/mean", "std_msgs/msg/Float64")
+LIFT = Topic("/lift", "std_msgs/msg/Float64")
+MODEL_SPEED = Topic("/model/speed", "geometry_msgs/msg/TwistWithCovarianceStamped", depth=200)
+MODEL_SPEED_MEAN = Topic("/model/speed/mean", "std_msgs/msg/Float64")
+MODEL_ERROR = Topic("/model/error", "std_msgs/msg/Float64")
+TRIAL = Topic("/trial", "std_msgs/msg/String", latched=True, depth=1)
+DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+
+ALL = tuple(value for value in list(globals().values()) if isinstance(value, Topic))
+"""All topics, in the order above."""

@@ -1,0 +1,19 @@
+from setuptools import find_packages, setup
+
+NAME = "sandbot_common"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="trackway maintainers",
+    maintainer_email="maintainers@trackway.example",
+    description="What every room shares: input errors, command lines, typed parameters, node wiring, message builders.",
+    license="Apache-2.0",
+)

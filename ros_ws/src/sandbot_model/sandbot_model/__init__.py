@@ -1,0 +1,1 @@
+"""Walking models on granular ground, effects, fit, compare, discover."""

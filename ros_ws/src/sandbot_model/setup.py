@@ -1,0 +1,28 @@
+from setuptools import find_packages, setup
+
+NAME = "sandbot_model"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="trackway maintainers",
+    maintainer_email="maintainers@trackway.example",
+    description="Walking models on granular ground, effects, fit, compare, discover.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "predictor = sandbot_model.predictor_node:main",
+            "compare = sandbot_model.tools.compare:main",
+            "discover = sandbot_model.tools.discover:main",
+            "explore = sandbot_model.tools.explore:main",
+            "effects = sandbot_model.tools.effects:main",
+        ],
+    },
+)

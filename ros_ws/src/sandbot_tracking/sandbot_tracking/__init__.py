@@ -1,0 +1,1 @@
+"""Camera frames to markers, metres and forward speed."""
