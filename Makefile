@@ -43,7 +43,7 @@ lint: setup
 	$(RUN) ruff check . && ruff format --check . && mypy && lint-imports
 
 bench: setup
-	$(RUN) python benchmarks/run.py
+	$(RUN) python benchmarks/run.py $(ONLY)
 
 # Chromium for the browser tests comes from the distribution; nothing to do where it is there already.
 browser:

@@ -24,6 +24,7 @@ setup(
         "console_scripts": [
             "campaign = sandbot_bringup.tools.campaign:main",
             "console = sandbot_bringup.tools.console:main",
+            "unseal = sandbot_bringup.tools.unseal:main",
         ],
     },
 )

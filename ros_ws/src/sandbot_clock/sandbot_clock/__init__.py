@@ -1,1 +1,7 @@
-"""The leg clock signal: gait parameters to leg set-points."""
+"""The leg clock signal: gait parameters to leg set-points.
+
+gait         Gait and its presets; leg angles and rates at any time
+phase_clock  PhaseClock: the same while ω and gait change, start and stop, without an angle jump
+schedule     instants start + n/rate, kept without drift; what is late is skipped and counted
+clock_node   the only module with ROS: /leg_setpoints, /clock/start, /clock/stop, /clock/home
+"""

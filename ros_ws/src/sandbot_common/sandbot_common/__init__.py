@@ -5,6 +5,7 @@ cli         command lines that print that line and exit 2
 parameters  frozen dataclasses with unit, bounds and meaning: YAML checks and ROS descriptors derive from them
 files       write through a temporary name, so that nothing is ever half-written
 messages    numpy to standard ROS messages (no rclpy)
+serialization  those messages to CDR bytes, without DDS
 topics      names, types and QoS of every topic, once
-node        the only module here that imports rclpy: parameters, diagnostics, start and stop of a node
+node        parameters, diagnostics, start and stop of a node
 """

@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PointStamped, TwistWithCovarianceStamped
 from numpy.typing import NDArray
-from sensor_msgs.msg import Image, JointState, Range
+from sensor_msgs.msg import CompressedImage, Image, JointState, Range
 from std_msgs.msg import Float64, Header, String
 
 from sandbot_common.topics import FRAME
@@ -91,6 +91,13 @@ def image(t_ns: int, frame_id: str, pixels: NDArray[np.uint8]) -> Image:
     message = Image(header=header(t_ns, frame_id), height=height, width=width, encoding="mono8", step=width)
     # The setter would check every byte of a bytes object; an array('B') is taken as it is.
     message.data.frombytes(pixels.tobytes())
+    return message
+
+
+def jpeg(t_ns: int, frame_id: str, data: bytes) -> CompressedImage:
+    """A mono8 image as JPEG bytes."""
+    message = CompressedImage(header=header(t_ns, frame_id), format="mono8; jpeg compressed mono8")
+    message.data.frombytes(data)
     return message
 
 

@@ -1,19 +1,24 @@
 """How every node starts, takes its parameters, tells its health and stops. The only room here with rclpy."""
 
 import math
+import signal
 import sys
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
 from sandbot_common import cli, messages, topics
@@ -53,10 +58,13 @@ class Parameters(Generic[T]):
         self._where = f"{node.get_name()} parameters"
         self._on_change = on_change
         default = cls()
-        given = {
-            spec.name: node.declare_parameter(spec.name, _ros(getattr(default, spec.name)), _descriptor(spec)).value
-            for spec in specs(cls)
-        }
+        try:
+            given = {
+                spec.name: node.declare_parameter(spec.name, _ros(getattr(default, spec.name)), _descriptor(spec)).value
+                for spec in specs(cls)
+            }
+        except ParameterException as error:
+            raise InputError(f"{self._where}: {error}") from None
         self.current: T = from_mapping(cls, given, self._where)
         node.add_on_set_parameters_callback(self._set)
 
@@ -95,14 +103,18 @@ def run(make: Callable[[], Node], argv: Sequence[str] | None = None) -> int:
     """Start ROS, make the node, spin until Ctrl-C or shutdown, and always clean up; exit code as in cli.run."""
 
     def command(arguments: Sequence[str]) -> int:
-        rclpy.init(args=[sys.argv[0], *arguments])
+        # Our own signals: ROS's handlers end the context at once, and close() could no longer publish "air off".
+        rclpy.init(args=[sys.argv[0], *arguments], signal_handler_options=SignalHandlerOptions.NO)
         node: Node | None = None
         try:
-            node = make()
-            # Measured in these wheels: about twice the message rate of the default executor.
-            executor = EventsExecutor()
-            executor.add_node(node)
-            executor.spin()
+            with _stop_signals() as stop:
+                node = make()
+                # Measured in these wheels: about twice the message rate of the default executor.
+                executor = EventsExecutor()
+                executor.add_node(node)
+                # Not spin(): it leaves no room for Python's signal handlers and never returns from ROS's.
+                while rclpy.ok() and not stop.is_set():
+                    executor.spin_once(timeout_sec=0.1)
         except (KeyboardInterrupt, ExternalShutdownException):
             pass
         finally:
@@ -114,6 +126,21 @@ def run(make: Callable[[], Node], argv: Sequence[str] | None = None) -> int:
         return 0
 
     return cli.run(command, argv)
+
+
+@contextmanager
+def _stop_signals() -> Iterator[threading.Event]:
+    # Ctrl-C and kill set the event; where we are not the main thread nobody can send them.
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    before = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _descriptor(spec: Spec) -> ParameterDescriptor:

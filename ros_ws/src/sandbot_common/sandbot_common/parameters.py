@@ -100,7 +100,7 @@ def check(spec: Spec, value: Any, where: str) -> Any:
         return _bounded(spec, value, where)
     if wanted in (str, bool) and isinstance(value, wanted):
         return _chosen(spec, value, where)
-    if wanted in (object, dict) or wanted is Any:
+    if wanted in (object, Any) or (wanted is dict and isinstance(value, Mapping)):
         return value
     raise InputError(f"{where}: {spec.name}: {value!r} is not of type {getattr(wanted, '__name__', wanted)}")
 

@@ -1,0 +1,39 @@
+"""Start the trackway: ``ros2 launch sandbot_bringup trackway.launch.py [name:=value ...]`` (config/nodes.yaml)."""
+
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from launch import LaunchContext, LaunchDescription
+from sandbot_bringup import nodes
+
+
+def generate_launch_description() -> LaunchDescription:
+    """The launch arguments of the node table, and its nodes once their values are known."""
+    table = nodes.read_table(nodes.table_path())
+    declared = [
+        DeclareLaunchArgument(
+            argument.name,
+            default_value=argument.default,
+            description=argument.doc,
+            choices=list(argument.choices) or None,
+        )
+        for argument in table.arguments.values()
+    ]
+    return LaunchDescription([*declared, OpaqueFunction(function=start, args=[table])])
+
+
+def start(context: LaunchContext, table: nodes.NodeTable) -> list[Node]:
+    """One action a node; when a required one ends, everything stops."""
+    values = nodes.settings(table, {name: LaunchConfiguration(name).perform(context) for name in table.arguments})
+    return [
+        Node(
+            package=entry.package,
+            executable=entry.executable,
+            name=entry.name,
+            parameters=[entry.parameters] if entry.parameters else None,
+            output="screen",
+            on_exit=[Shutdown(reason=f"{entry.name} has ended")] if entry.required else None,
+        )
+        for entry in nodes.selected(table, values)
+    ]

@@ -1,0 +1,118 @@
+"""One trial of the virtual lab in process: the cores of the live nodes called in turn, the same bag written."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_bed.protocol import Preparation, prepare
+from sandbot_bringup.config import robot_and_cameras
+from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.plan import Plan, PlannedTrial, to_yaml
+from sandbot_bringup.provenance import trial_message, trial_metadata
+from sandbot_bringup.trial_bag import TrialBag
+from sandbot_clock.gait import leg_angles
+from sandbot_common import topics
+from sandbot_common.errors import InputError
+from sandbot_lab.bed import LabBed
+from sandbot_lab.cameras import LabCamera
+from sandbot_lab.robot import Trace, simulate
+from sandbot_lab.world import World, draw_world, null_world, read_world, write_world
+from sandbot_tracking.calibration import cameras_from_mapping
+from sandbot_tracking.offline import OfflineTracker
+
+Floats = NDArray[np.float64]
+
+BED_STEP_S = 0.02
+FRAME_RATE_HZ = 100.0
+LED_ON_S = 0.05
+DRAIN_S = 0.05
+"""Frames go on this long after the legs have stopped, as they do live."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What every trial of a campaign shares."""
+
+    plan: Plan
+    world: World
+    folder: CampaignFolder
+    files: Mapping[str, str]
+    """robot.yaml and cameras.yaml as text, attached to every bag."""
+    sample: str
+    """The one trial whose frames are kept where the plan says ``images: one``."""
+
+    @cached_property
+    def cameras(self) -> Mapping[str, object]:
+        """The sections of cameras.yaml."""
+        return robot_and_cameras(self.files)[1]
+
+    def images(self, trial: PlannedTrial) -> str:
+        """How this trial's frames are kept: none, jpeg or raw."""
+        if self.plan.images == "one":
+            return "jpeg" if trial.trial_id == self.sample else "none"
+        return self.plan.images
+
+
+def choose_world(folder: CampaignFolder, path: Path | None, hide: int | None) -> World:
+    """The world to run in: the folder's own when resuming, else the given file, a drawn one, or the null world."""
+    asked = read_world(path) if path is not None else draw_world(hide) if hide is not None else None
+    if not folder.truth.exists():
+        return asked or null_world()
+    sealed = read_world(folder.truth)
+    if asked is not None and asked != sealed:
+        raise InputError(f"{folder.path}: its trials were run in another world than the one asked for; give another --out")
+    return sealed
+
+
+def seal(folder: CampaignFolder, world: World) -> None:
+    """Write the truth where analysis never looks."""
+    folder.truth.parent.mkdir(parents=True, exist_ok=True)
+    write_world(world, folder.truth)
+
+
+def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
+    """Prepare the bed, let the robot run before both cameras, track it, and write the bag; returns its path."""
+    plan = setup.plan
+    bed = LabBed(seed=trial.seed)
+    prepared = prepare(plan.bed_protocol, bed, trial.phi, bed.advance, BED_STEP_S)
+    bag = TrialBag(start_ns, prepared.duration_s + plan.standing_s)
+    bag.announce(trial_message(plan, trial, start_ns))
+    bag.bed(prepared)
+
+    t_s = np.arange(round(plan.duration_s(trial.omega_rad_s) * plan.setpoint_rate_hz) + 1) / plan.setpoint_rate_hz
+    angles, rates = leg_angles(plan.clock_gait, trial.omega_rad_s, t_s)
+    trace = simulate(setup.world, bed.phi, t_s, angles, rates, seed=trial.seed)
+    bag.legs(topics.LEG_SETPOINTS, t_s, angles, rates, np.zeros_like(angles))
+    bag.legs(topics.LEG_STATES, t_s, trace.leg_angle_rad, trace.leg_rate_rad_s, trace.leg_effort_n_m)
+    bag.led_edge()
+
+    tracker = OfflineTracker(cameras_from_mapping(setup.cameras, "cameras"))
+    _film(setup, trial, trace, tracker, bag)
+    bag.tracked(tracker)
+    path = setup.folder.bag(trial)
+    files = {**setup.files, "campaign.yaml": to_yaml(plan)}
+    bag.write(path, trial_metadata(plan, trial, start_ns, "simulated", "complete"), files)
+    return path
+
+
+def _film(setup: Setup, trial: PlannedTrial, trace: Trace, tracker: OfflineTracker, bag: TrialBag) -> None:
+    """Render and track both cameras from before the legs start until after they stop; keep frames if asked."""
+    views = {
+        name: LabCamera(name, setup.cameras[name], seed=trial.seed)  # type: ignore[arg-type]
+        for name in ("dorsal", "lateral")
+    }
+    kept = setup.images(trial)
+    first = -round(setup.plan.standing_s * FRAME_RATE_HZ)
+    last = int((trace.t_s[-1] + DRAIN_S) * FRAME_RATE_HZ)
+    for t_s in np.arange(first, last + 1) / FRAME_RATE_HZ:
+        frames = {name: view.film(trace, t_s, 0.0 <= t_s < LED_ON_S) for name, view in views.items()}
+        tracker.update(float(t_s), frames["dorsal"], frames["lateral"])
+        for name, pixels in frames.items():
+            bag.frame(name, float(t_s), pixels, kept)
+
+
+__all__ = ["Preparation", "Setup", "choose_world", "run_trial", "seal"]

@@ -1,0 +1,73 @@
+"""The campaign folder: what lies where, and which trials are still to be run."""
+
+import dataclasses
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from sandbot_bringup.plan import Plan, PlannedTrial, read_plan, to_yaml, trials_of
+from sandbot_common.errors import InputError
+from sandbot_common.files import write_text
+
+
+@dataclass(frozen=True)
+class CampaignFolder:
+    """``campaign.yaml``, ``trials/<trial_id>/`` (one bag each), ``trials.csv``, ``report.html``, ``truth/``."""
+
+    path: Path
+
+    @property
+    def plan_file(self) -> Path:
+        """The plan as it was run."""
+        return self.path / "campaign.yaml"
+
+    @property
+    def trials(self) -> Path:
+        """One bag a trial."""
+        return self.path / "trials"
+
+    @property
+    def truth(self) -> Path:
+        """The virtual lab's sealed world; analysis never looks here."""
+        return self.path / "truth" / "world.yaml"
+
+    def bag(self, trial: PlannedTrial) -> Path:
+        """Where the bag of ``trial`` goes."""
+        return self.trials / trial.trial_id
+
+    def adopt(self, plan: Plan) -> None:
+        """Write the plan, or check it against the one already there.
+
+        A campaign may grow by extra trials; anything else would mix two experiments in one folder (InputError).
+        """
+        if self.plan_file.exists():
+            present = read_plan(self.plan_file)
+            same = dataclasses.replace(present, extra_trials=()) == dataclasses.replace(plan, extra_trials=())
+            grown = plan.extra_trials[: len(present.extra_trials)] == present.extra_trials
+            if not (same and grown):
+                raise InputError(
+                    f"{self.path}: holds campaign {present.name!r} with another plan ({_difference(present, plan)}); "
+                    "give another --out, or resume it with its own campaign.yaml"
+                )
+        elif self.path.exists() and any(self.path.iterdir()):
+            raise InputError(f"{self.path}: exists, is not empty and holds no campaign.yaml; give another --out")
+        write_text(self.plan_file, to_yaml(plan))
+
+    def missing(self, trials: Iterable[PlannedTrial]) -> list[PlannedTrial]:
+        """The trials with no finished bag. A bag gets its name only when it is closed, so its presence is enough."""
+        return [trial for trial in trials if not (self.bag(trial) / "metadata.yaml").exists()]
+
+
+def sample_trial(plan: Plan) -> PlannedTrial:
+    """The trial whose frames are kept by default: the strongest ground at the middle frequency, first replicate."""
+    omega = sorted(plan.omega_rad_s)[len(plan.omega_rad_s) // 2]
+    phi = max(plan.phi)
+    return next(one for one in trials_of(plan) if one.phi == phi and one.omega_rad_s == omega)
+
+
+def _difference(present: Plan, given: Plan) -> str:
+    for field in dataclasses.fields(Plan):
+        old, new = getattr(present, field.name), getattr(given, field.name)
+        if old != new:
+            return f"{field.name}: {old!r} there, {new!r} now"
+    return "no difference"

@@ -1,0 +1,189 @@
+"""The node table: which processes make up the trackway, with which parameters, and when each is wanted.
+
+config/nodes.yaml is the one place; ``launch/trackway.launch.py`` (a full ROS 2) and the ``ros2 launch`` of a host
+without one both start what ``selected`` returns.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from sandbot_bringup.config import config_folder
+from sandbot_common.errors import InputError
+from sandbot_common.files import read_yaml
+from sandbot_common.parameters import from_mapping, parameter
+
+PACKAGE = "sandbot_bringup"
+LAUNCH_FILE = "trackway.launch.py"
+LAB = "lab"
+"""The launch argument that chooses between the virtual lab (true) and the hardware (false)."""
+
+_TRUE, _FALSE = "true", "false"
+
+
+@dataclass(frozen=True)
+class LaunchArgument:
+    """A ``name:=value`` of the launch file. Values are text, as launch has them."""
+
+    default: str = parameter(doc="value where none is given")
+    doc: str = parameter(doc="what it does")
+    choices: tuple[str, ...] = parameter((), doc="allowed values; empty: any")
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class NodeEntry:
+    """One process of the trackway."""
+
+    package: str = parameter(doc="ROS package")
+    executable: str = parameter(doc="executable of the package")
+    name: str = parameter(doc="node name")
+    wanted: str = parameter(
+        "both", doc="with the virtual lab, with the hardware, or both", choices=("lab", "hardware", "both")
+    )
+    only_if: str = parameter("", doc="launch argument that must be true as well; empty: none")
+    required: bool = parameter(True, doc="everything stops when this process ends")
+    parameters: dict[str, Any] = parameter({}, doc="ROS parameters; ${argument} stands for a launch argument's value")
+
+    def ros_arguments(self) -> list[str]:
+        """The command line that gives a node its name and parameters."""
+        arguments = ["--ros-args", "-r", f"__node:={self.name}"]
+        for key, value in self.parameters.items():
+            arguments += ["-p", f"{key}:={_flow(value)}"]
+        return arguments
+
+
+@dataclass(frozen=True)
+class NodeTable:
+    """The launch arguments and the nodes, checked against each other."""
+
+    where: str
+    arguments: Mapping[str, LaunchArgument]
+    nodes: tuple[NodeEntry, ...]
+
+
+def table_path() -> Path:
+    """Where the installed node table lies."""
+    return config_folder() / "nodes.yaml"
+
+
+def read_table(path: Path) -> NodeTable:
+    """The node table in a YAML file. Raises InputError with file, entry and value."""
+    content = read_yaml(path)
+    for key in content:
+        if key not in ("arguments", "nodes"):
+            raise InputError(f"{path}: unknown key {key!r}; known: arguments, nodes")
+    arguments = _arguments(content.get("arguments", {}), path)
+    entries = content.get("nodes")
+    if not isinstance(entries, list) or not entries:
+        raise InputError(f"{path}: nodes: expected a list of nodes, got {entries!r}")
+    nodes = tuple(from_mapping(NodeEntry, entry, f"{path}: nodes[{index}]") for index, entry in enumerate(entries))
+    seen: set[str] = set()
+    for index, node in enumerate(nodes):
+        where = f"{path}: nodes[{index}]"
+        if node.name in seen:
+            raise InputError(f"{where}: name: {node.name!r} is taken by another node of the table")
+        seen.add(node.name)
+        _check_node(node, arguments, where)
+    return NodeTable(str(path), arguments, nodes)
+
+
+def parse_arguments(words: Sequence[str]) -> dict[str, str]:
+    """``name:=value`` words as a mapping. Raises InputError for any other word."""
+    given: dict[str, str] = {}
+    for word in words:
+        name, separator, value = word.partition(":=")
+        if not separator or not name:
+            raise InputError(f"malformed launch argument {word!r}, expected format '<name>:=<value>'")
+        given[name] = value
+    return given
+
+
+def settings(table: NodeTable, given: Mapping[str, str]) -> dict[str, str]:
+    """The value of every launch argument. Raises InputError for an unknown one or one that is not a choice."""
+    for name, value in given.items():
+        if name not in table.arguments:
+            raise InputError(f"unknown launch argument {name!r}; known: {', '.join(table.arguments)}")
+        choices = table.arguments[name].choices
+        if choices and value not in choices:
+            raise InputError(f"launch argument {name}: {value!r} is not one of {', '.join(choices)}")
+    return {name: given.get(name, argument.default) for name, argument in table.arguments.items()}
+
+
+def selected(table: NodeTable, values: Mapping[str, str]) -> tuple[NodeEntry, ...]:
+    """The nodes wanted under these ``settings``, launch arguments put in."""
+    unwanted = "hardware" if values[LAB] == _TRUE else "lab"
+    return tuple(
+        dataclasses.replace(node, parameters={key: _put_in(value, values) for key, value in node.parameters.items()})
+        for node in table.nodes
+        if node.wanted != unwanted and (not node.only_if or values[node.only_if] == _TRUE)
+    )
+
+
+def _arguments(content: Any, path: Path) -> dict[str, LaunchArgument]:
+    if not isinstance(content, Mapping):
+        raise InputError(f"{path}: arguments: expected a mapping of launch arguments, got {content!r}")
+    arguments = {}
+    for name, given in content.items():
+        where = f"{path}: arguments: {name}"
+        argument = dataclasses.replace(from_mapping(LaunchArgument, given, where), name=name)
+        if argument.choices and argument.default not in argument.choices:
+            raise InputError(f"{where}: default: {argument.default!r} is not one of {', '.join(argument.choices)}")
+        arguments[name] = argument
+    if LAB not in arguments or not _is_switch(arguments[LAB]):
+        raise InputError(f"{path}: arguments: {LAB!r} with the choices true and false is needed")
+    return arguments
+
+
+def _check_node(node: NodeEntry, arguments: Mapping[str, LaunchArgument], where: str) -> None:
+    if node.only_if and (node.only_if not in arguments or not _is_switch(arguments[node.only_if])):
+        raise InputError(f"{where}: only_if: {node.only_if!r} is not a launch argument with the choices true and false")
+    for key, value in node.parameters.items():
+        if not isinstance(key, str):
+            raise InputError(f"{where}: parameters: {key!r} is not a name")
+        items = value if isinstance(value, list) else [value]
+        if not all(isinstance(item, bool | int | float | str) for item in items):
+            raise InputError(
+                f"{where}: parameters: {key}: {value!r} is not a number, text, true, false or a list of them"
+            )
+        name = _argument_name(value)
+        if name is not None and name not in arguments:
+            raise InputError(f"{where}: parameters: {key}: {value!r}: no launch argument {name!r}")
+
+
+def _is_switch(argument: LaunchArgument) -> bool:
+    return set(argument.choices) == {_TRUE, _FALSE}
+
+
+def _argument_name(value: Any) -> str | None:
+    if isinstance(value, str) and value.startswith("${") and value.endswith("}"):
+        return value[2:-1]
+    return None
+
+
+def _put_in(value: Any, values: Mapping[str, str]) -> Any:
+    name = _argument_name(value)
+    if name is None:
+        return value
+    # As launch does: 7 becomes a number, true a boolean, everything else stays text.
+    plain = yaml.safe_load(values[name]) if values[name] else ""
+    return plain if isinstance(plain, bool | int | float) else values[name]
+
+
+def _flow(value: Any) -> str:
+    # One line of YAML, text in quotes so that "1" stays text; "\n..." is how PyYAML ends a bare scalar.
+    return (
+        yaml.safe_dump(
+            value,
+            default_flow_style=True,
+            default_style='"' if isinstance(value, str) else None,
+            width=10**6,
+            allow_unicode=True,
+        )
+        .removesuffix("\n")
+        .removesuffix("\n...")
+    )

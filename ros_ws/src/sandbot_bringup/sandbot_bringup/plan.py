@@ -1,0 +1,171 @@
+"""The plan of a campaign: campaign.yaml to a list of trials. Pure; nothing moves here.
+
+name: demo
+seed: 2009
+gait: UNIFORM
+phi: [0.580, 0.600, 0.611, 0.622, 0.633]
+omega_rad_s: [4, 8, 12, 16, 20, 24, 30]
+replicates: 3
+"""
+
+import dataclasses
+import json
+import math
+import zlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from sandbot_bed.protocol import ProtocolParameters
+
+from sandbot_clock.gait import PRESETS, Gait
+from sandbot_common.errors import InputError
+from sandbot_common.files import read_yaml
+from sandbot_common.parameters import from_mapping, parameter
+
+PHI_LOW, PHI_HIGH = 0.57, 0.64
+OMEGA_HIGH = 60.0
+
+
+@dataclass(frozen=True)
+class ExtraTrials:
+    """Trials asked for beside the φ × ω grid, such as the next trials of a discovery."""
+
+    phi: float = parameter(doc="volume fraction target", low=PHI_LOW, high=PHI_HIGH)
+    omega_rad_s: float = parameter(doc="leg frequency", unit="rad/s", low=0.5, high=OMEGA_HIGH)
+    replicates: int = parameter(3, doc="trials of this condition", low=1, high=1000)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a campaign will do. ``bed`` and ``gait_parameters`` override the rooms' defaults."""
+
+    name: str = parameter(doc="name of the campaign")
+    phi: tuple[float, ...] = parameter(doc="volume fraction targets", low=PHI_LOW, high=PHI_HIGH)
+    omega_rad_s: tuple[float, ...] = parameter(doc="leg frequencies", unit="rad/s", low=0.5, high=OMEGA_HIGH)
+    replicates: int = parameter(3, doc="trials of each condition", low=1, high=1000)
+    gait: str = parameter("SGCS", doc="clock signal", choices=(*PRESETS, "CUSTOM"))
+    gait_parameters: dict[str, Any] = parameter({}, doc="theta_s_rad, theta_0_rad and duty of a CUSTOM gait")
+    seed: int = parameter(1, doc="seed of everything random in the virtual lab", low=0, high=2**31 - 1)
+    periods: float = parameter(4.0, doc="leg periods a trial lasts at least", low=2.0, high=1000.0)
+    min_duration_s: float = parameter(1.2, unit="s", doc="shortest trial", low=0.2, high=600.0)
+    standing_s: float = parameter(0.25, unit="s", doc="recording before the legs start", low=0.0, high=60.0)
+    setpoint_rate_hz: float = parameter(200.0, unit="Hz", doc="rate of leg set-points", low=50.0, high=1000.0)
+    images: str = parameter("one", doc="frames kept: of one trial as JPEG, or of all", choices=("one", "none", "jpeg", "raw"))
+    cameras: str = parameter("", doc="camera calibration file, relative to the plan; empty: the project's own")
+    robot: str = parameter("", doc="robot file, relative to the plan; empty: the project's own SandBot")
+    bed: dict[str, Any] = parameter({}, doc="overrides of the pulse protocol")
+    extra_trials: tuple[dict[str, Any], ...] = parameter((), doc="conditions beside the grid")
+
+    @property
+    def clock_gait(self) -> Gait:
+        """The clock signal's parameters. InputError where a CUSTOM gait is incomplete."""
+        if self.gait == "CUSTOM":
+            return from_mapping(Gait, self.gait_parameters, f"plan {self.name}: gait_parameters")
+        return Gait.from_name(self.gait)
+
+    @property
+    def bed_protocol(self) -> ProtocolParameters:
+        """The pulse protocol's parameters."""
+        return from_mapping(ProtocolParameters, self.bed, f"plan {self.name}: bed")
+
+    def duration_s(self, omega_rad_s: float) -> float:
+        """How long the legs turn in a trial at ``omega_rad_s``."""
+        return max(self.min_duration_s, self.periods * 2 * math.pi / omega_rad_s)
+
+
+@dataclass(frozen=True)
+class PlannedTrial:
+    """One trial to run; ``seed`` follows from the plan's seed and the trial's own name alone."""
+
+    trial_id: str
+    phi: float
+    omega_rad_s: float
+    replicate: int
+    seed: int
+
+
+def read_plan(path: Path) -> Plan:
+    """The plan in ``path`` (campaign.yaml), or InputError with the file, key and value that is wrong."""
+    return plan_of(read_yaml(path), str(path))
+
+
+def plan_of(mapping: Mapping[str, Any], where: str) -> Plan:
+    """A checked plan from a mapping; ``where`` opens every error line."""
+    plan = from_mapping(Plan, mapping, where)
+    for key in ("phi", "omega_rad_s"):
+        values = getattr(plan, key)
+        if not values:
+            raise InputError(f"{where}: {key}: the list is empty; at least one value is needed")
+        if len(set(values)) != len(values):
+            twice = next(value for value in values if values.count(value) > 1)
+            raise InputError(f"{where}: {key}: {twice:g} is listed twice; use replicates for repeats")
+    if plan.gait_parameters and plan.gait != "CUSTOM":
+        raise InputError(f"{where}: gait_parameters are given but gait is {plan.gait}; set gait: CUSTOM")
+    for index, extra in enumerate(plan.extra_trials):
+        from_mapping(ExtraTrials, extra, f"{where}: extra_trials[{index}]")
+    # Building them checks the nested mappings now, before anything moves.
+    assert plan.clock_gait is not None
+    assert plan.bed_protocol is not None
+    return plan
+
+
+def to_yaml(plan: Plan) -> str:
+    """The plan as campaign.yaml."""
+    content = {
+        key: list(value) if isinstance(value, tuple) else value for key, value in dataclasses.asdict(plan).items()
+    }
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+
+
+def trials_of(plan: Plan) -> list[PlannedTrial]:
+    """Every trial of the plan: the grid first, φ by φ, then the extra ones."""
+    conditions = [(phi, omega, plan.replicates) for phi in plan.phi for omega in plan.omega_rad_s]
+    extras = [from_mapping(ExtraTrials, extra, plan.name) for extra in plan.extra_trials]
+    conditions += [(extra.phi, extra.omega_rad_s, extra.replicates) for extra in extras]
+    done: dict[tuple[float, float], int] = {}
+    trials = []
+    for phi, omega, replicates in conditions:
+        # Extra trials of a condition of the grid count on, so that no two trials share a name.
+        first = done.get((phi, omega), 0) + 1
+        done[phi, omega] = first + replicates - 1
+        trials += [_planned(plan, phi, omega, number) for number in range(first, first + replicates)]
+    return trials
+
+
+def with_next_trials(plan: Plan, path: Path) -> Plan:
+    """The plan extended by the ``next_trials`` of a discovery JSON (schema sandbot.discovery/1)."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: not JSON: {error}") from None
+    proposed = content.get("next_trials") if isinstance(content, dict) else content
+    if not isinstance(proposed, list) or not proposed:
+        raise InputError(f"{path}: no next_trials in it; the verdict may need none")
+    extras = list(_conditions(proposed, plan.replicates, str(path)))
+    return dataclasses.replace(plan, extra_trials=(*plan.extra_trials, *extras))
+
+
+def _conditions(proposed: Iterable[Any], replicates: int, where: str) -> Iterable[dict[str, Any]]:
+    # One bag measures every observable, so proposals that differ only in the observable are one condition.
+    seen: dict[tuple[float, float], int] = {}
+    for index, one in enumerate(proposed):
+        if not isinstance(one, Mapping):
+            raise InputError(f"{where}: next_trials[{index}]: expected phi and omega_rad_s, got {one!r}")
+        known = {key: one[key] for key in ("phi", "omega_rad_s", "replicates") if key in one}
+        extra = from_mapping(ExtraTrials, {"replicates": replicates, **known}, f"{where}: next_trials[{index}]")
+        key = (round(extra.phi, 4), round(extra.omega_rad_s, 3))
+        seen[key] = max(seen.get(key, 0), extra.replicates)
+    for (phi, omega), count in seen.items():
+        yield {"phi": phi, "omega_rad_s": omega, "replicates": count}
+
+
+def _planned(plan: Plan, phi: float, omega: float, replicate: int) -> PlannedTrial:
+    trial_id = f"phi{phi:.4f}_w{omega:06.3f}_r{replicate:02d}"
+    sequence = np.random.SeedSequence([plan.seed, zlib.crc32(trial_id.encode())])
+    return PlannedTrial(trial_id, phi, omega, replicate, int(sequence.generate_state(1)[0] >> 1))

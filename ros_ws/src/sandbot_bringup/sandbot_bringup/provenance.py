@@ -1,0 +1,56 @@
+"""What a bag says of its own trial: the /trial message and the MCAP metadata record `trial`."""
+
+import json
+import subprocess
+from datetime import UTC, datetime
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+from sandbot_bringup.plan import Plan, PlannedTrial
+
+
+def trial_message(plan: Plan, trial: PlannedTrial, start_ns: int) -> str:
+    """The JSON published latched on /trial: what is being run."""
+    return json.dumps(
+        {
+            "trial_id": trial.trial_id,
+            "campaign": plan.name,
+            "phi_target": trial.phi,
+            "omega_rad_s": trial.omega_rad_s,
+            "gait": plan.gait,
+            "replicate": trial.replicate,
+            "seed": trial.seed,
+            "start": datetime.fromtimestamp(start_ns / 1e9, UTC).isoformat(),
+        }
+    )
+
+
+def trial_metadata(plan: Plan, trial: PlannedTrial, start_ns: int, clock: str, exit_status: str) -> dict[str, str]:
+    """The MCAP metadata record `trial`: id, plan, parameters, software, start, clock used, exit status."""
+    return {
+        "id": trial.trial_id,
+        "plan": plan.name,
+        "parameters": trial_message(plan, trial, start_ns),
+        "software_version": version("sandbot_bringup"),
+        "commit": commit(),
+        "start": datetime.fromtimestamp(start_ns / 1e9, UTC).isoformat(),
+        "clock": clock,
+        "exit_status": exit_status,
+    }
+
+
+@cache
+def commit() -> str:
+    """The commit this software runs from, with `-dirty` where it was changed; `unknown` outside a checkout."""
+    here = Path(__file__).resolve().parent
+    try:
+        found = subprocess.run(
+            ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=12"],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return found.stdout.strip()

@@ -1,0 +1,61 @@
+"""Run a campaign in batch: trials over worker processes, with progress, resumable, stopped cleanly by Ctrl-C."""
+
+import signal
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+from tqdm import tqdm
+
+from sandbot_bringup.plan import PlannedTrial
+
+Job = Callable[[PlannedTrial, int], Path]
+"""Runs one trial, started at a wall-clock instant [ns], and returns its bag."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of the trials: finished ones, and those that failed with the reason."""
+
+    finished: tuple[str, ...]
+    failed: tuple[tuple[str, str], ...]
+
+
+def run(trials: Sequence[PlannedTrial], job: Job, workers: int) -> Outcome:
+    """Run ``job`` on every trial. A failing trial does not stop the others.
+
+    On Ctrl-C the trials under way are finished, no new one is begun, and KeyboardInterrupt goes on to the caller.
+    """
+    finished: list[str] = []
+    failed: list[tuple[str, str]] = []
+    # A forked worker would inherit the parent's threads (numba, DDS); spawn starts from nothing.
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_ignore_interrupt)
+    with pool, tqdm(total=len(trials), unit="trial", desc="campaign", mininterval=0.5) as bar:
+        waiting = list(reversed(trials))
+        running: dict[Future[Path], PlannedTrial] = {}
+        try:
+            while waiting or running:
+                # Only what the workers can start on now is handed over, so that Ctrl-C has little to wait for.
+                while waiting and len(running) < 2 * workers:
+                    trial = waiting.pop()
+                    running[pool.submit(job, trial, time.time_ns())] = trial
+                done, _ = wait(running, return_when=FIRST_COMPLETED)
+                for future in done:
+                    trial = running.pop(future)
+                    if (error := future.exception()) is not None:
+                        failed.append((trial.trial_id, f"{type(error).__name__}: {error}"))
+                    else:
+                        finished.append(trial.trial_id)
+                    bar.update()
+        except KeyboardInterrupt:
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
+    return Outcome(tuple(finished), tuple(failed))
+
+
+def _ignore_interrupt() -> None:
+    # Ctrl-C reaches the whole process group; the parent decides, the workers finish their trial.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,0 +1,115 @@
+"""``campaign PLAN --out FOLDER [--batch]``: run the trials of a plan, each into one bag."""
+
+import argparse
+import dataclasses
+import functools
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from sandbot_bringup.config import config_folder, files_of
+from sandbot_bringup.folder import CampaignFolder, sample_trial
+from sandbot_bringup.plan import Plan, PlannedTrial, read_plan, trials_of, with_next_trials
+from sandbot_common import cli
+from sandbot_common.errors import InputError
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Console script; exit code as in sandbot_common.cli."""
+    return cli.run(command, argv)
+
+
+def command(argv: Sequence[str]) -> int:
+    """Run, resume, extend or only describe a campaign."""
+    options = _parser().parse_args(argv)
+    if options.config_folder:
+        print(config_folder())
+        return 0
+    plan, folder = _plan_and_folder(options)
+    trials = trials_of(plan)
+    if options.dry_run:
+        print(describe(plan, trials))
+        return 0
+    if options.batch:
+        failures = _batch(plan, folder, trials, options)
+    else:
+        # The live runner starts ROS; batch and dry runs must not.
+        from sandbot_bringup.campaign_node import run_live
+
+        failures = run_live(plan, folder, trials)
+    return _finish(folder, trials, failures)
+
+
+def describe(plan: Plan, trials: Sequence[PlannedTrial]) -> str:
+    """What the campaign would do, checked against every limit, before anything moves."""
+    seconds = sum(plan.duration_s(trial.omega_rad_s) + plan.standing_s for trial in trials)
+    return (
+        f"campaign {plan.name}: {len(trials)} trials, {len(plan.phi)} volume fractions "
+        f"{min(plan.phi):g}-{max(plan.phi):g} x {len(plan.omega_rad_s)} frequencies "
+        f"{min(plan.omega_rad_s):g}-{max(plan.omega_rad_s):g} rad/s x {plan.replicates} replicates"
+        f" + {len(plan.extra_trials)} extra conditions\n"
+        f"gait {plan.gait}; legs turn for {seconds / 60:.1f} min in all, the bed is prepared {len(trials)} times"
+    )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = cli.Parser(prog="campaign", description=__doc__)
+    parser.add_argument("plan", type=Path, nargs="?", help="campaign.yaml, or the folder of a campaign to resume")
+    parser.add_argument("--out", type=Path, help="the campaign's folder (default: beside the plan, by its name)")
+    parser.add_argument("--batch", action="store_true", help="virtual lab in process, as fast as the CPU allows")
+    parser.add_argument("--plan", dest="next_trials", type=Path, help="add the next_trials of this discovery JSON")
+    parser.add_argument("--world", type=Path, help="the virtual lab's world.yaml (--batch; default: the null world)")
+    parser.add_argument(
+        "--hide", type=int, metavar="SEED", help="draw a world with a hidden effect from SEED (--batch)"
+    )
+    parser.add_argument(
+        "--images", choices=("none", "jpeg", "raw"), help="frames in every bag; default: one trial, JPEG"
+    )
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="worker processes (--batch)")
+    parser.add_argument("--config-folder", action="store_true", help="print where the example plans lie, and stop")
+    parser.add_argument("--dry-run", action="store_true", help="check the plan and say what would be done")
+    return parser
+
+
+def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]:
+    resumed = options.plan.is_dir()
+    plan = read_plan(options.plan / "campaign.yaml" if resumed else options.plan)
+    if options.images is not None:
+        plan = dataclasses.replace(plan, images=options.images)
+    path = options.out or (options.plan if resumed else options.plan.parent / plan.name)
+    folder = CampaignFolder(path)
+    if options.next_trials is not None:
+        if folder.plan_file.exists():
+            plan = read_plan(folder.plan_file)
+        plan = with_next_trials(plan, options.next_trials)
+    if options.workers < 1:
+        raise InputError(f"--workers: {options.workers} is not a number of processes; 1 or more")
+    if not options.batch and (options.world or options.hide is not None):
+        raise InputError("--world and --hide set up the virtual lab of --batch; a live lab has its own world parameter")
+    return plan, folder
+
+
+def _batch(
+    plan: Plan, folder: CampaignFolder, trials: Sequence[PlannedTrial], options: argparse.Namespace
+) -> Sequence[tuple[str, str]]:
+    from sandbot_bringup import batch, runner
+
+    files = files_of(plan, options.plan if options.plan.is_dir() else options.plan.parent)
+    world = batch.choose_world(folder, options.world, options.hide)
+    folder.adopt(plan)
+    batch.seal(folder, world)
+    todo = folder.missing(trials)
+    if len(todo) < len(trials):
+        print(f"{folder.path}: {len(trials) - len(todo)} of {len(trials)} trials are there already")
+    setup = batch.Setup(plan, world, folder, files, sample_trial(plan).trial_id)
+    return runner.run(todo, functools.partial(batch.run_trial, setup), options.workers).failed
+
+
+def _finish(folder: CampaignFolder, trials: Sequence[PlannedTrial], failures: Sequence[tuple[str, str]]) -> int:
+    from sandbot_record import table
+
+    report = table.make(folder.path)
+    for trial_id, reason in failures:
+        print(f"{trial_id}: failed: {reason}")
+    print(f"{folder.path}: {len(trials) - len(failures)} of {len(trials)} trials, table in {report}")
+    return 1 if failures else 0

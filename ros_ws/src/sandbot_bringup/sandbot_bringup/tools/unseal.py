@@ -1,0 +1,61 @@
+"""``unseal FOLDER``: open the virtual lab's sealed truth and hold the discovery against it."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.plan import read_plan
+from sandbot_bringup.truth import judge, truth_of
+from sandbot_common import cli
+from sandbot_common.errors import InputError
+from sandbot_lab.world import read_world
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Console script; exit code 1 where the verdict and the truth disagree."""
+    return cli.run(command, argv)
+
+
+def command(argv: Sequence[str]) -> int:
+    """Print verdict, error before and after, noise floor, and whether the sealed truth agrees."""
+    parser = cli.Parser(prog="unseal", description=__doc__)
+    parser.add_argument("folder", type=Path, help="a campaign of the virtual lab")
+    parser.add_argument("--discovery", type=Path, help="what discover --json wrote (default: FOLDER/discovery.json)")
+    options = parser.parse_args(argv)
+    folder = CampaignFolder(options.folder)
+    discovery = _read(options.discovery or options.folder / "discovery.json")
+    agreement = judge(truth_of(read_world(folder.truth), read_plan(folder.plan_file)), discovery["verdict"])
+    print(summary(discovery))
+    print(f"truth:   {'agrees' if agreement.agrees else 'DISAGREES'}: {agreement.line}")
+    return 0 if agreement.agrees else 1
+
+
+def summary(discovery: dict[str, Any]) -> str:
+    """Verdict and error before and after against the noise floor, in cm/s."""
+    verdict, steps = discovery["verdict"], discovery["steps"]
+    last = next((step for step in steps if step["effects"] == verdict["effects"]), steps[-1])
+    named = " + ".join(verdict["effects"]) or "none"
+    floor = discovery["noise_floor_m_s"]
+    errors = " -> ".join(f"{_cm_s(step['cv_rmse_m_s'])}" for step in (steps[0], last))
+    return (
+        f"verdict: {verdict['status']} ({named}): {verdict['because']}\n"
+        f"error:   out of sample {errors} cm/s; noise floor {'unknown' if floor is None else _cm_s(floor)} cm/s"
+    )
+
+
+def _cm_s(speed_m_s: float | None) -> str:
+    return "unknown" if speed_m_s is None else f"{speed_m_s * 100:.2f}"
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; make it with: discover FOLDER --json {path}") from None
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: not JSON: {error}") from None
+    if not isinstance(content, dict) or content.get("schema") != "sandbot.discovery/1":
+        raise InputError(f"{path}: not a discovery of schema sandbot.discovery/1")
+    return content

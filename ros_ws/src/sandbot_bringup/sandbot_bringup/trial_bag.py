@@ -1,0 +1,76 @@
+"""The messages of one batch trial, gathered on the trial's own time and written in order of time."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_bed.protocol import Preparation
+from sandbot_common import messages, topics
+from sandbot_common.serialization import to_cdr
+from sandbot_common.topics import Topic
+from sandbot_record.writer import BagWriter
+from sandbot_tracking.offline import OfflineTracker
+
+Floats = NDArray[np.float64]
+
+JPEG_QUALITY = 90
+_RAW = {"dorsal": topics.DORSAL_IMAGE, "lateral": topics.LATERAL_IMAGE}
+_JPEG = {"dorsal": topics.DORSAL_JPEG, "lateral": topics.LATERAL_JPEG}
+
+
+class TrialBag:
+    """Time zero is the start of the legs, ``lead_s`` after the wall-clock instant ``start_ns``."""
+
+    def __init__(self, start_ns: int, lead_s: float) -> None:
+        self._start_ns = start_ns
+        self._zero_ns = start_ns + round(lead_s * 1e9)
+        self._messages: list[tuple[int, Topic, bytes]] = []
+
+    def add(self, topic: Topic, t_ns: int, message: Any) -> None:
+        """One message, stamped and logged at the same instant."""
+        self._messages.append((t_ns, topic, to_cdr(message)))
+
+    def announce(self, trial: str) -> None:
+        """What is being run, before anything happens."""
+        self.add(topics.TRIAL, self._start_ns, messages.string(trial))
+
+    def led_edge(self) -> None:
+        """The synchronisation LED goes on when the legs start."""
+        self.add(topics.SYNC_LED, self._zero_ns, messages.header(self._zero_ns, "sync_led"))
+
+    def legs(self, topic: Topic, t_s: Floats, angles: Floats, rates: Floats, efforts: Floats) -> None:
+        """Joint states of shape (n, 6)."""
+        for t, angle, rate, effort in zip(t_s, angles, rates, efforts, strict=True):
+            stamp = self._at(t)
+            self.add(topic, stamp, messages.joint_state(stamp, topics.LEGS, angle, rate, effort))
+
+    def frame(self, camera: str, t_s: float, pixels: NDArray[np.uint8], kept: str) -> None:
+        """One frame: ``kept`` raw, as jpeg, or none at all."""
+        stamp = self._at(t_s)
+        if kept == "raw":
+            self.add(_RAW[camera], stamp, messages.image(stamp, camera, pixels))
+        elif kept == "jpeg":
+            data = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
+            self.add(_JPEG[camera], stamp, messages.jpeg(stamp, camera, data))
+
+    def bed(self, prepared: Preparation) -> None:
+        """The preparation's outcome, at the instant it was reached."""
+
+    def tracked(self, tracker: OfflineTracker) -> None:
+        """Landmarks and speed of every frame, as the tracker node publishes them."""
+
+    def write(self, path: Path, metadata: Mapping[str, str], attachments: Mapping[str, str]) -> None:
+        """Write the bag under its name, whole or not at all."""
+        with BagWriter(path) as writer:
+            for t_ns, topic, cdr in sorted(self._messages, key=lambda message: message[0]):
+                writer.write(topic, cdr, t_ns)
+            writer.metadata("trial", metadata)
+            for name, text in attachments.items():
+                writer.attach(name, text.encode(), "application/yaml")
+
+    def _at(self, t_s: float) -> int:
+        return self._zero_ns + round(float(t_s) * 1e9)

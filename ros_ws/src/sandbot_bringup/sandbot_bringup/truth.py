@@ -1,0 +1,50 @@
+"""Open the virtual lab's sealed world after the analysis has spoken, and say whether it was right."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from sandbot_bringup.plan import Plan
+from sandbot_lab.world import World
+
+
+def truth_of(world: World, plan: Plan) -> frozenset[str]:
+    """The effects really present: those switched on, and the slow phase where the gait has one.
+
+    With a clock signal whose stance is slower than the mean rate the legs really push at that rate; no switch of the
+    world is needed for it.
+    """
+    slow = {"slow_phase_speed"} if abs(plan.clock_gait.slow_phase_ratio - 1) > 0.01 else set()
+    return frozenset(world.effects) | slow
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Whether the verdict names the truth; ``line`` says it in one sentence."""
+
+    agrees: bool
+    line: str
+
+
+def judge(truth: frozenset[str], verdict: dict[str, Any]) -> Agreement:
+    """Compare the effects really present with a discovery's ``verdict`` (schema sandbot.discovery/1).
+
+    Right is: adequate where nothing is hidden; identified with exactly the hidden set; ambiguous with the hidden set
+    among the alternatives. Everything else is wrong, ``unexplained`` included.
+    """
+    status = verdict["status"]
+    named = frozenset(verdict["effects"])
+    alternatives = {frozenset(one) for one in verdict.get("alternatives", [])} | {named}
+    hidden = _names(truth)
+    if status == "adequate":
+        return Agreement(not truth, f"the sealed truth holds {hidden}; the verdict was that nothing is missing")
+    if status == "identified":
+        return Agreement(named == truth, f"the sealed truth holds {hidden}; the verdict named {_names(named)}")
+    if status == "ambiguous":
+        among = truth in alternatives
+        where = "among" if among else "not among"
+        return Agreement(among, f"the sealed truth holds {hidden}, {where} the {len(alternatives)} sets left open")
+    return Agreement(False, f"the sealed truth holds {hidden}; the verdict was that no set of the catalogue fits")
+
+
+def _names(effects: frozenset[str]) -> str:
+    return " + ".join(sorted(effects)) or "no effect"

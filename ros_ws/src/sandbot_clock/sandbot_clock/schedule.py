@@ -1,0 +1,43 @@
+"""A periodic duty kept at absolute instants: no drift, and lateness is skipped and counted, never caught up."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+NANO = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """The instants ``start_ns + n / rate_hz``, each rounded to a nanosecond by itself so that no error adds up."""
+
+    start_ns: int
+    rate_hz: float
+
+    def instant(self, n: int) -> int:
+        """The n-th instant [ns]."""
+        return self.start_ns + round(n * NANO / self.rate_hz)
+
+    def after(self, n: int, now_ns: int) -> int:
+        """The number to keep after ``n``: the next one, or the latest already due where whole periods are lost."""
+        return max(n + 1, int((now_ns - self.start_ns) * self.rate_hz / NANO))
+
+
+def keep(
+    schedule: Schedule,
+    duty: Callable[[int], bool],
+    now_ns: Callable[[], int],
+    sleep_s: Callable[[float], None],
+    missed: Callable[[int], None],
+) -> None:
+    """Call ``duty(instant_ns)`` at each instant until it returns False; ``missed`` hears how many were skipped."""
+    n = 0
+    while True:
+        instant = schedule.instant(n)
+        if (wait := instant - now_ns()) > 0:
+            sleep_s(wait / NANO)
+        if not duty(instant):
+            return
+        following = schedule.after(n, now_ns())
+        if following > n + 1:
+            missed(following - n - 1)
+        n = following

@@ -1,0 +1,132 @@
+"""The two virtual cameras: what they see of the robot on the grains, as 8-bit grey frames.
+
+A frame is the mean over the exposure, stamped at its middle. The dorsal camera sees one reflective disc (`com`) on the
+robot's top, which rises with the body; the lateral one sees two, on the front and the rear axle.
+"""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sandbot_common.errors import InputError
+from sandbot_lab.calibration import Calibration, calibration
+from sandbot_lab.drawing import draw_box, draw_disc
+from sandbot_lab.robot import Trace
+
+Floats = NDArray[np.float64]
+Frame = NDArray[np.uint8]
+
+AXLE_OFFSET_M = 0.10
+"""The axle markers' distance from the com, ahead and behind."""
+REST_HEIGHT_M = 0.025
+"""Axle height of the robot at rest on its belly."""
+BODY_LENGTH_M, BODY_WIDTH_M, BODY_HEIGHT_M = 0.30, 0.15, 0.12
+MARKER_RADIUS_PX = 6.0
+
+GRAIN_GREY, GRAIN_SD, SENSOR_SD = 64.0, 10.0, 6.0
+BODY_GREY, CONTRAST = 45.0, 170.0
+GLINTS, GLINT_GREY = 6, 110.0
+LED_GREY = 250.0
+EXPOSURES = 5
+"""Moments within an exposure of which a frame is the mean."""
+_PEDESTAL = 4 * int(SENSOR_SD)
+_SLACK = (96, 128)
+
+
+class LabCamera:
+    """One camera, ``dorsal`` or ``lateral``, over its own piece of ground; all chance comes from ``seed``."""
+
+    def __init__(self, name: str, camera: Mapping[str, Any], seed: int, *, body: bool = True) -> None:
+        """``camera``: its section of cameras.yaml. ``body``: draw the dark robot under its markers. Raises InputError."""
+        if name not in ("dorsal", "lateral"):
+            raise InputError(f"camera: {name!r} is not dorsal or lateral")
+        self.name = name
+        self.calibration: Calibration = calibration(camera, f"camera {name}")
+        self._body = body
+        self._rng = np.random.default_rng([seed, len(name)])
+        self._ground = _ground(self.calibration.height, self.calibration.width, self._rng)
+        self._noise = _noise_tile(self.calibration.height + _SLACK[0], self.calibration.width + _SLACK[1])
+
+    def render(self, x_m: ArrayLike, z_m: ArrayLike, pitch_rad: ArrayLike = 0.0, led_on: bool = False) -> Frame:
+        """A frame (height, width) of the robot with its com at x, its axles at height z, nose-up pitch.
+
+        Arrays are the moments of the exposure, of which the frame is the mean.
+        """
+        x, z, pitch = np.broadcast_arrays(*(np.atleast_1d(np.asarray(one, np.float64)) for one in (x_m, z_m, pitch_rad)))
+        image = self._ground.copy()
+        if self._body:
+            self._draw_body(image, x, z)
+        grey = (BODY_GREY if self._body else GRAIN_GREY) + CONTRAST - _PEDESTAL
+        for marker in self.markers(x, z, pitch):
+            points = self.calibration.pixels(marker)
+            draw_disc(image, points[:, 0].copy(), points[:, 1].copy(), MARKER_RADIUS_PX, grey)
+        if led_on and self.calibration.led_region is not None:
+            left, top, width, height = self.calibration.led_region
+            centre = np.array([left + 0.5 * (width - 1)]), np.array([top + 0.5 * (height - 1)])
+            draw_disc(image, *centre, 0.4 * min(width, height), LED_GREY - _PEDESTAL)
+        noisy: Frame = cv2.add(image, _window(self._noise, *image.shape, self._rng), dst=image)
+        return noisy
+
+    def film(self, trace: Trace, t_s: float, led_on: bool = False) -> Frame:
+        """The frame whose exposure is centred on ``t_s`` of a trial; before and after it the robot stands still."""
+        moments = t_s + self.calibration.exposure_s * ((np.arange(EXPOSURES) + 0.5) / EXPOSURES - 0.5)
+        x, z = np.interp(moments, trace.t_s, trace.x_m), np.interp(moments, trace.t_s, trace.z_m)
+        return self.render(x, z, np.interp(moments, trace.t_s, trace.pitch_rad), led_on)
+
+    def markers(self, x_m: Floats, z_m: Floats, pitch_rad: Floats) -> tuple[Floats, ...]:
+        """Places (n, 3) [m; trackway frame] of this camera's markers: (com,) or (front axle, rear axle)."""
+        offset = self.calibration.plane_offset_m
+        if self.name == "dorsal":
+            return (np.stack((x_m, np.zeros_like(x_m), offset + z_m - REST_HEIGHT_M), axis=-1),)
+        ahead, up = AXLE_OFFSET_M * np.cos(pitch_rad), AXLE_OFFSET_M * np.sin(pitch_rad)
+        side = np.full_like(x_m, offset)
+        return np.stack((x_m + ahead, side, z_m + up), axis=-1), np.stack((x_m - ahead, side, z_m - up), axis=-1)
+
+    def _draw_body(self, image: Frame, x: Floats, z: Floats) -> None:
+        half, offset, belly = 0.5 * BODY_LENGTH_M, self.calibration.plane_offset_m, z - REST_HEIGHT_M
+        if self.name == "dorsal":
+            side, top = np.full_like(x, 0.5 * BODY_WIDTH_M), offset + belly
+            corners = np.stack((x - half, side, top), axis=-1), np.stack((x + half, -side, top), axis=-1)
+        else:
+            side = np.full_like(x, offset)
+            corners = (
+                np.stack((x - half, side, belly + BODY_HEIGHT_M), axis=-1),
+                np.stack((x + half, side, belly), axis=-1),
+            )
+        upper, lower = (self.calibration.pixels(corner) for corner in corners)
+        edges = (upper[:, 0], lower[:, 0], upper[:, 1], lower[:, 1])
+        draw_box(image, *(edge.copy() for edge in edges), BODY_GREY - _PEDESTAL)
+
+
+def _ground(rows: int, columns: int, rng: np.random.Generator) -> Frame:
+    """Grains as they lie, with a few dim glints; lower by the pedestal that the noise tile carries."""
+    frame = _window(_grain_tile(rows + _SLACK[0], columns + _SLACK[1]), rows, columns, rng).copy()
+    for _ in range(GLINTS):
+        u, v = rng.uniform(0, columns, 1), rng.uniform(0, rows, 1)
+        draw_disc(frame, u, v, float(rng.uniform(1.0, 2.0)), GLINT_GREY - _PEDESTAL)
+    return frame
+
+
+def _window(tile: Frame, rows: int, columns: int, rng: np.random.Generator) -> Frame:
+    """A view of the tile at a random place, which is far faster than drawing new chance for every pixel."""
+    row, column = rng.integers(0, _SLACK[0]), rng.integers(0, _SLACK[1])
+    return tile[row : row + rows, column : column + columns]
+
+
+@lru_cache(maxsize=4)
+def _grain_tile(rows: int, columns: int) -> Frame:
+    """Texture of grains about a pixel wide."""
+    grains = cv2.GaussianBlur(np.random.default_rng(1).standard_normal((rows, columns), np.float32), (0, 0), 0.8)
+    image = GRAIN_GREY - _PEDESTAL + grains * (GRAIN_SD / grains.std())
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+@lru_cache(maxsize=4)
+def _noise_tile(rows: int, columns: int) -> Frame:
+    """Sensor noise on a pedestal."""
+    noise = _PEDESTAL + SENSOR_SD * np.random.default_rng(0).standard_normal((rows, columns), np.float32)
+    return np.clip(np.rint(noise), 0, 255).astype(np.uint8)

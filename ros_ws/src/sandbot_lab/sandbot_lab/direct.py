@@ -1,0 +1,146 @@
+"""Trials read straight from the truth, without video: rows as in the trials table, for blind benchmarks of the analysis.
+
+The readings are those of docs/architecture.md with the errors of tracked video added.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, nan, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_clock.gait import Gait, leg_angles
+from sandbot_common.errors import InputError
+from sandbot_lab.robot import Trace, simulate
+from sandbot_lab.world import World
+
+Floats = NDArray[np.float64]
+Row = dict[str, float | int | str]
+
+COLUMNS = (
+    "trial_id",
+    "phi",
+    "phi_sd",
+    "omega_rad_s",
+    "gait",
+    "replicate",
+    "speed_m_s",
+    "speed_sd_m_s",
+    "lift_m",
+    "peak_speed_m_s",
+    "first_step_m",
+    "status",
+)
+RATE_HZ = 200.0
+SHORTEST_S = 2.5
+PERIODS = 4
+
+
+@dataclass(frozen=True)
+class ReadingErrors:
+    """Standard deviations of what tracked video adds to the truth, and of the height sensor's volume fraction."""
+
+    phi: float = 0.0003
+    speed_m_s: float = 0.0003
+    lift_m: float = 0.00005
+    peak: float = 0.003
+    peak_m_s: float = 0.001
+    first_step_m: float = 0.0001
+
+
+def direct_trials(
+    world: World,
+    phis: Sequence[float],
+    omegas: Sequence[float],
+    gait: str = "UNIFORM",
+    replicates: int = 3,
+    seed: int = 0,
+    errors: ReadingErrors | None = None,
+) -> list[Row]:
+    """One row (`COLUMNS`) for each φ × ω × replicate.
+
+    The true φ of a trial differs from its level by the world's preparation error. Raises InputError for an unknown
+    gait, a frequency that isn't positive or a volume fraction no bed has.
+    """
+    shape = Gait.from_name(gait)
+    if replicates < 1 or not len(phis) or not len(omegas):
+        raise InputError(f"trials: {len(phis)} phi x {len(omegas)} omega x {replicates}: at least one of each")
+    errors = errors or ReadingErrors()
+    rows: list[Row] = []
+    for omega in omegas:
+        if not 0.0 < omega < 1000.0:
+            raise InputError(f"omega_rad_s: {omega} is outside (0, 1000) rad/s")
+        t_s = np.arange(ceil(max(SHORTEST_S, PERIODS * 2 * pi / omega) * RATE_HZ) + 1) / RATE_HZ
+        angles, rates = leg_angles(shape, omega, t_s)
+        for level in phis:
+            for replicate in range(replicates):
+                # Independent of the order and number of the other trials.
+                chance = [seed, round(level * 1e6), round(omega * 1e3), replicate]
+                rng = np.random.default_rng(chance)
+                phi = level + world.noise.scale * world.noise.phi_sd * float(rng.standard_normal())
+                trace = simulate(world, phi, t_s, angles, rates, seed=int(rng.integers(2**62)))
+                row: Row = {
+                    "trial_id": f"phi{level:.3f}_omega{omega:g}_{replicate}",
+                    "phi": phi + errors.phi * float(rng.standard_normal()),
+                    "phi_sd": errors.phi,
+                    "omega_rad_s": float(omega),
+                    "gait": gait,
+                    "replicate": replicate,
+                    **_read(trace, omega, errors, rng),
+                    "status": "ok",
+                }
+                rows.append({name: row[name] for name in COLUMNS})
+    return rows
+
+
+@dataclass(frozen=True)
+class Readings:
+    """The four observables of one trial (docs/architecture.md); NaN where the trial is too short for one."""
+
+    speed_m_s: float
+    lift_m: float
+    peak_speed_m_s: float
+    first_step_m: float
+
+
+def readings(trace: Trace, omega_rad_s: float) -> Readings:
+    """Speed over whole periods after the first, median rise a step, median peak a period, advance in [0, π/ω]."""
+    period = 2 * pi / omega_rad_s
+    start, end = trace.t_s[0], trace.t_s[-1]
+    whole = int((end - start) / period + 1e-9)
+    first = trace.x_m[0], _at(trace, trace.x_m, start + period / 2)
+    first_step = first[1] - first[0] if end >= start + period / 2 else nan
+    if whole < 2:
+        return Readings(nan, nan, nan, float(first_step))
+    steady = start + period, start + whole * period
+    travelled = _at(trace, trace.x_m, steady[1]) - _at(trace, trace.x_m, steady[0])
+    return Readings(
+        speed_m_s=travelled / (steady[1] - steady[0]),
+        lift_m=_largest(trace, trace.z_m, steady, period / 2) - float(trace.z_m[0]),
+        peak_speed_m_s=_largest(trace, trace.v_x_m_s, steady, period),
+        first_step_m=float(first_step),
+    )
+
+
+def _read(trace: Trace, omega: float, errors: ReadingErrors, rng: np.random.Generator) -> dict[str, float]:
+    truth, chance = readings(trace, omega), rng.standard_normal(4).tolist()
+    return {
+        "speed_m_s": truth.speed_m_s + errors.speed_m_s * chance[0],
+        "speed_sd_m_s": errors.speed_m_s,
+        "lift_m": truth.lift_m + errors.lift_m * chance[1],
+        "peak_speed_m_s": truth.peak_speed_m_s
+        + float(np.hypot(errors.peak * truth.peak_speed_m_s, errors.peak_m_s)) * chance[2],
+        "first_step_m": truth.first_step_m + errors.first_step_m * chance[3],
+    }
+
+
+def _at(trace: Trace, values: Floats, t_s: float) -> float:
+    return float(np.interp(t_s, trace.t_s, values))
+
+
+def _largest(trace: Trace, values: Floats, between: tuple[float, float], piece_s: float) -> float:
+    """Median over pieces (steps or periods) of the largest value in each."""
+    pieces = round((between[1] - between[0]) / piece_s)
+    edges = np.searchsorted(trace.t_s, between[0] + piece_s * np.arange(pieces + 1))
+    return float(np.median([values[low:high].max() for low, high in zip(edges[:-1], edges[1:], strict=True)]))

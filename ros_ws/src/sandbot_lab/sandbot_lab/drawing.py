@@ -1,0 +1,58 @@
+"""Compiled drawing on grey images: anti-aliased discs and boxes, smeared over the exposure."""
+
+from math import ceil, floor, hypot
+from typing import Any
+
+import numpy as np
+
+from sandbot_lab.jit import jit
+
+
+@jit
+def _clipped(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)
+
+
+@jit
+def draw_disc(image: Any, u: Any, v: Any, radius: float, grey: float) -> None:
+    """Draw a disc of a grey level, averaged over its positions u, v (n,) [px] during the exposure."""
+    rows, columns = image.shape
+    reach = radius + 1.0
+    top, bottom = max(int(floor(v.min() - reach)), 0), min(int(ceil(v.max() + reach)), rows - 1)
+    left, right = max(int(floor(u.min() - reach)), 0), min(int(ceil(u.max() + reach)), columns - 1)
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            covered = 0.0
+            for i in range(u.size):
+                # A pixel is one unit wide: the rim passes from full to none over that width.
+                covered += _clipped(radius + 0.5 - hypot(column - u[i], row - v[i]), 0.0, 1.0)
+            covered /= u.size
+            level = image[row, column]
+            image[row, column] = int(_clipped(level + covered * (grey - level) + 0.5, 0.0, 255.0))
+
+
+@jit
+def _cover(low: Any, high: Any, first: int, count: int) -> Any:
+    """Part of each of ``count`` pixels from ``first`` that lies between low and high, averaged over the exposure."""
+    covered = np.zeros(count)
+    for pixel in range(count):
+        for i in range(low.size):
+            ends = min(first + pixel + 0.5, high[i]) - max(first + pixel - 0.5, low[i])
+            covered[pixel] += _clipped(ends, 0.0, 1.0) / low.size
+    return covered
+
+
+@jit
+def draw_box(image: Any, left: Any, right: Any, top: Any, bottom: Any, grey: float) -> None:
+    """Draw an upright box of a grey level, edges (n,) [px] during the exposure."""
+    rows, columns = image.shape
+    first_column = max(int(floor(left.min())), 0)
+    across = _cover(left, right, first_column, min(int(ceil(right.max())), columns - 1) + 1 - first_column)
+    first_row = max(int(floor(top.min())), 0)
+    down = _cover(top, bottom, first_row, min(int(ceil(bottom.max())), rows - 1) + 1 - first_row)
+    for row in range(down.size):
+        for column in range(across.size):
+            # Rows and columns are smeared each for itself: exact where only one of them moves.
+            covered = down[row] * across[column]
+            level = image[first_row + row, first_column + column]
+            image[first_row + row, first_column + column] = int(level + covered * (grey - level) + 0.5)

@@ -1,0 +1,139 @@
+"""The virtual robot: leg set-points in, body motion out, step by step or a whole trial at once (the same kernel).
+
+    robot = LabRobot(world, phi, seed);  state = robot.advance(t_s, angles, rates)
+    trace = simulate(world, phi, t_s, angles, rates, seed)
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sandbot_common.errors import InputError
+from sandbot_lab import kernel
+from sandbot_lab.physics import fresh_state, physics_record
+from sandbot_lab.world import World
+
+Floats = NDArray[np.float64]
+LEGS = 6
+START_X_M = 0.15
+PHI_LOW, PHI_HIGH = 0.5, 0.7
+_OBSERVED = 5 + 3 * LEGS
+
+
+@dataclass(frozen=True)
+class BodyState:
+    """The robot at one moment; frame `trackway`, leg arrays of shape (6,)."""
+
+    t_s: float
+    x_m: float
+    z_m: float
+    v_x_m_s: float
+    pitch_rad: float
+    leg_angle_rad: Floats
+    leg_rate_rad_s: Floats
+    leg_effort_n_m: Floats
+    mode: int
+    """0 at rest on the belly, 1 held by the ground, 2 swimming."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A whole trial: arrays (n,) over time, leg arrays (n, 6); frame `trackway`, z of the axles above the surface."""
+
+    t_s: Floats
+    x_m: Floats
+    z_m: Floats
+    v_x_m_s: Floats
+    pitch_rad: Floats
+    leg_angle_rad: Floats
+    leg_rate_rad_s: Floats
+    leg_effort_n_m: Floats
+    mode: NDArray[np.int8]
+    """0 at rest on the belly, 1 held by the ground, 2 swimming."""
+    tripod: NDArray[np.int8]
+    """The tripod that is held (0 or 1), -1 if none."""
+
+
+class LabRobot:
+    """A robot at rest at ``start_x_m`` on virgin ground of volume fraction phi; all chance comes from ``seed``."""
+
+    def __init__(self, world: World, phi: float, seed: int, start_x_m: float = START_X_M) -> None:
+        """Raises InputError for a volume fraction no grain bed has."""
+        self._physics = physics_record(world, checked_phi(phi), seed)
+        self._state = fresh_state(world, start_x_m)
+        self._row = np.zeros(_OBSERVED)
+        self._t = -np.inf
+
+    def advance(self, t_s: float, angles_rad: ArrayLike, rates_rad_s: ArrayLike) -> BodyState:
+        """The body at ``t_s``, where the legs' set-points are ``angles`` and ``rates`` (6,) [rad, rad/s].
+
+        The first call is where the legs set out from. Raises InputError if time runs backwards or a value isn't finite.
+        """
+        angles, rates = np.asarray(angles_rad, np.float64), np.asarray(rates_rad_s, np.float64)
+        _check_legs(np.array([self._t, t_s]), angles[None], rates[None])
+        kernel.step(self._physics, self._state, float(t_s), angles, rates, self._row)
+        self._t = float(t_s)
+        row = self._row
+        return BodyState(
+            t_s=self._t,
+            x_m=float(row[0]),
+            z_m=float(row[1]),
+            v_x_m_s=float(row[2]),
+            pitch_rad=0.0,
+            leg_angle_rad=row[5:11].copy(),
+            leg_rate_rad_s=row[11:17].copy(),
+            leg_effort_n_m=row[17:23].copy(),
+            mode=int(row[3]),
+        )
+
+
+def simulate(
+    world: World,
+    phi: float,
+    t_s: ArrayLike,
+    angles_rad: ArrayLike,
+    rates_rad_s: ArrayLike,
+    seed: int,
+    start_x_m: float = START_X_M,
+) -> Trace:
+    """A whole trial from set-points t (n,), angles and rates (n, 6). Equal to `LabRobot.advance` row by row.
+
+    Raises InputError on shapes that don't fit, time that does not rise, values that aren't finite.
+    """
+    times = np.ascontiguousarray(t_s, np.float64)
+    angles, rates = np.ascontiguousarray(angles_rad, np.float64), np.ascontiguousarray(rates_rad_s, np.float64)
+    if times.ndim != 1 or times.size == 0 or angles.shape != (times.size, LEGS):
+        raise InputError(f"set-points: t_s {times.shape}, angles {angles.shape}: expected (n,) and (n, {LEGS})")
+    _check_legs(times, angles, rates)
+    rows: NDArray[Any] = np.zeros((times.size, _OBSERVED))
+    kernel.run(physics_record(world, checked_phi(phi), seed), fresh_state(world, start_x_m), times, angles, rates, rows)
+    return Trace(
+        t_s=times,
+        x_m=rows[:, 0],
+        z_m=rows[:, 1],
+        v_x_m_s=rows[:, 2],
+        pitch_rad=np.zeros(times.size),
+        leg_angle_rad=rows[:, 5:11],
+        leg_rate_rad_s=rows[:, 11:17],
+        leg_effort_n_m=rows[:, 17:23],
+        mode=rows[:, 3].astype(np.int8),
+        tripod=rows[:, 4].astype(np.int8),
+    )
+
+
+def checked_phi(phi: float) -> float:
+    """The volume fraction, or InputError if grains can't have it."""
+    if not PHI_LOW <= phi <= PHI_HIGH:
+        raise InputError(f"phi: {phi} is outside [{PHI_LOW}, {PHI_HIGH}] (volume fraction of a bed of grains)")
+    return float(phi)
+
+
+def _check_legs(t_s: Floats, angles: Floats, rates: Floats) -> None:
+    if angles.shape != rates.shape or angles.shape[-1] != LEGS:
+        raise InputError(f"set-points: angles {angles.shape}, rates {rates.shape}: expected {LEGS} legs in both")
+    if not np.isfinite(t_s[-1]) or not (np.diff(t_s) > 0).all():
+        raise InputError(f"set-points: time must be finite and rise, got {t_s[-1]} after {t_s[0]}")
+    if not (np.isfinite(angles).all() and np.isfinite(rates).all()):
+        raise InputError("set-points: an angle or rate is not finite")

@@ -1,0 +1,133 @@
+"""Stance: how much force the ground must give before it holds, and how a hold carries the body."""
+
+from math import asin, cos, pi, sin, tan
+from typing import Any
+
+from sandbot_lab.ground import REFERENCE_DEPTH
+from sandbot_lab.jit import jit
+from sandbot_lab.outsiders import advance_factor, x_belly_suction
+
+G = 9.81
+TRACTION_STRESS = 146e3  # alpha_x [N/m3]: 1.5 alpha_x w d^2 is 4 N at the reference depth
+GRAIN_DENSITY = 1100.0
+CONE = tan(pi / 3.0)  # slope of the cone of grains carried along
+
+
+@jit
+def response_time(p: Any) -> float:
+    """Time in which the ground brings the body up to leg speed."""
+    if p.phi_dependent_response:
+        return float(p.delta_t * (1.0 + p.phi_dependent_response_b * (p.phi - 0.61) / 0.05))
+    return float(p.delta_t)
+
+
+@jit
+def velocity_change(p: Any, s: Any, theta: float, rate: float) -> float:
+    """Velocity [m/s] the body must be given if the leg's centre is to stand still in the ground from now on.
+
+    About its fixed centre the leg carries the axle with velocity R rate (cos theta, -sin theta) in (x, z).
+    """
+    v_x, v_z = p.radius * rate * cos(theta), -p.radius * rate * sin(theta)
+    if p.exact_vertical_acceleration:
+        return max(v_z, 0.0)
+    change = (v_x * v_x + v_z * v_z) ** 0.5
+    if p.carried_momentum:
+        change = max(change - p.carried_momentum_chi_m * s.pace, 0.0)
+    return float(change)
+
+
+@jit
+def load(p: Any, s: Any, theta: float, rate: float) -> float:
+    """Force [N] a leg must find to hold: weight, and the force that brings the body up to leg speed."""
+    gravity, mass = G, p.mass
+    if p.bed_slope:
+        gravity *= cos(p.bed_slope_chi_deg * pi / 180.0)
+    if p.unequal_leg_load:
+        mass *= 1.0 + p.unequal_leg_load_x
+    inertia = mass
+    if p.added_mass:
+        volume = pi / 3.0 * (p.width * p.radius / pi) ** 1.5
+        inertia += p.added_mass_c_g * p.phi * GRAIN_DENSITY * volume * CONE
+    total = mass * gravity + inertia * velocity_change(p, s, theta, rate) / response_time(p)
+    if p.x_belly_suction:
+        total += x_belly_suction(p)
+    return float(total)
+
+
+@jit
+def advance_gain(p: Any, depth: float, rate: float) -> float:
+    """Part of the leg's chord that becomes advance, after slip."""
+    gain = advance_factor(p, rate)
+    if p.leg_slip:
+        gain *= 1.0 - p.leg_slip_sigma * (REFERENCE_DEPTH / depth) ** 2
+    traction = 1.5 * TRACTION_STRESS * p.width * depth * depth
+    if p.cable_drag:
+        gain *= 1.0 - p.cable_drag_f_c_n / traction
+    if p.bed_slope:
+        gain *= 1.0 - 3.0 * p.mass * G * sin(p.bed_slope_chi_deg * pi / 180.0) / traction
+    return max(gain, 0.0)
+
+
+@jit
+def stop_angle(p: Any, grip: float, release: float) -> float:
+    """Leg angle at which the advance ends: at touchdown, or earlier where the arriving tripod stops it."""
+    if not p.stance_overlap:
+        return release
+    chord = sin(release) - sin(grip)
+    return asin(min(sin(grip) + (1.0 - p.stance_overlap_eta) * chord, 1.0))
+
+
+@jit
+def ripple(p: Any, s: Any, theta: float) -> float:
+    """Replicate noise of the peak: extra advance [R] that is zero at grip and stop, with unit slope at theta = 0."""
+    span = s.release_angle if theta < 0.0 else s.stop_angle
+    if span <= 0.0:
+        return 0.0
+    return float(p.peak_offset * span / pi * sin(pi * theta / span))
+
+
+@jit
+def ripple_slope(p: Any, s: Any, theta: float) -> float:
+    """Derivative of `ripple` by the leg angle."""
+    span = s.release_angle if theta < 0.0 else s.stop_angle
+    if span <= 0.0:
+        return 0.0
+    return float(p.peak_offset * cos(pi * theta / span))
+
+
+@jit
+def held_x(p: Any, s: Any, theta: float) -> float:
+    """Axle's x while held, the leg at centre angle theta."""
+    reached = min(theta, s.stop_angle)
+    geometric = s.gain * (sin(reached) - sin(s.grip_angle))
+    return float(s.grip_x + p.radius * (geometric + ripple(p, s, reached) - ripple(p, s, s.grip_angle)))
+
+
+@jit
+def held_speed(p: Any, s: Any, theta: float, rate: float) -> float:
+    """Forward speed while held."""
+    if theta > s.stop_angle:
+        return 0.0
+    return float(p.radius * rate * (s.gain * cos(theta) + ripple_slope(p, s, theta)))
+
+
+@jit
+def swimming_speed(p: Any, stroke_rate: float) -> float:
+    """Forward speed where the ground never holds; stroke_rate is the mean leg rate."""
+    if p.swimming_thrust and stroke_rate > 0.0:
+        return float(min(p.swimming_thrust_a_m_s2 / stroke_rate, p.radius * stroke_rate / pi))
+    return float(p.swim)
+
+
+@jit
+def saturation(p: Any, rate: float) -> float:
+    """Factor by which the motors fall behind the set-point's rate."""
+    if p.motor_saturation:
+        return float(1.0 / (1.0 + (rate / p.motor_saturation_omega_s_rad_s) ** 2) ** 0.5)
+    return 1.0
+
+
+@jit
+def coasting_loss(p: Any, dt: float) -> float:
+    """Speed a sliding belly loses in dt."""
+    return float(p.belly_coast_mu_b * G * dt)

@@ -1,0 +1,171 @@
+"""A world: the truth behind a campaign. Ground strength, response time, effects, noise; read from a sealed YAML file.
+
+    world = read_world(Path("world.yaml"));  trace = simulate(world, phi, t_s, angles, rates, seed)
+"""
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from sandbot_common.errors import InputError
+from sandbot_common.files import read_yaml, write_text
+from sandbot_common.parameters import from_mapping, parameter
+from sandbot_lab.effects import DRAWN, EFFECTS, checked_effect
+
+SCHEMA = "sandbot.world/1"
+
+
+@dataclass(frozen=True)
+class RobotParameters:
+    """Li09's robot; each tripod carries it with three legs, hence a third of the mass a leg."""
+
+    radius_m: float = parameter(0.0355, unit="m", doc="c-leg radius R", low=0.01, high=0.1)
+    axle_height_m: float = parameter(0.025, unit="m", doc="axle height above the flat belly", low=0.0, high=0.1)
+    leg_width_m: float = parameter(0.012, unit="m", doc="leg width", low=0.001, high=0.05)
+    mass_kg: float = parameter(0.767, unit="kg", doc="mass carried by one leg", low=0.1, high=5.0)
+    swim_m_s: float = parameter(0.02, unit="m/s", doc="speed when swimming", low=0.0, high=0.1)
+    leg_mount_rad: float = parameter(
+        0.0, unit="rad", doc="added to the shaft angle to give the angle of the leg's centre", low=-3.2, high=3.2
+    )
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What differs between replicates (standard deviations), all times ``scale``."""
+
+    scale: float = parameter(1.0, doc="multiplies every standard deviation below", low=0.0, high=10.0)
+    speed_sd_m_s: float = parameter(0.005, unit="m/s", doc="constant speed offset of a trial", low=0.0, high=0.1)
+    lift_sd_m: float = parameter(0.0003, unit="m", doc="offset of a trial's largest rise", low=0.0, high=0.01)
+    peak_sd: float = parameter(0.01, doc="relative offset of a trial's peak speed, mean speed unchanged", low=0.0, high=0.1)
+    first_step_sd_m: float = parameter(0.001, unit="m", doc="starting place, in the first step only", low=0.0, high=0.01)
+    phi_sd: float = parameter(0.0005, doc="preparation error of the volume fraction (direct trials)", low=0.0, high=0.01)
+
+
+@dataclass(frozen=True)
+class World:
+    """Everything the virtual lab knows and the analysis must not. Validated when made; InputError names what is wrong."""
+
+    phi_knots: tuple[float, ...] = parameter((0.580, 0.600, 0.633), doc="volume fractions of the strength knots")
+    k_knots_n_m: tuple[float, ...] = parameter(
+        (170.0, 205.0, 220.0), unit="N/m", doc="stiffness k at the knots, linear between and beyond", low=1.0, high=2000.0
+    )
+    delta_t_s: float = parameter(0.4, unit="s", doc="response time of the ground", low=0.01, high=5.0)
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    noise: Noise = field(default_factory=Noise)
+    robot: RobotParameters = field(default_factory=RobotParameters)
+
+    def __post_init__(self) -> None:
+        """Fill in the defaults of the effects and refuse what can't be."""
+        filled = {name: checked_effect(name, dict(given or {}), "effects") for name, given in self.effects.items()}
+        object.__setattr__(self, "effects", filled)
+        rises = all(low < high for low, high in zip(self.phi_knots, self.phi_knots[1:], strict=False))
+        if len(self.phi_knots) < 2 or len(self.phi_knots) != len(self.k_knots_n_m) or not rises:
+            raise InputError(
+                f"phi_knots, k_knots_n_m: {list(self.phi_knots)}, {list(self.k_knots_n_m)}:"
+                " at least two knots each, as many of both, phi rising"
+            )
+
+    def stiffness_n_m(self, phi: float) -> float:
+        """k(φ) of virgin ground, piecewise linear, the outer pieces prolonged; never below 1 N/m."""
+        knots, values = np.asarray(self.phi_knots), np.asarray(self.k_knots_n_m)
+        piece = int(np.clip(np.searchsorted(knots, phi) - 1, 0, len(knots) - 2))
+        slope = (values[piece + 1] - values[piece]) / (knots[piece + 1] - knots[piece])
+        return float(max(values[piece] + slope * (phi - knots[piece]), 1.0))
+
+    def with_noise(self, scale: float) -> "World":
+        """The same world with every noise multiplied by ``scale``."""
+        return dataclasses.replace(self, noise=dataclasses.replace(self.noise, scale=scale))
+
+
+def null_world() -> World:
+    """Every effect off: the world the base model describes (k with a knee at φ = 0.6, Δt = 0.4 s)."""
+    return World()
+
+
+def read_world(path: Path) -> World:
+    """A world from its YAML file. Raises InputError with file, section and value."""
+    return world_from_mapping(read_yaml(path), str(path))
+
+
+def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
+    """A world from a mapping as in the YAML file; missing sections take their defaults."""
+    values = dict(content)
+    schema = values.pop("schema", SCHEMA)
+    if schema != SCHEMA:
+        raise InputError(f"{where}: schema: {schema!r} is not {SCHEMA!r}")
+    sections: dict[str, Any] = {
+        "noise": from_mapping(Noise, values.pop("noise", {}), f"{where}: noise"),
+        "robot": from_mapping(RobotParameters, values.pop("robot", {}), f"{where}: robot"),
+    }
+    effects = values.pop("effects", None) or {}
+    if not isinstance(effects, Mapping):
+        raise InputError(f"{where}: effects: expected a mapping of effects, got {effects!r}")
+    sections["effects"] = {
+        name: checked_effect(name, given, f"{where}: effects") for name, given in effects.items()
+    }
+    try:
+        return dataclasses.replace(from_mapping(World, values, where), **sections)
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if text.startswith(where) else f"{where}: {text}") from None
+
+
+def write_world(world: World, path: Path) -> None:
+    """Write the world as YAML, whole or not at all; `read_world` gives the same world back."""
+    content = {
+        "schema": SCHEMA,
+        "phi_knots": list(world.phi_knots),
+        "k_knots_n_m": list(world.k_knots_n_m),
+        "delta_t_s": world.delta_t_s,
+        "effects": {name: dict(values) for name, values in world.effects.items()},
+        "noise": dataclasses.asdict(world.noise),
+        "robot": dataclasses.asdict(world.robot),
+    }
+    write_text(path, yaml.safe_dump(content, sort_keys=False))
+
+
+# Strengths at which an effect stands out of the noise of 7 φ × 7 ω × 3 trials; where not given, the defaults do.
+_STRENGTH = {
+    "disturbed_ground": {"k_l_n_m": (167.0, 180.0), "s_c": (0.88, 1.0)},
+    "stance_overlap": {"eta": (0.12, 0.25)},
+    "swimming_thrust": {"a_m_s2": (0.40, 0.48)},
+    "leg_slip": {"sigma": (0.12, 0.20)},
+}
+
+
+def draw_world(seed: int, among: Iterable[str] | None = None) -> World:
+    """The null world plus one effect drawn from ``among`` (default `DRAWN`), strong enough to be told apart."""
+    names = tuple(DRAWN if among is None else among)
+    if not names:
+        raise InputError("among: no effect to draw from")
+    for name in names:
+        checked_effect(name, {}, "among")
+    rng = np.random.default_rng([seed, 0x5EA1ED])
+    name = names[int(rng.integers(len(names)))]
+    values = EFFECTS[name].defaults()
+    for key, (low, high) in _STRENGTH.get(name, {}).items():
+        # Round figures are kinder to a reader of the opened seal, and lose nothing.
+        values[key] = _three_figures(float(rng.uniform(low, high)))
+    return World(effects={name: values})
+
+
+def _three_figures(value: float) -> float:
+    return round(value, 2 - math.floor(math.log10(abs(value))))
+
+
+def sgcs_world() -> World:
+    """The second example campaign: soft-ground gait, whose slow phase is centred under the axle by the leg mount.
+
+    With SGCS the legs turn at β = 0.389 of ω in stance. Stiffness and response time are chosen so that every hold of
+    φ 0.580–0.633, ω 4–16 rad/s begins and ends inside the slow phase (s ≤ 2R sin 0.55 = 1.045 R): then mean speed is
+    ωs/π with the velocity change βRω, and the peak of v_x(t) is βRω.
+    """
+    return World(
+        k_knots_n_m=(170.0, 178.0, 184.0), delta_t_s=0.3, robot=RobotParameters(leg_mount_rad=0.5)
+    )

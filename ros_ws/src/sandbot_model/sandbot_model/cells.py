@@ -1,0 +1,162 @@
+"""Trials gathered into cells: the replicates of one (volume fraction, leg frequency, gait) and what they scatter.
+
+Everything after this works on cells, so its cost does not grow with the number of trials.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from sandbot_common.errors import InputError
+
+from sandbot_model.levels import phi_levels, same_within
+from sandbot_model.noise import pure_error
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+OBSERVABLES = ("speed", "lift", "peak_speed", "first_step")
+"""What is measured of a trial, in the order of every ``(..., 4)`` array."""
+
+UNITS = {"speed": "m/s", "lift": "m", "peak_speed": "m/s", "first_step": "m"}
+
+COLUMNS = ("speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m")
+"""The columns of the trials table, in the order of ``OBSERVABLES``."""
+
+SLOW_PHASE_RATIO = {"SGCS": 0.389, "HGCS": 0.242, "UNIFORM": 1.0}
+"""β: leg rate in stance over the mean rate, θ_s/(2π d_c) (physics §1)."""
+
+class Trials(Protocol):
+    """What is needed of ``sandbot_record.trials.Trials``: columns of equal length, NaN where not measured."""
+
+    @property
+    def phi(self) -> Floats: ...  # noqa: D102
+    @property
+    def omega_rad_s(self) -> Floats: ...  # noqa: D102
+    @property
+    def gait(self) -> Sequence[str]: ...  # noqa: D102
+    @property
+    def speed_m_s(self) -> Floats: ...  # noqa: D102
+    @property
+    def lift_m(self) -> Floats: ...  # noqa: D102
+    @property
+    def peak_speed_m_s(self) -> Floats: ...  # noqa: D102
+    @property
+    def first_step_m(self) -> Floats: ...  # noqa: D102
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Cells sorted by φ level, then ω. All arrays over cells have length n; the last axis is ``OBSERVABLES``."""
+
+    phi: Floats = field(metadata={"shape": "(n,)", "doc": "mean measured volume fraction"})
+    omega: Floats = field(metadata={"shape": "(n,)", "unit": "rad/s"})
+    gait: tuple[str, ...] = field(metadata={"shape": "(n,)"})
+    slow_phase_ratio: Floats = field(metadata={"shape": "(n,)", "doc": "β of the gait"})
+    level: Ints = field(metadata={"shape": "(n,)", "doc": "index into level_phi"})
+    level_phi: Floats = field(metadata={"shape": "(levels,)", "doc": "mean volume fraction of a level"})
+    n: Ints = field(metadata={"shape": "(n, 4)", "doc": "replicates in which the observable was measured"})
+    mean: Floats = field(metadata={"shape": "(n, 4)", "doc": "cell means; NaN where not measured"})
+    sd: Floats = field(metadata={"shape": "(n, 4)", "doc": "replicate scatter of the cell; NaN below two"})
+    sem: Floats = field(metadata={"shape": "(n, 4)", "doc": "standard error of the mean, from pooled pure error"})
+    noise: Floats = field(metadata={"shape": "(4,)", "doc": "pure error: pooled sd of one trial; NaN if unknown"})
+    covariance: Floats = field(metadata={"shape": "(n, 4, 4)", "doc": "covariance of the cell means"})
+    pure_error_dof: Ints = field(metadata={"shape": "(4,)", "doc": "degrees of freedom of the pure error"})
+    own_scatter: NDArray[np.bool_] = field(metadata={"doc": "(n,), cells taken at their own scatter (see noise)"})
+    phi_scatter: float = field(metadata={"doc": "sd of measured φ among replicates: how well the bed meets its target"})
+    trials: int
+    excluded: int = 0
+
+    @property
+    def observables(self) -> tuple[str, ...]:
+        """The observables that were measured at all."""
+        return tuple(name for name, column in zip(OBSERVABLES, self.mean.T, strict=True) if np.isfinite(column).any())
+
+    def __len__(self) -> int:
+        return len(self.omega)
+
+
+OMEGA_TOLERANCE = 5e-3
+"""Leg frequencies closer than this (relative) are the same condition."""
+
+WALKING_LIFT_M = 1e-3
+WALKING_SPEED_M_S = 0.035
+"""A cell walks if its body is lifted, or where lift was not measured, if it is clearly faster than swimming."""
+
+
+def cells_of(trials: Trials) -> Cells:
+    """Gather trials into cells. Trials without φ, ω or any observable, or not ended ``ok``, are left out and counted.
+
+    Raises InputError if no trial is left.
+    """
+    phi, omega = np.asarray(trials.phi, dtype=float), np.asarray(trials.omega_rad_s, dtype=float)
+    values = np.stack([np.asarray(getattr(trials, column), dtype=float) for column in COLUMNS], axis=-1)
+    status = np.asarray([str(one) for one in getattr(trials, "status", [""] * len(phi))])
+    usable = np.isfinite(phi) & np.isfinite(omega) & (omega > 0) & np.isfinite(values).any(axis=-1)
+    usable &= np.isin(status, ["", "ok"])
+    if not usable.any():
+        raise InputError(f"none of {len(phi)} trials can be used: phi, omega_rad_s and speed_m_s of an ok trial are needed")
+    gait = np.asarray([str(one) for one in trials.gait])[usable]
+    return _gather(phi[usable], omega[usable], gait, values[usable], excluded=int((~usable).sum()))
+
+
+def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, excluded: int) -> Cells:
+    level, frequency = phi_levels(phi), same_within(omega, OMEGA_TOLERANCE)
+    gaits, gait_index = np.unique(gait, return_inverse=True)
+    keys, cell = np.unique(np.stack([level, gait_index, frequency]), axis=1, return_inverse=True)
+    cells = keys.shape[1]
+
+    def average(column: Floats, index: Ints = cell, length: int = cells) -> Floats:
+        known = np.isfinite(column)
+        total = np.bincount(index, np.where(known, column, 0.0), length)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(total / np.bincount(index, known, length))
+
+    mean = np.stack([average(column) for column in values.T], axis=-1)
+    count = np.stack([np.bincount(cell, np.isfinite(column), cells) for column in values.T], axis=-1).astype(np.int64)
+    walks = np.where(np.isfinite(mean[:, 1]), mean[:, 1] > WALKING_LIFT_M, mean[:, 0] > WALKING_SPEED_M_S)
+    error = pure_error(values - mean[cell], cell, count, walks)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        root = np.sqrt(np.where(count > 0, count, np.nan).astype(float))
+        spread = np.where(count > 1, np.sqrt(_squares(values - mean[cell], cell, cells) / (count - 1)), np.nan)
+    covariance = error.covariance / root[:, :, None] / root[:, None, :]
+    names = tuple(str(gaits[index]) for index in keys[1])
+    return Cells(
+        phi=average(phi),
+        omega=average(omega),
+        gait=names,
+        slow_phase_ratio=np.array([SLOW_PHASE_RATIO.get(name, SLOW_PHASE_RATIO["SGCS"]) for name in names]),
+        level=keys[0],
+        level_phi=average(phi, level, int(level.max()) + 1),
+        phi_scatter=_scatter(phi - average(phi)[cell], cells),
+        n=count,
+        mean=mean,
+        sd=spread,
+        sem=np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)),
+        noise=error.sd,
+        covariance=covariance,
+        pure_error_dof=error.dof,
+        own_scatter=error.own,
+        trials=len(phi),
+        excluded=excluded,
+    )
+
+
+def _squares(residual: Floats, cell: Ints, cells: int) -> Floats:
+    return np.stack([np.bincount(cell, np.nan_to_num(column) ** 2, cells) for column in residual.T], axis=-1)
+
+
+def _scatter(residual: Floats, cells: int) -> float:
+    dof = len(residual) - cells
+    return float(np.sqrt(np.sum(residual**2) / dof)) if dof > 0 else 0.0
+
+
+def noise_floor(cells: Cells) -> dict[str, float]:
+    """Pure error of one trial for each observable: rms scatter of replicates about their cell's mean, flips included."""
+    dof = np.maximum(cells.n - 1, 0)
+    squares = (dof * np.nan_to_num(cells.sd) ** 2).sum(axis=0)
+    total = dof.sum(axis=0)
+    with np.errstate(invalid="ignore"):
+        return dict(zip(OBSERVABLES, np.sqrt(squares / total).tolist(), strict=True))

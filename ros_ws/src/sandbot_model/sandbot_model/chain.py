@@ -1,0 +1,168 @@
+"""The chain from clock to speed, as quantities that effects act on.
+
+    clock → strength → balance → step → speed
+
+Everything is a function of one unknown, the depth d of the lowest leg point: the chord s(d) is geometry, and with it the
+ground's strength, the force it gives and the force that is needed. A ``Chain`` holds these quantities on arrays of
+shape ``(..., depths)``; each stage sets its own from what is there, then the effects of that stage change them. An effect
+sees quantities, never another effect, so that any set of them composes.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_model.robot import Robot
+
+Array = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+HORIZONTAL_STRENGTH = 0.3
+"""α_x over α."""
+
+Values = Mapping[str, Array]
+"""Parameters of one effect by name, broadcastable against ``Chain.depth``."""
+
+STAGES = ("clock", "strength", "balance", "step", "speed")
+
+
+@dataclass
+class Chain:
+    """Quantities of the chain, SI units, broadcastable against ``depth`` ``(..., depths)``."""
+
+    robot: Robot
+    depth: Array = field(
+        metadata={"unit": "m", "doc": "d, depth of the lowest leg point below the undisturbed surface"}
+    )
+    k: Array = field(metadata={"unit": "N/m", "doc": "stiffness of the ground under one leg; effects may lower it"})
+    omega: Array = field(metadata={"unit": "rad/s", "doc": "leg frequency; effects may lower it"})
+    phi: Array = field(metadata={"unit": "1", "doc": "volume fraction"})
+    delta_t: Array = field(metadata={"unit": "s", "doc": "time in which the body is brought to leg speed"})
+    v_swim: Array = field(metadata={"unit": "m/s", "doc": "speed where the ground never holds"})
+    slow_phase_ratio: Array = field(metadata={"unit": "1", "doc": "β of the gait: leg rate in stance over ω"})
+    disturbed: bool = field(metadata={"doc": "False on virgin ground, as in the first step"})
+    k_of_phi: Callable[[Array], Array] = field(metadata={"doc": "the fitted stiffness at another volume fraction"})
+
+    # step (geometry; before strength, which depends on it)
+    chord: Array = field(init=False, metadata={"unit": "m", "doc": "2√(R² - (d+h-R)²)"})
+    step: Array = field(init=False, metadata={"unit": "m", "doc": "advance a step"})
+    # strength
+    penetration: Array = field(init=False, metadata={"unit": "m", "doc": "z, depth below the surface the leg meets"})
+    sigma_phi: Array = field(init=False, metadata={"unit": "1", "doc": "spread of φ along the track"})
+    # balance
+    force: Array = field(
+        init=False, metadata={"unit": "N", "doc": "ground force that grows with depth; effects scale it"}
+    )
+    extra_force: Array = field(init=False, metadata={"unit": "N", "doc": "ground force beside it; effects add to it"})
+    leg_speed: Array = field(init=False, metadata={"unit": "m/s", "doc": "speed of the body on its fixed leg, Rω"})
+    delta_v: Array = field(init=False, metadata={"unit": "m/s", "doc": "speed the ground has to give the body"})
+    lift_ratio: Array = field(init=False, metadata={"unit": "1", "doc": "share of Δv/Δt that is vertical"})
+    mass: Array = field(init=False, metadata={"unit": "kg", "doc": "mass to carry"})
+    added_mass: Array = field(init=False, metadata={"unit": "kg", "doc": "mass to accelerate beside it"})
+    gravity: Array = field(init=False, metadata={"unit": "m/s²", "doc": "g across the bed"})
+    # speed
+    speed: Array = field(init=False, metadata={"unit": "m/s", "doc": "mean forward speed when walking"})
+    peak_ratio: Array = field(init=False, metadata={"unit": "1", "doc": "largest v_x(t) over leg speed"})
+
+    @property
+    def load(self) -> Array:
+        """The force the ground must give: m g + (m + m_a) a_z [N]."""
+        return self.mass * self.gravity + (self.mass + self.added_mass) * self.delta_v / self.delta_t * self.lift_ratio
+
+    @property
+    def margin(self) -> Array:
+        """Force given minus force needed [N]; the leg stops sinking where it first is not negative."""
+        return self.force + self.extra_force - self.load
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of an effect: its plausible range, and the wider one a fit may search."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    start: float
+    doc: str
+    neutral: float | None = None
+    """Where the effect vanishes, if such a value exists."""
+    hard_low: float = -np.inf
+    hard_high: float = np.inf
+
+    @property
+    def search(self) -> tuple[float, float]:
+        """The plausible range widened by half its width a side: a fit at its edge is seen to want more."""
+        margin = 0.5 * (self.high - self.low)
+        return max(self.low - margin, self.hard_low), min(self.high + margin, self.hard_high)
+
+
+class Effect:
+    """A physical effect missing from the base model: one formula at one stage. Subclass it and set what is below."""
+
+    identifier: ClassVar[str]
+    stage: ClassVar[str]
+    formula: ClassVar[str]
+    source: ClassVar[str]
+    seen_in: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    on_disturbed_ground: ClassVar[bool] = False
+    """True if the effect is absent on virgin ground (it must then look at ``chain.disturbed``)."""
+    replaces: ClassVar[tuple[str, ...]] = ()
+    """Parameters of the base model that mean nothing once the effect acts."""
+
+    def apply(self, chain: Chain, p: Values) -> None:
+        """Change the chain's quantities; ``p`` holds this effect's parameters by name."""
+        raise NotImplementedError
+
+
+Active = Sequence[tuple[Effect, Values]]
+"""Effects with the values of their parameters, arrays broadcastable against ``Chain.depth``."""
+
+
+def through(chain: Chain, effects: Active) -> Chain:
+    """Fill the chain stage by stage and let each stage's effects act (physics §2, then §6)."""
+
+    def act(stage: str) -> None:
+        for effect, values in effects:
+            if effect.stage == stage:
+                effect.apply(chain, values)
+
+    robot = chain.robot
+    act("clock")
+    chain.leg_speed = robot.leg_radius_m * chain.omega
+    chain.peak_ratio = np.ones(())
+    chain.chord = chord(robot, chain.depth)
+    chain.step = chain.chord
+    act("step")
+
+    chain.penetration = chain.depth
+    chain.sigma_phi = np.zeros(())
+    act("strength")
+
+    chain.force = chain.k * chain.penetration
+    chain.extra_force = np.zeros(())
+    chain.delta_v = chain.leg_speed
+    chain.lift_ratio = np.ones(())
+    chain.mass, chain.added_mass = np.asarray(robot.mass_per_leg_kg), np.zeros(())
+    chain.gravity = np.asarray(robot.gravity_m_s2)
+    act("balance")
+
+    chain.speed = chain.omega * chain.step / np.pi
+    act("speed")
+    return chain
+
+
+def chord(robot: Robot, depth: Array) -> Array:
+    """Step length s = 2√(R² - (d + h - R)²) [m] (Li09); 2R where the leg holds above its centre, 0 at 2R - h."""
+    above = np.maximum(depth + robot.axle_height_m - robot.leg_radius_m, 0.0)
+    return np.asarray(2 * np.sqrt(np.maximum(robot.leg_radius_m**2 - above**2, 0.0)))
+
+
+def horizontal_force(chain: Chain) -> Array:
+    """F_x = 1.5 α_x w d² [N], what the ground gives a leg along the track: about 4 N at 3.9 cm for k = 200 N/m."""
+    alpha_x = HORIZONTAL_STRENGTH * chain.k / (chain.robot.leg_width_m * chain.robot.leg_radius_m)
+    return np.asarray(np.maximum(1.5 * alpha_x * chain.robot.leg_width_m * chain.depth**2, 1e-6))

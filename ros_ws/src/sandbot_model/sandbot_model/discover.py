@@ -1,0 +1,255 @@
+"""From trials to a verdict: is the base model adequate, and if not, which effects of the catalogue repair it.
+
+None, then every single effect, then pairs (all among the survivors, the best with everybody), then triples: each set is
+fitted to its global minimum and judged against the replicates. ``verdict`` draws the conclusion.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from sandbot_model.cells import Cells, noise_floor
+from sandbot_model.chain import Effect
+from sandbot_model.fit import Fit, Known, Point, best_state, fitted_at
+from sandbot_model.model import Model, model_of
+from sandbot_model.next_trials import NextTrial, next_trials
+from sandbot_model.problem import Problem
+from sandbot_model.robot import Robot
+from sandbot_model.verdict import Verdict, judge, passes, worth
+
+SCHEMA = "sandbot.discovery/1"
+SURVIVORS = 9
+"""Single effects that go into every pair among themselves."""
+LEADERS = 3
+"""Sets that are tried with one more effect of the whole catalogue."""
+
+Sets = dict[tuple[str, ...], Fit]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What one effect changes when added to the base model (negative: better), and the weight of the sets that hold it."""
+
+    effect: str
+    stage: str
+    delta_chi2: float
+    delta_bic: float
+    cv_rmse_m_s: float
+    weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class Discovery:
+    """Everything ``discover`` found. ``steps`` is the ladder: the base model, then one more effect a step."""
+
+    model: str
+    cells: Cells
+    noise_floor_m_s: float
+    noise_floor: Mapping[str, float]
+    steps: tuple[Fit, ...]
+    candidates: tuple[Candidate, ...]
+    verdict: Verdict
+    next_trials: tuple[NextTrial, ...]
+    fits: tuple[Fit, ...] = field(default=(), repr=False)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data of schema ``sandbot.discovery/1``; numbers that can't be told are None."""
+        return {
+            "schema": SCHEMA,
+            "model": self.model,
+            "data": data_summary(self.cells),
+            "noise_floor_m_s": _number(self.noise_floor_m_s),
+            "noise_floor": {name: _number(value) for name, value in self.noise_floor.items()},
+            "steps": [fit_summary(step) for step in self.steps],
+            "candidates": [_plain(candidate) for candidate in self.candidates],
+            "verdict": {
+                "status": self.verdict.status,
+                "effects": list(self.verdict.effects),
+                "alternatives": [list(one) for one in self.verdict.alternatives],
+                "because": self.verdict.because,
+            },
+            "next_trials": [_plain(trial) for trial in self.next_trials],
+        }
+
+
+Map = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
+Progress = Callable[[str, int, int], None]
+
+
+def discover(
+    cells: Cells,
+    effects: Mapping[str, Effect],
+    *,
+    base: str = "simple",
+    max_effects: int = 3,
+    robot: Robot | None = None,
+    fit_all: Map = map,
+    progress: Progress = lambda _stage, _done, _total: None,
+) -> Discovery:
+    """Search the catalogue; ``fit_all`` maps the fits (see ``parallel``), ``progress`` hears (stage, done, total)."""
+    search = _Search(cells, effects, base, robot or Robot(), fit_all, progress)
+    search.run(max_effects)
+    verdict = judge(search.fits)
+    ladder = search.ladder(verdict)
+    contenders = [search.fits[one] for one in (verdict.alternatives or ((),))]
+    floor = noise_floor(cells)
+    return Discovery(
+        model=base,
+        cells=cells,
+        noise_floor_m_s=floor["speed"],
+        noise_floor=floor,
+        steps=tuple(ladder),
+        candidates=tuple(search.candidates()),
+        verdict=verdict,
+        next_trials=tuple(next_trials(contenders)),
+        fits=tuple(sorted(search.fits.values(), key=lambda one: one.bic)),
+    )
+
+
+class _Search:
+    """The sets tried so far and what to try next."""
+
+    def __init__(
+        self, cells: Cells, effects: Mapping[str, Effect], base: str, robot: Robot, fit_all: Map, progress: Progress
+    ) -> None:
+        self.cells, self.effects, self.base, self.robot = cells, effects, base, robot
+        self.fit_all, self.progress = fit_all, progress
+        self.fits: Sets = {}
+        inherent = {effect.identifier for effect in self._model(()).walker.effects}
+        self.names = [name for name in effects if name not in inherent]
+
+    def run(self, max_effects: int) -> None:
+        """Grow the sets while that is worth it."""
+        self._try("base", [()])
+        if max_effects > 0:
+            self._try("singles", [(name,) for name in self.names])
+        for size in range(2, max_effects + 1):
+            if self._settled(size - 1):
+                return
+            self._try(f"sets of {size}", self._larger(size))
+
+    def ladder(self, verdict: Verdict) -> list[Fit]:
+        """From the base to the chosen set, each step the effect that helps most."""
+        steps, left = [self.fits[()]], list(verdict.effects)
+        while left:
+            have = steps[-1].effects
+            options = [self._sorted((*have, name)) for name in left]
+            self._try("ladder", [one for one in options if one not in self.fits])
+            best = min(options, key=lambda one: self.fits[one].deviance)
+            steps.append(self.fits[best])
+            left = [name for name in left if name not in best]
+        return steps
+
+    def candidates(self) -> list[Candidate]:
+        """Every single effect against the base model, the most useful first."""
+        base = self.fits[()]
+        weights = bic_weights(self.fits)
+        found = []
+        for name in self.names:
+            if (single := self.fits.get((name,))) is not None:
+                weight = sum(value for key, value in weights.items() if name in key)
+                change, stage = single.deviance - base.deviance, self.effects[name].stage
+                found.append(Candidate(name, stage, change, single.bic - base.bic, single.cv_rmse_m_s, weight))
+        return sorted(found, key=lambda one: one.delta_bic)
+
+    def _settled(self, size: int) -> bool:
+        """Whether sets of this size, or the base model, leave nothing to explain."""
+        done = [one for key, one in self.fits.items() if len(key) <= size and passes(one)]
+        if not done:
+            return False
+        best = min(done, key=lambda one: one.bic)
+        more = [self._sorted((*best.effects, name)) for name in self.names if name not in best.effects]
+        self._try(f"beyond {' + '.join(best.effects) or 'base'}", [one for one in more if one not in self.fits])
+        return not any(worth(self.fits, one, best.effects) for one in more)
+
+    def _larger(self, size: int) -> list[tuple[str, ...]]:
+        """Sets one larger: all among the survivors, and the leaders with everybody."""
+        smaller = sorted((one for key, one in self.fits.items() if len(key) == size - 1), key=lambda one: one.bic)
+        wanted = {self._sorted((*one.effects, name)) for one in smaller[:LEADERS] for name in self.names}
+        if size == 2:
+            survivors = [one.effects[0] for one in smaller[:SURVIVORS]]
+            wanted |= {self._sorted(pair) for pair in combinations(survivors, 2)}
+        return [one for one in sorted(wanted) if len(one) == size and one not in self.fits]
+
+    def _try(self, stage: str, sets: Sequence[tuple[str, ...]]) -> None:
+        near = self.fits[()].known if () in self.fits else None
+        tasks = []
+        for one in sets:
+            parents = [self.fits[key] for key in combinations(one, len(one) - 1) if key in self.fits] if one else []
+            known = min(parents, key=lambda parent: parent.deviance).known if parents else near
+            tasks.append((self._model(one), self.cells, known))
+        for done, (one, (model, _, _), point) in enumerate(
+            zip(sets, tasks, self.fit_all(_solve, tasks), strict=True), start=1
+        ):
+            self.fits[one] = fitted_at(model, self.cells, point)
+            self.progress(stage, done, len(sets))
+
+    def _model(self, names: tuple[str, ...]) -> Model:
+        return model_of(self.base, names, self.effects, self.robot)
+
+    def _sorted(self, names: Iterable[str]) -> tuple[str, ...]:
+        wanted = set(names)
+        return tuple(name for name in self.effects if name in wanted)
+
+
+def _solve(task: tuple[Model, Cells, Known | None]) -> Point:
+    model, cells, near = task
+    state = best_state(Problem(model, cells, np.ones(len(cells), dtype=bool)), near)
+    return Point(state.theta, state.ln_k, state.slope)
+
+
+def bic_weights(fits: Sets) -> dict[tuple[str, ...], float]:
+    """exp(-ΔBIC/2), normalised over all sets tried."""
+    scores = np.array([one.bic for one in fits.values()])
+    weights = np.exp(-0.5 * np.minimum(scores - scores.min(), 1400.0))
+    return dict(zip(fits, (weights / weights.sum()).tolist(), strict=True))
+
+
+def data_summary(cells: Cells) -> dict[str, Any]:
+    """How much data there is."""
+    return {
+        "trials": cells.trials,
+        "excluded_trials": cells.excluded,
+        "cells": len(cells),
+        "replicated_cells": int((cells.n.max(axis=1) > 1).sum()),
+        "observables": list(cells.observables),
+    }
+
+
+def fit_summary(fit: Fit) -> dict[str, Any]:
+    """One step of the ladder as plain data."""
+    return {
+        "effects": list(fit.effects),
+        "rmse_m_s": _number(fit.rmse_m_s),
+        "cv_rmse_m_s": _number(fit.cv_rmse_m_s),
+        "rmse": {name: _number(value) for name, value in fit.rmse.items()},
+        "cv_rmse": {name: _number(value) for name, value in fit.cv_rmse.items()},
+        "chi2": _number(fit.chi2),
+        "dof": fit.dof,
+        "lack_of_fit_p": _number(fit.lack_of_fit_p),
+        "lack_of_fit": {name: _number(value) for name, value in fit.lack_of_fit.items()},
+        "parameters": {
+            name: {"value": _number(one.value), "stderr": _number(one.stderr)} for name, one in fit.parameters.items()
+        },
+        "k_n_per_m": [
+            {"phi": _number(phi), "value": _number(k), "stderr": _number(error)}
+            for phi, k, error in zip(fit.level_phi, fit.k_n_per_m, fit.k_stderr_n_per_m, strict=True)
+        ],
+        "at_bounds": list(fit.at_bounds),
+        "implausible": list(fit.implausible),
+        "fails": [_plain(fail) for fail in fit.fails],
+    }
+
+
+def _plain(one: Any) -> dict[str, Any]:
+    return {
+        name: _number(value) if isinstance(value, float) else list(value) if isinstance(value, tuple) else value
+        for name, value in vars(one).items()
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,33 @@
+"""The body has not quite stopped when the next leg takes hold."""
+
+import numpy as np
+
+from sandbot_model.chain import Chain, Effect, Parameter, Values
+
+
+class CarriedMomentum(Effect):
+    """The ground need only make up the difference."""
+
+    identifier = "carried_momentum"
+    stage = "balance"
+    formula = "dv -> dv - chi_m v"
+    source = "momentum kept between steps"
+    seen_in = "W trough"
+    parameters = (
+        Parameter(
+            "chi_m",
+            "1",
+            0.0,
+            1.0,
+            0.5,
+            "share of the mean speed still there at the next step",
+            neutral=0.0,
+            hard_low=0.0,
+            hard_high=1.5,
+        ),
+    )
+
+    def apply(self, chain: Chain, p: Values) -> None:
+        """Set what the formula says."""
+        mean_speed = chain.omega * chain.step / np.pi
+        chain.delta_v = np.maximum(chain.delta_v - p["chi_m"] * mean_speed, 0.0)

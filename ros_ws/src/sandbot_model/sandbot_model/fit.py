@@ -1,0 +1,321 @@
+"""Fit a walking model with effects to cells: one k per φ level, everything else shared."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import f as f_distribution
+
+from sandbot_model.cells import OBSERVABLES, Cells
+from sandbot_model.chain import Array
+from sandbot_model.descent import bounds, descend, full_jacobian, look_along_k, look_along_theta
+from sandbot_model.model import Model
+from sandbot_model.problem import Problem, State
+from sandbot_model.search import starts
+from sandbot_model.walking import Inputs, Prediction
+
+FIRST_ITERATIONS = 4
+"""Steps of each descent before the best is followed to its end."""
+FAIL_Z = 3.0
+"""Cell means missed by more standard errors than this are listed as failing."""
+AT_BOUND = 1e-3
+PLAUSIBLE_SIGMAS = 3.0
+K_PRIOR = 0.03
+"""How well k is known from neighbouring levels, relative."""
+K_PER_PHI = 5.0
+"""dk/dφ over k where a single level can't tell: 50 N/m over 0.05 at 200 N/m (Li09)."""
+
+
+class Estimate(NamedTuple):
+    """A fitted value with its standard error (NaN where it can't be told)."""
+
+    value: float
+    stderr: float
+
+
+@dataclass(frozen=True)
+class Fail:
+    """One cell mean the model misses: residual = measured - model, z = residual over its standard error."""
+
+    observable: str
+    phi: float
+    omega_rad_s: float
+    residual: float
+    z: float
+
+
+@dataclass(frozen=True)
+class Point:
+    """A place in a model's parameters, plain arrays that travel between processes."""
+
+    theta: Array
+    ln_k: Array
+    slope: Array
+
+
+@dataclass(frozen=True)
+class Known:
+    """What a smaller model has found: k of each level and the shared parameters by name."""
+
+    k_n_per_m: Array
+    parameters: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted model. Arrays over cells have length n, the last axis is ``cells.OBSERVABLES``."""
+
+    model: str
+    effects: tuple[str, ...]
+    parameters: Mapping[str, Estimate]
+    level_phi: Array
+    k_n_per_m: Array
+    k_stderr_n_per_m: Array
+    cells: Cells
+    predicted: Array
+    residual_z: Array
+    fails: tuple[Fail, ...]
+    rmse_m_s: float
+    """Speed: rms over trials of measured minus model, so that a perfect model reaches the noise floor."""
+    cv_rmse_m_s: float
+    """The same with every cell predicted by a fit to all others."""
+    rmse: Mapping[str, float]
+    cv_rmse: Mapping[str, float]
+    chi2: float
+    deviance: float
+    dof: int
+    bic: float
+    lack_of_fit_p: float
+    """F test of the cell means against pure error, all observables together; NaN without replicates."""
+    lack_of_fit: Mapping[str, float]
+    at_bounds: tuple[str, ...]
+    """Parameters pressed against the end of their search range."""
+    implausible: tuple[str, ...]
+    """Parameters more than three standard errors outside their plausible range."""
+    fitted: Model = field(repr=False)
+    problem: Problem = field(repr=False)
+    state: State = field(repr=False)
+
+    @property
+    def known(self) -> Known:
+        """What a larger model may start from."""
+        return Known(self.k_n_per_m, {name: estimate.value for name, estimate in self.parameters.items()})
+
+    def predict(self, phi: ArrayLike, omega: ArrayLike, slow_phase_ratio: ArrayLike | None = None) -> Prediction:
+        """The observables at other conditions; k is interpolated between levels and held beyond them.
+
+        ``slow_phase_ratio`` is β of the gait, by default that of the trials.
+        """
+        at = np.asarray(phi, dtype=float)
+        beta = self.cells.slow_phase_ratio[0] if slow_phase_ratio is None else slow_phase_ratio
+        delta_t, v_swim, params = self.fitted.arguments(self.state.theta)
+        inputs = Inputs(
+            k_n_per_m=np.interp(at, self.level_phi, self.k_n_per_m),
+            omega_rad_s=omega,
+            delta_t_s=delta_t,
+            phi=at,
+            v_swim_m_s=v_swim,
+            slow_phase_ratio=beta,
+            k_of_phi=lambda wanted: np.interp(wanted, self.level_phi, self.k_n_per_m),
+        )
+        shape = np.broadcast_shapes(np.shape(at), np.shape(omega), np.shape(beta))
+        found = self.fitted.walker.predict(inputs, params)
+        return Prediction(*(np.broadcast_to(values, shape) for values in vars(found).values()))
+
+
+def fit(model: Model, cells: Cells, near: Known | None = None) -> Fit:
+    """The global minimum of the deviance over θ and one k per level.
+
+    ``near`` is what a smaller model has found: its k(φ) is where the search begins, its parameters are tried as a start.
+    """
+    problem = Problem(model, cells, np.ones(len(cells), dtype=bool))
+    return summary(problem, best_state(problem, near))
+
+
+def fitted_at(model: Model, cells: Cells, point: Point) -> Fit:
+    """The fit whose minimum is known already."""
+    problem = Problem(model, cells, np.ones(len(cells), dtype=bool))
+    return summary(problem, problem.state(point.theta, point.ln_k, point.slope))
+
+
+def best_state(problem: Problem, near: Known | None = None) -> State:
+    """Coarse search, descent from the best few starts, a look along every k, descent."""
+    levels = len(problem.cells.level_phi)
+    critical = problem.model.robot.critical_k_n_per_m
+    k_curve = near.k_n_per_m if near is not None else critical * np.linspace(1.04, 1.34, levels)
+    slope = slope_of(problem.cells.level_phi, k_curve)
+    also = None if near is None else _inherited(problem.model, near)
+    found = starts(problem, slope, k_curve, also=also)
+    states = [descend(problem, one.theta, one.ln_k, _slope(problem, one.ln_k), FIRST_ITERATIONS) for one in found]
+    state = min(states, key=lambda one: one.deviance)
+    for _ in range(3):
+        state = descend(problem, state.theta, state.ln_k, _slope(problem, state.ln_k))
+        moved = look_along_theta(problem, look_along_k(problem, state))
+        if moved is state:
+            break
+        state = moved
+    return state
+
+
+def refit(problem: Problem, state: State) -> State:
+    """The minimum near a known one, for bootstraps and cross validation."""
+    return descend(problem, state.theta, state.ln_k, state.slope, 8)
+
+
+def slope_of(level_phi: Array, k: Array) -> Array:
+    """dk/dφ at the levels [N/m], between neighbours and never beyond what poppy seeds do by much."""
+    typical = K_PER_PHI * k
+    if len(k) < 2:
+        return np.asarray(typical)
+    return np.asarray(np.clip(np.gradient(k, level_phi), 0.2 * typical, 3 * typical))
+
+
+def _slope(problem: Problem, ln_k: Array) -> Array:
+    return slope_of(problem.cells.level_phi, np.exp(ln_k))
+
+
+def _inherited(model: Model, near: Known) -> Array:
+    """Starts with what the smaller model knows, the new effects at their start and near their neutral value."""
+    starts_at = np.array([one.start for one in model.parameters])
+    for index, name in enumerate(model.names):
+        if name in near.parameters:
+            starts_at[index] = near.parameters[name]
+    mild = starts_at.copy()
+    for index, (name, one) in enumerate(zip(model.names, model.parameters, strict=True)):
+        if name not in near.parameters and one.neutral is not None:
+            mild[index] = one.neutral + 0.15 * (one.start - one.neutral)
+    return np.stack([starts_at, mild])
+
+
+def summary(problem: Problem, state: State) -> Fit:
+    """Standard errors, tests and errors of a fitted state."""
+    cells, model = problem.cells, problem.model
+    jacobian = full_jacobian(problem, state)
+    normal = jacobian.T @ jacobian
+    covariance = np.linalg.pinv(normal, rcond=1e-12, hermitian=True)
+    stderr = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    stderr[np.diag(normal) < 1e-12] = np.nan
+    count, values = len(state.theta), int(problem.measured.sum())
+    unknowns = count + len(state.ln_k)
+    gap = np.where(problem.measured, cells.mean - state.predicted, np.nan)
+    sem = np.sqrt(np.diagonal(state.covariance, axis1=1, axis2=2))
+    z = gap / sem
+    chi2 = float(np.sum(state.residual**2))
+    k = np.exp(state.ln_k)
+    rmse = _rms(cells, gap)
+    cv_rmse = _rms(cells, left_out_gap(problem, state, jacobian))
+    estimates = {
+        name: Estimate(float(value), float(error))
+        for name, value, error in zip(model.names, state.theta, stderr, strict=False)
+    }
+    return Fit(
+        model=model.base,
+        effects=model.identifiers,
+        parameters=estimates,
+        level_phi=cells.level_phi,
+        k_n_per_m=k,
+        k_stderr_n_per_m=k * stderr[count:],
+        cells=cells,
+        predicted=state.predicted,
+        residual_z=z,
+        fails=_fails(cells, gap, z),
+        rmse_m_s=rmse["speed"],
+        cv_rmse_m_s=cv_rmse["speed"],
+        rmse=rmse,
+        cv_rmse=cv_rmse,
+        chi2=chi2,
+        deviance=state.deviance,
+        dof=values - unknowns,
+        bic=state.deviance + unknowns * float(np.log(values)),
+        lack_of_fit_p=_joint_p(chi2, values - unknowns, cells),
+        lack_of_fit=_p_by_observable(z, problem, unknowns),
+        at_bounds=_at_bounds(problem, state),
+        implausible=_implausible(model, estimates),
+        fitted=model,
+        problem=problem,
+        state=state,
+    )
+
+
+def left_out_gap(problem: Problem, state: State, jacobian: Array) -> Array:
+    """Measured minus predicted ``(cells, 4)``, each cell by the parameters that fit the others.
+
+    Taking a cell's rows J_c, r_c out of the normal equations moves the minimum by -(JᵀJ - J_cᵀJ_c)⁻¹ J_cᵀ r_c; the model
+    itself is then evaluated there. Where the cell left out is the only one that tells its level's k, k is taken as known to
+    ``K_PRIOR`` from the levels beside it.
+    """
+    count, level = len(state.theta), problem.cells.level
+    prior = np.zeros(jacobian.shape[1])
+    prior[count:] = K_PRIOR**-2
+    blocks = jacobian.reshape(len(level), 4, -1)
+    normal = jacobian.T @ jacobian + np.diag(prior) - np.einsum("cip,ciq->cpq", blocks, blocks)
+    scale = np.sqrt(np.maximum(np.diag(jacobian.T @ jacobian) + prior, 1e-12))
+    pull = np.einsum("cip,ci->cp", blocks, state.residual)
+    ridge = normal / scale[:, None] / scale[None, :] + 1e-9 * np.eye(len(scale))
+    move = -np.linalg.solve(ridge, (pull / scale)[..., None])[..., 0] / scale
+    low, high = bounds(problem)
+    theta = np.clip(state.theta + move[:, :count], low, high)
+    ln_k = state.ln_k + np.clip(move[:, count:], -3 * K_PRIOR, 3 * K_PRIOR)
+    predicted = problem.each_by_its_own(theta, ln_k, state.slope)
+    return np.where(problem.measured, problem.cells.mean - predicted, np.nan)
+
+
+def _rms(cells: Cells, gap: Array) -> dict[str, float]:
+    """Rms over trials: the gap of the cell mean and the scatter about it."""
+    n = np.where(np.isfinite(gap), cells.n, 0)
+    within = np.where(n > 1, (n - 1) * np.nan_to_num(cells.sd) ** 2, 0.0).sum(axis=0)
+    between = (n * np.nan_to_num(gap) ** 2).sum(axis=0)
+    total = n.sum(axis=0)
+    return {
+        name: float(np.sqrt((within[i] + between[i]) / total[i])) if total[i] else float("nan")
+        for i, name in enumerate(OBSERVABLES)
+    }
+
+
+def _fails(cells: Cells, gap: Array, z: Array) -> tuple[Fail, ...]:
+    rows = np.argwhere(np.nan_to_num(np.abs(z)) > FAIL_Z)
+    rows = rows[np.argsort(-np.abs(z[rows[:, 0], rows[:, 1]]))]
+    return tuple(
+        Fail(OBSERVABLES[o], float(cells.phi[c]), float(cells.omega[c]), float(gap[c, o]), float(z[c, o]))
+        for c, o in rows
+    )
+
+
+def _joint_p(chi2: float, dof: int, cells: Cells) -> float:
+    error_dof = int(cells.pure_error_dof.max())
+    if dof < 1 or error_dof < 1:
+        return float("nan")
+    return float(f_distribution.sf(chi2 / dof, dof, error_dof))
+
+
+def _p_by_observable(z: Array, problem: Problem, unknowns: int) -> dict[str, float]:
+    """Each observable by itself; it answers for its share of the fitted unknowns."""
+    measured = problem.measured.sum(axis=0)
+    share = unknowns / max(int(measured.sum()), 1)
+    found = {}
+    for index, name in enumerate(OBSERVABLES):
+        dof = measured[index] * (1 - share)
+        error_dof = problem.cells.pure_error_dof[index]
+        if measured[index]:
+            ratio = np.nansum(z[:, index] ** 2) / max(dof, 1e-9)
+            found[name] = float(f_distribution.sf(ratio, dof, error_dof)) if dof > 0 and error_dof else float("nan")
+    return found
+
+
+def _at_bounds(problem: Problem, state: State) -> tuple[str, ...]:
+    low, high = bounds(problem)
+    edge = AT_BOUND * (high - low)
+    pressed = (state.theta <= low + edge) | (state.theta >= high - edge)
+    return tuple(name for name, at in zip(problem.model.names, pressed, strict=True) if at)
+
+
+def _implausible(model: Model, estimates: Mapping[str, Estimate]) -> tuple[str, ...]:
+    found = []
+    for name, one in zip(model.names, model.parameters, strict=True):
+        value, error = estimates[name]
+        margin = PLAUSIBLE_SIGMAS * (error if np.isfinite(error) else 0.0)
+        if value < one.low - margin or value > one.high + margin:
+            found.append(name)
+    return tuple(found)

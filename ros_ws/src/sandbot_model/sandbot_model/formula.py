@@ -1,0 +1,126 @@
+"""An effect from a line of text: ``"boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"``.
+
+The expression gives the new value of the stage's quantity (``k``, ``force``, ``step``, ``speed`` or ``omega``), or of
+another one if it says so: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"``. Names are quantities of the
+chain, the robot's R, h, w, m, g, the parameters, and numpy functions. asteval evaluates it: no attribute access, no import, no files.
+"""
+
+import re
+from dataclasses import fields
+from typing import Any
+
+import asteval
+import numpy as np
+from sandbot_common.errors import InputError
+
+from sandbot_model.chain import STAGES, Chain, Effect, Parameter, Values
+
+MAIN = {"clock": "omega", "strength": "k", "balance": "force", "step": "step", "speed": "speed"}
+"""What a bare expression sets at each stage."""
+
+READABLE = {
+    "clock": ("k", "omega", "phi", "delta_t", "v_swim", "depth", "slow_phase_ratio"),
+    "step": ("leg_speed", "peak_ratio", "chord", "step"),
+    "strength": ("penetration", "sigma_phi"),
+    "balance": ("force", "extra_force", "delta_v", "lift_ratio", "mass", "added_mass", "gravity"),
+    "speed": ("speed",),
+}
+"""Quantities that exist from a stage on, in the order in which the chain is filled."""
+
+FORM = "name: stage: formula; parameter [unit] in low..high; ..."
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_PARAMETER = re.compile(rf"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\])?\s+in\s+({_NUMBER})\s*\.\.\s*({_NUMBER})\s*")
+_ASSIGNMENT = re.compile(r"\s*([A-Za-z_]\w*)\s*=(?!=)\s*(.*)")
+
+
+def formula_effect(text: str) -> Effect:
+    """The effect a line of text describes. Raises InputError where it is not of the form above."""
+    head, *declared = text.split(";")
+    parts = head.split(":", 2)
+    if len(parts) != 3:
+        raise InputError(f"--effect {text!r}: expected {FORM!r}")
+    name, stage, body = (part.strip() for part in parts)
+    if not re.fullmatch(r"[a-z]\w*", name):
+        raise InputError(f"--effect {text!r}: name {name!r} must be lower-case letters, digits and _")
+    if stage not in STAGES:
+        raise InputError(f"--effect {text!r}: stage {stage!r} is not one of {', '.join(STAGES)}")
+    parameters = tuple(_parameter(one, text) for one in declared if one.strip())
+    assigned = _ASSIGNMENT.fullmatch(body)
+    quantity, expression = assigned.groups() if assigned else (MAIN[stage], body)
+    return _checked(_Formula(name, stage, quantity, expression, parameters), text)
+
+
+class _Formula(Effect):
+    """Sets one quantity of the chain to an expression's value."""
+
+    source = "given on the command line"
+    seen_in = "-"
+
+    def __init__(self, name: str, stage: str, quantity: str, expression: str, parameters: tuple[Parameter, ...]) -> None:
+        # An effect's description is a class attribute elsewhere; here each instance is its own kind.
+        self.__dict__.update(
+            identifier=name, stage=stage, formula=f"{quantity} -> {expression}", parameters=parameters
+        )
+        self._quantity, self._expression = quantity, expression
+        self.readable = _readable(stage)
+        self._interpreter: asteval.Interpreter | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_interpreter": None}
+
+    def apply(self, chain: Chain, p: Values) -> None:
+        """Evaluate the expression on the chain's arrays."""
+        if self._interpreter is None:
+            self._interpreter = asteval.Interpreter(minimal=True, use_numpy=True, builtins_readonly=False)
+            self._parsed = None
+        interpreter = self._interpreter
+        robot = chain.robot
+        interpreter.symtable.update(
+            {name: getattr(chain, name) for name in self.readable},
+            R=robot.leg_radius_m,
+            h=robot.axle_height_m,
+            w=robot.leg_width_m,
+            m=robot.mass_per_leg_kg,
+            g=robot.gravity_m_s2,
+            d=chain.depth,
+            **p,
+        )
+        value = interpreter(self._expression, show_errors=False)
+        if interpreter.error:
+            message = interpreter.error[0].get_error()
+            interpreter.error = []
+            raise InputError(f"effect {self.identifier}: {' '.join(str(message[1]).split())}")
+        if np.iscomplexobj(value) or value is None:
+            raise InputError(f"effect {self.identifier}: {self._expression!r} gives {value!r}, expected a number")
+        setattr(chain, self._quantity, np.asarray(value, dtype=float))
+
+
+def _readable(stage: str) -> tuple[str, ...]:
+    order = list(READABLE)
+    return tuple(name for one in order[: order.index(stage) + 1] for name in READABLE[one])
+
+
+def _parameter(text: str, whole: str) -> Parameter:
+    found = _PARAMETER.fullmatch(text)
+    if not found:
+        raise InputError(f"--effect {whole!r}: {text.strip()!r} is not 'parameter [unit] in low..high'")
+    name, unit, low, high = found[1], found[2] or "1", float(found[3]), float(found[4])
+    if not low < high:
+        raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high")
+    if name in {one.name for one in fields(Chain)} or name in set("RhwmgdK"):
+        raise InputError(f"--effect {whole!r}: {name!r} is a quantity of the chain, choose another name")
+    return Parameter(name, unit, low, high, 0.5 * (low + high) + 0.1 * (high - low), "given on the command line")
+
+
+def _checked(effect: _Formula, text: str) -> Effect:
+    """Run it once, so that a slip shows before any fit."""
+    from sandbot_model.walking import Inputs, Walker
+
+    if effect._quantity not in effect.readable:
+        raise InputError(
+            f"--effect {text!r}: {effect._quantity!r} can't be set at stage {effect.stage}; "
+            f"known there: {', '.join(effect.readable)}"
+        )
+    with np.errstate(all="ignore"):
+        Walker((effect,)).predict(Inputs(200.0, 10.0, 0.4, 0.6), [{one.name: one.start for one in effect.parameters}])
+    return effect

@@ -1,0 +1,76 @@
+"""Measured values that scatter about a few targets, gathered into levels."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+MOST_LEVELS = 40
+SMALLEST_SCATTER = 2.5e-4
+"""Scatter of φ [1] below which replicates count as one value."""
+
+
+def phi_levels(phi: Floats) -> Ints:
+    """The level of each measured volume fraction ``(n,)``, counted from the loosest.
+
+    Optimal one-dimensional k-means for each number of levels (dynamic programming on a histogram of 10⁻⁴), the number
+    chosen by the Bayesian information criterion of a common scatter. A bed that missed its target a little, or levels
+    0.003 apart with a scatter of 0.0007, are told apart where a fixed gap would not.
+    """
+    values, inverse, counts = np.unique(np.round(phi, 4), return_inverse=True, return_counts=True)
+    most = min(MOST_LEVELS, len(values))
+    cost = _cost(values, counts.astype(float))
+    best = cost[0].copy()
+    back = np.zeros((most, len(values)), dtype=np.int64)
+    sums = [best[-1]]
+    for level in range(1, most):
+        # best[j] of `level + 1` groups = min over i of best[i - 1] of `level` groups + cost of i..j in one group.
+        total = np.concatenate([[np.inf], best[:-1]])[:, None] + cost
+        back[level] = total.argmin(axis=0)
+        best = total.min(axis=0)
+        sums.append(best[-1])
+    partitions = [_groups(back, last, len(values))[inverse] for last in range(most)]
+    scores = [_criterion(total, groups) for total, groups in zip(sums, partitions, strict=True)]
+    return partitions[int(np.argmin(scores))]
+
+
+def same_within(values: Floats, tolerance: float) -> Ints:
+    """The index of each value among the distinct ones, where steps below a relative tolerance count as equal."""
+    order = np.argsort(values)
+    step = np.diff(values[order]) > tolerance * np.abs(values[order][1:])
+    group = np.empty(len(values), dtype=np.int64)
+    group[order] = np.concatenate([[0], np.cumsum(step)])
+    return group
+
+
+def _criterion(squares: float, groups: Ints) -> float:
+    """-2 ln classification likelihood + 2 K ln n: the entropy of the partition keeps one level from being split."""
+    n, counts = len(groups), np.bincount(groups)
+    scatter = n * np.log(squares / n + SMALLEST_SCATTER**2)
+    return float(scatter - 2 * np.sum(counts * np.log(counts / n)) + 2 * len(counts) * np.log(n))
+
+
+def _cost(values: Floats, weights: Floats) -> Floats:
+    """Sum of squares about their mean of values i..j, shape ``(n, n)``, infinite for i > j."""
+    centred = values - values.mean()
+    weight, first, second = (
+        np.concatenate([[0.0], np.cumsum(weights * power)]) for power in (1.0, centred, centred**2)
+    )
+
+    def between(total: Floats) -> Floats:
+        return np.asarray(total[1:][None, :] - total[:-1][:, None])
+
+    count = between(weight)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cost = between(second) - between(first) ** 2 / count
+    return np.where(count > 0, np.maximum(cost, 0.0), np.inf)
+
+
+def _groups(back: Ints, last_level: int, n: int) -> Ints:
+    group, end = np.zeros(n, dtype=np.int64), n
+    for level in range(last_level, -1, -1):
+        start = int(back[level][end - 1]) if level else 0
+        group[start:end] = level
+        end = start
+    return group

@@ -1,0 +1,188 @@
+"""One model against one set of cells: predictions, their deviance and their derivatives.
+
+The unknowns are the shared parameters θ and one ln k per φ level. The bed misses its set point by σ_φ, so a cell is an
+average over k(φ); with G nodes x_g, w_g of Gauss-Hermite quadrature and the slope dk/dφ of the fitted curve,
+
+    ȳ_c = Σ_g w_g y(k + dk/dφ σ_φ x_g, ω),   V_c = V_c0 + (scatter of y over the nodes)/n if the cell straddles a switch
+
+Away from a switch the scatter is part of the pure error V_c0 already. Beside one, replicates walk and swim by chance:
+the mean says little, the mixture's variance says so, and one such cell can't decide a fit.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sandbot_model.cells import Cells
+from sandbot_model.chain import Array, Bool
+from sandbot_model.model import Model
+from sandbot_model.walking import Footing, Inputs
+
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
+WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
+NODES = _NODES
+LEAST_SPREAD = 1e-3
+"""σ_k/k that is always averaged over: a bed is never perfect, and a fit needs a switch that is not a cliff."""
+STEP = 1e-5
+"""Relative step of the derivatives."""
+DEPTH_STEP_M = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Everything known at one point of the search."""
+
+    theta: Array
+    ln_k: Array
+    slope: Array
+    inputs: Inputs
+    footing: Footing
+    predicted: Array
+    covariance: Array
+    whiten: Array
+    residual: Array
+    cell_deviance: Array
+
+    @property
+    def deviance(self) -> float:
+        """χ² plus what the mixture's wider variance costs (-2 ln likelihood up to a constant)."""
+        return float(self.cell_deviance.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Cells to fit; ``weights (cells,)`` of 0 leave a cell out (cross validation)."""
+
+    model: Model
+    cells: Cells
+    keep: Bool
+
+    @cached_property
+    def measured(self) -> Bool:
+        """Which values ``(cells, 4)`` count."""
+        return np.isfinite(self.cells.mean) & self.keep[:, None]
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of the cell means ``(cells, 4, 4)``, the unit matrix where nothing was measured."""
+        both = self.measured[:, :, None] & self.measured[:, None, :]
+        return np.where(both, self.cells.covariance, np.eye(4))
+
+    @cached_property
+    def log_det(self) -> Array:
+        """ln |V_c0| ``(cells,)``."""
+        return np.asarray(np.linalg.slogdet(self.covariance)[1])
+
+    @cached_property
+    def replicates(self) -> Array:
+        """Replicates of a cell ``(cells,)``."""
+        return self.cells.n.max(axis=1).astype(float)
+
+    def state(self, theta: Array, ln_k: Array, slope: Array) -> State:
+        """Predict all cells and weigh what is missed; θ ``(parameters,)``, ln k and dk/dφ ``(levels,)``."""
+        inputs, params = self._inputs(theta, ln_k, slope)
+        footing = self.model.walker.footing(inputs, params)
+        nodes = self.model.walker.observe(inputs, params, footing)
+        values = np.broadcast_to(nodes.observables, (len(self.cells), len(NODES), 4))
+        predicted = WEIGHTS @ values
+        walking = np.broadcast_to(footing.walking, values.shape[:2])
+        straddles = walking.any(axis=1) & ~walking.all(axis=1)
+        covariance, log_det = self.covariance, self.log_det
+        if straddles.any():
+            off = values[straddles] - predicted[straddles, None, :]
+            extra = np.einsum("g,cgi,cgj->cij", WEIGHTS, off, off) / self.replicates[straddles, None, None]
+            both = self.measured[straddles, :, None] & self.measured[straddles, None, :]
+            covariance, log_det = covariance.copy(), log_det.copy()
+            covariance[straddles] += np.where(both, extra, 0.0)
+            log_det[straddles] = np.linalg.slogdet(covariance[straddles])[1]
+        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+        gap = np.where(self.measured, self.cells.mean - predicted, 0.0)
+        residual = np.einsum("cij,cj->ci", whiten, gap)
+        cell_deviance = np.sum(residual**2, axis=1) + log_det - self.log_det
+        return State(theta, ln_k, slope, inputs, footing, predicted, covariance, whiten, residual, cell_deviance)
+
+    def each_by_its_own(self, theta: Array, ln_k: Array, slope: Array) -> Array:
+        """Predictions ``(cells, 4)``, each cell with its own row of θ ``(cells, parameters)`` and ln k ``(cells, levels)``."""
+        inputs, params = self._inputs(theta, ln_k, slope, own_rows=True)
+        values = self.model.walker.predict(inputs, params).observables
+        return np.asarray(WEIGHTS @ np.broadcast_to(values, (len(self.cells), len(NODES), 4)))
+
+    def jacobian(self, state: State) -> Array:
+        """d(whitened prediction)/d(θ, ln k), shape ``(cells, 4, parameters + 1)``; the last column is the level's ln k.
+
+        By the implicit function theorem on the force balance, dd/dθ = -(∂M/∂θ)/(∂M/∂d): one evaluation of the chain for
+        all parameters at once, no solving, and never across a switch.
+        """
+        count = len(state.theta)
+        step = STEP * np.maximum(np.abs(state.theta), 1e-3)
+        theta = np.repeat(state.theta[None], count + 3, axis=0)
+        theta[np.arange(count), np.arange(count)] += step
+        ln_k = np.repeat(state.ln_k[None], count + 3, axis=0)
+        ln_k[count] += STEP
+        # Rows: each parameter, ln k, depth, and the point itself.
+        inputs, params = self._inputs(theta, ln_k, state.slope)
+        shape = (count + 3, len(self.cells), len(NODES))
+        steady, virgin = (np.broadcast_to(d, shape).copy() for d in (state.footing.depth, state.footing.virgin_depth))
+        steady[count + 1] -= DEPTH_STEP_M
+        virgin[count + 1] -= DEPTH_STEP_M
+        walker = self.model.walker
+        here = Footing(steady, state.footing.walking, virgin, state.footing.virgin_walking)
+        values = np.broadcast_to(walker.observe(inputs, params, here).observables, (*shape, 4))
+        steps = np.concatenate([step, [STEP], [-DEPTH_STEP_M]])[:, None, None]
+        slope = (values[:-1] - values[-1]) / steps[..., None]
+        sink = self._sinking(walker.margin(inputs, params, steady, disturbed=True), steps, state.footing.walking)
+        sink_first = sink
+        if walker.remembers:
+            margin = walker.margin(inputs, params, virgin, disturbed=False)
+            sink_first = self._sinking(margin, steps, state.footing.virgin_walking)
+        depth_slope = slope[-1]
+        total = slope[:-1] + np.concatenate(
+            [depth_slope[None, ..., :3] * sink[..., None], depth_slope[None, ..., 3:] * sink_first[..., None]], axis=-1
+        )
+        mean = np.einsum("g,pcgi->cip", WEIGHTS, total)
+        return np.asarray(np.einsum("cij,cjp->cip", state.whiten, np.where(self.measured[..., None], mean, 0.0)))
+
+    def _sinking(self, margin: Array, steps: Array, walking: Bool) -> Array:
+        margin = np.broadcast_to(margin, (len(steps) + 1, len(self.cells), len(NODES)))
+        slope = (margin[:-1] - margin[-1]) / steps
+        stiff = slope[-1]
+        # A footing on a cliff of the margin does not move.
+        firm = walking & (stiff > 1e-6)
+        return np.where(firm, -slope[:-1] / np.where(firm, stiff, 1.0), 0.0)
+
+    def _inputs(
+        self, theta: Array, ln_k: Array, slope: Array, *, own_rows: bool = False
+    ) -> tuple[Inputs, list[dict[str, Array]]]:
+        """Inputs of shape ``(..., cells, nodes)`` for θ ``(..., parameters)`` and ln k ``(..., levels)``.
+
+        With ``own_rows`` the leading axis of both is the cell itself.
+        """
+        cells = self.cells
+        delta_t, v_swim, params = self.model.arguments(theta[..., None, :] if own_rows else theta[..., None, None, :])
+        level_k = np.exp(ln_k)
+        if own_rows:
+            k = level_k[np.arange(len(cells)), cells.level][:, None]
+        else:
+            k = level_k[..., cells.level, None]
+        phi = cells.level_phi[cells.level][:, None]
+        sigma_phi = np.hypot(cells.phi_scatter, self.spread(params, delta_t, phi))
+        sigma_k = np.maximum(np.abs(slope)[cells.level][:, None] * sigma_phi, LEAST_SPREAD * k)
+        base = level_k.reshape(-1, level_k.shape[-1])[-1]
+        inputs = Inputs(
+            k_n_per_m=np.maximum(k + sigma_k * NODES, 0.05 * k),
+            omega_rad_s=cells.omega[:, None],
+            delta_t_s=delta_t,
+            phi=phi,
+            v_swim_m_s=v_swim,
+            slow_phase_ratio=cells.slow_phase_ratio[:, None],
+            k_of_phi=lambda wanted: np.interp(wanted, cells.level_phi, base),
+        )
+        return inputs, [dict(one) for one in params]
+
+    def spread(self, params: object, delta_t: Array, phi: Array) -> Array:
+        """σ_φ along the track that effects ask for."""
+        one = Inputs(k_n_per_m=1.0, omega_rad_s=1.0, delta_t_s=delta_t, phi=phi)
+        chain = self.model.walker.chain(one, params, np.array([0.01]), disturbed=True)  # type: ignore[arg-type]
+        sigma = chain.sigma_phi
+        return sigma[..., 0] if sigma.ndim else sigma

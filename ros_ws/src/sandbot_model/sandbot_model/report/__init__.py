@@ -1,0 +1,47 @@
+"""The report: one self-contained HTML page of what was measured, where the model fails and what repairs it.
+
+    write_report(path, discovery, trials, title=…)      the page of ``discover``
+    write_comparison(path, fits, trials, title=…)       the page of ``compare``
+
+``view`` is what is shown, ``curves`` adds the model curves, ``figures`` draws, ``content`` words, ``page`` renders.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from sandbot_model.discover import Discovery
+from sandbot_model.fit import Fit
+from sandbot_model.report import page
+from sandbot_model.report.content import Frames, comparison_page, discovery_page
+from sandbot_model.report.curves import steps
+from sandbot_model.report.provenance import Trials, provenance
+
+
+def write_report(
+    path: Path,
+    discovery: Discovery,
+    trials: Trials,
+    *,
+    title: str,
+    frames: Frames = (),
+    truth_line: str | None = None,
+) -> None:
+    """Write the page of a discovery to ``path``, whole or not at all.
+
+    ``frames`` are (JPEG or PNG bytes, caption) of tracked video; ``truth_line`` says, for a blind campaign of the
+    virtual lab, whether the sealed truth agrees.
+    """
+    content = discovery_page(
+        discovery,
+        steps(discovery.steps),
+        provenance(trials, discovery.cells),
+        title=title,
+        frames=frames,
+        truth_line=truth_line,
+    )
+    page.write(path, content)
+
+
+def write_comparison(path: Path, fits: Sequence[Fit], trials: Trials, *, title: str, frames: Frames = ()) -> None:
+    """Write the page of one or more fits to the same trials, in the order given, whole or not at all."""
+    page.write(path, comparison_page(steps(fits), provenance(trials, fits[0].cells), title=title, frames=frames))

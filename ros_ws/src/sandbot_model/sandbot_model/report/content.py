@@ -1,0 +1,356 @@
+"""From what was fitted and discovered to the sections of the page: words, tables, and which figure stands where."""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sandbot_model.cells import OBSERVABLES, Cells, noise_floor
+from sandbot_model.discover import Discovery
+from sandbot_model.fit import Fit
+from sandbot_model.report import figures, text
+from sandbot_model.report.page import Download, Figure, Page, Section, Table, data_uri
+from sandbot_model.report.view import (
+    CM,
+    NAMES,
+    PEOPLE_UNITS,
+    Provenance,
+    Step,
+    bands,
+    frequencies,
+    measured,
+    readable,
+    residual_z,
+    scatter,
+)
+
+Frames = Sequence[tuple[bytes, str]]
+MAX_FAILING_ROWS = 60
+
+
+def discovery_page(
+    discovery: Discovery,
+    steps: tuple[Step, ...],
+    provenance: Provenance,
+    *,
+    title: str,
+    frames: Frames = (),
+    truth_line: str | None = None,
+) -> Page:
+    """The page of ``discover``: verdict, figures, candidates, next trials."""
+    verdict = discovery.verdict
+    cells = discovery.cells
+    return Page(
+        title=title,
+        kind="Where the walking model fails, and what repairs it",
+        status=verdict.status,
+        sentence=verdict.because,
+        headline=headline(steps, discovery.noise_floor_m_s, provenance, cells),
+        truth_line=truth_line,
+        notes=provenance.notes,
+        steps=_step_names(steps),
+        sections=(
+            *_figure_sections(steps, discovery.noise_floor_m_s),
+            *_candidates(discovery),
+            _parameters(steps),
+            *_next_trials(discovery),
+            _failing(steps),
+            *_frames(frames),
+            _data(steps, provenance, [_json_download(discovery)]),
+        ),
+    )
+
+
+def comparison_page(steps: tuple[Step, ...], provenance: Provenance, *, title: str, frames: Frames = ()) -> Page:
+    """The page of ``compare``: the fits as given, in order, without a verdict."""
+    cells = steps[0].fit.cells
+    floor = noise_floor(cells)["speed"]
+    return Page(
+        title=title,
+        kind="Walking model against trials",
+        sentence=_comparison_sentence(steps, floor),
+        headline=headline(steps, floor, provenance, cells),
+        notes=provenance.notes,
+        steps=_step_names(steps),
+        sections=(
+            *_figure_sections(steps, floor),
+            _parameters(steps),
+            _failing(steps),
+            *_frames(frames),
+            _data(steps, provenance, []),
+        ),
+    )
+
+
+def headline(
+    steps: tuple[Step, ...], noise_floor_m_s: float, provenance: Provenance, cells: Cells
+) -> tuple[tuple[str, str, str], ...]:
+    """The few numbers at the top: (term, value, meaning)."""
+    first, last = steps[0].fit, steps[-1].fit
+    terms = [(f"Error, {steps[0].label}", text.cm_s(first.rmse_m_s), _out_of_sample(first))]
+    if len(steps) > 1:
+        terms.append((f"Error, {steps[-1].label}", text.cm_s(last.rmse_m_s), _out_of_sample(last)))
+    terms.append(("Noise floor", text.cm_s(noise_floor_m_s), "scatter of mean speed between replicates"))
+    levels, omegas = len(cells.level_phi), len(frequencies(cells)[0])
+    plan = f"{len(cells)} conditions over {levels} φ and {omegas} ω"
+    terms.append(("Trials", str(provenance.used), plan))
+    return tuple(terms)
+
+
+def _out_of_sample(fit: Fit) -> str:
+    return f"r.m.s. of mean speed; {text.cm_s(fit.cv_rmse_m_s)} out of sample"
+
+
+def _comparison_sentence(steps: tuple[Step, ...], floor: float) -> str:
+    first, last = steps[0], steps[-1]
+    if len(steps) == 1:
+        return f"The {first.label} leaves {text.cm_s(first.fit.rmse_m_s)} of error; the noise floor is {text.cm_s(floor)}."
+    change = "falls" if last.fit.rmse_m_s < first.fit.rmse_m_s else "does not fall:"
+    return (
+        f"With {last.label.removeprefix('+ ')} the error of mean speed {change} from {text.cm_s(first.fit.rmse_m_s)} "
+        f"to {text.cm_s(last.fit.rmse_m_s)}; the noise floor is {text.cm_s(floor)}."
+    )
+
+
+def _step_names(steps: tuple[Step, ...]) -> tuple[tuple[str, str], ...]:
+    return tuple((step.label, f"error {text.cm_s(step.fit.rmse_m_s)}") for step in steps)
+
+
+def _figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
+    cells = steps[0].fit.cells
+    sections = [
+        Section("speed", "Speed against leg frequency", figures=(_speed_figure(steps),)),
+        Section(
+            "residuals",
+            "Where the model fails",
+            text=("▲ the robot did more than the model says, ▼ less; the number is the residual in standard errors of "
+                  "the mean. Cells without a mark agree with the model; – was not measured.",),
+            figures=tuple(_residual_figure(steps, name) for name in cells.observables),
+        ),
+        Section("ladder", "Error as effects are added", figures=(_ladder_figure(steps, floor),), tables=(_errors(steps),)),
+    ]  # fmt: skip
+    if {"speed", "lift"} <= set(cells.observables):
+        sections.append(Section("lock", "The geometry lock: lift against speed", figures=(_lock_figure(cells),)))
+    return sections
+
+
+def _speed_figure(steps: tuple[Step, ...]) -> Figure:
+    cells = steps[0].fit.cells
+    return Figure(
+        name="speed",
+        alt=f"Mean speed against leg frequency ω, one panel for each of {len(bands(cells))} volume fractions φ, measured "
+        f"and modelled. Largest measured speed {text.cm_s(float(np.nanmax(measured(cells, 'speed'))))}. "
+        "All values are in the table of cells below.",
+        caption="Points: mean over the replicates of a condition, bars one standard deviation of a single trial. "
+        "Solid: the chosen model. Dashed grey: the base model.",
+        draw=lambda theme: [figures.speed(step, steps[0], theme) for step in steps],
+    )
+
+
+def _residual_figure(steps: tuple[Step, ...], observable: str) -> Figure:
+    counts = ", ".join(
+        f"{step.label}: {int(figures.failing_cells(step.fit, observable).sum())} failing cells" for step in steps
+    )
+    return Figure(
+        name=f"residuals-{observable}",
+        alt=f"Map over φ and ω of standardised residuals of {NAMES[observable]}. {counts}. "
+        "The failing cells are listed in a table below.",
+        caption="",
+        draw=lambda theme: [figures.residual_map(step.fit, observable, theme) for step in steps],
+    )
+
+
+def _ladder_figure(steps: tuple[Step, ...], floor: float) -> Figure:
+    rungs = "; ".join(
+        f"{step.label} {text.cm_s(step.fit.rmse_m_s)} in sample, {text.cm_s(step.fit.cv_rmse_m_s)} out of sample"
+        for step in steps
+    )
+    return Figure(
+        name="ladder",
+        alt=f"Error of mean speed for each step: {rungs}; noise floor {text.cm_s(floor)}.",
+        caption="In sample: the model fitted to all trials. Out of sample: each condition predicted by a model fitted "
+        "without it. Noise floor: scatter of replicates, which no model can beat.",
+        draw=lambda theme: [figures.ladder(steps, floor, i, theme) for i in range(len(steps))],
+    )
+
+
+def _errors(steps: tuple[Step, ...]) -> Table:
+    """Error per observable, in sample and out of it, for each step and for the replicates alone."""
+    cells = steps[0].fit.cells
+    floor = noise_floor(cells)
+    head = ["model", *(f"{NAMES[name]} ({PEOPLE_UNITS[name]})" for name in cells.observables), "lack of fit, p", "failing cells"]
+    rows = []
+    for step in steps:
+        errors = (f"{text.centi(step.fit.rmse[n])} / {text.centi(step.fit.cv_rmse[n])}" for n in cells.observables)
+        failing = len({(fail.phi, fail.omega_rad_s) for fail in step.fit.fails})
+        rows.append((step.label, *errors, text.probability(step.fit.lack_of_fit_p), f"{failing} of {len(cells)}"))
+    rows.append(("noise floor", *(text.centi(floor[name]) for name in cells.observables), "", ""))
+    caption = (
+        "Error in sample / out of sample, per observable. Lack of fit: how often replicates alone would miss the model by "
+        "as much."
+    )
+    return Table(caption, tuple(head), rows, (True, *(False for _ in head[1:])))
+
+
+def _lock_figure(cells: Cells) -> Figure:
+    return Figure(
+        name="lock",
+        alt="Step length, pi times mean speed over leg frequency, against body lift, with the curve that the geometry "
+        "of a circular leg dictates. All values are in the table of cells below.",
+        caption="A leg of radius R = 3.55 cm that lifts its axle by Δz advances by s = 2√(Δz(2R − Δz)), whatever the "
+        "ground. Points along the curve: the legs hold, and only how deep they sink changes. Points off the curve: "
+        "speed is lost or won after the legs hold (slip, drag, overlap of stances, coasting).",
+        draw=lambda theme: [figures.geometry_lock(cells, theme)],
+    )
+
+
+def _candidates(discovery: Discovery) -> list[Section]:
+    if not discovery.candidates:
+        return []
+    ranked = sorted(discovery.candidates, key=lambda c: c.delta_bic)
+    rows = [
+        (
+            readable(c.effect), c.stage, text.number(c.delta_chi2), text.number(c.delta_bic), text.number(CM * c.cv_rmse_m_s, 2),
+            f"{c.weight:.3f}",
+        )
+        for c in ranked
+    ]  # fmt: skip
+    table = Table(
+        "Each effect added alone to the base model, best first. Δχ² and ΔBIC against the base model: the more negative, "
+        "the better. Weight: share of belief among those listed.",
+        ("effect", "acts on", "Δχ²", "ΔBIC", "out-of-sample error (cm/s)", "weight"),
+        rows,
+        (True, True, False, False, False, False),
+    )
+    return [Section("candidates", "Effects tried", tables=(table,))]
+
+
+def _parameters(steps: tuple[Step, ...]) -> Section:
+    names = list(dict.fromkeys(name for step in steps for name in step.fit.parameters))
+    rows = [(*text.described(name), *(_estimate(step.fit, name) for step in steps)) for name in names]
+    first = steps[0].fit
+    for i, phi in enumerate(first.level_phi):
+        values = (text.with_error(float(s.fit.k_n_per_m[i]), float(s.fit.k_stderr_n_per_m[i])) for s in steps)
+        rows.append((f"k at φ = {phi:.3f}, stiffness of the ground under a leg", "N/m", *values))
+    table = Table(
+        "Fitted value ± standard error; – where the model does not have the parameter.",
+        ("parameter", "unit", *(step.label for step in steps)),
+        rows,
+        (True, True, *(False for _ in steps)),
+    )
+    return Section("parameters", "Parameters", tables=(table,))
+
+
+def _estimate(fit: Fit, name: str) -> str:
+    if name not in fit.parameters:
+        return "–"
+    value, stderr = fit.parameters[name]
+    flag = " (at its bound)" if name in fit.at_bounds else " (implausible)" if name in fit.implausible else ""
+    return text.with_error(value, stderr) + flag
+
+
+def _next_trials(discovery: Discovery) -> list[Section]:
+    if not discovery.next_trials:
+        return []
+    rows = [
+        (
+            f"{t.phi:.3f}", f"{t.omega_rad_s:.4g}", NAMES.get(t.observable, readable(t.observable)),
+            " from ".join(map(readable, t.separates)), text.number(t.expected_gap_sd), str(t.replicates),
+        )
+        for t in discovery.next_trials
+    ]  # fmt: skip
+    table = Table(
+        "Trials that would tell the remaining explanations apart, most telling first. Gap: difference of the two "
+        "predictions in standard deviations of one trial.",
+        ("φ", "ω (rad/s)", "watch", "separates", "expected gap (s.d.)", "replicates to settle it"),
+        rows,
+        (False, False, True, True, False, False),
+    )
+    return [Section("next", "Next trials", tables=(table,))]
+
+
+def _failing(steps: tuple[Step, ...]) -> Section:
+    tables = []
+    for i, step in enumerate(steps):
+        fails = sorted(step.fit.fails, key=lambda f: -abs(f.z))
+        rows = [
+            (
+                NAMES[f.observable], f"{f.phi:.3f}", f"{f.omega_rad_s:.4g}",
+                f"{text.number(CM * f.residual, 2)} {PEOPLE_UNITS[f.observable]}", text.number(f.z),
+            )
+            for f in fails[:MAX_FAILING_ROWS]
+        ]  # fmt: skip
+        more = f", the worst {MAX_FAILING_ROWS} shown" if len(fails) > MAX_FAILING_ROWS else ""
+        caption = f"{step.label}: {len(fails)} failing cells{more}. Residual: measured minus model."
+        head = ("observable", "φ", "ω (rad/s)", "residual", "standard errors")
+        tables.append(Table(caption, head, rows, (True, False, False, False, False), step=i, folded=len(rows) > 8))
+    return Section("failing", "Failing cells", tables=tuple(tables))
+
+
+def _frames(frames: Frames) -> list[Section]:
+    if not frames:
+        return []
+    pictures = tuple((data_uri(content, _media_type(content)), caption) for content, caption in frames)
+    return [Section("frames", "Tracked video", pictures=pictures)]
+
+
+def _media_type(content: bytes) -> str:
+    return "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
+
+
+def _data(steps: tuple[Step, ...], provenance: Provenance, downloads: list[Download]) -> Section:
+    line = f"{provenance.used} trials used, {len(provenance.excluded)} excluded."
+    tables = [_cell_table(steps)]
+    if provenance.excluded:
+        tables.insert(0, Table("Trials excluded", ("trial", "why"), list(provenance.excluded), (True, True)))
+    sheet = Download("cells.csv", "Cells as CSV (SI units)", data_uri(cells_csv(steps).encode(), "text/csv"))
+    return Section("data", "Data", text=(line,), tables=tuple(tables), downloads=(sheet, *downloads))
+
+
+def _cell_table(steps: tuple[Step, ...]) -> Table:
+    cells = steps[0].fit.cells
+    head = ["φ", "ω (rad/s)", "trials"]
+    columns = [[f"{p:.3f}" for p in cells.phi], [f"{w:.4g}" for w in cells.omega], [str(n) for n in cells.n[:, 0]]]
+    for name in cells.observables:
+        head.append(f"{NAMES[name]} ({PEOPLE_UNITS[name]})")
+        pairs = zip(CM * measured(cells, name), CM * scatter(cells, name), strict=True)
+        columns.append([f"{m:.2f} ± {s:.2f}" if np.isfinite(m) else "–" for m, s in pairs])
+    for step in steps:
+        head.append(f"speed, {step.label} (cm/s)")
+        columns.append([f"{CM * value:.2f}" for value in step.fit.predicted[:, 0]])
+    rows = list(zip(*columns, strict=True))
+    caption = "All cells: mean ± standard deviation of a single trial, and the modelled mean speed"
+    return Table(caption, tuple(head), rows, (False,) * len(head), folded=True)
+
+
+def cells_csv(steps: tuple[Step, ...]) -> str:
+    """Cell means, scatter, and every step's prediction and residual, SI units in the names, empty where not known."""
+    cells = steps[0].fit.cells
+    si = {"speed": "m_s", "lift": "m", "peak_speed": "m_s", "first_step": "m"}
+    columns: dict[str, Sequence[Any]] = {"phi": cells.phi, "omega_rad_s": cells.omega, "gait": cells.gait}
+    for name in cells.observables:
+        i = OBSERVABLES.index(name)
+        columns |= {f"{name}_n": cells.n[:, i], f"{name}_{si[name]}": cells.mean[:, i], f"{name}_sd_{si[name]}": cells.sd[:, i]}
+        for step in steps:
+            tag = "+".join(step.fit.effects) or "base"
+            columns[f"{name}_{si[name]}[{tag}]"] = step.fit.predicted[:, i]
+            columns[f"{name}_z[{tag}]"] = residual_z(step.fit, name)
+    sheet = io.StringIO()
+    writer = csv.writer(sheet, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([_csv_cell(v) for v in row] for row in zip(*columns.values(), strict=True))
+    return sheet.getvalue()
+
+
+def _csv_cell(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.7g}" if np.isfinite(value) else ""
+    return str(value)
+
+
+def _json_download(discovery: Discovery) -> Download:
+    content = json.dumps(discovery.to_json(), indent=1, ensure_ascii=False).encode()
+    return Download("discovery.json", "Discovery as JSON (SI units)", data_uri(content, "application/json"))

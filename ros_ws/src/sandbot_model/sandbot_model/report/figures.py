@@ -1,0 +1,303 @@
+"""The figures of report and explorer, as Plotly specs.
+
+Each is a function of plain data (view.py) and a theme; none computes physics beyond the geometry lock, and none reads
+a file. Axes carry the units a person reads (cm, cm/s, rad/s).
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_model.cells import Cells, Floats
+from sandbot_model.fit import Fit
+from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
+from sandbot_model.report.view import CM, NAMES, Step, bands, frequencies, measured, readable, residual_z, scatter
+
+Z_FAIL = 3.0
+"""Marked on the colour bar of residual maps; which cells fail is the fit's own list."""
+Z_COLOUR_END = 8.0
+"""Residual maps share this colour range, so that the steps of the ladder compare."""
+MAX_LABELLED_COLUMNS = 14
+
+
+def speed(step: Step, base: Step | None = None, theme: Theme = LIGHT, columns: int = 4) -> Spec:
+    """Mean speed against ω, one panel a φ: replicate means ± s.d., the model, and the base model as a ghost."""
+    cells = step.fit.cells
+    panels = bands(cells)
+    columns = _columns(len(panels), columns)
+    rows = math.ceil(len(panels) / columns)
+    top = CM * max(_finite_max(measured(cells, "speed")), _finite_max(step.speed_m_s)) * 1.12
+    colours = theme.phi_colours(len(cells.level_phi))
+    spec: Spec = {"data": [], "layout": layout(theme, 110 + 190 * rows, annotations=[])}
+    for i, band in enumerate(panels):
+        row, column = divmod(i, columns)
+        key = "" if i == 0 else str(i + 1)
+        across, up = _panel(row, column, rows, columns)
+        spec["layout"][f"xaxis{key}"] = axis(
+            theme,
+            "ω (rad/s)" if i + columns >= len(panels) else "",
+            domain=across,
+            anchor=f"y{key}",
+            range=_range(step.omega_rad_s, cells.omega),
+            nticks=6,
+        )
+        spec["layout"][f"yaxis{key}"] = axis(
+            theme,
+            "speed (cm/s)" if column == 0 else "",
+            domain=up,
+            anchor=f"x{key}",
+            range=[-0.02 * top, top],
+            nticks=6,
+            showticklabels=column == 0,
+        )
+        title = note(f"<b>{band.label}</b>", across[1], up[1], xanchor="right", yanchor="bottom", font={"size": 13})
+        spec["layout"]["annotations"].append(title)
+        colour = colours[band.level]
+        traces = [_line(step, i, model_name(step), {"color": colour, "width": 2.5}), _points(cells, band.cells, colour, theme)]
+        if base is not None and base is not step:
+            traces.insert(0, _line(base, i, model_name(base), {"color": theme.faint, "width": 1.5, "dash": "dash"}))
+        spec["data"] += [t | {"xaxis": f"x{key}", "yaxis": f"y{key}", "showlegend": i == 0} for t in traces]
+    return spec
+
+
+def residual_map(fit: Fit, observable: str, theme: Theme = LIGHT) -> Spec:
+    """Where the model fails: standardised residuals over φ × ω; failing cells carry an arrow and the number.
+
+    ▲ measured above the model, ▼ below, – not measured. Colour saturates at ±``Z_COLOUR_END``.
+    """
+    cells = fit.cells
+    rows = bands(cells)
+    omegas, columns = frequencies(cells)
+    failing = failing_cells(fit, observable)
+    all_z = residual_z(fit, observable)
+    z = np.full((len(rows), len(omegas)), np.nan)
+    text = np.full(z.shape, "–", dtype=object)
+    for row, band in enumerate(rows):
+        for cell in band.cells:
+            z[row, columns[cell]] = all_z[cell]
+            text[row, columns[cell]] = _mark(all_z[cell], bool(failing[cell]), len(omegas) <= MAX_LABELLED_COLUMNS)
+    trace = {
+        "type": "heatmap",
+        "x": [f"{w:.3g}" for w in omegas],
+        "y": [band.label for band in rows],
+        "z": as_json(np.clip(z, -Z_COLOUR_END, Z_COLOUR_END)),
+        "customdata": as_json(z),
+        "text": text.tolist(),
+        "texttemplate": "%{text}",
+        "textfont": {"size": 13},
+        "zmin": -Z_COLOUR_END,
+        "zmax": Z_COLOUR_END,
+        "colorscale": theme.residual_scale(),
+        "xgap": 2,
+        "ygap": 2,
+        "hoverongaps": False,
+        "hovertemplate": "%{y}, ω %{x} rad/s<br>residual %{customdata:.1f} standard errors<extra></extra>",
+        "colorbar": _residual_bar(theme),
+    }
+    return {
+        "data": [trace],
+        "layout": layout(
+            theme,
+            150 + 34 * len(rows),
+            title={
+                "text": f"<b>{NAMES[observable]}</b>", "font": {"size": 14},
+                "x": 0, "xref": "paper", "y": 0.98, "yanchor": "top",
+            },
+            xaxis=axis(theme, "ω (rad/s)", type="category", showgrid=False, ticks=""),
+            yaxis=axis(theme, "", type="category", showgrid=False, ticks=""),
+            plot_bgcolor=theme.empty,
+            showlegend=False,
+        ),
+    }  # fmt: skip
+
+
+def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme: Theme = LIGHT) -> Spec:
+    """Error of mean speed as effects are added: in sample, out of sample, and the noise floor no model can beat."""
+    inside = [CM * step.fit.rmse_m_s for step in steps]
+    outside = [CM * step.fit.cv_rmse_m_s for step in steps]
+    floor = CM * noise_floor_m_s
+    places = list(range(len(steps)))
+    last = places[-1]
+    traces = [
+        _rung("out of sample", places, outside, theme.accent, "circle", 11),
+        _rung("in sample", places, inside, theme.faint, "circle-open", 9),
+    ]
+    if math.isfinite(floor):
+        traces.append(
+            {
+                "type": "scatter", "mode": "lines", "name": f"noise floor, {floor:.2f} cm/s", "hoverinfo": "name",
+                "x": [-0.5, last + 0.5], "y": [floor, floor],
+                "line": {"color": theme.ink, "width": 1.5, "dash": "dot"},
+            }
+        )  # fmt: skip
+    shown = [out if math.isfinite(out) else inn for out, inn in zip(outside, inside, strict=True)]
+    labels = [
+        {"x": x, "y": y, "text": f"<b>{y:.2f}</b>", "showarrow": False, "yshift": 16}
+        for x, y in zip(places, shown, strict=True)
+        if math.isfinite(y)
+    ]
+    highlight = {
+        "type": "rect", "xref": "x", "yref": "paper", "x0": current - 0.4, "x1": current + 0.4, "y0": 0, "y1": 1,
+        "fillcolor": theme.empty, "line": {"width": 0}, "layer": "below",
+    }  # fmt: skip
+    top = 1.2 * _finite_max(np.array([*inside, *outside, floor]))
+    ticks = {"tickvals": places, "ticktext": [_wrapped(step.label) for step in steps], "range": [-0.5, last + 0.5]}
+    return {
+        "data": traces,
+        "layout": layout(
+            theme,
+            380,
+            xaxis=axis(theme, "", showgrid=False, **ticks),
+            yaxis=axis(theme, "r.m.s. error of mean speed (cm/s)", range=[0, top or 1.0]),
+            annotations=labels,
+            shapes=[highlight],
+        ),
+    }
+
+
+def lock_curve(lift_m: Floats, radius_m: float = 0.0355) -> Floats:
+    """Step length s = 2√(Δz(2R − Δz)) [m] of a leg of radius R that lifts its axle by Δz [m] (Li09, physics §2)."""
+    return np.asarray(2.0 * np.sqrt(np.clip(lift_m * (2.0 * radius_m - lift_m), 0.0, None)))
+
+
+def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
+    """Step length from speed, πv̄/ω, against body lift; on the curve the geometry alone explains the speed."""
+    step_length, step_scatter = (CM * np.pi * f(cells, "speed") / cells.omega for f in (measured, scatter))
+    lift, lift_scatter = (CM * f(cells, "lift") for f in (measured, scatter))
+    grid = np.linspace(0.0, max(_finite_max(lift) / CM * 1.15, 1e-3), 121)
+    data: list[Spec] = [
+        {
+            "type": "scatter", "mode": "lines", "name": "s = 2√(Δz(2R − Δz))<br>nothing fitted", "hoverinfo": "skip",
+            "x": as_json(CM * grid), "y": as_json(CM * lock_curve(grid)), "line": {"color": theme.ink, "width": 1.5},
+        }
+    ]  # fmt: skip
+    colours = theme.phi_colours(len(cells.level_phi))
+    for band in bands(cells):
+        at = band.cells
+        colour = colours[band.level]
+        data.append(
+            {
+                "type": "scatter", "mode": "markers", "name": band.label,
+                "x": as_json(lift[at]), "y": as_json(step_length[at]),
+                "error_x": _bars(lift_scatter[at], colour), "error_y": _bars(step_scatter[at], colour),
+                "marker": {"color": colour, "size": 8, "symbol": _SYMBOLS[band.level % len(_SYMBOLS)]},
+                "customdata": as_json(cells.omega[at]),
+                "hovertemplate": f"{band.label}, ω %{{customdata:.3g}} rad/s<br>"
+                "lift %{x:.2f} cm, step %{y:.2f} cm<extra></extra>",
+            }
+        )  # fmt: skip
+    beside = {"x": 1.02, "y": 1, "xanchor": "left", "yanchor": "top", "orientation": "v", "yref": "paper"}
+    return {
+        "data": data,
+        "layout": layout(
+            theme,
+            440,
+            xaxis=axis(theme, "body lift Δz (cm)", rangemode="tozero"),
+            yaxis=axis(theme, "step length πv̄/ω (cm)", rangemode="tozero"),
+            legend=beside,
+        ),
+    }
+
+
+def failing_cells(fit: Fit, observable: str) -> NDArray[np.bool_]:
+    """Which cells stand in the fit's list of failing cells for this observable, (n,)."""
+    marked = np.zeros(len(fit.cells), dtype=bool)
+    for fail in fit.fails:
+        if fail.observable == observable:
+            near = np.abs(fit.cells.phi - fail.phi) + np.abs(fit.cells.omega - fail.omega_rad_s)
+            marked[int(np.argmin(near))] = True
+    return marked
+
+
+def model_name(step: Step) -> str:
+    """The model's name in a legend."""
+    return step.label if not step.fit.effects else f"with {', '.join(map(readable, step.fit.effects))}"
+
+
+def as_json(values: Floats) -> list[Any]:
+    """As a list for JSON: NaN becomes None, which Plotly leaves out."""
+    return np.where(np.isfinite(values), values, None).tolist()  # type: ignore[call-overload, no-any-return]
+
+
+_SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "triangle-down", "hexagon")
+
+
+def _line(step: Step, band: int, name: str, line: Spec) -> Spec:
+    return {
+        "type": "scatter", "mode": "lines", "name": name, "legendgroup": name, "line": line, "hoverinfo": "skip",
+        "x": as_json(step.omega_rad_s), "y": as_json(CM * step.speed_m_s[band]),
+    }  # fmt: skip
+
+
+def _points(cells: Cells, at: NDArray[np.int64], colour: str, theme: Theme) -> Spec:
+    return {
+        "type": "scatter", "mode": "markers", "name": "measured, mean ± s.d. of replicates", "legendgroup": "measured",
+        "x": as_json(cells.omega[at]), "y": as_json(CM * measured(cells, "speed")[at]),
+        "error_y": _bars(CM * scatter(cells, "speed")[at], colour),
+        "marker": {"color": colour, "size": 8, "line": {"color": theme.paper, "width": 1}},
+        "customdata": cells.n[at, 0].tolist(),
+        "hovertemplate": "ω %{x:.3g} rad/s<br>%{y:.2f} cm/s, %{customdata} trials<extra></extra>",
+    }  # fmt: skip
+
+
+def _rung(name: str, x: list[int], y: list[float], colour: str, symbol: str, size: int) -> Spec:
+    return {
+        "type": "scatter", "mode": "lines+markers", "name": name, "x": x, "y": as_json(np.array(y)),
+        "line": {"color": colour, "width": 2}, "marker": {"size": size, "symbol": symbol, "line": {"width": 2}},
+        "hovertemplate": "%{y:.3f} cm/s<extra>" + name + "</extra>",
+    }  # fmt: skip
+
+
+def _bars(sizes: Floats, colour: str) -> Spec:
+    return {"type": "data", "array": as_json(sizes), "color": colour, "thickness": 1.5, "width": 3, "visible": True}
+
+
+def _columns(panels: int, most: int) -> int:
+    """As many columns as fill the rows evenly: 5 panels in 3 + 2, 7 in 4 + 3."""
+    return math.ceil(panels / math.ceil(panels / most))
+
+
+def _panel(row: int, column: int, rows: int, columns: int) -> tuple[list[float], list[float]]:
+    """x and y domain of one panel, row 0 on top; room for a panel title above each."""
+    gap_x, gap_y = 0.03, 0.14 if rows > 1 else 0.0
+    width = (1 - gap_x * (columns - 1)) / columns
+    height = (1 - gap_y * (rows - 1)) / rows
+    left = column * (width + gap_x)
+    top = 1 - row * (height + gap_y)
+    return [left, min(left + width, 1.0)], [max(top - height, 0.0), top - 0.02]
+
+
+def _mark(z: float, failing: bool, with_number: bool) -> str:
+    if not math.isfinite(z):
+        return "–"
+    if not failing:
+        return ""
+    arrow = "▲" if z > 0 else "▼"
+    return f"{arrow} {abs(z):.0f}" if with_number else arrow
+
+
+def _residual_bar(theme: Theme) -> Spec:
+    end, fail = f"{Z_COLOUR_END:g}", f"{Z_FAIL:g}"
+    return {
+        "title": {"text": "measured − model<br>(standard errors)", "side": "right", "font": {"size": 12}},
+        "thickness": 14, "outlinewidth": 0, "tickcolor": theme.faint,
+        "tickvals": [-Z_COLOUR_END, -Z_FAIL, 0, Z_FAIL, Z_COLOUR_END],
+        "ticktext": [f"≤ −{end}", f"−{fail}", "0", fail, f"≥ {end}"],
+    }  # fmt: skip
+
+
+def _wrapped(label: str) -> str:
+    return label.replace(" + ", "<br>+ ")
+
+
+def _range(*arrays: Floats) -> list[float]:
+    low, high = min(map(np.nanmin, arrays)), max(map(np.nanmax, arrays))
+    edge = 0.04 * (high - low) or 1.0
+    return [float(low - edge), float(high + edge)]
+
+
+def _finite_max(values: Floats) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if finite.size else 0.0

@@ -1,0 +1,127 @@
+"""The page itself: sections of figures, tables and pictures in one HTML file that needs no network."""
+
+import base64
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+import jinja2
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+from sandbot_common.files import write_text
+
+from sandbot_model.report.theme import THEMES, Spec, Theme
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the page: one spec a step of the ladder (or a single one) in each theme."""
+
+    name: str
+    alt: str
+    """What a person who can't see it should know."""
+    caption: str
+    draw: Callable[[Theme], list[Spec]]
+
+    @property
+    def height(self) -> int:
+        """Height in px, so that the page does not jump while it is drawn."""
+        return int(self.draw(THEMES["light"])[0]["layout"]["height"])
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; ``words`` says which columns are text (the rest are numbers, right-aligned)."""
+
+    caption: str
+    head: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    words: tuple[bool, ...]
+    step: int | None = None
+    """Shown only with this step of the ladder; None: always."""
+    folded: bool = False
+
+
+@dataclass(frozen=True)
+class Download:
+    """A file inside the page."""
+
+    name: str
+    label: str
+    href: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """One heading and what stands below it."""
+
+    id: str
+    heading: str
+    text: tuple[str, ...] = ()
+    figures: tuple[Figure, ...] = ()
+    tables: tuple[Table, ...] = ()
+    pictures: tuple[tuple[str, str], ...] = ()
+    """(data URI, caption)."""
+    downloads: tuple[Download, ...] = ()
+
+
+@dataclass(frozen=True)
+class Page:
+    """Everything on the page, in reading order."""
+
+    title: str
+    kind: str
+    headline: tuple[tuple[str, str, str], ...]
+    """(term, value, meaning)."""
+    sections: tuple[Section, ...]
+    status: str = ""
+    sentence: str = ""
+    truth_line: str | None = None
+    notes: tuple[str, ...] = ()
+    steps: tuple[tuple[str, str], ...] = field(default=())
+    """(label, error) of each step of the ladder."""
+
+
+def write(path: Path, page: Page) -> None:
+    """Render ``page`` to ``path``, whole or not at all."""
+    write_text(path, render(page))
+
+
+def render(page: Page) -> str:
+    """The page as one HTML document with plotly.js, data and style inside."""
+    figures = {
+        figure.name: {name: figure.draw(theme) for name, theme in THEMES.items()}
+        for section in page.sections
+        for figure in section.figures
+    }
+    return _template().render(
+        page=page,
+        style=Markup(_source("report.css")),
+        script=Markup(_source("report.js")),
+        plotlyjs=Markup(get_plotlyjs().replace("</script", "<\\/script")),
+        figures=Markup(for_script(figures)),
+    )
+
+
+def for_script(value: object) -> str:
+    """JSON that can stand inside a script element: no tag can be closed or opened from a string in it."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def data_uri(content: bytes, kind: str) -> str:
+    """``content`` as a data URI of media type ``kind``."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def _source(name: str) -> str:
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+@cache
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string(_source("report.html.j2"))

@@ -1,0 +1,70 @@
+"""Which trials the analysis used, which it left out and why, and what such data can't show."""
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from sandbot_model.cells import OBSERVABLES, Cells, Floats
+from sandbot_model.report.view import NAMES, Provenance
+
+
+class Trials(Protocol):
+    """What is needed of ``sandbot_record.trials.Trials``."""
+
+    @property
+    def trial_id(self) -> Sequence[str]: ...  # noqa: D102
+    @property
+    def phi(self) -> Floats: ...  # noqa: D102
+    @property
+    def omega_rad_s(self) -> Floats: ...  # noqa: D102
+    @property
+    def speed_m_s(self) -> Floats: ...  # noqa: D102
+    @property
+    def status(self) -> Sequence[str]: ...  # noqa: D102
+
+
+def provenance(trials: Trials, cells: Cells) -> Provenance:
+    """Used and excluded trials, and one sentence for each thing these data can't show."""
+    rows = zip(trials.trial_id, trials.phi, trials.omega_rad_s, trials.speed_m_s, trials.status, strict=True)
+    excluded = []
+    for trial_id, phi, omega, speed, status in rows:
+        if reason := _reason({"phi": phi, "omega_rad_s": omega, "speed_m_s": speed}, str(status)):
+            excluded.append((str(trial_id), reason))
+    return Provenance(cells.trials, tuple(excluded), limits(cells))
+
+
+def _reason(needed: Mapping[str, float], status: str) -> str:
+    """Why a trial was left out; empty if it was not."""
+    missing = [name for name, value in needed.items() if not np.isfinite(value)]
+    if status not in ("", "ok"):
+        return f"status: {status}"
+    return f"{', '.join(missing)} not measured" if missing else ""
+
+
+def limits(cells: Cells) -> tuple[str, ...]:
+    """What these cells can't show and why, one sentence each; empty for a full campaign."""
+    notes = []
+    if len(cells.level_phi) == 1:
+        notes.append(
+            f"How walking depends on volume fraction: every trial is at φ = {cells.level_phi[0]:.3f}, so effects that "
+            "differ only in φ look alike."
+        )
+    if len(np.unique(cells.omega)) == 1:
+        notes.append(
+            f"How walking depends on leg frequency: every trial is at ω = {cells.omega[0]:.4g} rad/s, so Δt can't be "
+            "told from k."
+        )
+    if cells.pure_error_dof[0] == 0:
+        notes.append(
+            "Noise floor, error bars and the lack-of-fit test: no condition was repeated, so scatter can't be told "
+            "from model error. Two or more trials at one (φ, ω) would do."
+        )
+    absent = [NAMES[name] for name in OBSERVABLES if name not in cells.observables]
+    if absent:
+        notes.append(f"{', '.join(absent).capitalize()}: not measured in these trials{_consequence(cells)}.")
+    return tuple(notes)
+
+
+def _consequence(cells: Cells) -> str:
+    return "" if "lift" in cells.observables else "; without lift there is no geometry lock to check"

@@ -1,0 +1,105 @@
+"""What a report or the explorer shows, as plain data: the cells in bands, the fits with their curves, the provenance.
+
+Everything is SI and not known is NaN or absent; figures and pages turn SI into cm and cm/s.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_model.cells import OBSERVABLES, OMEGA_TOLERANCE, Cells, Floats
+from sandbot_model.fit import Fit
+from sandbot_model.levels import same_within
+
+CM = 100.0
+"""Centimetres in a metre: all four observables are lengths or speeds a person reads in cm or cm/s."""
+
+NAMES = {"speed": "mean speed", "lift": "body lift", "peak_speed": "peak speed", "first_step": "first step"}
+"""What a person calls an observable."""
+
+PEOPLE_UNITS = {"speed": "cm/s", "lift": "cm", "peak_speed": "cm/s", "first_step": "cm"}
+
+
+@dataclass(frozen=True)
+class Band:
+    """The cells of one volume fraction (and gait, where there are several): a panel, a row, a colour."""
+
+    phi: float
+    gait: str
+    level: int
+    cells: NDArray[np.int64] = field(metadata={"shape": "(n,)", "doc": "indices of its cells, ascending in ω"})
+    label: str
+
+
+@dataclass(frozen=True)
+class Step:
+    """One rung of the ladder: a fit and its speed curves."""
+
+    fit: Fit
+    omega_rad_s: Floats = field(metadata={"shape": "(m,)", "unit": "rad/s"})
+    speed_m_s: Floats = field(metadata={"shape": "(n_bands, m)", "unit": "m/s"})
+
+    @property
+    def label(self) -> str:
+        """What a person calls the step."""
+        if not self.fit.effects:
+            return f"{self.fit.model} model"
+        return "+ " + " + ".join(map(readable, self.fit.effects))
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Which trials the figures rest on and what they can't show."""
+
+    used: int
+    excluded: tuple[tuple[str, str], ...] = ()
+    """(trial_id, reason)."""
+    notes: tuple[str, ...] = ()
+    """What these data can't show, and why: one sentence each."""
+
+
+def bands(cells: Cells) -> tuple[Band, ...]:
+    """The cells as bands, loosest packing first; the gait is in the label only where there are several."""
+    several = len(set(cells.gait)) > 1
+    gaits = np.array(cells.gait)
+    found = []
+    for level, phi in enumerate(cells.level_phi):
+        for gait in sorted(set(gaits[cells.level == level].tolist())):
+            indices = np.flatnonzero((cells.level == level) & (gaits == gait))
+            indices = indices[np.argsort(cells.omega[indices])]
+            label = f"φ {phi:.3f} {gait}" if several else f"φ {phi:.3f}"
+            found.append(Band(float(phi), gait, level, indices, label))
+    return tuple(found)
+
+
+def frequencies(cells: Cells) -> tuple[Floats, NDArray[np.int64]]:
+    """The distinct leg frequencies [rad/s], ascending, and each cell's index among them, (n,).
+
+    Replicates miss the frequency a little, so each cell has its own mean; what is one condition is one column.
+    """
+    column = same_within(cells.omega, OMEGA_TOLERANCE)
+    total = np.bincount(column, cells.omega)
+    return total / np.bincount(column), column
+
+
+def measured(cells: Cells, observable: str) -> Floats:
+    """Cell means of one observable [SI], (n,); NaN where not measured."""
+    return cells.mean[:, OBSERVABLES.index(observable)]
+
+
+def scatter(cells: Cells, observable: str) -> Floats:
+    """Standard deviation of one trial per cell [SI], (n,): the cell's own replicates, else the pooled pure error."""
+    column = OBSERVABLES.index(observable)
+    own = cells.sd[:, column]
+    return np.where(np.isfinite(own), own, cells.noise[column])
+
+
+def residual_z(fit: Fit, observable: str) -> Floats:
+    """Standardised residuals of one observable, (n,): measured minus model over its standard error."""
+    return fit.residual_z[:, OBSERVABLES.index(observable)]
+
+
+def readable(identifier: str) -> str:
+    """An identifier as words: ``leg_slip`` → ``leg slip``."""
+    return identifier.replace("_", " ")

@@ -1,0 +1,192 @@
+"""Where to start: a coarse look at all shared parameters, with every k profiled exactly.
+
+The deviance has many minima: where the model swims it is flat, and every cell that crosses a switch makes a step. For
+given shared parameters, though, each level's k is a problem of its own in one dimension. So one table of predictions over
+(θ, k, ω) serves all levels, and between two nodes of the k grid the residual is taken as linear, whose minimum is known:
+
+    q(t) = |(1 - t) r_0 + t r_1|²,   t* = (S_00 - S_01)/(S_00 - 2 S_01 + S_11) in [0, 1]
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sandbot_model.chain import Array
+from sandbot_model.model import Model
+from sandbot_model.problem import NODES, WEIGHTS, Problem
+from sandbot_model.walking import Inputs
+
+K_GRID = 48
+K_RANGE = (0.55, 4.0)
+"""k over mg/(2R - h): from ground that never carries the robot by a linear law, to ground as hard as it matters."""
+CHUNK = 8
+APART = 0.15
+"""Starts closer than this in every parameter (of its plausible range) are one."""
+REACHES = (0.25, 0.1, 0.04)
+"""How far about the best point to look again, in plausible ranges."""
+NEARBY = 24
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a descent begins: θ ``(parameters,)``, ln k ``(levels,)`` and the coarse deviance there."""
+
+    theta: Array
+    ln_k: Array
+    deviance: float
+
+
+def starts(problem: Problem, slope: Array, k_curve: Array, most: int = 2, also: Array | None = None) -> list[Start]:
+    """The most promising distinct points, best first: a wide low-discrepancy sample, then ever closer about the best.
+
+    ``k_curve (levels,)`` is where effects that ask for k(φ) look; ``also (m, parameters)`` are points tried as well.
+    """
+    model = problem.model
+    low, high = search_box(model)
+    k_grid = model.robot.critical_k_n_per_m * np.geomspace(*K_RANGE, K_GRID)
+    unit = _samples(model)
+    if also is not None:
+        unit = np.concatenate([_unit(model, also), unit])
+    found = _try(problem, unit, slope, k_curve, k_grid)
+    for reach in REACHES:
+        best = found.best()
+        k_grid = _closer(np.exp(found.ln_k[best]), k_grid)
+        near = np.clip(found.unit[best] + reach * (2 * _even(NEARBY, len(low)) - 1), 0.0, 1.0)
+        found = found.joined(_try(problem, near, slope, k_curve, k_grid))
+    chosen: list[int] = []
+    for index in np.argsort(found.deviance):
+        if all(np.abs(found.unit[index] - found.unit[other]).max() > APART for other in chosen):
+            chosen.append(int(index))
+        if len(chosen) == most:
+            break
+    return [Start(_theta(model, found.unit[i]), found.ln_k[i], float(found.deviance[i])) for i in chosen]
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """Points in unit coordinates ``(m, parameters)`` with their profiled deviance and ln k."""
+
+    unit: Array
+    deviance: Array
+    ln_k: Array
+
+    def best(self) -> int:
+        return int(np.argmin(self.deviance))
+
+    def joined(self, other: "_Tried") -> "_Tried":
+        return _Tried(*(np.concatenate(pair) for pair in zip(vars(self).values(), vars(other).values(), strict=True)))
+
+
+def _try(problem: Problem, unit: Array, slope: Array, k_curve: Array, k_grid: Array) -> _Tried:
+    theta = _theta(problem.model, unit)
+    parts = [profile(problem, theta[i : i + CHUNK], slope, k_curve, k_grid) for i in range(0, len(theta), CHUNK)]
+    return _Tried(unit, *(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _closer(k: Array, k_grid: Array) -> Array:
+    """A grid of as many nodes over no more than the k found need."""
+    inside = k[k > k_grid[0] * 1.02]
+    if not len(inside):
+        return k_grid
+    return np.geomspace(max(inside.min() * 0.93, k_grid[0]), min(inside.max() * 1.07, k_grid[-1]), len(k_grid))
+
+
+def profile(problem: Problem, theta: Array, slope: Array, k_curve: Array, k_grid: Array) -> tuple[Array, Array]:
+    """The least deviance over all k for each θ ``(m, parameters)``, shape ``(m,)``, and the ln k ``(m, levels)``."""
+    cells = problem.cells
+    table = _table(problem, theta, k_grid, slope, k_curve)
+    whiten = np.linalg.inv(np.linalg.cholesky(problem.covariance))
+    gap = np.where(problem.measured[:, None, None, :], cells.mean[:, None, None, :] - table, 0.0)
+    residual = np.einsum("nij,nbkj->nbki", whiten, gap, optimize=True)
+    first = np.unique(cells.level, return_index=True)[1]
+    same = np.add.reduceat(np.einsum("nbki,nbki->nbk", residual, residual), first, axis=0)
+    cross = np.add.reduceat(np.einsum("nbki,nbki->nbk", residual[:, :, :-1], residual[:, :, 1:]), first, axis=0)
+    low, high = same[..., :-1], same[..., 1:]
+    bend = low - 2 * cross + high
+    t = np.clip(np.divide(low - cross, bend, out=np.zeros_like(bend), where=bend > 1e-12), 0.0, 1.0)
+    value = (1 - t) ** 2 * low + 2 * t * (1 - t) * cross + t**2 * high
+    best = value.argmin(axis=-1)[..., None]
+    share = np.take_along_axis(t, best, axis=-1)[..., 0]
+    k = k_grid[best[..., 0]] * (1 - share) + k_grid[best[..., 0] + 1] * share
+    return np.take_along_axis(value, best, axis=-1)[..., 0].sum(axis=0), np.log(k).T
+
+
+def _table(problem: Problem, theta: Array, k_grid: Array, slope: Array, k_curve: Array) -> Array:
+    """Predictions ``(cells, m, k, 4)``; levels share them unless an effect depends on φ."""
+    cells, model = problem.cells, problem.model
+    conditions, index = np.unique(np.stack([cells.omega, cells.slow_phase_ratio]), axis=1, return_inverse=True)
+    delta_t, v_swim, params = model.arguments(theta[:, None, None, None, :])
+    inputs = Inputs(
+        k_n_per_m=k_grid[:, None],
+        omega_rad_s=conditions[0],
+        delta_t_s=delta_t,
+        phi=cells.level_phi[:, None, None],
+        v_swim_m_s=v_swim,
+        slow_phase_ratio=conditions[1],
+        k_of_phi=lambda wanted: np.interp(wanted, cells.level_phi, k_curve),
+    )
+    values = model.walker.predict(inputs, params).observables
+    values = np.broadcast_to(values, (len(theta), values.shape[1], len(k_grid), conditions.shape[1], 4))
+    level = cells.level if values.shape[1] > 1 else np.zeros_like(cells.level)
+    table = np.asarray(values[:, level, :, index])
+    sigma = np.broadcast_to(problem.spread(params, delta_t, inputs.phi), (len(theta), 1, 1, 1))[:, 0, 0, 0]  # type: ignore[arg-type]
+    return _averaged(table, k_grid, np.abs(slope)[cells.level][:, None] * sigma) if sigma.any() else table
+
+
+def _averaged(table: Array, k_grid: Array, sigma_k: Array) -> Array:
+    """The table ``(cells, m, k, 4)`` averaged over k with standard deviations ``(cells, m)``, linear between nodes."""
+    total = np.zeros_like(table)
+    for node, weight in zip(NODES, WEIGHTS, strict=True):
+        wanted = np.clip(k_grid + sigma_k[..., None] * node, k_grid[0], k_grid[-1])
+        upper = np.clip(np.searchsorted(k_grid, wanted), 1, len(k_grid) - 1)
+        share = ((wanted - k_grid[upper - 1]) / (k_grid[upper] - k_grid[upper - 1]))[..., None]
+        below, above = (np.take_along_axis(table, at[..., None], axis=2) for at in (upper - 1, upper))
+        total += weight * ((1 - share) * below + share * above)
+    return total
+
+
+def search_box(model: Model) -> tuple[Array, Array]:
+    """Ends of the plausible ranges ``(parameters,)``, Δt as its logarithm."""
+    ranges = np.array([(one.low, one.high) for one in model.parameters])
+    return _scaled(model, ranges[:, 0]), _scaled(model, ranges[:, 1])
+
+
+def _scaled(model: Model, theta: Array) -> Array:
+    scaled = np.array(theta, dtype=float)
+    at = model.names.index("delta_t_s")
+    scaled[..., at] = np.log(scaled[..., at])
+    return scaled
+
+
+def _unit(model: Model, theta: Array) -> Array:
+    low, high = search_box(model)
+    return (_scaled(model, theta) - low) / (high - low)
+
+
+def _theta(model: Model, unit: Array) -> Array:
+    low, high = search_box(model)
+    theta = low + unit * (high - low)
+    at = model.names.index("delta_t_s")
+    theta[..., at] = np.exp(theta[..., at])
+    return theta
+
+
+def _samples(model: Model) -> Array:
+    """An even sample of the plausible ranges in unit coordinates; v_swim, which a descent finds at once, at its start."""
+    free = [i for i, name in enumerate(model.names) if name != "v_swim_m_s"]
+    count = {1: 24, 2: 48, 3: 72}.get(len(free), 96)
+    unit = np.tile(_unit(model, np.array([one.start for one in model.parameters])), (count, 1))
+    unit[:, free] = _even(count, len(free))
+    return unit
+
+
+def _even(count: int, dimensions: int) -> Array:
+    """Points ``(count, dimensions)`` in the unit cube: additive recurrence with the generalised golden ratio.
+
+    Even in any dimension, and the same every time.
+    """
+    root = 1.5
+    for _ in range(40):
+        root = (1 + root) ** (1 / (dimensions + 1))
+    steps = root ** -np.arange(1.0, dimensions + 1)
+    return np.mod(0.5 + np.arange(1, count + 1)[:, None] * steps, 1.0)

@@ -1,0 +1,39 @@
+"""compare: fit a model, with effects added one by one, and show each step's error beside the noise floor."""
+
+from collections.abc import Sequence
+
+from sandbot_common import cli
+from sandbot_record import trials as trials_table
+
+from sandbot_model.catalogue import catalogue
+from sandbot_model.cells import cells_of
+from sandbot_model.compare import compare, geometry_lock, to_json
+from sandbot_model.report import write_comparison
+from sandbot_model.tools import arguments, tables
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line."""
+    return cli.run(_compare, argv)
+
+
+def _compare(argv: Sequence[str]) -> None:
+    parser = cli.Parser(prog="compare", description=__doc__)
+    arguments.add_data(parser)
+    parser.add_argument("--effects", default="", metavar="a,b", help="effects to add, in this order")
+    arguments.add_catalogue(parser)
+    args = parser.parse_args(argv)
+    effects = catalogue(args.effects_from, args.effect)
+    names = [name.strip() for name in args.effects.split(",") if name.strip()]
+    trials = trials_table.read(args.data)
+    cells = cells_of(trials)
+    steps = compare(cells, effects, names, base=args.model)
+    print(tables.data_line(steps[0]), "\n")
+    print(tables.ladder(steps), "\n")
+    print(tables.parameters(steps[-1]), "\n")
+    print(tables.fails(steps[-1]), "\n")
+    print(tables.lock_line(cells, geometry_lock(cells)))
+    if args.json is not None:
+        arguments.write_json(args.json, to_json(steps))
+    if args.html is not None:
+        write_comparison(args.html, steps, trials, title=args.title or args.data[0].stem)

@@ -1,0 +1,65 @@
+"""discover: find the physical effect the model lacks, or say that none is missing, or which can't be told apart."""
+
+import sys
+from collections.abc import Sequence
+
+from sandbot_common import cli
+from sandbot_common.errors import InputError
+from sandbot_record import trials as trials_table
+from tqdm import tqdm
+
+from sandbot_model.catalogue import catalogue
+from sandbot_model.cells import cells_of
+from sandbot_model.discover import Discovery, discover
+from sandbot_model.parallel import workers
+from sandbot_model.report import write_report
+from sandbot_model.tools import arguments, tables
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line."""
+    return cli.run(_discover, argv)
+
+
+def _discover(argv: Sequence[str]) -> None:
+    parser = cli.Parser(prog="discover", description=__doc__)
+    arguments.add_data(parser)
+    arguments.add_catalogue(parser)
+    parser.add_argument("--max-effects", type=int, default=3, help="largest set of effects tried (default: 3)")
+    parser.add_argument("--workers", type=int, default=2, help="processes that fit at once (default: 2)")
+    args = parser.parse_args(argv)
+    if args.max_effects < 0 or args.workers < 1:
+        raise InputError("--max-effects must be 0 or more and --workers 1 or more")
+    effects = catalogue(args.effects_from, args.effect)
+    trials = trials_table.read(args.data)
+    cells = cells_of(trials)
+    with workers(args.workers) as fit_all, tqdm(unit="fit", file=sys.stderr, disable=None) as bar:
+
+        def progress(stage: str, done: int, total: int) -> None:
+            if done == 1:
+                bar.reset(total)
+            bar.set_description(stage)
+            bar.update()
+
+        found = discover(
+            cells, effects, base=args.model, max_effects=args.max_effects, fit_all=fit_all, progress=progress
+        )
+    _print(found)
+    if args.json is not None:
+        arguments.write_json(args.json, found.to_json())
+    if args.html is not None:
+        write_report(args.html, found, trials, title=args.title or args.data[0].stem)
+
+
+def _print(found: Discovery) -> None:
+    print(tables.data_line(found.steps[0]), "\n")
+    print(tables.ladder(found.steps), "\n")
+    if found.candidates:
+        print(tables.candidates(found), "\n")
+    print(tables.parameters(found.steps[-1]), "\n")
+    print(tables.fails(found.steps[-1]), "\n")
+    if found.next_trials:
+        print(tables.next_trials(found), "\n")
+    verdict = found.verdict
+    named = f": {' + '.join(verdict.effects)}" if verdict.status in ("identified", "ambiguous") else ""
+    print(f"verdict: {verdict.status}{named} - {verdict.because}")

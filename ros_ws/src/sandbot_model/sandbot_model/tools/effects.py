@@ -1,0 +1,29 @@
+"""effects: print the catalogue of physical effects."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from sandbot_common import cli
+
+from sandbot_model.catalogue import catalogue, describe
+from sandbot_model.tools import arguments
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line."""
+    return cli.run(_effects, argv)
+
+
+def _effects(argv: Sequence[str]) -> None:
+    parser = cli.Parser(prog="effects", description=__doc__)
+    arguments.add_catalogue(parser)
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write the catalogue as JSON")
+    args = parser.parse_args(argv)
+    effects = catalogue(args.effects_from, args.effect)
+    for effect in effects.values():
+        print(f"{effect.identifier}  [{effect.stage}]  {effect.formula}")
+        for one in effect.parameters:
+            print(f"    {one.name} [{one.unit}] {one.low:g} .. {one.high:g}, start {one.start:g}: {one.doc}")
+        print(f"    seen in {effect.seen_in} ({effect.source})")
+    if args.json is not None:
+        arguments.write_json(args.json, {"schema": "sandbot.effects/1", "effects": describe(effects)})

@@ -1,0 +1,110 @@
+"""Plain-text tables of fits, in a reader's units (cm, cm/s)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sandbot_model.cells import OBSERVABLES, Cells, noise_floor
+from sandbot_model.chain import Array
+from sandbot_model.discover import Discovery
+from sandbot_model.fit import Fit
+
+CM = 100.0
+READER_UNIT = {"speed": "cm/s", "lift": "cm", "peak_speed": "cm/s", "first_step": "cm"}
+
+
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """Rows of text in columns, the first left, the others right; the first row is underlined."""
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = [
+        "  ".join(cell.ljust(width) if column == 0 else cell.rjust(width) for column, (cell, width) in enumerate(zip(row, widths, strict=True)))
+        for row in rows
+    ]
+    return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
+
+
+def data_line(fit: Fit) -> str:
+    """What was read, in one line."""
+    cells = fit.cells
+    left_out = f", {cells.excluded} trials left out" if cells.excluded else ""
+    return (
+        f"{cells.trials} trials in {len(cells)} cells ({len(cells.level_phi)} volume fractions){left_out}; "
+        f"measured: {', '.join(cells.observables)}"
+    )
+
+
+def ladder(steps: Sequence[Fit]) -> str:
+    """Each step's error per observable, in and out of sample, over the noise floor."""
+    measured = [name for name in OBSERVABLES if name in steps[0].cells.observables]
+    head = ["model", *(f"{name} [{READER_UNIT[name]}]" for name in measured), "out of sample: speed", "lack of fit p", "cells failing"]
+    rows = [head]
+    for step in steps:
+        name = f"{step.model}" if not step.effects else "+ " + " + ".join(step.effects)
+        failing = len({(fail.phi, fail.omega_rad_s) for fail in step.fails})
+        rows.append(
+            [
+                name,
+                *(f"{CM * step.rmse[one]:.3f}" for one in measured),
+                f"{CM * step.cv_rmse_m_s:.3f}",
+                f"{step.lack_of_fit_p:.2g}",
+                str(failing),
+            ]
+        )
+    floor = noise_floor(steps[0].cells)
+    rows.append(["noise floor", *(f"{CM * floor[one]:.3f}" for one in measured), f"{CM * floor['speed']:.3f}", "", ""])
+    return table(rows)
+
+
+def parameters(fit: Fit) -> str:
+    """Shared parameters and k(φ) with standard errors (SI units, as their names say)."""
+    rows = [["parameter", "value", "± stderr", ""]]
+    for name, (value, stderr) in fit.parameters.items():
+        flag = "at its bound" if name in fit.at_bounds else "outside its plausible range" if name in fit.implausible else ""
+        rows.append([name, f"{value:.4g}", f"{stderr:.2g}", flag])
+    for phi, k, stderr in zip(fit.level_phi, fit.k_n_per_m, fit.k_stderr_n_per_m, strict=True):
+        rows.append([f"k_n_per_m at phi {phi:.4f}", f"{k:.1f}", f"{stderr:.2g}", ""])
+    return table(rows)
+
+
+def lock_line(cells: Cells, ratio: Array) -> str:
+    """The geometry lock in one line: it needs no fit."""
+    known = np.isfinite(ratio)
+    if not known.any():
+        return "geometry lock: speed and lift of walking cells are needed to check it"
+    spread = f"{ratio[known].min():.3f} to {ratio[known].max():.3f}"
+    return (
+        f"geometry lock: step from speed over step from lift is {np.median(ratio[known]):.3f} "
+        f"(median of {known.sum()} walking cells, {spread}; 1 where nothing is lost between step and speed)"
+    )
+
+
+def fails(fit: Fit, most: int = 12) -> str:
+    """The worst missed cell means."""
+    if not fit.fails:
+        return "no cell mean is missed by more than 3 standard errors"
+    rows = [["observable", "phi", "omega [rad/s]", "measured - model", "z"]]
+    for one in fit.fails[:most]:
+        residual = f"{CM * one.residual:+.2f} {READER_UNIT[one.observable]}"
+        rows.append([one.observable, f"{one.phi:.4f}", f"{one.omega_rad_s:.4g}", residual, f"{one.z:+.1f}"])
+    more = f"\n… and {len(fit.fails) - most} more" if len(fit.fails) > most else ""
+    return table(rows) + more
+
+
+def candidates(discovery: Discovery, most: int = 10) -> str:
+    """Single effects by what they change."""
+    rows = [["effect", "stage", "Δχ²", "ΔBIC", "out of sample [cm/s]", "weight"]]
+    for one in discovery.candidates[:most]:
+        rows.append(
+            [one.effect, one.stage, f"{one.delta_chi2:+.1f}", f"{one.delta_bic:+.1f}", f"{CM * one.cv_rmse_m_s:.3f}", f"{one.weight:.3g}"]
+        )
+    return table(rows)
+
+
+def next_trials(discovery: Discovery) -> str:
+    """What to measure next."""
+    rows = [["phi", "omega [rad/s]", "look at", "separates", "expected gap [sd]", "replicates"]]
+    for one in discovery.next_trials:
+        rows.append(
+            [f"{one.phi:.4f}", f"{one.omega_rad_s:.4g}", one.observable, " | ".join(one.separates), f"{one.expected_gap_sd:.1f}", str(one.replicates)]
+        )
+    return table(rows)

@@ -1,0 +1,101 @@
+"""Adequate, identified, ambiguous or unexplained: the rules (design §7). A verdict is never forced."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+from sandbot_model.fit import Fit
+
+LACK_OF_FIT = 5e-3
+"""A model is refused where pure error alone would miss by as much less often than this."""
+CLAIM = 22.0
+"""Gain in deviance an effect must bring to be claimed: the best of some 25 effects that are not there gains as much in
+less than 1 % of null worlds (calibrated, benchmarks/hidden.md)."""
+CLEARLY = 10.0
+"""Difference of BIC from which one set is clearly worse (weights of 150 to 1)."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """``status`` is adequate, identified, ambiguous or unexplained; ``because`` is one sentence with numbers."""
+
+    status: str
+    effects: tuple[str, ...]
+    alternatives: tuple[tuple[str, ...], ...]
+    because: str
+
+
+def passes(fit: Fit) -> bool:
+    """Whether the replicates leave nothing to explain, jointly and in each observable, at believable parameters."""
+    each = [p for p in fit.lack_of_fit.values() if p == p]
+    enough = fit.lack_of_fit_p >= LACK_OF_FIT and all(p >= LACK_OF_FIT / len(each) for p in each)
+    return bool(enough and sound(fit))
+
+
+def sound(fit: Fit) -> bool:
+    """Whether every parameter is inside its range."""
+    return not [name for name in (*fit.at_bounds, *fit.implausible) if "." in name]
+
+
+def worth(fits: Mapping[tuple[str, ...], Fit], larger: tuple[str, ...], smaller: tuple[str, ...]) -> bool:
+    """Whether the larger set is sound and earns its additional effects."""
+    return sound(fits[larger]) and fits[smaller].deviance - fits[larger].deviance > CLAIM * (len(larger) - len(smaller))
+
+
+def judge(fits: Mapping[tuple[str, ...], Fit]) -> Verdict:
+    """The verdict on all sets tried."""
+    base = fits[()]
+    if base.lack_of_fit_p != base.lack_of_fit_p:
+        return Verdict("unexplained", (), (), "no cell has replicates, so pure error is unknown and nothing can be tested")
+    helpful = [key for key in fits if len(key) == 1 and worth(fits, key, ())]
+    if passes(base) and not helpful:
+        return Verdict("adequate", (), (), f"the {base.model} model misses the cell means by no more than replicates scatter {_p(base)}")
+    good = [one for key, one in fits.items() if key and passes(one) and _all_needed(fits, key)]
+    if not good:
+        return _unexplained(fits)
+    best = min(good, key=lambda one: one.bic)
+    rivals = sorted(
+        (one for one in good if one.bic - best.bic < CLEARLY and one is not best), key=lambda one: one.bic
+    )
+    if rivals:
+        sets = tuple(one.effects for one in (best, *rivals))
+        return Verdict("ambiguous", best.effects, sets, f"{len(sets)} sets explain the data equally well: {'; '.join(map(_name, sets))}")
+    return Verdict("identified", best.effects, (best.effects,), _because(fits, best))
+
+
+def _all_needed(fits: Mapping[tuple[str, ...], Fit], key: tuple[str, ...]) -> bool:
+    parts = [part for part in combinations(key, len(key) - 1) if part in fits]
+    return all(worth(fits, key, part) for part in parts)
+
+
+def _because(fits: Mapping[tuple[str, ...], Fit], best: Fit) -> str:
+    base = fits[()]
+    others = [one for key, one in fits.items() if len(key) == len(best.effects) and one is not best and sound(one)]
+    second = min(others, key=lambda one: one.bic, default=None)
+    rest = f"; the next best, {_name(second.effects)}, has ΔBIC {second.bic - best.bic:.0f}" if second else ""
+    return (
+        f"with {_name(best.effects)} the deviance falls from {base.deviance:.0f} to {best.deviance:.0f} "
+        f"on {best.dof} degrees of freedom and replicates leave nothing to explain {_p(best)}{rest}"
+    )
+
+
+def _unexplained(fits: Mapping[tuple[str, ...], Fit]) -> Verdict:
+    best = min(fits.values(), key=lambda one: one.bic)
+    fails = best.fails
+    where = ""
+    if fails:
+        worst = fails[0]
+        where = (
+            f"; {len(fails)} cell means are still missed, the worst {worst.observable} at φ {worst.phi:.3f}, "
+            f"ω {worst.omega_rad_s:.3g} rad/s by {abs(worst.z):.1f} standard errors"
+        )
+    named = f"the best set, {_name(best.effects)}," if best.effects else "the base model"
+    return Verdict("unexplained", (), (), f"no set of catalogue effects passes the lack-of-fit test: {named} still fails {_p(best)}{where}")
+
+
+def _name(effects: tuple[str, ...]) -> str:
+    return " + ".join(effects) or "the base model"
+
+
+def _p(fit: Fit) -> str:
+    return f"(lack of fit p = {fit.lack_of_fit_p:.2g})"

@@ -1,0 +1,253 @@
+"""One .mcap file, written so that a crash costs what was not flushed and a damaged chunk costs itself.
+
+The records are `mcap`'s; the chunks are put together here because three things are needed that `mcap.writer` does not do:
+schemas and channels stand outside the chunks (a damaged first chunk takes nobody with it), a chunk goes to the file as
+the list of its parts without being copied together, and its CRC grows as the parts come. MCAP 1.0: https://mcap.dev/spec.
+"""
+
+import os
+import struct
+import zlib
+from collections import defaultdict
+from collections.abc import Mapping
+from pathlib import Path
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+MAGIC = b"\x89MCAP0\r\n"
+COMPRESSIONS = ("none", "lz4", "zstd")
+LIBRARY = "sandbot_record 0.1"
+_MESSAGE_HEADER = struct.Struct("<BQHIQQ")
+_INDEX_ENTRY = struct.Struct("<QQ")
+_MAX_PARTS = 512
+"""writev takes 1024 parts at once (IOV_MAX)."""
+
+
+class McapWriter:
+    """Writes one file. Every method may raise OSError when the disk is full; the file then ends in a torn record."""
+
+    def __init__(self, path: Path, *, compression: str = "none", chunk_size: int = 1 << 20) -> None:
+        self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+        self._offset = 0
+        self._compression = "" if compression == "none" else compression
+        self._chunk_size = chunk_size
+        self._schemas: list[Schema] = []
+        self._channels: list[Channel] = []
+        self._chunks: list[ChunkIndex] = []
+        self._others: list[AttachmentIndex | MetadataIndex] = []
+        self._counts: dict[int, int] = defaultdict(int)
+        self._span = (0, 0)
+        self._start_chunk()
+        self._write([MAGIC, _record(Header(profile="ros2", library=LIBRARY))])
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file and in the open chunk."""
+        return self._offset + self._chunk_bytes
+
+    def add_channel(
+        self, topic: str, type_name: str, definition: str, metadata: Mapping[str, str], encoding: str = "ros2msg"
+    ) -> int:
+        """Register a CDR channel; its id."""
+        schema = next((one for one in self._schemas if one.name == type_name and one.data == definition.encode()), None)
+        if schema is None:
+            schema = Schema(id=len(self._schemas) + 1, name=type_name, encoding=encoding, data=definition.encode())
+            self._schemas.append(schema)
+            self._write([_record(schema)])
+        channel = Channel(
+            id=len(self._channels) + 1,
+            topic=topic,
+            message_encoding="cdr",
+            metadata=dict(metadata),
+            schema_id=schema.id,
+        )
+        self._channels.append(channel)
+        self._write([_record(channel)])
+        return channel.id
+
+    def add_message(
+        self, channel: int, log_time_ns: int, publish_time_ns: int, data: bytes | memoryview, sequence: int = 0
+    ) -> None:
+        """Append a message to the open chunk; the chunk is written when it is full."""
+        header = _MESSAGE_HEADER.pack(
+            Opcode.MESSAGE, 22 + len(data), channel, sequence & 0xFFFFFFFF, log_time_ns, publish_time_ns
+        )
+        self._index[channel].append((log_time_ns, self._chunk_bytes))
+        self._parts += (header, data)
+        self._crc = zlib.crc32(data, zlib.crc32(header, self._crc))
+        self._chunk_bytes += len(header) + len(data)
+        self._counts[channel] += 1
+        if self._chunk_bytes >= self._chunk_size:
+            self._finish_chunk()
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Write a metadata record now."""
+        record = _record(Metadata(name=name, metadata=dict(values)))
+        self._others.append(MetadataIndex(offset=self._offset, length=len(record), name=name))
+        self._write([record])
+
+    def add_attachment(self, name: str, data: bytes, media_type: str, time_ns: int) -> None:
+        """Write an attachment now."""
+        record = _record(Attachment(create_time=time_ns, log_time=time_ns, name=name, media_type=media_type, data=data))
+        self._others.append(
+            AttachmentIndex(
+                offset=self._offset,
+                length=len(record),
+                log_time=time_ns,
+                create_time=time_ns,
+                data_size=len(data),
+                name=name,
+                media_type=media_type,
+            )
+        )
+        self._write([record])
+
+    def flush(self, *, fsync: bool = False) -> None:
+        """Close the open chunk: what came so far outlives this process (and, with fsync, a power cut)."""
+        self._finish_chunk()
+        if fsync:
+            os.fdatasync(self._fd)
+
+    def close(self) -> None:
+        """Write the last chunk, the summary and the footer."""
+        if self._fd < 0:
+            return
+        self._finish_chunk()
+        self._write([_record(DataEnd(0))])
+        self._write_summary()
+        self.abandon()
+
+    def abandon(self) -> None:
+        """Close the file as it is, without a summary: a torn file that can be recovered."""
+        fd, self._fd = self._fd, -1
+        if fd >= 0:
+            os.close(fd)
+
+    def _start_chunk(self) -> None:
+        self._parts: list[bytes | memoryview] = []
+        self._index: dict[int, list[tuple[int, int]]] = defaultdict(list)
+        self._chunk_bytes, self._crc = 0, 0
+
+    def _finish_chunk(self) -> None:
+        if not self._parts:
+            return
+        parts, size = self._parts, self._chunk_bytes
+        if self._compression:
+            parts = [_compress(b"".join(parts), self._compression)]
+        data_size = sum(map(len, parts))
+        times = [time for entries in self._index.values() for time, _ in entries]
+        span = min(times), max(times)
+        name = self._compression.encode()
+        head = struct.pack(
+            f"<BQQQQII{len(name)}sQ",
+            Opcode.CHUNK,
+            40 + len(name) + data_size,
+            *span,
+            size,
+            self._crc,
+            len(name),
+            name,
+            data_size,
+        )
+        start = self._offset
+        indexes = {channel: _message_index(channel, entries) for channel, entries in self._index.items()}
+        offsets, at = {}, start + len(head) + data_size
+        for channel, record in indexes.items():
+            offsets[channel] = at
+            at += len(record)
+        self._write([head, *parts, *indexes.values()])
+        self._span = (min(self._span[0], span[0]), max(self._span[1], span[1])) if self._chunks else span
+        self._chunks.append(
+            ChunkIndex(
+                chunk_start_offset=start,
+                chunk_length=len(head) + data_size,
+                message_start_time=span[0],
+                message_end_time=span[1],
+                message_index_offsets=offsets,
+                message_index_length=sum(map(len, indexes.values())),
+                compression=self._compression,
+                compressed_size=data_size,
+                uncompressed_size=size,
+            )
+        )
+        self._start_chunk()
+
+    def _write_summary(self) -> None:
+        attachments = [one for one in self._others if isinstance(one, AttachmentIndex)]
+        metadata = [one for one in self._others if isinstance(one, MetadataIndex)]
+        statistics = Statistics(
+            message_count=sum(self._counts.values()),
+            schema_count=len(self._schemas),
+            channel_count=len(self._channels),
+            attachment_count=len(attachments),
+            metadata_count=len(metadata),
+            chunk_count=len(self._chunks),
+            message_start_time=self._span[0],
+            message_end_time=self._span[1],
+            channel_message_counts=dict(self._counts),
+        )
+        groups: list[tuple[Opcode, list[bytes]]] = [
+            (Opcode.SCHEMA, [_record(one) for one in self._schemas]),
+            (Opcode.CHANNEL, [_record(one) for one in self._channels]),
+            (Opcode.STATISTICS, [_record(statistics)]),
+            (Opcode.CHUNK_INDEX, [_record(one) for one in self._chunks]),
+            (Opcode.ATTACHMENT_INDEX, [_record(one) for one in attachments]),
+            (Opcode.METADATA_INDEX, [_record(one) for one in metadata]),
+        ]
+        summary_start, offsets, at = self._offset, [], self._offset
+        for opcode, records in groups:
+            length = sum(map(len, records))
+            if records:
+                offsets.append(_record(SummaryOffset(group_opcode=opcode, group_start=at, group_length=length)))
+            at += length
+        summary = b"".join(record for _, records in groups for record in records) + b"".join(offsets)
+        crc = zlib.crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, summary_start, at), zlib.crc32(summary))
+        self._write([summary, _record(Footer(summary_start, at, crc)), MAGIC])
+
+    def _write(self, parts: list[bytes | memoryview]) -> None:
+        for first in range(0, len(parts), _MAX_PARTS):
+            self._writev(parts[first : first + _MAX_PARTS])
+
+    def _writev(self, parts: list[bytes | memoryview]) -> None:
+        left = sum(map(len, parts))
+        while left:
+            done = os.writev(self._fd, parts)
+            self._offset += done
+            left -= done
+            if left:  # a short write: go on behind what was taken
+                parts = [memoryview(b"".join(parts))[done:]]
+
+
+def _record(record: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    return bytes(builder.end())
+
+
+def _message_index(channel: int, entries: list[tuple[int, int]]) -> bytes:
+    head = struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + 16 * len(entries), channel, 16 * len(entries))
+    return head + b"".join(_INDEX_ENTRY.pack(*entry) for entry in entries)
+
+
+def _compress(data: bytes, compression: str) -> bytes:
+    if compression == "zstd":
+        return zstandard.ZstdCompressor(level=1).compress(data)
+    return bytes(lz4.frame.compress(data))

@@ -1,0 +1,183 @@
+"""metadata.yaml of a bag folder: rosbag2 version 9, as `ros2 bag` of Jazzy and rosbags read it.
+
+It is written when recording starts and again when a topic appears, so that types, QoS and hashes outlive any damage to
+the .mcap file, and completed at the end; ``custom_data: state`` says which of the two it is.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
+
+from sandbot_common import files
+from sandbot_common.errors import InputError
+
+NAME = "metadata.yaml"
+RECORDING, COMPLETE = "recording", "complete"
+INFINITE = QosTime(9223372036, 854775807)
+
+
+def qos(*, latched: bool = False, depth: int = 50, reliable: bool = True) -> Qos:
+    """The QoS profile of a topic, as rosbag2 stores it."""
+    return Qos(
+        history=QosHistory.KEEP_LAST,
+        depth=depth,
+        reliability=QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,
+        durability=QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+        deadline=INFINITE,
+        lifespan=INFINITE,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=INFINITE,
+        avoid_ros_namespace_conventions=False,
+    )
+
+
+def qos_text(profiles: Sequence[Qos]) -> str:
+    """QoS profiles as the YAML text that stands in an MCAP channel; the same content as in metadata.yaml."""
+    return yaml.safe_dump(dump_qos_v9(list(profiles)), sort_keys=False) if profiles else ""
+
+
+def qos_from_text(text: str) -> tuple[Qos, ...]:
+    """QoS profiles from such text; empty where it can't be read."""
+    try:
+        return tuple(parse_qos(yaml.safe_load(text) or []))
+    except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError):
+        return ()
+
+
+@dataclass
+class TopicInfo:
+    """One topic of a bag."""
+
+    name: str
+    type: str
+    hash: str = ""
+    qos: tuple[Qos, ...] = ()
+    count: int = 0
+
+
+@dataclass
+class FileInfo:
+    """One storage file of a bag; times in ns."""
+
+    path: str
+    start_ns: int = 0
+    end_ns: int = 0
+    count: int = 0
+
+
+@dataclass
+class BagInfo:
+    """What metadata.yaml says."""
+
+    topics: list[TopicInfo] = field(default_factory=list)
+    files: list[FileInfo] = field(default_factory=list)
+    custom: dict[str, str] = field(default_factory=dict)
+    storage: str = "mcap"
+    compression: str = ""
+    distro: str = "jazzy"
+
+    @property
+    def count(self) -> int:
+        """Messages in all topics."""
+        return sum(topic.count for topic in self.topics)
+
+
+def write(folder: Path, info: BagInfo) -> None:
+    """Write metadata.yaml, whole or not at all."""
+    spans = [(one.start_ns, one.end_ns) for one in info.files if one.count]
+    start, end = (min(s for s, _ in spans), max(e for _, e in spans)) if spans else (0, 0)
+    content = {
+        "rosbag2_bagfile_information": {
+            "version": 9,
+            "storage_identifier": info.storage,
+            "duration": {"nanoseconds": end - start},
+            "starting_time": {"nanoseconds_since_epoch": start},
+            "message_count": info.count,
+            "topics_with_message_count": [_topic(topic) for topic in info.topics],
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [one.path for one in info.files],
+            "files": [
+                {
+                    "path": one.path,
+                    "starting_time": {"nanoseconds_since_epoch": one.start_ns},
+                    "duration": {"nanoseconds": one.end_ns - one.start_ns},
+                    "message_count": one.count,
+                }
+                for one in info.files
+            ],
+            "custom_data": dict(info.custom) or None,
+            "ros_distro": info.distro,
+        }
+    }
+    files.write_text(folder / NAME, yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
+
+
+def read(folder: Path) -> BagInfo | None:
+    """What metadata.yaml says, None if there is none. Raises InputError if it is not rosbag2's."""
+    path = folder / NAME
+    if not path.exists():
+        return None
+    content = files.read_yaml(path).get("rosbag2_bagfile_information")
+    try:
+        return _parse(content)  # type: ignore[arg-type]
+    except KeyError as error:
+        raise InputError(f"{path}: missing key {error}: not a rosbag2 metadata.yaml") from None
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise InputError(f"{path}: not a rosbag2 metadata.yaml ({error})") from None
+
+
+def _parse(content: Mapping[str, Any]) -> BagInfo:
+    topics = [
+        TopicInfo(
+            name=str(entry["topic_metadata"]["name"]),
+            type=str(entry["topic_metadata"]["type"]),
+            hash=str(entry["topic_metadata"].get("type_description_hash", "")),
+            qos=_qos(entry["topic_metadata"].get("offered_qos_profiles", [])),
+            count=int(entry["message_count"]),
+        )
+        for entry in content["topics_with_message_count"]
+    ]
+    paths = [str(path) for path in content["relative_file_paths"]]
+    given = {str(entry["path"]): _file(entry) for entry in content.get("files") or []}
+    return BagInfo(
+        topics=topics,
+        files=[given.get(path, FileInfo(path)) for path in paths],
+        custom={str(key): str(value) for key, value in (content.get("custom_data") or {}).items()},
+        storage=str(content["storage_identifier"]),
+        compression=str(content.get("compression_mode") or "").lower().replace("none", ""),
+        distro=str(content.get("ros_distro", "")),
+    )
+
+
+def _file(entry: Mapping[str, Any]) -> FileInfo:
+    start = int(entry["starting_time"]["nanoseconds_since_epoch"])
+    end = start + int(entry["duration"]["nanoseconds"])
+    return FileInfo(str(entry["path"]), start, end, int(entry["message_count"]))
+
+
+def _qos(value: object) -> tuple[Qos, ...]:
+    if isinstance(value, str):
+        return qos_from_text(value)
+    try:
+        return tuple(parse_qos(value))  # type: ignore[arg-type]
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return ()
+
+
+def _topic(topic: TopicInfo) -> dict[str, object]:
+    return {
+        "topic_metadata": {
+            "name": topic.name,
+            "type": topic.type,
+            "serialization_format": "cdr",
+            "offered_qos_profiles": dump_qos_v9(list(topic.qos)),
+            "type_description_hash": topic.hash,
+        },
+        "message_count": topic.count,
+    }

@@ -1,0 +1,187 @@
+"""Pixels to metres and back: a pinhole camera with lens distortion that looks at a plane of the trackway.
+
+A camera sees rays, not points. What turns a pixel into metres is knowing the plane its marker moves in: z = offset for
+the dorsal camera, y = offset for the lateral one. The dorsal marker rides on the body, so its plane rises with the lift
+(``to_plane(..., offset_m)``); left uncorrected the parallax is about x·lift/Z.
+
+Camera axes: x right, y down, z forward. ``rotation`` takes trackway axes to camera axes (its rows are the camera's axes).
+Lens model: OpenCV's (k1, k2, p1, p2, k3).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sandbot_common.errors import InputError
+from sandbot_common.files import read_yaml
+from sandbot_common.parameters import from_mapping, parameter
+
+Floats = NDArray[np.float64]
+
+NORMALS = {"x": 0, "y": 1, "z": 2}
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The plane a marker moves in: coordinate ``normal`` equals ``offset_m``."""
+
+    normal: str = parameter(doc="axis normal to the plane", choices=tuple(NORMALS))
+    offset_m: float = parameter(unit="m", doc="where the plane cuts that axis", low=-10.0, high=10.0)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One calibrated camera (pixels; metres in the trackway frame)."""
+
+    width: int = parameter(unit="px", doc="image width", low=1, high=20000)
+    height: int = parameter(unit="px", doc="image height", low=1, high=20000)
+    fx: float = parameter(unit="px", doc="focal length along image x", low=1.0)
+    fy: float = parameter(unit="px", doc="focal length along image y", low=1.0)
+    cx: float = parameter(unit="px", doc="principal point, x")
+    cy: float = parameter(unit="px", doc="principal point, y")
+    position_m: tuple[float, ...] = parameter(unit="m", doc="camera centre [x, y, z]")
+    rotation: tuple[Any, ...] = parameter(doc="3 rows, trackway axes to camera axes")
+    plane: Any = parameter(doc="plane of the markers: {normal, offset_m}")
+    distortion: tuple[float, ...] = parameter((0.0,) * 5, doc="k1, k2, p1, p2, k3")
+    frame_rate_hz: float = parameter(100.0, unit="Hz", doc="frames per second", low=0.1, high=10000.0)
+    exposure_s: float = parameter(0.001, unit="s", doc="exposure time", low=0.0, high=10.0)
+    led_region: tuple[int, ...] | None = parameter(None, unit="px", doc="x, y, width, height of the sync LED", low=0)
+
+    def __post_init__(self) -> None:
+        rotation = np.asarray(self.rotation, dtype=float)
+        if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
+            raise InputError(f"camera rotation {rotation.tolist()} is not a rotation (orthonormal, right-handed)")
+
+    @cached_property
+    def matrix(self) -> Floats:
+        """The camera matrix K, (3, 3)."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    @cached_property
+    def _axes(self) -> Floats:
+        return np.array(self.rotation, dtype=float)
+
+    @cached_property
+    def _centre(self) -> Floats:
+        return np.array(self.position_m, dtype=float)
+
+    @cached_property
+    def _lens(self) -> Floats:
+        return np.array(self.distortion, dtype=float)
+
+    def to_pixels(self, xyz_m: ArrayLike) -> Floats:
+        """Image points (n, 2) [px] of points (n, 3) [m]; NaN behind the camera."""
+        seen = (np.atleast_2d(np.asarray(xyz_m, dtype=float)) - self._centre) @ self._axes.T
+        ahead = np.where(seen[:, 2:] > 0, seen, np.nan)
+        ray = ahead[:, :2] / ahead[:, 2:]
+        return self._distort(ray) * (self.fx, self.fy) + (self.cx, self.cy)
+
+    def _distort(self, ray: Floats) -> Floats:
+        """Brown–Conrady as in OpenCV's calib3d: radial k1, k2, k3 and tangential p1, p2. (n, 2) to (n, 2)."""
+        k1, k2, p1, p2, k3 = self._lens
+        x, y = ray.T
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        return np.column_stack(
+            (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y)
+        )
+
+    def _rays(self, px: Floats) -> Floats:
+        """Directions (n, 3) in trackway axes of pixels (n, 2)."""
+        if self._lens.any():
+            # The default 5 iterations leave 1e-3 px at strong distortion.
+            criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 20, 1e-12)
+            points = np.ascontiguousarray(px, dtype=float)[:, None, :]
+            normal = cv2.undistortPointsIter(points, self.matrix, self._lens, None, None, criteria)[:, 0, :]
+        else:
+            normal = (px - (self.cx, self.cy)) / (self.fx, self.fy)
+        return np.asarray(np.column_stack((normal, np.ones(len(normal)))) @ self._axes, dtype=float)
+
+    def to_plane(self, px: ArrayLike, offset_m: ArrayLike | None = None) -> Floats:
+        """Points (n, 3) [m] where the rays of pixels (n, 2) meet the plane; NaN stays NaN.
+
+        ``offset_m``: the plane's place along its normal, one value or (n,); default: the camera's own plane.
+        """
+        points = np.atleast_2d(np.asarray(px, dtype=float))
+        if points.shape[1] != 2:
+            raise InputError(f"pixels of shape {points.shape}: (n, 2) is needed")
+        axis = NORMALS[self.plane.normal]
+        offset = np.asarray(self.plane.offset_m if offset_m is None else offset_m, dtype=float)
+        rays = self._rays(points)
+        distance = (offset - self._centre[axis]) / rays[:, axis]
+        return self._centre + rays * distance[:, None]
+
+    def covariance_m2(self, px: ArrayLike, covariance_px2: ArrayLike, offset_m: ArrayLike | None = None) -> Floats:
+        """Covariances (n, 3, 3) [m²] of ``to_plane`` from pixel covariances: (n, 2) variances or (n, 2, 2).
+
+        First order: J C Jᵀ, with J the derivative of ``to_plane`` by central differences of half a pixel.
+        """
+        points = np.atleast_2d(np.asarray(px, dtype=float))
+        given = np.asarray(covariance_px2, dtype=float)
+        square = given if given.ndim == 3 else given[:, :, None] * np.eye(2)
+        jacobian = np.stack(
+            [self.to_plane(points + step, offset_m) - self.to_plane(points - step, offset_m) for step in 0.5 * np.eye(2)],
+            axis=2,
+        )
+        return np.asarray(jacobian @ square @ jacobian.transpose(0, 2, 1), dtype=float)
+
+    def parallax(self, px: ArrayLike) -> Floats:
+        """d(position)/d(plane offset), (n, 3): how far a point moves when its plane is moved by one metre."""
+        rays = self._rays(np.atleast_2d(np.asarray(px, dtype=float)))
+        return np.asarray(rays / rays[:, [NORMALS[self.plane.normal]]], dtype=float)
+
+    def with_intrinsics(self, width: int, height: int, k: Sequence[float], d: Sequence[float]) -> "Camera":
+        """This camera with size, matrix (9,) and distortion (5,) as a sensor_msgs/CameraInfo gives them."""
+        if len(k) != 9 or len(d) not in (0, 4, 5) or not k[0] > 0 or not k[4] > 0:
+            raise InputError(f"camera_info with k={list(k)}, d={list(d)}: a calibrated plumb_bob camera is needed")
+        distortion = (*map(float, d), *(0.0,) * (5 - len(d)))
+        return replace(self, width=width, height=height, fx=k[0], fy=k[4], cx=k[2], cy=k[5], distortion=distortion)
+
+
+def camera_from_mapping(mapping: Any, where: str) -> Camera:
+    """A camera from its YAML mapping. Raises InputError on anything missing, unknown or out of range."""
+    if not isinstance(mapping, Mapping):
+        raise InputError(f"{where}: expected a mapping of parameters, got {mapping!r}")
+    camera = dict(mapping)
+    rows = camera.get("rotation")
+    if "rotation" in camera:
+        camera["rotation"] = _matrix(rows, where)
+    if "plane" in camera:
+        camera["plane"] = from_mapping(Plane, camera["plane"], f"{where}: plane")
+    for key, lengths in (("position_m", (3,)), ("distortion", (4, 5)), ("led_region", (4,))):
+        value = camera.get(key)
+        if isinstance(value, list | tuple) and len(value) not in lengths:
+            raise InputError(f"{where}: {key}: {value} has {len(value)} numbers, expected {lengths[-1]}")
+    if isinstance(camera.get("distortion"), list) and len(camera["distortion"]) == 4:
+        camera["distortion"] = [*camera["distortion"], 0.0]
+    try:
+        return from_mapping(Camera, camera, where)
+    except InputError as error:
+        message = str(error)
+        raise InputError(message if message.startswith(where) else f"{where}: {message}") from None
+
+
+def _matrix(rows: Any, where: str) -> tuple[tuple[float, ...], ...]:
+    try:
+        matrix = np.array(rows, dtype=float)
+    except (TypeError, ValueError):
+        matrix = np.empty(0)
+    if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
+        raise InputError(f"{where}: rotation: {rows!r} is not 3 rows of 3 numbers")
+    return tuple(tuple(row) for row in matrix.tolist())
+
+
+def read_cameras(path: Path | str) -> dict[str, Camera]:
+    """The cameras of a YAML file, by name (``dorsal``, ``lateral``). Raises InputError."""
+    content = read_yaml(Path(path))
+    if isinstance(content.get("cameras"), dict):
+        content = content["cameras"]
+    if not content:
+        raise InputError(f"{path}: no camera in it")
+    return {name: camera_from_mapping(mapping, f"{path}: {name}") for name, mapping in content.items()}

@@ -1,0 +1,178 @@
+"""Steps laid over one another, and the steepest or highest point of the folded curve.
+
+At ω = 30 rad/s a step has ten frames and its stance may be over in one; many steps together, each sampled at other phases, show
+the stance well. The curve has kinks where the leg catches and lets go, so no global smoother will do. A local cubic is fitted in
+windows of many centres and widths, and of each centre the widest window is kept whose residuals are noise (Lepski's rule): it ends by
+itself before a kink, and spans the whole step where the robot swims, so noise does not pass for a peak.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+Floats = NDArray[np.float64]
+
+_CENTRES = 60
+_WIDTHS = 0.5 * 0.85 ** np.arange(20)
+"""Half-widths of windows, in steps: 0.5 down to 0.02."""
+_LEAST = 8
+"""Points in a window at least, so that a cubic has residuals."""
+
+
+@dataclass(frozen=True)
+class Folded:
+    """Samples of all steps by phase, ascending."""
+
+    phase: Floats
+    """(n,) in [0, 1)."""
+    value: Floats
+    """(n,)."""
+    noise: float
+    """Standard deviation of a value."""
+    advance: float
+    """What the value gains over one step."""
+
+
+@dataclass(frozen=True)
+class _Fit:
+    slope: float
+    level: float
+    slope_se: float
+    level_se: float
+
+
+def peak_slope(t_s: Floats, x_m: Floats, edges_s: Floats, rest_m: Floats) -> float:
+    """Largest dx/dt of the folded step [m/s].
+
+    ``rest_m``: position at each of the ``edges_s``. Raises ValueError, with the reason, if it cannot be measured.
+    """
+    number, x = _inside(t_s, x_m, edges_s)
+    step = number.astype(int)
+    length = np.diff(rest_m)[step]
+    mean = float(np.nanmean(np.diff(rest_m))) if np.isfinite(rest_m).sum() > 1 else np.nan
+    seconds = float(np.median(np.diff(edges_s)))
+    # Each step's own length is taken off in proportion: what is left is the shape, scaled by the mean length.
+    part = (x - rest_m[step]) - (length - mean) * _progress(number % 1.0, x - rest_m[step], length)
+    folded = fold(number % 1.0, part, mean)
+    line = _fit(folded, 0.5, 0.5, degree=1)
+    if line is not None:
+        return line.slope / seconds
+    best = _best(folded, lambda fit: fit.slope - 2 * fit.slope_se)
+    return best.slope / seconds
+
+
+def peak_height(t_s: Floats, z_m: Floats, edges_s: Floats) -> float:
+    """Largest z of the folded step, median over the steps [m]; the plain mean if the folded curve is flat."""
+    number, z = _inside(t_s, z_m, edges_s)
+    folded = fold(number % 1.0, z, 0.0)
+    flat = _fit(folded, 0.5, 0.5, degree=0)
+    if flat is not None:
+        return flat.level
+    top = _best(folded, lambda fit: fit.level - 2 * fit.level_se).level
+    return top * _median_scale(number, z, folded)
+
+
+def fold(phase: Floats, value: Floats, advance: float) -> Folded:
+    """Sort by phase and estimate the noise from how far a point lies off the line through its neighbours."""
+    seen = np.isfinite(value)
+    if seen.sum() < 4 * _LEAST:
+        raise ValueError(f"{int(seen.sum())} frames in steady steps, at least {4 * _LEAST} are needed")
+    order = np.argsort(phase[seen], kind="stable")
+    phase, value = phase[seen][order], value[seen][order]
+    left, middle, right = phase[:-2], phase[1:-1], phase[2:]
+    share = np.divide(middle - left, right - left, out=np.full(middle.size, 0.5), where=right > left)
+    off = value[1:-1] - (value[:-2] * (1 - share) + value[2:] * share)
+    off = off / np.sqrt(1 + share**2 + (1 - share) ** 2)
+    return Folded(phase, value, max(1.4826 * float(np.median(np.abs(off))), 1e-7), advance)
+
+
+def _inside(t_s: Floats, value: Floats, edges_s: Floats) -> tuple[Floats, Floats]:
+    """Step number with phase as its fraction, and value, of the frames within the edges."""
+    if edges_s.size < 2:
+        raise ValueError("no whole steady step")
+    number = np.interp(t_s, edges_s, np.arange(edges_s.size), left=np.nan, right=np.nan)
+    keep = np.isfinite(number) & (number < edges_s.size - 1)
+    return number[keep], value[keep]
+
+
+def _progress(phase: Floats, part: Floats, length: Floats) -> Floats:
+    """How far through the step a frame is, as part of the step's length: the folded median of x/length by phase."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(length > 1e-3, part / length, phase)
+    seen = np.isfinite(ratio)
+    if seen.sum() < 10:
+        return phase
+    order = np.argsort(phase[seen])
+    p, r = phase[seen][order], np.clip(ratio[seen][order], -0.5, 1.5)
+    size = max(1, p.size // 40)
+    groups = p.size // size
+    middle = np.median(p[: groups * size].reshape(groups, size), axis=1)
+    level = np.median(r[: groups * size].reshape(groups, size), axis=1)
+    return np.interp(phase, np.concatenate(([0.0], middle, [1.0])), np.concatenate(([0.0], level, [1.0])))
+
+
+def _best(folded: Folded, merit) -> _Fit:  # type: ignore[no-untyped-def]
+    fits = [fit for centre in (np.arange(_CENTRES) + 0.5) / _CENTRES if (fit := _widest(folded, centre)) is not None]
+    if not fits:
+        raise ValueError("the folded step is not sampled finely enough: more steps or another ω are needed")
+    return max(fits, key=merit)
+
+
+def _widest(folded: Folded, centre: float) -> _Fit | None:
+    for half in _WIDTHS:
+        if (fit := _fit(folded, centre, float(half), degree=3)) is not None:
+            return fit
+    return None
+
+
+def _fit(folded: Folded, centre: float, half: float, degree: int) -> _Fit | None:
+    """A polynomial about ``centre`` in [centre ± half], wrapping round the step; None if its residuals are not noise."""
+    turns = np.floor(folded.phase - centre + 0.5)
+    u = (folded.phase - centre - turns) / half
+    inside = np.abs(u) <= 1.0
+    u, y = u[inside], (folded.value - folded.advance * turns)[inside]
+    if u.size < max(_LEAST, degree + 2) or np.unique(np.round(u, 2)).size < degree + 3 or not _balanced(u):
+        return None
+    design = u[:, None] ** np.arange(degree + 1)
+    solution, *_ = np.linalg.lstsq(design, y, rcond=None)
+    residual = (y - design @ solution) / folded.noise
+    free = u.size - degree - 1
+    if residual @ residual > 1.2 * chi2.ppf(0.99, free) or _runs(residual, u):
+        return None
+    covariance = np.linalg.inv(design.T @ design) * folded.noise**2
+    slope, slope_se = (solution[1] / half, np.sqrt(covariance[1, 1]) / half) if degree else (0.0, 0.0)
+    return _Fit(float(slope), float(solution[0]), float(slope_se), float(np.sqrt(covariance[0, 0])))
+
+
+def _balanced(u: Floats) -> bool:
+    """Whether points lie on both sides, near both ends: a slope must not be an extrapolation."""
+    return bool(u.min() < -0.5 and u.max() > 0.5)
+
+
+def _runs(residual: Floats, u: Floats) -> bool:
+    """Whether residuals lean to one side somewhere: a mean over an eighth of the window beyond four of its sd."""
+    bins = np.minimum(((u + 1) * 4).astype(int), 7)
+    count = np.bincount(bins, minlength=8)
+    mean = np.bincount(bins, residual, 8) / np.sqrt(np.maximum(count, 1))
+    return bool(np.abs(mean).max() > 4.0)
+
+
+def _median_scale(number: Floats, z: Floats, folded: Folded) -> float:
+    """Median over steps of a step's height relative to the folded curve (least squares on its shape)."""
+    shape = _smooth(folded, number % 1.0)
+    seen = np.isfinite(z)
+    step = number.astype(int)
+    power = np.bincount(step[seen], shape[seen] ** 2)
+    scale = np.bincount(step[seen], shape[seen] * z[seen])[power > 4 * folded.noise**2] / power[power > 4 * folded.noise**2]
+    return float(np.median(scale)) if scale.size else 1.0
+
+
+def _smooth(folded: Folded, phase: Floats) -> Floats:
+    """The folded curve at phases: means over neighbours in phase."""
+    size = max(1, folded.phase.size // 40)
+    groups = folded.phase.size // size
+    middle = folded.phase[: groups * size].reshape(groups, size).mean(axis=1)
+    level = folded.value[: groups * size].reshape(groups, size).mean(axis=1)
+    return np.interp(phase, middle, level, period=1.0)

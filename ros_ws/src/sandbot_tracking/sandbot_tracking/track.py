@@ -1,0 +1,225 @@
+"""Frame after frame: follow named markers, lose them honestly, find them again, never swap them.
+
+Each marker is looked for where constant velocity puts it. One that is not there is missing (NaN, counted), then looked for in a
+wider gate, beside its still visible neighbour, and at last in the whole frame. Markers of one camera ride on a rigid body, so they keep
+their order along the image and nearly their distance: what breaks that is dropped and counted as ambiguous.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_common.errors import InputError
+from sandbot_common.parameters import parameter
+from sandbot_tracking.markers import Appearance, Discs, Floats, Frame, detect, is_marker, locate
+
+
+@dataclass(frozen=True)
+class Gates:
+    """How far a marker may be from where it was expected."""
+
+    gate_px: float = parameter(10.0, unit="px", doc="half-width of the search around a prediction", low=1.0, high=200.0)
+    growth_px: float = parameter(3.0, unit="px", doc="added to the gate for each frame missed", low=0.0, high=50.0)
+    patience: int = parameter(5, doc="frames missed before the whole frame is searched", low=1, high=1000)
+    spacing: float = parameter(0.1, doc="tolerated change of the distance between markers (part of it)", low=0.0, high=0.5)
+    area: float = parameter(0.25, doc="tolerated change of a marker's area (part of it): beyond, it is half hidden", low=0.05, high=1.0)
+
+
+@dataclass(frozen=True)
+class Marks:
+    """The markers in one frame, in the order of the tracker's names."""
+
+    xy_px: Floats
+    """Centres, (n, 2); NaN where missing."""
+    var_px2: Floats
+    """Their variances, (n, 2); NaN where missing."""
+    found: NDArray[np.bool_]
+    """(n,)."""
+
+
+@dataclass
+class Counts:
+    """What happened so far, in frames times markers."""
+
+    frames: int = 0
+    missing: int = 0
+    lost: int = 0
+    reacquired: int = 0
+    ambiguous: int = 0
+
+
+class MarkerTracker:
+    """Follows ``names`` markers, named in the order of increasing image x.
+
+    ``spacing_px``: the expected distance between the first and the last of several markers; learned at the first sight
+    if None. ``ignore_px``: rectangles (x, y, width, height) where nothing is a marker (the sync LED).
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        looks: Appearance | None = None,
+        gates: Gates | None = None,
+        spacing_px: float | None = None,
+        ignore_px: Sequence[tuple[int, int, int, int]] = (),
+    ) -> None:
+        if not names or len(set(names)) != len(names):
+            raise InputError(f"marker names {list(names)}: at least one and all different are needed")
+        self.names = tuple(names)
+        self.counts = Counts()
+        self._looks, self._gates = looks or Appearance(), gates or Gates()
+        self._spacing, self._ignore = spacing_px, tuple(ignore_px)
+        n = len(names)
+        self._xy = np.full((n, 2), np.nan)
+        self._velocity = np.zeros((n, 2))
+        self._radius = np.full(n, np.nan)
+        self._missed = np.full(n, self._gates.patience, dtype=int)
+        self._seen_before = np.zeros(n, dtype=bool)
+        self._offset = np.full((n, 2), np.nan)
+
+    def update(self, frame: Frame) -> Marks:
+        """The markers in the next frame, mono8 (height, width). Frames come at a steady rate."""
+        if frame.ndim != 2 or frame.dtype != np.uint8:
+            raise InputError(f"frame of shape {frame.shape} and type {frame.dtype}: mono8 (height, width) is needed")
+        rows = np.array([self._look(frame, i) for i in range(len(self.names))])
+        if (self._missed + np.isnan(rows[:, 0]) > self._gates.patience).any():
+            rows = self._acquire(frame, rows)
+        rows = self._consistent(rows)
+        self._learn(rows)
+        found = np.isfinite(rows[:, 0])
+        return Marks(rows[:, :2].copy(), rows[:, 2:4].copy(), found)
+
+    def _look(self, frame: Frame, i: int) -> Floats:
+        """Marker ``i`` where it is expected, NaN if it is not there."""
+        if self._missed[i] > self._gates.patience or not self._seen_before[i]:
+            return np.full(7, np.nan)
+        where = self._xy[i] + self._velocity[i]
+        gate = self._gates.gate_px + self._gates.growth_px * self._missed[i]
+        row = locate(frame, where[0], where[1], self._radius[i], gate)
+        near = np.hypot(*(row[:2] - where)) <= gate + 1.0
+        return row if near and self._same(row, i) and not self._ignored(row) else np.full(7, np.nan)
+
+    def _same(self, row: Floats, i: int) -> bool:
+        """Whether a disc looks like marker ``i`` did: a marker, of the same area."""
+        if not is_marker(row, self._looks):
+            return False
+        return not self._seen_before[i] or abs((row[4] / self._radius[i]) ** 2 - 1.0) <= self._gates.area
+
+    def _ignored(self, row: Floats) -> bool:
+        return any(x <= row[0] <= x + w and y <= row[1] <= y + h for x, y, w, h in self._ignore)
+
+    def _acquire(self, frame: Frame, rows: Floats) -> Floats:
+        """Fill missing markers from the whole frame, if there is one way only to do it."""
+        candidates = self._candidates(frame)
+        choices = [choice for choice in combinations(candidates, len(rows)) if self._fits(choice, rows)]
+        if len(choices) == 1:
+            return np.array(choices[0])
+        if len(choices) > 1:
+            best = self._clearly_best(choices)
+            if best is not None:
+                return np.array(best)
+            self.counts.ambiguous += int(np.isnan(rows[:, 0]).sum())
+            return rows
+        return self._acquire_one(rows, candidates)
+
+    def _candidates(self, frame: Frame) -> list[Floats]:
+        """Marker-like discs of the frame as rows, by increasing x; at most eight of the brightest."""
+        discs: Discs = detect(frame, self._looks)
+        rows = [
+            np.array([*xy, *var, radius, contrast, 1.0])
+            for xy, var, radius, contrast in zip(discs.xy_px, discs.var_px2, discs.radius_px, discs.contrast, strict=True)
+        ]
+        return sorted((row for row in rows[:8] if not self._ignored(row)), key=lambda row: float(row[0]))
+
+    def _fits(self, choice: tuple[Floats, ...], rows: Floats) -> bool:
+        """Whether candidates (ordered along x) can be the markers: those in sight stay, look and distance are right."""
+        table = np.array(choice)
+        for i, row in enumerate(table):
+            if not self._same(row, i):
+                return False
+            if np.isfinite(rows[i, 0]) and np.hypot(*(row[:2] - rows[i, :2])) > 1.0:
+                return False
+        return self._spaced(table)
+
+    def _spaced(self, table: Floats) -> bool:
+        if len(table) < 2 or self._spacing is None:
+            return True
+        gap = float(np.hypot(*(table[-1, :2] - table[0, :2])))
+        return abs(gap / self._spacing - 1.0) <= self._gates.spacing
+
+    def _clearly_best(self, choices: list[tuple[Floats, ...]]) -> tuple[Floats, ...] | None:
+        """The choice nearest to where the markers were, or the most alike and brightest; None if two are close."""
+        if self._seen_before.all():
+            cost = [float(np.hypot(*(np.array(c)[:, :2] - self._xy).T).mean()) for c in choices]
+            margin = self._gates.gate_px
+        else:
+            cost = [float(np.ptp([row[4] for row in c]) * 10 - np.mean([row[5] for row in c])) for c in choices]
+            margin = 0.15 * self._looks.contrast
+        order = np.argsort(cost)
+        return choices[order[0]] if cost[order[1]] - cost[order[0]] > margin else None
+
+    def _acquire_one(self, rows: Floats, candidates: list[Floats]) -> Floats:
+        """Missing markers beside their visible neighbour: the learned offset says which is which."""
+        visible = np.flatnonzero(np.isfinite(rows[:, 0]))
+        if not visible.size:
+            return self._acquire_lonely(rows, candidates)
+        anchor, answer = visible[0], rows.copy()
+        for i in np.flatnonzero(np.isnan(rows[:, 0])):
+            where = rows[anchor, :2] + self._offset[i] - self._offset[anchor]
+            near = [c for c in candidates if np.hypot(*(c[:2] - where)) <= self._gates.gate_px and self._same(c, i)]
+            if len(near) == 1:
+                answer[i] = near[0]
+        return answer
+
+    def _acquire_lonely(self, rows: Floats, candidates: list[Floats]) -> Floats:
+        """One disc in sight and no marker held: it is a marker only if just one name can be near it."""
+        if len(candidates) != 1 or not self._seen_before.all() or len(rows) == 1:
+            return rows
+        disc = candidates[0]
+        distance = np.hypot(*(self._xy - disc[:2]).T)
+        nearest, answer = int(np.argmin(distance)), rows.copy()
+        reach = 3 * self._gates.gate_px + self._gates.growth_px * self._missed[nearest]
+        others = np.delete(distance, nearest)
+        if distance[nearest] < reach and (others > 2 * reach).all() and self._same(disc, nearest):
+            answer[nearest] = disc
+        elif np.isfinite(distance).all():
+            self.counts.ambiguous += 1
+        return answer
+
+    def _consistent(self, rows: Floats) -> Floats:
+        """Drop all markers of a frame in which their order or distance is broken."""
+        seen = rows[np.isfinite(rows[:, 0])]
+        ordered = bool((np.diff(seen[:, 0]) > 0).all())
+        if ordered and (len(seen) < len(rows) or self._spaced(rows)):
+            return rows
+        self.counts.ambiguous += len(seen)
+        self._missed[:] = self._gates.patience
+        return np.full_like(rows, np.nan)
+
+    def _learn(self, rows: Floats) -> None:
+        found = np.isfinite(rows[:, 0])
+        gone = ~found & self._seen_before & (self._missed == 0)
+        back = found & self._seen_before & (self._missed > 0)
+        held = found & (self._missed == 0)
+        self.counts.frames += 1
+        self.counts.missing += int((~found).sum())
+        self.counts.lost += int(gone.sum())
+        self.counts.reacquired += int(back.sum())
+
+        # The last step alone is the velocity: a leg catches within one frame, an average would lag behind it.
+        step = np.where(held[:, None], rows[:, :2] - self._xy, 0.0)
+        self._velocity = np.where(found[:, None], step, self._velocity * 0.5)
+        drift = self._xy + np.where(self._missed[:, None] < self._gates.patience, self._velocity, 0.0)
+        self._xy = np.where(found[:, None], rows[:, :2], drift)
+        first = found & ~self._seen_before
+        usual = 0.98 * self._radius + 0.02 * rows[:, 4]
+        self._radius = np.where(first, rows[:, 4], np.where(found, usual, self._radius))
+        self._missed = np.where(found, 0, self._missed + 1)
+        self._seen_before |= found
+        if found.all():
+            self._offset = rows[:, :2] - rows[0, :2]
+            if self._spacing is None and len(rows) > 1:
+                self._spacing = float(np.hypot(*self._offset[-1]))

@@ -1,0 +1,202 @@
+"""One trial's landmarks and leg angles to its observables: mean speed, lift, peak speed, first step.
+
+Definitions: docs/architecture.md. The clock is read from the legs as they really turned, for they may turn slower than told:
+the mean of the six unwrapped angles grows by exactly π each half period, whatever the gait, as tripod B follows A half a
+period later. A *step* is such a half period.
+
+Steady steps are laid over one another (fold.py), each between its own two rest positions, so steps of slightly different length
+do not smear. ``peak_speed_m_s`` is then the steepest slope and ``lift_m`` the highest point of the folded curve.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sandbot_common.errors import InputError
+from sandbot_tracking.fold import peak_height, peak_slope
+
+Floats = NDArray[np.float64]
+
+AXLE_REST_M = 0.025
+"""Axle height with the belly on the surface (Li09): the rest height where none was seen."""
+
+
+@dataclass(frozen=True)
+class TrialSummary:
+    """What one trial measured; NaN where it could not be, and then ``reason`` says why."""
+
+    speed_m_s: float
+    """Mean forward speed over whole steady periods."""
+    speed_sd_m_s: float
+    """Standard error of that mean, from the scatter of the periods."""
+    lift_m: float
+    """Rise of the axles above rest at the top of a step, median over steady steps."""
+    peak_speed_m_s: float
+    """Largest v_x(t) of the steady cycle."""
+    first_step_m: float
+    """Advance during the first half period from the standing start."""
+    frames: int
+    """Frames since the start."""
+    gaps: int
+    """Frames among them in which a landmark is missing."""
+    cycles: int
+    """Whole steady periods used."""
+    reason: str
+    """Why something is NaN; empty if nothing is."""
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """The trial cut into steps: step i runs from edges[i] to edges[i + 1], its rest positions at x_m."""
+
+    edges: Floats
+    x_m: Floats
+
+
+def summarise(
+    t_s: ArrayLike,
+    com_x_m: ArrayLike,
+    front_z_m: ArrayLike,
+    rear_z_m: ArrayLike,
+    leg_t_s: ArrayLike,
+    leg_angle: ArrayLike,
+    *,
+    start_s: float = 0.0,
+    rest_height_m: float = AXLE_REST_M,
+) -> TrialSummary:
+    """The observables of a trial whose clock started at ``start_s``.
+
+    t_s, com_x_m, front_z_m, rear_z_m: (n,), metres in the trackway frame, NaN where a landmark is missing;
+    leg_t_s (m,) and leg_angle (m, 6) [rad], wrapped or not. Raises InputError if shapes do not fit or time does not grow.
+    """
+    t, x, front, rear = (np.asarray(values, dtype=float) for values in (t_s, com_x_m, front_z_m, rear_z_m))
+    z = (front + rear) / 2
+    _check(t, (x, front, rear))
+    moving = t >= start_s
+    frames, gaps = int(moving.sum()), int((moving & ~np.isfinite(x + z)).sum())
+    try:
+        edges = half_periods(leg_t_s, leg_angle, start_s)
+    except _NotMeasured as why:
+        return TrialSummary(*(np.nan,) * 5, frames, gaps, 0, str(why))
+
+    reasons: list[str] = []
+    first = _first_step(t, x, edges, reasons)
+    speed, speed_sd, cycles = _mean_speed(t, x, edges, reasons)
+    peak = lift = np.nan
+    if cycles:
+        steps = steady_steps(t, x, edges, cycles)
+        rest = _rest_height(t, z, start_s, steps, rest_height_m)
+        try:
+            peak = peak_slope(t, x, steps.edges, steps.x_m)
+        except ValueError as why:
+            reasons.append(f"peak speed: {why}")
+        try:
+            lift = peak_height(t, z - rest, steps.edges)
+        except ValueError as why:
+            reasons.append(f"lift: {why}")
+    return TrialSummary(speed, speed_sd, lift, peak, first, frames, gaps, cycles, "; ".join(reasons))
+
+
+class _NotMeasured(Exception):
+    """Why the legs give no clock."""
+
+
+def _check(t: Floats, others: tuple[Floats, ...]) -> None:
+    if t.ndim != 1 or any(values.shape != t.shape for values in others):
+        raise InputError(f"landmarks of shapes {[v.shape for v in others]} with times {t.shape}: (n,) each are needed")
+    if not np.isfinite(t).all() or (np.diff(t) <= 0).any():
+        raise InputError("frame times must be finite and grow")
+
+
+def half_periods(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> Floats:
+    """Times (n,) at which the clock passed 0, ½, 1, 1½ … periods since the start."""
+    t, angle = np.asarray(leg_t_s, dtype=float), np.asarray(leg_angle, dtype=float)
+    if angle.ndim != 2 or len(angle) != t.size:
+        raise InputError(f"leg angles of shape {angle.shape} with {t.size} times: (n, 6) is needed")
+    keep = np.isfinite(t) & np.isfinite(angle).all(axis=1)
+    t, angle = t[keep], angle[keep]
+    if t.size < 2 or t[-1] <= start_s:
+        raise _NotMeasured("no leg angles after the start")
+    phase = np.unwrap(angle, axis=0).mean(axis=1)
+    phase = phase - np.interp(start_s, t, phase)
+    # An encoder may tremble: time is taken at the first passage.
+    advance = np.maximum.accumulate(phase)
+    halves = int(advance[-1] // np.pi)
+    if halves < 1:
+        raise _NotMeasured("the legs turned less than half a period")
+    ahead = np.concatenate(([True], np.diff(advance) > 0)) & (t >= start_s)
+    clock, times = np.append(0.0, advance[ahead]), np.append(start_s, t[ahead])
+    return np.interp(np.pi * np.arange(halves + 1), clock, times)
+
+
+def _first_step(t: Floats, x: Floats, edges: Floats, reasons: list[str]) -> float:
+    before = np.isfinite(x) & (t <= edges[0] + 1e-9)
+    start = float(np.mean(x[before][-20:])) if before.any() else position_at(t, x, edges[0], edges[1] - edges[0])
+    advance = position_at(t, x, edges[1], edges[1] - edges[0]) - start
+    if not np.isfinite(advance):
+        reasons.append("first step: no centre of mass at its start or end")
+    return advance
+
+
+def position_at(t: Floats, x: Floats, when: float, period: float) -> float:
+    """x at a time: a straight line through the frames within a tenth of a period (two frames at least); NaN in a gap."""
+    frame = float(np.median(np.diff(t)))
+    near = np.isfinite(x) & (np.abs(t - when) <= max(0.1 * period, 1.01 * frame))
+    if near.sum() < 2 or when < t[near][0] - 0.51 * frame or when > t[near][-1] + 0.51 * frame:
+        return np.nan
+    slope, level = np.polyfit(t[near] - when, x[near], 1)
+    return float(level)
+
+
+def _mean_speed(t: Floats, x: Floats, edges: Floats, reasons: list[str]) -> tuple[float, float, int]:
+    """Mean over whole periods after the first, its standard error, and how many periods there were."""
+    marks = edges[2::2]
+    where = np.array([position_at(t, x, when, edges[1] - edges[0]) for when in marks])
+    seen = np.flatnonzero(np.isfinite(where))
+    if seen.size < 2:
+        reasons.append("no whole steady period with the centre of mass in sight at both ends")
+        return np.nan, np.nan, 0
+    first, last = seen[0], seen[-1]
+    cycles = int(last - first)
+    speed = float((where[last] - where[first]) / (marks[last] - marks[first]))
+    each = np.diff(where[seen]) / np.diff(marks[seen])
+    sd = float(np.std(each, ddof=1) / np.sqrt(each.size)) if each.size > 1 else np.nan
+    return speed, sd, cycles
+
+
+def steady_steps(t: Floats, x: Floats, edges: Floats, cycles: int) -> _Steps:
+    """The steady steps, cut where the body moves least, so that rest positions are sharp."""
+    steady = edges[2 : 2 + 2 * cycles + 1]
+    shift = quiet_phase(t, x, steady)
+    cuts = steady[:-1] + shift * np.diff(steady)
+    if shift == 0.0:
+        cuts = steady
+    rest = np.array([position_at(t, x, when, cuts[1] - cuts[0]) for when in cuts])
+    return _Steps(cuts, rest)
+
+
+def quiet_phase(t: Floats, x: Floats, edges: Floats) -> float:
+    """The phase of a step, [0, 1), at which |dx| between frames is least, averaged over a fifth of the step."""
+    seen = np.isfinite(x)
+    middle, move = (t[seen][1:] + t[seen][:-1]) / 2, np.abs(np.diff(x[seen]) / np.diff(t[seen]))
+    number = np.interp(middle, edges, np.arange(edges.size), left=np.nan, right=np.nan)
+    inside = np.isfinite(number)
+    phase, move = number[inside] % 1.0, move[inside]
+    grid = np.arange(20) / 20
+    away = np.abs((phase[None, :] - grid[:, None] + 0.5) % 1.0 - 0.5)
+    near = away <= 0.1
+    cost = np.where(near.any(axis=1), (near * move).sum(axis=1) / np.maximum(near.sum(axis=1), 1), np.inf)
+    return float(grid[int(np.argmin(cost))])
+
+
+def _rest_height(t: Floats, z: Floats, start_s: float, steps: _Steps, default: float) -> float:
+    """Axle height at rest: before the start, and between steps where that agrees to half a millimetre."""
+    before = z[np.isfinite(z) & (t <= start_s + 1e-9)]
+    span = float(np.median(np.diff(steps.edges)))
+    between = z[np.isfinite(z) & (np.abs(t[:, None] - steps.edges).min(axis=1) <= 0.08 * span)]
+    if not before.size:
+        return float(np.median(between)) if between.size and abs(np.median(between) - default) < 5e-4 else default
+    if between.size and abs(np.median(between) - np.median(before)) < 5e-4:
+        return float(np.median(np.concatenate((before, between))))
+    return float(np.median(before))

@@ -1,0 +1,87 @@
+import os
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+
+class Process:
+    """A real process whose output lines can be awaited."""
+
+    def __init__(self, command: list[str], env: dict[str, str]) -> None:
+        self.lines: list[str] = []
+        self._news = threading.Condition()
+        self._process = subprocess.Popen(
+            command, env=env, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            with self._news:
+                self.lines.append(line.rstrip("\n"))
+                self._news.notify_all()
+        with self._news:
+            self._news.notify_all()
+
+    def until(self, matches: Callable[[str], bool], timeout_s: float = 30.0) -> str:
+        """The first line that matches; fails with the whole output where the process ends or time is up."""
+        deadline = time.monotonic() + timeout_s
+        with self._news:
+            while True:
+                for line in self.lines:
+                    if matches(line):
+                        return line
+                left = deadline - time.monotonic()
+                if left <= 0 or (self._process.poll() is not None and not self._reader.is_alive()):
+                    raise AssertionError("no such line in:\n" + "\n".join(self.lines))
+                self._news.wait(left)
+
+    def wait(self, timeout_s: float) -> int:
+        """The exit code."""
+        return self._process.wait(timeout_s)
+
+    def stop(self) -> int:
+        """Ctrl-C to the whole group, then the exit code."""
+        if self._process.poll() is None:
+            os.killpg(self._process.pid, signal.SIGINT)
+            try:
+                self._process.wait(15)
+            except subprocess.TimeoutExpired:
+                os.killpg(self._process.pid, signal.SIGKILL)
+        self._reader.join(5)
+        assert self._process.stdout is not None
+        self._process.stdout.close()
+        return self._process.wait(5)
+
+
+@pytest.fixture
+def ros_env(request: pytest.FixtureRequest) -> dict[str, str]:
+    """An environment on a DDS domain of this test's own, on this host only."""
+    number = 1 + (os.getpid() * 7 + abs(hash(request.node.nodeid))) % 100
+    return {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(number),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "PYTHONUNBUFFERED": "1",
+    }
+
+
+@pytest.fixture
+def start(ros_env: dict[str, str]) -> Iterator[Callable[..., Process]]:
+    """Start processes that are stopped when the test ends."""
+    running: list[Process] = []
+
+    def run(*command: str | Path) -> Process:
+        running.append(Process([str(one) for one in command], ros_env))
+        return running[-1]
+
+    yield run
+    for process in reversed(running):
+        process.stop()

@@ -1,0 +1,50 @@
+"""Real nodes as processes over DDS: one live trial gives the row that batch gives with the same seed."""
+
+import csv
+import re
+
+import pytest
+import yaml
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(240)]
+
+PLAN = {
+    "name": "one",
+    "seed": 5,
+    "gait": "UNIFORM",
+    "phi": [0.605],
+    "omega_rad_s": [12.0],
+    "replicates": 1,
+    # A quicker bed than the real one: the test need not wait a second for each settling.
+    "bed": {"pulse_off_s": 0.3},
+}
+
+
+def rows(folder):
+    with (folder / "trials.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_live_row_equals_batch_row_and_speed_is_seen_live(tmp_path, start):
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(yaml.safe_dump(PLAN))
+    batch = start("ros2", "run", "sandbot_bringup", "campaign", plan, "--out", tmp_path / "batch", "--batch")
+    assert batch.wait(120) == 0, "\n".join(batch.lines)
+
+    nodes = start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", "bed.pulse_off_s:=0.3")
+    echo = start("ros2", "topic", "echo", "/speed", "geometry_msgs/msg/TwistWithCovarianceStamped")
+    rate = start("ros2", "topic", "hz", "/speed")
+    live = start("ros2", "run", "sandbot_bringup", "campaign", plan, "--out", tmp_path / "live")
+    assert live.wait(180) == 0, "\n".join(live.lines + nodes.lines)
+
+    echo.until(lambda line: re.search(r"^\s+x: 0\.[12]", line) is not None)
+    average = float(rate.until(lambda line: line.startswith("average rate")).split(":")[1])
+    assert average == pytest.approx(100.0, rel=0.05)
+
+    (one,), (other,) = rows(tmp_path / "batch"), rows(tmp_path / "live")
+    assert one["trial_id"] == other["trial_id"]
+    assert float(other["speed_m_s"]) == pytest.approx(float(one["speed_m_s"]), rel=0.01)
+    assert float(other["phi"]) == pytest.approx(float(one["phi"]), abs=3e-4)
+    assert float(other["lift_m"]) == pytest.approx(float(one["lift_m"]), abs=3e-4)
+    assert float(other["peak_speed_m_s"]) == pytest.approx(float(one["peak_speed_m_s"]), rel=0.02)
+    assert float(other["first_step_m"]) == pytest.approx(float(one["first_step_m"]), abs=1e-3)

@@ -1,0 +1,100 @@
+import json
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sandbot_bringup.plan import plan_of, read_plan, to_yaml, trials_of, with_next_trials
+from sandbot_common.errors import InputError
+
+GOOD = {"name": "a", "phi": [0.58, 0.6], "omega_rad_s": [4, 16], "replicates": 2, "gait": "UNIFORM"}
+
+
+def test_grid_becomes_trials_in_order_with_names_and_seeds_of_their_own():
+    trials = trials_of(plan_of(GOOD, "plan"))
+    assert [(t.phi, t.omega_rad_s, t.replicate) for t in trials[:3]] == [(0.58, 4, 1), (0.58, 4, 2), (0.58, 16, 1)]
+    assert len({t.trial_id for t in trials}) == len({t.seed for t in trials}) == 8
+
+
+def test_a_trials_seed_does_not_depend_on_the_others():
+    small = trials_of(plan_of({**GOOD, "phi": [0.6]}, "plan"))
+    large = {t.trial_id: t.seed for t in trials_of(plan_of(GOOD, "plan"))}
+    assert all(large[t.trial_id] == t.seed for t in small)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"replicats": 3}, "unknown key 'replicats', did you mean 'replicates'"),
+        ({"phi": [0.58, 0.9]}, r"phi: 0.9 is outside \[0.57, 0.64\]"),
+        ({"phi": [float("nan")]}, "phi: nan is outside"),
+        ({"phi": []}, "the list is empty"),
+        ({"phi": 0.6}, "phi: 0.6 is not a list"),
+        ({"phi": [0.6, 0.6]}, "0.6 is listed twice"),
+        ({"omega_rad_s": ["fast"]}, "'fast' is not of type float"),
+        ({"replicates": 0}, "replicates: 0 is outside"),
+        ({"replicates": True}, "not of type int"),
+        ({"gait": "TROT"}, "'TROT' is not one of SGCS, HGCS, UNIFORM, CUSTOM"),
+        ({"gait": "CUSTOM", "gait_parameters": {"duty": 2.0}}, "duty: 2.0 is outside"),
+        ({"gait_parameters": {"duty": 0.5}}, "set gait: CUSTOM"),
+        ({"bed": {"tolerence": 1}}, "did you mean 'tolerance'"),
+        ({"extra_trials": [{"phi": 0.6}]}, r"extra_trials\[0\]: missing key 'omega_rad_s'"),
+        ({"name": None}, "name: None is not of type str"),
+    ],
+)
+def test_a_bad_plan_is_refused_in_one_line_that_names_key_and_value(change, message):
+    with pytest.raises(InputError, match=message) as caught:
+        plan_of({**GOOD, **change}, "plan.yaml")
+    assert str(caught.value).startswith(("plan.yaml", "plan a"))
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_key_is_named():
+    with pytest.raises(InputError, match="missing key 'phi'"):
+        plan_of({"name": "a", "omega_rad_s": [4]}, "plan")
+
+
+def test_yaml_round_trip(tmp_path):
+    plan = plan_of({**GOOD, "extra_trials": [{"phi": 0.61, "omega_rad_s": 20.0}]}, "plan")
+    (tmp_path / "campaign.yaml").write_text(to_yaml(plan))
+    assert read_plan(tmp_path / "campaign.yaml") == plan
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_give_a_plan_or_one_line(tmp_path_factory, content):
+    path = tmp_path_factory.mktemp("plan") / "campaign.yaml"
+    path.write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        read_plan(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_next_trials_become_extra_conditions_counted_on_from_the_grid(tmp_path):
+    path = tmp_path / "next.json"
+    proposals = [
+        {"phi": 0.6, "omega_rad_s": 16, "observable": "speed", "separates": ["a", "b"], "expected_gap_sd": 4.0},
+        {"phi": 0.6, "omega_rad_s": 16, "observable": "lift", "separates": ["a", "b"], "expected_gap_sd": 3.0},
+        {"phi": 0.61, "omega_rad_s": 18, "observable": "lift", "replicates": 5},
+    ]
+    path.write_text(json.dumps({"next_trials": proposals}))
+    trials = trials_of(with_next_trials(plan_of(GOOD, "plan"), path))[8:]
+    assert [(t.phi, t.omega_rad_s, t.replicate) for t in trials[:2]] == [(0.6, 16, 3), (0.6, 16, 4)]
+    assert len(trials) == 2 + 5
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{}", '{"next_trials": []}', '{"next_trials": [1]}', '{"next_trials": [{"phi": 2}]}']
+)
+def test_a_useless_next_trials_file_is_refused(tmp_path, text):
+    path = tmp_path / "next.json"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"next\.json"):
+        with_next_trials(plan_of(GOOD, "plan"), path)
+
+
+def test_yaml_that_is_a_list_is_refused(tmp_path):
+    path = tmp_path / "campaign.yaml"
+    path.write_text(yaml.safe_dump([1, 2]))
+    with pytest.raises(InputError, match="expected a mapping"):
+        read_plan(path)

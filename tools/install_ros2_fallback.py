@@ -1,0 +1,38 @@
+"""Put tools/ros2 into the venv's bin where the host has no real ros2, and take it away where it has. Idempotent."""
+
+import os
+import sys
+from pathlib import Path
+
+TOOLS = Path(__file__).resolve().parent
+FALLBACK = TOOLS / "ros2"
+
+sys.path.insert(0, str(TOOLS))
+
+from ros2cli_fallback.main import real_ros2  # noqa: E402
+
+
+def install(binaries: Path) -> str:
+    """Link ``ros2`` in the folder ``binaries`` to the fallback, unless a real one is on the PATH; say what was done."""
+    link = binaries / "ros2"
+    ours = link.is_symlink() and link.resolve() == FALLBACK
+    if not ours and (link.is_symlink() or link.exists()):
+        return f"{link} is not the fallback; left as it is"
+    if (real := real_ros2(FALLBACK)) is not None:
+        link.unlink(missing_ok=True)
+        return f"ros2 is {real}" + ("; the fallback was taken away" if ours else "; no fallback needed")
+    if ours:
+        return "ros2 is the fallback already"
+    # Relative, so that the work tree can be moved as a whole.
+    link.symlink_to(os.path.relpath(FALLBACK, binaries))
+    return f"no ros2 on the PATH; {link.name} in {binaries.name}/ is the project's fallback"
+
+
+def main() -> int:
+    """Install for the interpreter that runs this."""
+    print(f"trackway: {install(Path(sys.executable).parent)}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

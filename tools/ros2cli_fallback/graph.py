@@ -1,0 +1,109 @@
+"""A short-lived node to look at the graph with, and patience for discovery."""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
+
+from ros2cli_fallback.cover import Failure, Parser
+
+T = TypeVar("T")
+
+QUIET_S = 0.5
+PATIENCE_S = 3.0
+NamesAndTypes = list[tuple[str, list[str]]]
+
+
+def add_arguments(parser: Parser) -> None:
+    """The flags every graph command of the real ros2 takes. There is no daemon here to do without."""
+    parser.add_argument("--spin-time", type=float, default=QUIET_S, help="how long discovery must be quiet [s]")
+    parser.add_argument("-s", "--use-sim-time", action="store_true", help="accepted; times here are arrival times")
+    parser.add_argument("--no-daemon", action="store_true", help="accepted; there is no daemon")
+
+
+@contextmanager
+def node() -> Iterator[Node]:
+    """A hidden node (its name begins with an underscore); Ctrl-C inside becomes KeyboardInterrupt, cleaned up."""
+    rclpy.init(args=[])
+    made = rclpy.create_node(f"_ros2cli_{os.getpid()}", start_parameter_services=False)
+    try:
+        yield made
+    except ExternalShutdownException:
+        raise KeyboardInterrupt from None
+    finally:
+        made.destroy_node()
+        rclpy.try_shutdown()
+
+
+def settle(on: Node, quiet_s: float) -> None:
+    """Wait until the graph has not changed for ``quiet_s``, at most ``PATIENCE_S`` more.
+
+    The real ros2 has a daemon that has known the graph all along; one wait of fixed length misses nodes on a busy host.
+    """
+    seen: Any = None
+    now = time.monotonic()
+    limit, changed = now + quiet_s + PATIENCE_S, now
+    while now < limit and (seen is None or now - changed < quiet_s):
+        graph = (on.get_topic_names_and_types(), on.get_node_names_and_namespaces(), on.get_service_names_and_types())
+        now = time.monotonic()
+        if graph != seen:
+            seen, changed = graph, now
+        time.sleep(0.02)
+
+
+def await_some(look: Callable[[], T | None], patience_s: float = PATIENCE_S) -> T | None:
+    """What ``look`` finds, asked again until it is not None or patience ends."""
+    limit = time.monotonic() + patience_s
+    while (found := look()) is None and time.monotonic() < limit and rclpy.ok():
+        time.sleep(0.02)
+    return found
+
+
+def visible(names_and_types: NamesAndTypes, include_hidden: bool) -> NamesAndTypes:
+    """Sorted by name; hidden names (a part beginning with an underscore) only where asked for."""
+    return sorted((n, t) for n, t in names_and_types if include_hidden or not topic_or_service_is_hidden(n))
+
+
+def full_names(on: Node, include_hidden: bool) -> list[str]:
+    """The fully qualified names of the nodes, sorted."""
+    names = on.get_node_names_and_namespaces()
+    return sorted(f"{space.rstrip('/')}/{name}" for name, space in names if include_hidden or not name.startswith("_"))
+
+
+def absolute(name: str) -> str:
+    """A node name with its leading slash."""
+    return name if name.startswith("/") else f"/{name}"
+
+
+def require_node(on: Node, name: str, patience_s: float = PATIENCE_S) -> str:
+    """The absolute name of a node that is there; Failure with the real ros2's words if it does not appear."""
+    wanted = absolute(name)
+    if await_some(lambda: True if wanted in full_names(on, True) else None, patience_s) is None:
+        raise Failure("Node not found")
+    return wanted
+
+
+def call(on: Node, kind: Any, name: str, request: Any, patience_s: float = 5.0) -> Any:
+    """Call a service and return its response; Failure where it does not answer in time."""
+    client = on.create_client(kind, name)
+    if not client.wait_for_service(timeout_sec=patience_s):
+        raise Failure("Wait for service timed out")
+    return answer(on, client.call_async(request), name, patience_s)
+
+
+def answer(on: Node, future: Any, name: str, patience_s: float | None = None) -> Any:
+    """Spin until the response is there; Failure where it failed or took too long."""
+    rclpy.spin_until_future_complete(on, future, timeout_sec=patience_s)
+    if not rclpy.ok():
+        raise KeyboardInterrupt
+    if not future.done():
+        raise Failure(f"No response from service {name} within {patience_s:g} s")
+    if (error := future.exception()) is not None:
+        raise Failure(f"Exception while calling service {name}: {error}")
+    return future.result()
