@@ -22,8 +22,7 @@ def main(argv: Sequence[str]) -> int:
         raise NotCovered(f"ros2 launch: only {nodes.PACKAGE} {nodes.LAUNCH_FILE} can be launched without a full ROS 2")
     try:
         table = nodes.read_table(nodes.table_path())
-        values = nodes.settings(table, nodes.parse_arguments(args.launch_arguments))
-        entries = nodes.selected(table, values)
+        entries = nodes.selected(table, nodes.parse_arguments(args.launch_arguments))
     except InputError as error:
         raise Failure(f"ros2 launch: {error}") from None
     if args.show_args:
@@ -47,7 +46,7 @@ def describe(table: nodes.NodeTable) -> str:
 
 
 def processes(entries: Sequence[nodes.NodeEntry]) -> list[Process]:
-    """What to start for these nodes, labelled ``executable-number`` as by the real launch; Failure if one is missing."""
+    """What to start, labelled ``executable-number`` as by the real launch; Failure if an executable is missing."""
     made = []
     for number, entry in enumerate(entries, start=1):
         path = executable(entry.package, entry.executable)

@@ -1,7 +1,6 @@
 """Start the trackway: ``ros2 launch sandbot_bringup trackway.launch.py [name:=value ...]`` (config/nodes.yaml)."""
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
-from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchContext, LaunchDescription
@@ -25,7 +24,8 @@ def generate_launch_description() -> LaunchDescription:
 
 def start(context: LaunchContext, table: nodes.NodeTable) -> list[Node]:
     """One action a node; when a required one ends, everything stops."""
-    values = nodes.settings(table, {name: LaunchConfiguration(name).perform(context) for name in table.arguments})
+    # Besides the declared arguments, launch keeps every other name:=value it was given, such as bed.pulse_off_s.
+    given = {name: value for name, value in context.launch_configurations.items() if _ours(name, table)}
     return [
         Node(
             package=entry.package,
@@ -35,5 +35,9 @@ def start(context: LaunchContext, table: nodes.NodeTable) -> list[Node]:
             output="screen",
             on_exit=[Shutdown(reason=f"{entry.name} has ended")] if entry.required else None,
         )
-        for entry in nodes.selected(table, values)
+        for entry in nodes.selected(table, given)
     ]
+
+
+def _ours(name: str, table: nodes.NodeTable) -> bool:
+    return name in table.arguments or name.partition(".")[0] in {entry.name for entry in table.nodes}

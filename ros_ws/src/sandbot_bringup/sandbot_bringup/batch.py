@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_bed.protocol import Preparation, prepare
+from sandbot_bed.protocol import prepare
 from sandbot_bringup.config import robot_and_cameras
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import Plan, PlannedTrial, to_yaml
@@ -64,7 +64,9 @@ def choose_world(folder: CampaignFolder, path: Path | None, hide: int | None) ->
         return asked or null_world()
     sealed = read_world(folder.truth)
     if asked is not None and asked != sealed:
-        raise InputError(f"{folder.path}: its trials were run in another world than the one asked for; give another --out")
+        raise InputError(
+            f"{folder.path}: its trials were run in another world than the one asked for; give another --out"
+        )
     return sealed
 
 
@@ -78,21 +80,21 @@ def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
     """Prepare the bed, let the robot run before both cameras, track it, and write the bag; returns its path."""
     plan = setup.plan
     bed = LabBed(seed=trial.seed)
-    prepared = prepare(plan.bed_protocol, bed, trial.phi, bed.advance, BED_STEP_S)
-    bag = TrialBag(start_ns, prepared.duration_s + plan.standing_s)
+    bag = TrialBag(start_ns)
     bag.announce(trial_message(plan, trial, start_ns))
-    bag.bed(prepared)
+    prepared = prepare(plan.bed_protocol, bed, trial.phi, bed.advance, BED_STEP_S, observe=bag.bed)
+    bag.legs_start(prepared.duration_s + plan.standing_s)
 
     t_s = np.arange(round(plan.duration_s(trial.omega_rad_s) * plan.setpoint_rate_hz) + 1) / plan.setpoint_rate_hz
     angles, rates = leg_angles(plan.clock_gait, trial.omega_rad_s, t_s)
     trace = simulate(setup.world, bed.phi, t_s, angles, rates, seed=trial.seed)
     bag.legs(topics.LEG_SETPOINTS, t_s, angles, rates, np.zeros_like(angles))
     bag.legs(topics.LEG_STATES, t_s, trace.leg_angle_rad, trace.leg_rate_rad_s, trace.leg_effort_n_m)
-    bag.led_edge()
 
     tracker = OfflineTracker(cameras_from_mapping(setup.cameras, "cameras"))
+    for t, angle in zip(t_s, trace.leg_angle_rad, strict=True):
+        tracker.legs(float(t), angle)
     _film(setup, trial, trace, tracker, bag)
-    bag.tracked(tracker)
     path = setup.folder.bag(trial)
     files = {**setup.files, "campaign.yaml": to_yaml(plan)}
     bag.write(path, trial_metadata(plan, trial, start_ns, "simulated", "complete"), files)
@@ -110,9 +112,6 @@ def _film(setup: Setup, trial: PlannedTrial, trace: Trace, tracker: OfflineTrack
     last = int((trace.t_s[-1] + DRAIN_S) * FRAME_RATE_HZ)
     for t_s in np.arange(first, last + 1) / FRAME_RATE_HZ:
         frames = {name: view.film(trace, t_s, 0.0 <= t_s < LED_ON_S) for name, view in views.items()}
-        tracker.update(float(t_s), frames["dorsal"], frames["lateral"])
+        bag.sample(tracker.update(float(t_s), frames["dorsal"], frames["lateral"]))
         for name, pixels in frames.items():
             bag.frame(name, float(t_s), pixels, kept)
-
-
-__all__ = ["Preparation", "Setup", "choose_world", "run_trial", "seal"]

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from ament_index_python.packages import get_package_share_directory
 
-from sandbot_bringup.config import config_folder
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_common.parameters import from_mapping, parameter
@@ -68,7 +68,7 @@ class NodeTable:
 
 def table_path() -> Path:
     """Where the installed node table lies."""
-    return config_folder() / "nodes.yaml"
+    return Path(get_package_share_directory(PACKAGE)) / "config" / "nodes.yaml"
 
 
 def read_table(path: Path) -> NodeTable:
@@ -103,25 +103,36 @@ def parse_arguments(words: Sequence[str]) -> dict[str, str]:
     return given
 
 
-def settings(table: NodeTable, given: Mapping[str, str]) -> dict[str, str]:
-    """The value of every launch argument. Raises InputError for an unknown one or one that is not a choice."""
+def selected(table: NodeTable, given: Mapping[str, str]) -> tuple[NodeEntry, ...]:
+    """The nodes wanted under these launch arguments, with their parameters.
+
+    A name is a launch argument of the table or ``node.parameter``, which sets one parameter of one node. Raises
+    InputError for an unknown name or a value that is not a choice.
+    """
+    values = {name: argument.default for name, argument in table.arguments.items()}
+    nodes = {node.name: dict(node.parameters) for node in table.nodes}
     for name, value in given.items():
-        if name not in table.arguments:
-            raise InputError(f"unknown launch argument {name!r}; known: {', '.join(table.arguments)}")
-        choices = table.arguments[name].choices
-        if choices and value not in choices:
-            raise InputError(f"launch argument {name}: {value!r} is not one of {', '.join(choices)}")
-    return {name: given.get(name, argument.default) for name, argument in table.arguments.items()}
-
-
-def selected(table: NodeTable, values: Mapping[str, str]) -> tuple[NodeEntry, ...]:
-    """The nodes wanted under these ``settings``, launch arguments put in."""
+        node, _, key = name.partition(".")
+        if key and node in nodes:
+            nodes[node][key] = _plain(value)
+        else:
+            values[name] = _chosen(table, name, value)
     unwanted = "hardware" if values[LAB] == _TRUE else "lab"
     return tuple(
-        dataclasses.replace(node, parameters={key: _put_in(value, values) for key, value in node.parameters.items()})
-        for node in table.nodes
-        if node.wanted != unwanted and (not node.only_if or values[node.only_if] == _TRUE)
+        dataclasses.replace(entry, parameters={k: _put_in(v, values) for k, v in nodes[entry.name].items()})
+        for entry in table.nodes
+        if entry.wanted != unwanted and (not entry.only_if or values[entry.only_if] == _TRUE)
     )
+
+
+def _chosen(table: NodeTable, name: str, value: str) -> str:
+    if name not in table.arguments:
+        known = ", ".join(table.arguments)
+        raise InputError(f"unknown launch argument {name!r}; known: {known}, and node.parameter for every node's own")
+    choices = table.arguments[name].choices
+    if choices and value not in choices:
+        raise InputError(f"launch argument {name}: {value!r} is not one of {', '.join(choices)}")
+    return value
 
 
 def _arguments(content: Any, path: Path) -> dict[str, LaunchArgument]:
@@ -167,11 +178,16 @@ def _argument_name(value: Any) -> str | None:
 
 def _put_in(value: Any, values: Mapping[str, str]) -> Any:
     name = _argument_name(value)
-    if name is None:
-        return value
-    # As launch does: 7 becomes a number, true a boolean, everything else stays text.
-    plain = yaml.safe_load(values[name]) if values[name] else ""
-    return plain if isinstance(plain, bool | int | float) else values[name]
+    return value if name is None else _plain(values[name])
+
+
+def _plain(text: str) -> Any:
+    """The text as launch reads it: 7 is a number, true a boolean, [1, 2] a list, everything else stays text."""
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        return text
+    return value if isinstance(value, bool | int | float | list) else text
 
 
 def _flow(value: Any) -> str:

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 import yaml
-from sandbot_bed.protocol import ProtocolParameters
 
+from sandbot_bed.protocol import ProtocolParameters
 from sandbot_clock.gait import PRESETS, Gait
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
@@ -54,7 +54,9 @@ class Plan:
     min_duration_s: float = parameter(1.2, unit="s", doc="shortest trial", low=0.2, high=600.0)
     standing_s: float = parameter(0.25, unit="s", doc="recording before the legs start", low=0.0, high=60.0)
     setpoint_rate_hz: float = parameter(200.0, unit="Hz", doc="rate of leg set-points", low=50.0, high=1000.0)
-    images: str = parameter("one", doc="frames kept: of one trial as JPEG, or of all", choices=("one", "none", "jpeg", "raw"))
+    images: str = parameter(
+        "one", doc="frames kept: of one trial as JPEG, or of all", choices=("one", "none", "jpeg", "raw")
+    )
     cameras: str = parameter("", doc="camera calibration file, relative to the plan; empty: the project's own")
     robot: str = parameter("", doc="robot file, relative to the plan; empty: the project's own SandBot")
     bed: dict[str, Any] = parameter({}, doc="overrides of the pulse protocol")

@@ -8,27 +8,32 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_bed.protocol import Preparation
+from sandbot_bed.protocol import Command, Stage
+from sandbot_bed.status import status_message
 from sandbot_common import messages, topics
 from sandbot_common.serialization import to_cdr
 from sandbot_common.topics import Topic
 from sandbot_record.writer import BagWriter
-from sandbot_tracking.offline import OfflineTracker
+from sandbot_tracking.offline import Sample
 
 Floats = NDArray[np.float64]
 
 JPEG_QUALITY = 90
+HEIGHT_PERIOD_S = 0.1
 _RAW = {"dorsal": topics.DORSAL_IMAGE, "lateral": topics.LATERAL_IMAGE}
 _JPEG = {"dorsal": topics.DORSAL_JPEG, "lateral": topics.LATERAL_JPEG}
 
 
 class TrialBag:
-    """Time zero is the start of the legs, ``lead_s`` after the wall-clock instant ``start_ns``."""
+    """Bed time runs from the wall-clock instant ``start_ns``, trial time from the start of the legs."""
 
-    def __init__(self, start_ns: int, lead_s: float) -> None:
+    def __init__(self, start_ns: int) -> None:
         self._start_ns = start_ns
-        self._zero_ns = start_ns + round(lead_s * 1e9)
+        self._zero_ns = start_ns
         self._messages: list[tuple[int, Topic, bytes]] = []
+        self._stage: tuple[Stage, int] | None = None
+        self._blower = -1.0
+        self._next_height_s = 0.0
 
     def add(self, topic: Topic, t_ns: int, message: Any) -> None:
         """One message, stamped and logged at the same instant."""
@@ -38,8 +43,9 @@ class TrialBag:
         """What is being run, before anything happens."""
         self.add(topics.TRIAL, self._start_ns, messages.string(trial))
 
-    def led_edge(self) -> None:
-        """The synchronisation LED goes on when the legs start."""
+    def legs_start(self, lead_s: float) -> None:
+        """Set time zero, ``lead_s`` after the start; the synchronisation LED goes on."""
+        self._zero_ns = self._start_ns + round(lead_s * 1e9)
         self.add(topics.SYNC_LED, self._zero_ns, messages.header(self._zero_ns, "sync_led"))
 
     def legs(self, topic: Topic, t_s: Floats, angles: Floats, rates: Floats, efforts: Floats) -> None:
@@ -57,11 +63,28 @@ class TrialBag:
             data = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
             self.add(_JPEG[camera], stamp, messages.jpeg(stamp, camera, data))
 
-    def bed(self, prepared: Preparation) -> None:
-        """The preparation's outcome, at the instant it was reached."""
+    def bed(self, t_s: float, command: Command) -> None:
+        """One step of the bed's preparation: status and blower where they change, the height ten times a second."""
+        stamp = self._start_ns + round(t_s * 1e9)
+        if command.blower != self._blower:
+            self._blower = command.blower
+            self.add(topics.BED_BLOWER, stamp, messages.float64(command.blower))
+        if (command.stage, command.pulses) != self._stage:
+            self._stage = (command.stage, command.pulses)
+            self.add(topics.BED_STATUS, stamp, status_message(stamp, command))
+        if t_s >= self._next_height_s:
+            self._next_height_s += HEIGHT_PERIOD_S
+            self.add(topics.BED_HEIGHT, stamp, messages.range_(stamp, command.height_m, 0.0, 1.0, "bed"))
+        if command.stage is Stage.READY:
+            self.add(topics.BED_PHI, stamp, messages.float64(command.phi))
 
-    def tracked(self, tracker: OfflineTracker) -> None:
-        """Landmarks and speed of every frame, as the tracker node publishes them."""
+    def sample(self, sample: Sample) -> None:
+        """Landmarks and speed of one frame, as the tracker node publishes them."""
+        stamp = self._at(sample.t_s)
+        self.add(topics.COM, stamp, messages.point(stamp, sample.com))
+        self.add(topics.FRONT_AXLE, stamp, messages.point(stamp, sample.front_axle))
+        self.add(topics.REAR_AXLE, stamp, messages.point(stamp, sample.rear_axle))
+        self.add(topics.SPEED, stamp, messages.twist(stamp, sample.v_x, sample.v_z, sample.var_x, sample.var_z))
 
     def write(self, path: Path, metadata: Mapping[str, str], attachments: Mapping[str, str]) -> None:
         """Write the bag under its name, whole or not at all."""

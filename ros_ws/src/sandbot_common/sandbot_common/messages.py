@@ -50,7 +50,7 @@ def joint_state(t_ns: int, names: Sequence[str], position: Floats, velocity: Flo
     )
 
 
-def point(t_ns: int, xyz_m: Sequence[float]) -> PointStamped:
+def point(t_ns: int, xyz_m: Sequence[float] | Floats) -> PointStamped:
     """A landmark [m; trackway frame]; NaN where it was not seen."""
     message = PointStamped(header=header(t_ns))
     message.point.x, message.point.y, message.point.z = (float(value) for value in xyz_m)

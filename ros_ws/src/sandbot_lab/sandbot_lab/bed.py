@@ -70,7 +70,9 @@ class LabBed:
         """One reading of the height sensor; a fluidised bed stands a little higher and its surface bubbles."""
         fluid = self._level if self._blown_s > self.parameters.fluidise_s else 0.0
         bubbles = 0.002 * fluid * self._rng.standard_normal()
-        return float(self.height_m + 0.004 * fluid + bubbles + self.parameters.sensor_sd_m * self._rng.standard_normal())
+        return float(
+            self.height_m + 0.004 * fluid + bubbles + self.parameters.sensor_sd_m * self._rng.standard_normal()
+        )
 
     def _settle_if_over(self, level: float) -> None:
         """What the air has done shows when it stops."""

@@ -67,7 +67,11 @@ def calibration(mapping: Mapping[str, Any], where: str) -> Calibration:
         if value is not None and len(value) != length:
             raise InputError(f"{where}: {name}: {list(value)} has {len(value)} numbers, expected {length}")
     offset = read.plane.get("offset_m")
-    if set(read.plane) != {"normal", "offset_m"} or read.plane["normal"] not in AXES or not np.isfinite(_numbers(offset)).all():
+    if (
+        set(read.plane) != {"normal", "offset_m"}
+        or read.plane["normal"] not in AXES
+        or not np.isfinite(_numbers(offset)).all()
+    ):
         raise InputError(f"{where}: plane: {read.plane} is not {{normal: x, y or z, offset_m: number}}")
     return read
 

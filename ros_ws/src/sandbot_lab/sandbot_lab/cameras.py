@@ -6,7 +6,7 @@ robot's top, which rises with the body; the lateral one sees two, on the front a
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from sandbot_common.errors import InputError
 from sandbot_lab.calibration import Calibration, calibration
 from sandbot_lab.drawing import draw_box, draw_disc
-from sandbot_lab.robot import Trace
 
 Floats = NDArray[np.float64]
 Frame = NDArray[np.uint8]
@@ -37,11 +36,31 @@ _PEDESTAL = 4 * int(SENSOR_SD)
 _SLACK = (96, 128)
 
 
+class Motion(Protocol):
+    """A moving body: arrays (n,) over time. A `sandbot_lab.robot.Trace` is one."""
+
+    @property
+    def t_s(self) -> Floats:
+        """Time [s], rising."""
+
+    @property
+    def x_m(self) -> Floats:
+        """Place of the com along the track."""
+
+    @property
+    def z_m(self) -> Floats:
+        """Axle height."""
+
+    @property
+    def pitch_rad(self) -> Floats:
+        """Nose-up pitch."""
+
+
 class LabCamera:
     """One camera, ``dorsal`` or ``lateral``, over its own piece of ground; all chance comes from ``seed``."""
 
     def __init__(self, name: str, camera: Mapping[str, Any], seed: int, *, body: bool = True) -> None:
-        """``camera``: its section of cameras.yaml. ``body``: draw the dark robot under its markers. Raises InputError."""
+        """``camera``: its section of cameras.yaml. ``body``: draw the dark robot under its markers."""
         if name not in ("dorsal", "lateral"):
             raise InputError(f"camera: {name!r} is not dorsal or lateral")
         self.name = name
@@ -56,7 +75,9 @@ class LabCamera:
 
         Arrays are the moments of the exposure, of which the frame is the mean.
         """
-        x, z, pitch = np.broadcast_arrays(*(np.atleast_1d(np.asarray(one, np.float64)) for one in (x_m, z_m, pitch_rad)))
+        x, z, pitch = np.broadcast_arrays(
+            *(np.atleast_1d(np.asarray(one, np.float64)) for one in (x_m, z_m, pitch_rad))
+        )
         image = self._ground.copy()
         if self._body:
             self._draw_body(image, x, z)
@@ -68,14 +89,15 @@ class LabCamera:
             left, top, width, height = self.calibration.led_region
             centre = np.array([left + 0.5 * (width - 1)]), np.array([top + 0.5 * (height - 1)])
             draw_disc(image, *centre, 0.4 * min(width, height), LED_GREY - _PEDESTAL)
-        noisy: Frame = cv2.add(image, _window(self._noise, *image.shape, self._rng), dst=image)
+        rows, columns = image.shape
+        noisy: Frame = cv2.add(image, _window(self._noise, rows, columns, self._rng), dst=image)
         return noisy
 
-    def film(self, trace: Trace, t_s: float, led_on: bool = False) -> Frame:
-        """The frame whose exposure is centred on ``t_s`` of a trial; before and after it the robot stands still."""
+    def film(self, motion: Motion, t_s: float, led_on: bool = False) -> Frame:
+        """The frame whose exposure is centred on ``t_s`` of a motion; before and after it the robot stands still."""
         moments = t_s + self.calibration.exposure_s * ((np.arange(EXPOSURES) + 0.5) / EXPOSURES - 0.5)
-        x, z = np.interp(moments, trace.t_s, trace.x_m), np.interp(moments, trace.t_s, trace.z_m)
-        return self.render(x, z, np.interp(moments, trace.t_s, trace.pitch_rad), led_on)
+        x, z = np.interp(moments, motion.t_s, motion.x_m), np.interp(moments, motion.t_s, motion.z_m)
+        return self.render(x, z, np.interp(moments, motion.t_s, motion.pitch_rad), led_on)
 
     def markers(self, x_m: Floats, z_m: Floats, pitch_rad: Floats) -> tuple[Floats, ...]:
         """Places (n, 3) [m; trackway frame] of this camera's markers: (com,) or (front axle, rear axle)."""
@@ -98,8 +120,8 @@ class LabCamera:
                 np.stack((x + half, side, belly), axis=-1),
             )
         upper, lower = (self.calibration.pixels(corner) for corner in corners)
-        edges = (upper[:, 0], lower[:, 0], upper[:, 1], lower[:, 1])
-        draw_box(image, *(edge.copy() for edge in edges), BODY_GREY - _PEDESTAL)
+        left, right, top, bottom = np.stack((upper[:, 0], lower[:, 0], upper[:, 1], lower[:, 1]))
+        draw_box(image, left, right, top, bottom, BODY_GREY - _PEDESTAL)
 
 
 def _ground(rows: int, columns: int, rng: np.random.Generator) -> Frame:
@@ -122,11 +144,16 @@ def _grain_tile(rows: int, columns: int) -> Frame:
     """Texture of grains about a pixel wide."""
     grains = cv2.GaussianBlur(np.random.default_rng(1).standard_normal((rows, columns), np.float32), (0, 0), 0.8)
     image = GRAIN_GREY - _PEDESTAL + grains * (GRAIN_SD / grains.std())
-    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    return _grey(image)
 
 
 @lru_cache(maxsize=4)
 def _noise_tile(rows: int, columns: int) -> Frame:
     """Sensor noise on a pedestal."""
     noise = _PEDESTAL + SENSOR_SD * np.random.default_rng(0).standard_normal((rows, columns), np.float32)
-    return np.clip(np.rint(noise), 0, 255).astype(np.uint8)
+    return _grey(noise)
+
+
+def _grey(levels: NDArray[Any]) -> Frame:
+    grey: Frame = np.clip(np.rint(levels), 0, 255).astype(np.uint8)
+    return grey

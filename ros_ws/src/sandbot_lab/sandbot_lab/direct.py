@@ -1,8 +1,9 @@
-"""Trials read straight from the truth, without video: rows as in the trials table, for blind benchmarks of the analysis.
+"""Trials read straight from the truth, without video: rows of the trials table, for blind benchmarks.
 
 The readings are those of docs/architecture.md with the errors of tracked video added.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, nan, pi
@@ -143,4 +144,4 @@ def _largest(trace: Trace, values: Floats, between: tuple[float, float], piece_s
     """Median over pieces (steps or periods) of the largest value in each."""
     pieces = round((between[1] - between[0]) / piece_s)
     edges = np.searchsorted(trace.t_s, between[0] + piece_s * np.arange(pieces + 1))
-    return float(np.median([values[low:high].max() for low, high in zip(edges[:-1], edges[1:], strict=True)]))
+    return float(np.median([values[low:high].max() for low, high in itertools.pairwise(edges)]))

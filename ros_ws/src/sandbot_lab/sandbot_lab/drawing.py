@@ -18,8 +18,8 @@ def draw_disc(image: Any, u: Any, v: Any, radius: float, grey: float) -> None:
     """Draw a disc of a grey level, averaged over its positions u, v (n,) [px] during the exposure."""
     rows, columns = image.shape
     reach = radius + 1.0
-    top, bottom = max(int(floor(v.min() - reach)), 0), min(int(ceil(v.max() + reach)), rows - 1)
-    left, right = max(int(floor(u.min() - reach)), 0), min(int(ceil(u.max() + reach)), columns - 1)
+    top, bottom = max(floor(v.min() - reach), 0), min(ceil(v.max() + reach), rows - 1)
+    left, right = max(floor(u.min() - reach), 0), min(ceil(u.max() + reach), columns - 1)
     for row in range(top, bottom + 1):
         for column in range(left, right + 1):
             covered = 0.0
@@ -46,10 +46,10 @@ def _cover(low: Any, high: Any, first: int, count: int) -> Any:
 def draw_box(image: Any, left: Any, right: Any, top: Any, bottom: Any, grey: float) -> None:
     """Draw an upright box of a grey level, edges (n,) [px] during the exposure."""
     rows, columns = image.shape
-    first_column = max(int(floor(left.min())), 0)
-    across = _cover(left, right, first_column, min(int(ceil(right.max())), columns - 1) + 1 - first_column)
-    first_row = max(int(floor(top.min())), 0)
-    down = _cover(top, bottom, first_row, min(int(ceil(bottom.max())), rows - 1) + 1 - first_row)
+    first_column = max(floor(left.min()), 0)
+    across = _cover(left, right, first_column, min(ceil(right.max()), columns - 1) + 1 - first_column)
+    first_row = max(floor(top.min()), 0)
+    down = _cover(top, bottom, first_row, min(ceil(bottom.max()), rows - 1) + 1 - first_row)
     for row in range(down.size):
         for column in range(across.size):
             # Rows and columns are smeared each for itself: exact where only one of them moves.

@@ -39,7 +39,7 @@ P = EffectParameter
 EFFECTS: dict[str, Effect] = {
     # strength of the ground
     "disturbed_ground": Effect(
-        "a foot leaves a disturbed, weaker stretch at its place; a later foot that overlaps it finds strength k_l (Li09)",
+        "a foot leaves a weaker stretch at its place; a later foot that overlaps it finds strength k_l (Li09)",
         (
             P("k_l_n_m", 175.0, 150.0, 200.0, "N/m", "stiffness of disturbed ground"),
             P("s_c", 0.95, 0.7, 1.2, "R", "distance between footholds below which they begin to overlap"),
@@ -54,7 +54,7 @@ EFFECTS: dict[str, Effect] = {
         ),
     ),
     "crater_refill": Effect(
-        "a foothold leaves a crater that refills as exp(-t/tau); a foot landing within 1.2 R meets a lower surface (Li09)",
+        "a foothold leaves a crater that refills as exp(-t/tau): a lower surface for a foot within 1.2 R (Li09)",
         (
             P("z0_m", 0.010, 0.0, 0.015, "m", "depth of the fresh crater"),
             P("tau_s", 0.15, 0.02, 1.0, "s", "refill time"),
@@ -89,7 +89,7 @@ EFFECTS: dict[str, Effect] = {
         (P("tip_deg", 45.0, 30.0, 60.0, "deg", "arc beyond the half circle"),),
     ),
     "resistive_force_theory": Effect(
-        "stress on each element of the arc depends on its orientation and direction of motion (Li, Zhang & Goldman 2013)",
+        "stress on each element of the arc depends on its tilt and direction of motion (Li, Zhang & Goldman 2013)",
         (P("zeta", 1.5, 0.3, 5.0, "", "scale of the stress; 1 gives a flat plate pushed down the strength alpha"),),
     ),
     "inertial_drag": Effect(

@@ -104,7 +104,7 @@ def arc_force(p: Any, theta: float, depth: float, alpha: float) -> float:
         psi = middle + half * NODES[i]
         local = depth - p.radius * (1.0 - cos(psi))
         total += WEIGHTS[i] * local * cos(psi)
-    return alpha * p.width * p.radius * half * total
+    return float(alpha * p.width * p.radius * half * total)
 
 
 @jit
@@ -137,7 +137,7 @@ def resistive_force(p: Any, theta: float, depth: float, alpha: float) -> float:
         if v_x * sin(psi) - v_z * cos(psi) > 0.0:  # only the leading side of the leg is loaded
             side = 1.0 if v_x >= 0.0 else -1.0
             total += WEIGHTS[i] * local * resistive_stress(side * psi, atan2(-v_z, abs(v_x)))
-    return p.resistive_force_theory_zeta * alpha * p.width * p.radius * half * total
+    return float(p.resistive_force_theory_zeta * alpha * p.width * p.radius * half * total)
 
 
 @jit

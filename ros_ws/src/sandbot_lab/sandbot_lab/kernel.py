@@ -100,7 +100,7 @@ def touchdown_time(p: Any, s: Any, dt: float) -> float:
     if s.mode != HOLD or rate == 0.0:
         return 2.0 * dt
     to_go = s.release_angle - theta if rate > 0.0 else s.release_angle + theta
-    return max(to_go, 0.0) / abs(rate)
+    return float(max(to_go, 0.0) / abs(rate))
 
 
 @jit
@@ -227,7 +227,7 @@ def advance(p: Any, s: Any, t: float, angles: Any, rates: Any) -> None:
             s.angle[leg] = angles[leg]
     else:
         span = t - s.t
-        steps = max(int(ceil(span / SUB_STEP)), 1)
+        steps = max(ceil(span / SUB_STEP), 1)
         if span > 0.0:
             for leg in range(6):
                 rate = (angles[leg] - s.set_angle[leg]) / span

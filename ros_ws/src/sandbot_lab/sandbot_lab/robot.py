@@ -1,7 +1,7 @@
 """The virtual robot: leg set-points in, body motion out, step by step or a whole trial at once (the same kernel).
 
-    robot = LabRobot(world, phi, seed);  state = robot.advance(t_s, angles, rates)
-    trace = simulate(world, phi, t_s, angles, rates, seed)
+robot = LabRobot(world, phi, seed);  state = robot.advance(t_s, angles, rates)
+trace = simulate(world, phi, t_s, angles, rates, seed)
 """
 
 from dataclasses import dataclass

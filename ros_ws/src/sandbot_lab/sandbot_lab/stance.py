@@ -29,7 +29,7 @@ def velocity_change(p: Any, s: Any, theta: float, rate: float) -> float:
     """
     v_x, v_z = p.radius * rate * cos(theta), -p.radius * rate * sin(theta)
     if p.exact_vertical_acceleration:
-        return max(v_z, 0.0)
+        return float(max(v_z, 0.0))
     change = (v_x * v_x + v_z * v_z) ** 0.5
     if p.carried_momentum:
         change = max(change - p.carried_momentum_chi_m * s.pace, 0.0)

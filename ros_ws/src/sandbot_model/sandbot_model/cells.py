@@ -81,7 +81,7 @@ class Cells:
 OMEGA_TOLERANCE = 5e-3
 """Leg frequencies closer than this (relative) are the same condition."""
 
-WALKING_LIFT_M = 1e-3
+WALKING_LIFT_M = 3e-4
 WALKING_SPEED_M_S = 0.035
 """A cell walks if its body is lifted, or where lift was not measured, if it is clearly faster than swimming."""
 
@@ -117,7 +117,7 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
     mean = np.stack([average(column) for column in values.T], axis=-1)
     count = np.stack([np.bincount(cell, np.isfinite(column), cells) for column in values.T], axis=-1).astype(np.int64)
     walks = np.where(np.isfinite(mean[:, 1]), mean[:, 1] > WALKING_LIFT_M, mean[:, 0] > WALKING_SPEED_M_S)
-    error = pure_error(values - mean[cell], cell, count, walks)
+    error = pure_error(values - mean[cell], cell, count, walks, average(omega))
     with np.errstate(invalid="ignore", divide="ignore"):
         root = np.sqrt(np.where(count > 0, count, np.nan).astype(float))
         spread = np.where(count > 1, np.sqrt(_squares(values - mean[cell], cell, cells) / (count - 1)), np.nan)

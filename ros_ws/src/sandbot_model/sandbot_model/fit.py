@@ -14,7 +14,7 @@ from sandbot_model.descent import bounds, descend, full_jacobian, look_along_k, 
 from sandbot_model.model import Model
 from sandbot_model.problem import Problem, State
 from sandbot_model.search import starts
-from sandbot_model.walking import Inputs, Prediction
+from sandbot_model.walking import Inputs, KCurve, Prediction
 
 FIRST_ITERATIONS = 4
 """Steps of each descent before the best is followed to its end."""
@@ -118,7 +118,7 @@ class Fit:
             phi=at,
             v_swim_m_s=v_swim,
             slow_phase_ratio=beta,
-            k_of_phi=lambda wanted: np.interp(wanted, self.level_phi, self.k_n_per_m),
+            k_of_phi=KCurve(self.level_phi, self.k_n_per_m),
         )
         shape = np.broadcast_shapes(np.shape(at), np.shape(omega), np.shape(beta))
         found = self.fitted.walker.predict(inputs, params)

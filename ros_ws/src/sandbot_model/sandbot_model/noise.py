@@ -17,6 +17,8 @@ Bools = NDArray[np.bool_]
 EXCESS = 1e-3
 """A cell whose scatter is less likely than this under the pooled one is taken at its own: near the switch between
 walking and swimming a set-point error flips single replicates, and that must not pass as precision."""
+LEAST_FOR_TREND = 12
+"""Degrees of freedom from which a trend of scatter with ω is looked for."""
 FLOOR = 1e-7
 """Smallest standard deviation [m or m/s] taken seriously: replicates that agree to the last bit prove nothing."""
 
@@ -32,57 +34,96 @@ class PureError:
     """Cells ``(n,)`` taken at their own scatter."""
 
 
-def pure_error(residual: Floats, cell: Ints, count: Ints, walking: Bools) -> PureError:
-    """Pool residuals ``(trials, 4)`` about their cell's mean; ``count (cells, 4)`` are the replicates measured."""
+def pure_error(residual: Floats, cell: Ints, count: Ints, walking: Bools, omega: Floats) -> PureError:
+    """Pool residuals ``(trials, 4)`` about their cell's mean.
+
+    ``count (cells, 4)`` are the replicates measured, ``walking (cells,)`` the regime, ``omega (cells,)`` [rad/s].
+    """
     cells, observables = count.shape
     square = np.zeros((cells, observables, observables))
     filled = np.nan_to_num(residual)
     np.add.at(square, cell, filled[:, :, None] * filled[:, None, :])
     dof = np.maximum(count - 1, 0)
+    everywhere = _constant(np.diagonal(square, axis1=1, axis2=2), dof)
     covariance = np.zeros_like(square)
     own = np.zeros(cells, dtype=bool)
     for regime in (walking, ~walking):
         if regime.any():
-            covariance[regime], own[regime] = _pool(square[regime], dof[regime], square, dof)
+            covariance[regime], own[regime] = _pool(square[regime], dof[regime], omega[regime], everywhere)
     variance = np.diagonal(square, axis1=1, axis2=2)
-    keep = ~own[:, None]
-    total = (dof * keep).sum(axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        sd = np.where(total > 0, np.sqrt((variance * keep).sum(axis=0) / total), np.nan)
-    return PureError(covariance, np.maximum(sd, FLOOR), total, own)
+    total = (dof * ~own[:, None]).sum(axis=0)
+    return PureError(covariance, np.sqrt(_constant(variance[~own], dof[~own])), total, own)
 
 
-def _pool(square: Floats, dof: Ints, all_square: Floats, all_dof: Ints) -> tuple[Floats, Bools]:
-    """Pooled covariance of a regime for each of its cells, and which cells stand on their own scatter."""
+def _pool(square: Floats, dof: Ints, omega: Floats, everywhere: Floats) -> tuple[Floats, Bools]:
+    """Covariance of one trial in each cell of a regime, and which cells stand on their own scatter."""
     keep = np.ones(len(square), dtype=bool)
     sums = np.diagonal(square, axis1=1, axis2=2)
     for _ in range(10):
-        pooled = _variance(sums[keep], dof[keep], np.diagonal(all_square, axis1=1, axis2=2), all_dof)
+        pooled = _trend(sums, dof * keep[:, None], omega, everywhere)
         tail = np.where(dof > 0, chi2.sf(sums / pooled, np.maximum(dof, 1)), 1.0)
         now = ~(tail < EXCESS / sums.shape[1]).any(axis=1)
         if not now.any() or (now == keep).all():
             break
         keep = now
-    correlation = _correlation(square[keep], dof[keep])
+    scaled = square / np.sqrt(pooled[:, :, None] * pooled[:, None, :])
+    correlation = _correlation(scaled[keep], dof[keep])
     # Where a cell scatters beyond the pool it is taken at its own, never at less.
     mine = np.divide(sums, dof, out=np.zeros_like(sums), where=dof > 0)
     spread = np.sqrt(np.where(keep[:, None], pooled, np.maximum(mine, pooled)))
     return spread[:, :, None] * spread[:, None, :] * correlation, ~keep
 
 
-def _variance(sums: Floats, dof: Ints, all_sums: Floats, all_dof: Ints) -> Floats:
-    """Pooled variance ``(4,)``; from all regimes where this one has no replicates; NaN where nobody has."""
-    total, everything = dof.sum(axis=0), all_dof.sum(axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        here = sums.sum(axis=0) / total
-        anywhere = all_sums.sum(axis=0) / everything
-    return np.maximum(np.where(total >= 2, here, anywhere), FLOOR**2)
+def _constant(sums: Floats, dof: Ints) -> Floats:
+    """Pooled variance ``(4,)``, NaN where there are no replicates."""
+    total = dof.sum(axis=0)
+    pooled = np.divide(sums.sum(axis=0), total, out=np.full(len(total), np.nan), where=total > 0)
+    return np.maximum(pooled, FLOOR**2)
+
+
+def _trend(sums: Floats, dof: Ints, omega: Floats, everywhere: Floats) -> Floats:
+    """Variance of one trial ``(cells, 4)``, a power law in ω fitted by maximum likelihood to the cells' scatter.
+
+    A step takes π/ω and a body on faster legs shakes more, so scatter follows ω; s² is a scaled χ² with few degrees of
+    freedom, whose likelihood -dof/2 (η + s²/e^η), η = a + b ln ω, is that of a gamma regression. Few replicates: constant;
+    none: that of the other regime.
+    """
+    x = np.log(omega)
+    found = np.empty_like(sums)
+    for column in range(sums.shape[1]):
+        known, weight = dof[:, column].sum(), dof[:, column].astype(float)
+        if known < 3:
+            found[:, column] = everywhere[column]
+            continue
+        centre = np.average(x, weights=weight)
+        mean = np.maximum(sums[weight > 0, column].sum() / known, FLOOR**2)
+        level, slope = np.log(mean), 0.0
+        shape = np.average((x - centre) ** 2, weights=weight)
+        if known >= LEAST_FOR_TREND and shape > 1e-3:
+            level, slope = _gamma(sums[:, column], weight, x - centre, level)
+        found[:, column] = np.exp(level + slope * (x - centre))
+    return np.maximum(found, FLOOR**2)
+
+
+def _gamma(sums: Floats, weight: Floats, x: Floats, level: float) -> tuple[float, float]:
+    """Level and slope of ln variance, by Fisher scoring; the slope is held to ±4 (variance ∝ ω⁴ at most)."""
+    b = np.array([level, 0.0])
+    design = np.stack([np.ones_like(x), x], axis=-1)
+    information = design.T @ (weight[:, None] * design)
+    ratio = np.divide(sums, weight, out=np.zeros_like(sums), where=weight > 0)
+    for _ in range(50):
+        eta = np.clip(design @ b, level - 12, level + 12)
+        step = np.linalg.solve(information, design.T @ (weight * (ratio * np.exp(-eta) - 1)))
+        b += np.clip(step, -1.0, 1.0)
+        if np.abs(step).max() < 1e-6:
+            break
+    return float(b[0]), float(np.clip(b[1], -4.0, 4.0))
 
 
 def _correlation(square: Floats, dof: Ints) -> Floats:
     """Pooled correlation ``(4, 4)``, drawn towards none where replicates are few."""
     pooled = square.sum(axis=0)
-    scale = np.sqrt(np.maximum(np.diagonal(pooled), FLOOR**2))
+    scale = np.sqrt(np.maximum(np.diagonal(pooled), 1e-12))
     correlation = pooled / scale[:, None] / scale[None, :]
     trust = dof.sum(axis=0).max() if len(dof) else 0
     shrunk = correlation * trust / (trust + 6)

@@ -17,7 +17,7 @@ import numpy as np
 from sandbot_model.cells import Cells
 from sandbot_model.chain import Array, Bool
 from sandbot_model.model import Model
-from sandbot_model.walking import Footing, Inputs
+from sandbot_model.walking import Footing, Inputs, KCurve
 
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
 WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
@@ -176,7 +176,7 @@ class Problem:
             phi=phi,
             v_swim_m_s=v_swim,
             slow_phase_ratio=cells.slow_phase_ratio[:, None],
-            k_of_phi=lambda wanted: np.interp(wanted, cells.level_phi, base),
+            k_of_phi=KCurve(cells.level_phi, base),
         )
         return inputs, [dict(one) for one in params]
 

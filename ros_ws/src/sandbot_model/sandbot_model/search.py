@@ -14,7 +14,7 @@ import numpy as np
 from sandbot_model.chain import Array
 from sandbot_model.model import Model
 from sandbot_model.problem import NODES, WEIGHTS, Problem
-from sandbot_model.walking import Inputs
+from sandbot_model.walking import Inputs, KCurve
 
 K_GRID = 48
 K_RANGE = (0.55, 4.0)
@@ -123,7 +123,7 @@ def _table(problem: Problem, theta: Array, k_grid: Array, slope: Array, k_curve:
         phi=cells.level_phi[:, None, None],
         v_swim_m_s=v_swim,
         slow_phase_ratio=conditions[1],
-        k_of_phi=lambda wanted: np.interp(wanted, cells.level_phi, k_curve),
+        k_of_phi=KCurve(cells.level_phi, k_curve),
     )
     values = model.walker.predict(inputs, params).observables
     values = np.broadcast_to(values, (len(theta), values.shape[1], len(k_grid), conditions.shape[1], 4))

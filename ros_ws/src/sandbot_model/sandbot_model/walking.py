@@ -67,6 +67,17 @@ class Inputs:
     """The stiffness at another volume fraction, for effects that ask for it; by default the same everywhere."""
 
 
+@dataclass(frozen=True, eq=False)
+class KCurve:
+    """Stiffness [N/m] at any volume fraction, linear between levels and constant beyond them."""
+
+    phi: Array
+    k_n_per_m: Array
+
+    def __call__(self, phi: Array) -> Array:
+        return np.asarray(np.interp(phi, self.phi, self.k_n_per_m))
+
+
 @dataclass(frozen=True)
 class Footing:
     """Where the legs hold: depths [m] (2R - h where they never do), steady and on virgin ground."""

@@ -177,11 +177,13 @@ def _matrix(rows: Any, where: str) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in matrix.tolist())
 
 
+def cameras_from_mapping(content: Any, where: str) -> dict[str, Camera]:
+    """Cameras by name from a mapping of camera mappings; ``where`` opens every error. Raises InputError."""
+    if not isinstance(content, Mapping) or not content:
+        raise InputError(f"{where}: expected cameras by name (dorsal, lateral), got {content!r}")
+    return {str(name): camera_from_mapping(mapping, f"{where}: {name}") for name, mapping in content.items()}
+
+
 def read_cameras(path: Path | str) -> dict[str, Camera]:
     """The cameras of a YAML file, by name (``dorsal``, ``lateral``). Raises InputError."""
-    content = read_yaml(Path(path))
-    if isinstance(content.get("cameras"), dict):
-        content = content["cameras"]
-    if not content:
-        raise InputError(f"{path}: no camera in it")
-    return {name: camera_from_mapping(mapping, f"{path}: {name}") for name, mapping in content.items()}
+    return cameras_from_mapping(read_yaml(Path(path)), str(path))

@@ -3,11 +3,12 @@
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
+from sandbot_model import compare
 from sandbot_model.cells import OBSERVABLES, Cells, noise_floor
 from sandbot_model.discover import Discovery
 from sandbot_model.fit import Fit
@@ -29,6 +30,7 @@ from sandbot_model.report.view import (
 
 Frames = Sequence[tuple[bytes, str]]
 MAX_FAILING_ROWS = 60
+BEST_CANDIDATES = 8
 
 
 def discovery_page(
@@ -47,7 +49,7 @@ def discovery_page(
         title=title,
         kind="Where the walking model fails, and what repairs it",
         status=verdict.status,
-        sentence=verdict.because,
+        sentence=_sentence(verdict.because, steps, discovery.noise_floor_m_s),
         headline=headline(steps, discovery.noise_floor_m_s, provenance, cells),
         truth_line=truth_line,
         notes=provenance.notes,
@@ -104,10 +106,18 @@ def _out_of_sample(fit: Fit) -> str:
     return f"r.m.s. of mean speed; {text.cm_s(fit.cv_rmse_m_s)} out of sample"
 
 
+def _sentence(because: str, steps: tuple[Step, ...], floor: float) -> str:
+    """The verdict's reason, and what it does to the error."""
+    reason = because[:1].upper() + because[1:].rstrip(".")
+    return f"{reason}. {_comparison_sentence(steps, floor)}"
+
+
 def _comparison_sentence(steps: tuple[Step, ...], floor: float) -> str:
     first, last = steps[0], steps[-1]
     if len(steps) == 1:
-        return f"The {first.label} leaves {text.cm_s(first.fit.rmse_m_s)} of error; the noise floor is {text.cm_s(floor)}."
+        return (
+            f"The {first.label} leaves {text.cm_s(first.fit.rmse_m_s)} of error; the noise floor is {text.cm_s(floor)}."
+        )
     change = "falls" if last.fit.rmse_m_s < first.fit.rmse_m_s else "does not fall:"
     return (
         f"With {last.label.removeprefix('+ ')} the error of mean speed {change} from {text.cm_s(first.fit.rmse_m_s)} "
@@ -130,10 +140,15 @@ def _figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
                   "the mean. Cells without a mark agree with the model; – was not measured.",),
             figures=tuple(_residual_figure(steps, name) for name in cells.observables),
         ),
-        Section("ladder", "Error as effects are added", figures=(_ladder_figure(steps, floor),), tables=(_errors(steps),)),
+        Section(
+            "ladder", "Error as effects are added", figures=(_ladder_figure(steps, floor),), tables=(_errors(steps),)
+        ),
     ]  # fmt: skip
     if {"speed", "lift"} <= set(cells.observables):
-        sections.append(Section("lock", "The geometry lock: lift against speed", figures=(_lock_figure(cells),)))
+        lock = Section(
+            "lock", "The geometry lock: lift against speed", text=_lock_text(cells), figures=(_lock_figure(cells),)
+        )
+        sections.append(lock)
     return sections
 
 
@@ -141,8 +156,8 @@ def _speed_figure(steps: tuple[Step, ...]) -> Figure:
     cells = steps[0].fit.cells
     return Figure(
         name="speed",
-        alt=f"Mean speed against leg frequency ω, one panel for each of {len(bands(cells))} volume fractions φ, measured "
-        f"and modelled. Largest measured speed {text.cm_s(float(np.nanmax(measured(cells, 'speed'))))}. "
+        alt=f"Mean speed against leg frequency ω, one panel for each of {len(bands(cells))} volume fractions φ, "
+        f"measured and modelled. Largest measured speed {text.cm_s(float(np.nanmax(measured(cells, 'speed'))))}. "
         "All values are in the table of cells below.",
         caption="Points: mean over the replicates of a condition, bars one standard deviation of a single trial. "
         "Solid: the chosen model. Dashed grey: the base model.",
@@ -159,7 +174,7 @@ def _residual_figure(steps: tuple[Step, ...], observable: str) -> Figure:
         alt=f"Map over φ and ω of standardised residuals of {NAMES[observable]}. {counts}. "
         "The failing cells are listed in a table below.",
         caption="",
-        draw=lambda theme: [figures.residual_map(step.fit, observable, theme) for step in steps],
+        draw=lambda theme: [figures.residual_map(step, observable, steps[0], theme) for step in steps],
     )
 
 
@@ -181,7 +196,12 @@ def _errors(steps: tuple[Step, ...]) -> Table:
     """Error per observable, in sample and out of it, for each step and for the replicates alone."""
     cells = steps[0].fit.cells
     floor = noise_floor(cells)
-    head = ["model", *(f"{NAMES[name]} ({PEOPLE_UNITS[name]})" for name in cells.observables), "lack of fit, p", "failing cells"]
+    head = [
+        "model",
+        *(f"{NAMES[name]} ({PEOPLE_UNITS[name]})" for name in cells.observables),
+        "lack of fit, p",
+        "failing cells",
+    ]
     rows = []
     for step in steps:
         errors = (f"{text.centi(step.fit.rmse[n])} / {text.centi(step.fit.cv_rmse[n])}" for n in cells.observables)
@@ -189,8 +209,8 @@ def _errors(steps: tuple[Step, ...]) -> Table:
         rows.append((step.label, *errors, text.probability(step.fit.lack_of_fit_p), f"{failing} of {len(cells)}"))
     rows.append(("noise floor", *(text.centi(floor[name]) for name in cells.observables), "", ""))
     caption = (
-        "Error in sample / out of sample, per observable. Lack of fit: how often replicates alone would miss the model by "
-        "as much."
+        "Error in sample / out of sample, per observable. Lack of fit: how often replicates alone would miss the model "
+        "by as much."
     )
     return Table(caption, tuple(head), rows, (True, *(False for _ in head[1:])))
 
@@ -201,9 +221,21 @@ def _lock_figure(cells: Cells) -> Figure:
         alt="Step length, pi times mean speed over leg frequency, against body lift, with the curve that the geometry "
         "of a circular leg dictates. All values are in the table of cells below.",
         caption="A leg of radius R = 3.55 cm that lifts its axle by Δz advances by s = 2√(Δz(2R − Δz)), whatever the "
-        "ground. Points along the curve: the legs hold, and only how deep they sink changes. Points off the curve: "
-        "speed is lost or won after the legs hold (slip, drag, overlap of stances, coasting).",
+        "ground. Points along the curve: the legs hold, and only how deep they sink changes. Points off the curve: speed "
+        "is lost or won after the legs hold (slip, drag, overlap of stances, coasting). Open grey: the robot swims (lift "
+        "below 1 mm).",
         draw=lambda theme: [figures.geometry_lock(cells, theme)],
+    )
+
+
+def _lock_text(cells: Cells) -> tuple[str, ...]:
+    ratio = compare.geometry_lock(cells)
+    known = ratio[np.isfinite(ratio)]
+    if not known.size:
+        return ("No walking cell has both speed and lift.",)
+    return (
+        f"Step length from speed over step length from lift: median {np.median(known):.3f} over {known.size} "
+        "walking cells (1: nothing lost or won between step and speed).",
     )
 
 
@@ -213,19 +245,21 @@ def _candidates(discovery: Discovery) -> list[Section]:
     ranked = sorted(discovery.candidates, key=lambda c: c.delta_bic)
     rows = [
         (
-            readable(c.effect), c.stage, text.number(c.delta_chi2), text.number(c.delta_bic), text.number(CM * c.cv_rmse_m_s, 2),
-            f"{c.weight:.3f}",
+            readable(c.effect), c.stage, text.number(c.delta_chi2), text.number(c.delta_bic),
+            text.number(CM * c.cv_rmse_m_s, 2), text.probability(c.weight),
         )
         for c in ranked
     ]  # fmt: skip
-    table = Table(
+    caption = (
         "Each effect added alone to the base model, best first. Δχ² and ΔBIC against the base model: the more negative, "
-        "the better. Weight: share of belief among those listed.",
-        ("effect", "acts on", "Δχ²", "ΔBIC", "out-of-sample error (cm/s)", "weight"),
-        rows,
-        (True, True, False, False, False, False),
+        "the better. Weight: share of belief over all sets tried that contain the effect."
     )
-    return [Section("candidates", "Effects tried", tables=(table,))]
+    head = ("effect", "acts on", "Δχ²", "ΔBIC", "out-of-sample error (cm/s)", "weight")
+    words = (True, True, False, False, False, False)
+    tables = [Table(caption, head, rows[:BEST_CANDIDATES], words)]
+    if rest := rows[BEST_CANDIDATES:]:
+        tables.append(Table(f"{len(rest)} more effects that help less", head, rest, words, folded=True))
+    return [Section("candidates", "Effects tried", tables=tuple(tables))]
 
 
 def _parameters(steps: tuple[Step, ...]) -> Section:
@@ -330,10 +364,14 @@ def cells_csv(steps: tuple[Step, ...]) -> str:
     """Cell means, scatter, and every step's prediction and residual, SI units in the names, empty where not known."""
     cells = steps[0].fit.cells
     si = {"speed": "m_s", "lift": "m", "peak_speed": "m_s", "first_step": "m"}
-    columns: dict[str, Sequence[Any]] = {"phi": cells.phi, "omega_rad_s": cells.omega, "gait": cells.gait}
+    columns: dict[str, Iterable[Any]] = {"phi": cells.phi, "omega_rad_s": cells.omega, "gait": cells.gait}
     for name in cells.observables:
         i = OBSERVABLES.index(name)
-        columns |= {f"{name}_n": cells.n[:, i], f"{name}_{si[name]}": cells.mean[:, i], f"{name}_sd_{si[name]}": cells.sd[:, i]}
+        columns |= {
+            f"{name}_n": cells.n[:, i],
+            f"{name}_{si[name]}": cells.mean[:, i],
+            f"{name}_sd_{si[name]}": cells.sd[:, i],
+        }
         for step in steps:
             tag = "+".join(step.fit.effects) or "base"
             columns[f"{name}_{si[name]}[{tag}]"] = step.fit.predicted[:, i]

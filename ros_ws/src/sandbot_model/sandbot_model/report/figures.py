@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_model.cells import Cells, Floats
+from sandbot_model.cells import WALKING_LIFT_M, Cells, Floats
 from sandbot_model.fit import Fit
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
 from sandbot_model.report.view import CM, NAMES, Step, bands, frequencies, measured, readable, residual_z, scatter
@@ -19,7 +19,7 @@ Z_FAIL = 3.0
 """Marked on the colour bar of residual maps; which cells fail is the fit's own list."""
 Z_COLOUR_END = 8.0
 """Residual maps share this colour range, so that the steps of the ladder compare."""
-MAX_LABELLED_COLUMNS = 14
+MAX_LABELLED_COLUMNS = 10
 
 
 def speed(step: Step, base: Step | None = None, theme: Theme = LIGHT, columns: int = 4) -> Spec:
@@ -55,18 +55,58 @@ def speed(step: Step, base: Step | None = None, theme: Theme = LIGHT, columns: i
         title = note(f"<b>{band.label}</b>", across[1], up[1], xanchor="right", yanchor="bottom", font={"size": 13})
         spec["layout"]["annotations"].append(title)
         colour = colours[band.level]
-        traces = [_line(step, i, model_name(step), {"color": colour, "width": 2.5}), _points(cells, band.cells, colour, theme)]
+        traces = [_line(step, i, {"color": colour, "width": 2.5}), _points(cells, band.cells, colour, theme)]
         if base is not None and base is not step:
-            traces.insert(0, _line(base, i, model_name(base), {"color": theme.faint, "width": 1.5, "dash": "dash"}))
-        spec["data"] += [t | {"xaxis": f"x{key}", "yaxis": f"y{key}", "showlegend": i == 0} for t in traces]
+            traces.insert(0, _line(base, i, {"color": theme.faint, "width": 1.5, "dash": "dash"}))
+        spec["data"] += [trace | {"xaxis": f"x{key}", "yaxis": f"y{key}"} for trace in traces]
+    spec["data"] += _speed_legend(step, base, theme)
     return spec
 
 
-def residual_map(fit: Fit, observable: str, theme: Theme = LIGHT) -> Spec:
-    """Where the model fails: standardised residuals over φ × ω; failing cells carry an arrow and the number.
+def _speed_legend(step: Step, base: Step | None, theme: Theme) -> list[Spec]:
+    """Entries in ink: the colours of the panels mean φ, not what kind of mark it is."""
+    nothing: Spec = {"type": "scatter", "x": [None], "y": [None], "hoverinfo": "skip", "showlegend": True}
+    entries = [
+        {"name": "measured, mean ± s.d. of a trial", "mode": "markers", "marker": {"color": theme.ink, "size": 8}},
+        {"name": model_name(step), "mode": "lines", "line": {"color": theme.ink, "width": 2.5}},
+    ]
+    if base is not None and base is not step:
+        ghost = {"color": theme.faint, "width": 1.5, "dash": "dash"}
+        entries.append({"name": model_name(base), "mode": "lines", "line": ghost})
+    return [nothing | entry for entry in entries]
+
+
+def residual_map(step: Step, observable: str, base: Step | None = None, theme: Theme = LIGHT) -> Spec:
+    """Where the model fails: standardised residuals over φ × ω, the base model's map to the left for comparison.
 
     ▲ measured above the model, ▼ below, – not measured. Colour saturates at ±``Z_COLOUR_END``.
     """
+    shown = [step] if base is None or base is step else [base, step]
+    rows = len(bands(step.fit.cells))
+    spec: Spec = {
+        "data": [],
+        "layout": layout(theme, 130 + 28 * rows, plot_bgcolor=theme.empty, showlegend=False, annotations=[]),
+    }
+    spec["layout"]["margin"] |= {"t": 48, "l": 84}
+    for i, one in enumerate(shown):
+        key = "" if i == 0 else "2"
+        across = [0.0, 1.0] if len(shown) == 1 else [0.515 * i, 0.515 * i + 0.485]
+        trace = _heatmap(one.fit, observable, theme, len(shown) == 1)
+        spec["data"].append(trace | {"xaxis": f"x{key}", "yaxis": f"y{key}", "showscale": i == len(shown) - 1})
+        spec["layout"][f"xaxis{key}"] = axis(
+            theme, "ω (rad/s)", type="category", showgrid=False, ticks="", domain=across, anchor=f"y{key}"
+        )
+        spec["layout"][f"yaxis{key}"] = axis(
+            theme, "", type="category", showgrid=False, ticks="", showticklabels=i == 0, anchor=f"x{key}"
+        )
+        words = f"<b>{NAMES[observable]}</b>, {model_name(one)}: {_count(failing_cells(one.fit, observable))}"
+        spec["layout"]["annotations"].append(
+            note(words, across[0], 1.0, xanchor="left", yanchor="bottom", yshift=6, font={"size": 13})
+        )
+    return spec
+
+
+def _heatmap(fit: Fit, observable: str, theme: Theme, roomy: bool) -> Spec:
     cells = fit.cells
     rows = bands(cells)
     omegas, columns = frequencies(cells)
@@ -74,11 +114,12 @@ def residual_map(fit: Fit, observable: str, theme: Theme = LIGHT) -> Spec:
     all_z = residual_z(fit, observable)
     z = np.full((len(rows), len(omegas)), np.nan)
     text = np.full(z.shape, "–", dtype=object)
+    numbers = len(omegas) <= MAX_LABELLED_COLUMNS * (2 if roomy else 1)
     for row, band in enumerate(rows):
         for cell in band.cells:
             z[row, columns[cell]] = all_z[cell]
-            text[row, columns[cell]] = _mark(all_z[cell], bool(failing[cell]), len(omegas) <= MAX_LABELLED_COLUMNS)
-    trace = {
+            text[row, columns[cell]] = _mark(all_z[cell], bool(failing[cell]), numbers)
+    return {
         "type": "heatmap",
         "x": [f"{w:.3g}" for w in omegas],
         "y": [band.label for band in rows],
@@ -86,7 +127,7 @@ def residual_map(fit: Fit, observable: str, theme: Theme = LIGHT) -> Spec:
         "customdata": as_json(z),
         "text": text.tolist(),
         "texttemplate": "%{text}",
-        "textfont": {"size": 13},
+        "textfont": {"size": 12},
         "zmin": -Z_COLOUR_END,
         "zmax": Z_COLOUR_END,
         "colorscale": theme.residual_scale(),
@@ -96,21 +137,11 @@ def residual_map(fit: Fit, observable: str, theme: Theme = LIGHT) -> Spec:
         "hovertemplate": "%{y}, ω %{x} rad/s<br>residual %{customdata:.1f} standard errors<extra></extra>",
         "colorbar": _residual_bar(theme),
     }
-    return {
-        "data": [trace],
-        "layout": layout(
-            theme,
-            150 + 34 * len(rows),
-            title={
-                "text": f"<b>{NAMES[observable]}</b>", "font": {"size": 14},
-                "x": 0, "xref": "paper", "y": 0.98, "yanchor": "top",
-            },
-            xaxis=axis(theme, "ω (rad/s)", type="category", showgrid=False, ticks=""),
-            yaxis=axis(theme, "", type="category", showgrid=False, ticks=""),
-            plot_bgcolor=theme.empty,
-            showlegend=False,
-        ),
-    }  # fmt: skip
+
+
+def _count(failing: NDArray[np.bool_]) -> str:
+    number = int(failing.sum())
+    return "no cell fails" if number == 0 else f"{number} {'cell fails' if number == 1 else 'cells fail'}"
 
 
 def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme: Theme = LIGHT) -> Spec:
@@ -148,7 +179,7 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme:
         "data": traces,
         "layout": layout(
             theme,
-            380,
+            330,
             xaxis=axis(theme, "", showgrid=False, **ticks),
             yaxis=axis(theme, "r.m.s. error of mean speed (cm/s)", range=[0, top or 1.0]),
             annotations=labels,
@@ -173,9 +204,21 @@ def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
             "x": as_json(CM * grid), "y": as_json(CM * lock_curve(grid)), "line": {"color": theme.ink, "width": 1.5},
         }
     ]  # fmt: skip
+    walks = lift > CM * WALKING_LIFT_M
+    swims = ~walks & np.isfinite(lift)
+    if swims.any():
+        faint = {"color": theme.faint, "size": 5, "symbol": "circle-open"}
+        data.append(
+            {
+                "type": "scatter", "mode": "markers", "name": "swimming, any φ", "marker": faint, "hoverinfo": "skip",
+                "x": as_json(lift[swims]), "y": as_json(step_length[swims]),
+            }
+        )  # fmt: skip
     colours = theme.phi_colours(len(cells.level_phi))
     for band in bands(cells):
-        at = band.cells
+        at = band.cells[walks[band.cells]]
+        if not at.size:
+            continue
         colour = colours[band.level]
         data.append(
             {
@@ -224,16 +267,16 @@ def as_json(values: Floats) -> list[Any]:
 _SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "triangle-down", "hexagon")
 
 
-def _line(step: Step, band: int, name: str, line: Spec) -> Spec:
+def _line(step: Step, band: int, line: Spec) -> Spec:
     return {
-        "type": "scatter", "mode": "lines", "name": name, "legendgroup": name, "line": line, "hoverinfo": "skip",
+        "type": "scatter", "mode": "lines", "line": line, "hoverinfo": "skip", "showlegend": False,
         "x": as_json(step.omega_rad_s), "y": as_json(CM * step.speed_m_s[band]),
     }  # fmt: skip
 
 
 def _points(cells: Cells, at: NDArray[np.int64], colour: str, theme: Theme) -> Spec:
     return {
-        "type": "scatter", "mode": "markers", "name": "measured, mean ± s.d. of replicates", "legendgroup": "measured",
+        "type": "scatter", "mode": "markers", "showlegend": False,
         "x": as_json(cells.omega[at]), "y": as_json(CM * measured(cells, "speed")[at]),
         "error_y": _bars(CM * scatter(cells, "speed")[at], colour),
         "marker": {"color": colour, "size": 8, "line": {"color": theme.paper, "width": 1}},

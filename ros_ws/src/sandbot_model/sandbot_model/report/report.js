@@ -17,7 +17,7 @@
       return Plotly.react(`plot-${name}`, figure.data, figure.layout, {
         responsive: true,
         displaylogo: false,
-        modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"],
+        modeBarButtons: [["toImage"], ["zoom2d", "pan2d", "resetScale2d"]],
         toImageButtonOptions: { format: "svg", filename: name },
       });
     });

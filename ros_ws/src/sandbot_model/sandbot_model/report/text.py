@@ -10,6 +10,7 @@ from sandbot_model.report.view import CM, readable
 
 UNKNOWN = "not known"
 
+
 def cm_s(value_m_s: float) -> str:
     """A speed [m/s] in cm/s: ``4.11 cm/s``."""
     return f"{CM * value_m_s:.2f} cm/s" if math.isfinite(value_m_s) else UNKNOWN
@@ -32,7 +33,7 @@ def with_error(value: float, stderr: float) -> str:
     if not math.isfinite(value):
         return UNKNOWN
     if not math.isfinite(stderr) or stderr <= 0.0:
-        return f"{value:.4g}"
+        return f"{value:.4g} (± {UNKNOWN})"
     decimals = max(0, 1 - math.floor(math.log10(stderr)))
     return f"{value:.{decimals}f} ± {stderr:.{decimals}f}"
 

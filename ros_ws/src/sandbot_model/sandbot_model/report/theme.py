@@ -70,7 +70,7 @@ def layout(theme: Theme, height: int, **more: Any) -> Spec:
         "margin": {"l": 64, "r": 24, "t": 36, "b": 56},
         "hoverlabel": {"font": {"family": FONT, "size": 13}},
         "showlegend": True,
-        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom", "yref": "container"},
+        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 1, "yanchor": "top", "yref": "container"},
         **more,
     }
 
@@ -78,7 +78,7 @@ def layout(theme: Theme, height: int, **more: Any) -> Spec:
 def axis(theme: Theme, title: str = "", **more: Any) -> Spec:
     """A readable axis: outside ticks, a line, a faint grid, title with its unit."""
     return {
-        "title": {"text": title, "standoff": 8},
+        "title": {"text": title, "standoff": 8, "font": {"size": 13}},
         "showline": True,
         "linecolor": theme.faint,
         "ticks": "outside",

@@ -1,0 +1,187 @@
+"""The bed node: runs the pulse protocol against the blower and the height sensor.
+
+/bed/prepare starts a preparation for the parameter target_phi and returns at once; /bed/status tells how it goes and
+/bed/volume_fraction (latched) its end. /bed/abort turns the air off, and so does the end of the node.
+
+Interlock: a preparation is refused while legs move, and fails if they begin to.
+"""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from rclpy.node import Node
+from sensor_msgs.msg import JointState, Range
+from std_srvs.srv import Trigger
+
+from sandbot_bed.hardware import BedHardware
+from sandbot_bed.protocol import Command, ProtocolParameters, PulseProtocol, Stage
+from sandbot_bed.status import status_message
+from sandbot_common import messages, node, topics
+from sandbot_common.errors import InputError
+from sandbot_common.parameters import parameter
+
+_LEGS_STILL_S = 0.2
+_STATUS_PERIOD_S = 0.1
+# A reading older than this is no reading.
+_FRESH_S = 0.5
+
+
+@dataclass(frozen=True)
+class BedParameters(ProtocolParameters):
+    """Parameters of the bed node: the protocol's, the target and the pace."""
+
+    target_phi: float = parameter(0.6, doc="volume fraction to prepare", low=0.3, high=0.74)
+    rate_hz: float = parameter(100.0, unit="Hz", doc="steps a second; fixed when the node starts", low=20, high=1000)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check_target(self.target_phi)
+
+
+class TopicHardware:
+    """The bed behind topics: a driver node or the virtual lab obeys /bed/blower and publishes /bed/height."""
+
+    def __init__(self, ros: Node, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._now_s = now_s
+        self._height_m, self._heard_s = math.nan, -math.inf
+        self._blower = node.publisher(ros, topics.BED_BLOWER)
+        node.subscription(ros, topics.BED_HEIGHT, self._on_height)
+
+    def set_blower(self, level: float) -> None:
+        """Publish /bed/blower."""
+        self._blower.publish(messages.float64(level))
+
+    def read_height_m(self) -> float:
+        """The latest /bed/height; NaN where it is older than half a second."""
+        return self._height_m if self._now_s() - self._heard_s < _FRESH_S else math.nan
+
+    def _on_height(self, message: Range) -> None:
+        self._height_m, self._heard_s = message.range, self._now_s()
+
+
+class PublishedHardware:
+    """A driver class in this process; what it does and reads is published as well, for the interlock and the bag."""
+
+    def __init__(self, ros: Node, driver: BedHardware, low_m: float, high_m: float) -> None:
+        self._ros, self._driver, self._limits_m = ros, driver, (low_m, high_m)
+        self._blower = node.publisher(ros, topics.BED_BLOWER)
+        self._height = node.publisher(ros, topics.BED_HEIGHT)
+
+    def set_blower(self, level: float) -> None:
+        """To the driver and /bed/blower."""
+        self._driver.set_blower(level)
+        self._blower.publish(messages.float64(level))
+
+    def read_height_m(self) -> float:
+        """From the driver, and to /bed/height."""
+        height_m = self._driver.read_height_m()
+        now_ns = self._ros.get_clock().now().nanoseconds
+        self._height.publish(messages.range_(now_ns, height_m, *self._limits_m, topics.FRAME))
+        return height_m
+
+
+class BedNode(Node):
+    """Wires the pulse protocol to topics; ``driver`` takes the place of the topic-based hardware."""
+
+    def __init__(self, driver: BedHardware | None = None) -> None:
+        super().__init__("bed")
+        self._settings = node.Parameters(self, BedParameters, self._on_change)
+        settings = self._settings.current
+        self._protocol = PulseProtocol(settings)
+        self._hardware: BedHardware = (
+            TopicHardware(self)
+            if driver is None
+            else PublishedHardware(self, driver, settings.height_low_m, settings.height_high_m)
+        )
+        self._phi = node.publisher(self, topics.BED_PHI)
+        self._status = node.publisher(self, topics.BED_STATUS)
+        node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoints)
+        self._health = node.Health(self, self._figures)
+        self._legs_moved_s = self._status_s = -math.inf
+        self._reported = ""
+        self.create_service(Trigger, "/bed/prepare", self._on_prepare)
+        self.create_service(Trigger, "/bed/abort", self._on_abort)
+        self.create_timer(1 / settings.rate_hz, self._step)
+
+    def close(self) -> None:
+        """Air off before the node goes."""
+        self._obey(self._protocol.abort("the bed node stopped"))
+
+    def _step(self) -> None:
+        if self._legs_move and self._protocol.command.stage.busy:
+            self._protocol.fail("legs began to move (/leg_setpoints) while the bed was being prepared")
+        self._obey(self._protocol.step(time.monotonic(), self._hardware.read_height_m()))
+
+    def _obey(self, command: Command) -> None:
+        # At every step, idle too: who starts later must learn that the air is off.
+        self._hardware.set_blower(command.blower)
+        changed = f"{command.stage} {command.reason}" != self._reported
+        if changed:
+            self._on_new_stage(command)
+        if changed or time.monotonic() - self._status_s >= _STATUS_PERIOD_S:
+            self._status_s = time.monotonic()
+            self._status.publish(status_message(self.get_clock().now().nanoseconds, command))
+
+    def _on_new_stage(self, command: Command) -> None:
+        self._reported = f"{command.stage} {command.reason}"
+        failed = command.stage is Stage.FAILED
+        self._health.level, self._health.text = (2, command.reason) if failed else (0, "ok")
+        if failed:
+            self.get_logger().error(f"preparation failed: {command.reason}")
+        if command.stage is Stage.READY:
+            self._phi.publish(messages.float64(command.phi))
+
+    @property
+    def _legs_move(self) -> bool:
+        return time.monotonic() - self._legs_moved_s < _LEGS_STILL_S
+
+    def _on_setpoints(self, message: JointState) -> None:
+        # NaN != 0: it counts as moving.
+        if any(rate != 0 for rate in message.velocity):
+            self._legs_moved_s = time.monotonic()
+
+    def _on_change(self, settings: BedParameters) -> None:
+        if self._protocol.command.stage.busy:
+            raise InputError("bed: parameters can't change during a preparation; call /bed/abort first")
+        if settings.rate_hz != self._settings.current.rate_hz:
+            raise InputError("bed: rate_hz is fixed when the node starts")
+        self._protocol.parameters = settings
+
+    def _on_prepare(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        target_phi = self._settings.current.target_phi
+        if self._legs_move:
+            response.success, response.message = False, "legs move (/leg_setpoints); call /clock/stop first"
+            return response
+        try:
+            self._protocol.prepare(target_phi)
+        except InputError as error:
+            response.success, response.message = False, str(error)
+            return response
+        response.success, response.message = True, f"preparing φ = {target_phi:g}"
+        return response
+
+    def _on_abort(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        busy = self._protocol.command.stage.busy
+        self._obey(self._protocol.abort("aborted by /bed/abort"))
+        response.success, response.message = True, "aborted, air off" if busy else "nothing to abort, air off"
+        return response
+
+    def _figures(self) -> Mapping[str, object]:
+        command = self._protocol.command
+        return {
+            "stage": command.stage.value,
+            "blower": command.blower,
+            "phi": command.phi,
+            "height_m": command.height_m,
+        }
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the bed node until Ctrl-C."""
+    return node.run(BedNode, argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,208 @@
+"""The virtual lab as a node: leg set-points and blower in; leg states, LED, bed height and both cameras out.
+
+A trial begins when the legs start after standing: the robot is back at the start on virgin ground of the bed's volume
+fraction, and the LED flashes. Frames are taken on the robot's time, t0 + k / frame rate. No topic carries the truth.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from ament_index_python.packages import get_package_share_directory
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo, JointState
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+from sandbot_common import messages, node, topics
+from sandbot_common.errors import InputError
+from sandbot_common.files import read_yaml
+from sandbot_common.parameters import parameter
+from sandbot_lab.bed import LabBed
+from sandbot_lab.calibration import Calibration, calibration
+from sandbot_lab.cameras import REST_HEIGHT_M, LabCamera
+from sandbot_lab.robot import START_X_M
+from sandbot_lab.stage import NANO, LiveTrial
+from sandbot_lab.world import null_world, read_world
+
+HEIGHT_RATE_HZ = 50.0
+IDLE_RATE_HZ = 100.0
+SENSOR_RANGE_M = (0.02, 0.5)
+CAMERAS = ("dorsal", "lateral")
+_IMAGE = {"dorsal": topics.DORSAL_IMAGE, "lateral": topics.LATERAL_IMAGE}
+_INFO = {"dorsal": topics.DORSAL_INFO, "lateral": topics.LATERAL_INFO}
+
+
+@dataclass(frozen=True)
+class LabParameters:
+    """Parameters of the lab node."""
+
+    world: str = parameter("", doc="sealed world file; empty: the null world")
+    cameras: str = parameter("", doc="cameras file; empty: the project's own")
+    seed: int = parameter(1, doc="chance of the bed", low=0, high=2**62)
+    trial_seed: int = parameter(1, doc="chance of the next trial", low=0, high=2**62)
+    phi: float = parameter(0.0, doc="volume fraction of the next trial; 0: the bed's own", low=0.0, high=0.7)
+    start_x: float = parameter(START_X_M, unit="m", doc="where the robot's com starts", low=0.0, high=2.5)
+    images: bool = parameter(True, doc="whether the cameras run")
+    idle_frames: bool = parameter(False, doc="whether the cameras also run while the robot stands")
+
+
+class LabNode(Node):
+    """Wires bed, robot and cameras to their topics."""
+
+    def __init__(self) -> None:
+        super().__init__("lab")
+        self._parameters = node.Parameters(self, LabParameters, self._check)
+        current = self._parameters.current
+        self._world = read_world(Path(current.world)) if current.world else null_world()
+        self._sections = self._read_cameras(current.cameras)
+        self._info = {name: camera_info(calibration(self._sections[name], name)) for name in CAMERAS}
+        self._bed, self._bed_ns = LabBed(current.seed), self._now_ns()
+        self._trial: LiveTrial | None = None
+        self._standing = True
+        self._idle = self._idle_cameras()
+        self._setpoints = self._refused = self._trials = 0
+
+        self._states = node.publisher(self, topics.LEG_STATES)
+        self._led = node.publisher(self, topics.SYNC_LED)
+        self._height = node.publisher(self, topics.BED_HEIGHT)
+        self._images = {name: node.publisher(self, topic) for name, topic in _IMAGE.items()}
+        self._infos = {name: node.publisher(self, topic) for name, topic in _INFO.items()}
+        node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
+        node.subscription(self, topics.BED_BLOWER, self._on_blower)
+        self.create_service(Trigger, "/lab/reset", self._on_reset)
+        self.create_timer(1.0 / HEIGHT_RATE_HZ, self._publish_height)
+        self.create_timer(1.0 / IDLE_RATE_HZ, self._publish_idle)
+        self._health = node.Health(self, self._figures)
+
+    def _check(self, new: LabParameters) -> None:
+        fixed = ("world", "cameras", "seed")
+        for name in fixed:
+            if getattr(new, name) != getattr(self._parameters.current, name):
+                raise InputError(f"lab parameters: {name} is fixed when the node starts")
+
+    def _read_cameras(self, path: str) -> dict[str, Any]:
+        file = Path(path) if path else Path(get_package_share_directory("sandbot_bringup")) / "config" / "cameras.yaml"
+        sections = read_yaml(file)
+        for name in CAMERAS:
+            if not isinstance(sections.get(name), Mapping):
+                raise InputError(f"{file}: no camera {name!r}")
+            calibration(sections[name], f"{file}: {name}")
+        return sections
+
+    def _idle_cameras(self) -> dict[str, LabCamera]:
+        seed = self._parameters.current.trial_seed
+        return {name: LabCamera(name, self._sections[name], seed) for name in CAMERAS}
+
+    def _now_ns(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
+
+    def _on_setpoint(self, message: JointState) -> None:
+        self._setpoints += 1
+        t_ns, angles, rates = messages.nanoseconds(message.header.stamp), *_legs(message)
+        try:
+            moving = bool(np.any(rates))
+            if moving and self._standing:
+                self._begin(t_ns)
+            self._standing = not moving
+            if self._trial is not None:
+                self._advance(self._trial, t_ns, angles, rates)
+        except InputError as error:
+            self._refused += 1
+            self._health.level, self._health.text = 1, f"set-point refused: {error}"
+
+    def _begin(self, t_ns: int) -> None:
+        current = self._parameters.current
+        cameras = {name: self._sections[name] for name in CAMERAS} if current.images else {}
+        phi = current.phi or self._bed.phi
+        self._trial = LiveTrial(self._world, phi, current.trial_seed, current.start_x, cameras, t_ns)
+        self._trials += 1
+        self._health.level, self._health.text = 0, "ok"
+        self._led.publish(messages.header(t_ns, "sync_led"))
+
+    def _advance(self, trial: LiveTrial, t_ns: int, angles: Any, rates: Any) -> None:
+        state = trial.advance(t_ns, angles, rates)
+        legs = state.leg_angle_rad, state.leg_rate_rad_s, state.leg_effort_n_m
+        self._states.publish(messages.joint_state(t_ns, topics.LEGS, *legs))
+        for name, stamp_ns, pixels in trial.frames():
+            self._publish_frame(name, stamp_ns, pixels)
+
+    def _publish_frame(self, name: str, t_ns: int, pixels: Any) -> None:
+        info = self._info[name]
+        info.header = messages.header(t_ns, name)
+        self._images[name].publish(messages.image(t_ns, name, pixels))
+        self._infos[name].publish(info)
+
+    def _on_blower(self, message: Float64) -> None:
+        self._pass_time()
+        try:
+            self._bed.set_blower(message.data)
+        except InputError as error:
+            self._health.level, self._health.text = 1, str(error)
+
+    def _pass_time(self) -> None:
+        now_ns = self._now_ns()
+        # Simulated time may be set back.
+        self._bed.advance(max(now_ns - self._bed_ns, 0) / NANO)
+        self._bed_ns = now_ns
+
+    def _publish_height(self) -> None:
+        self._pass_time()
+        self._height.publish(messages.range_(self._bed_ns, self._bed.read_height_m(), *SENSOR_RANGE_M, "bed"))
+
+    def _publish_idle(self) -> None:
+        current = self._parameters.current
+        if not (current.images and current.idle_frames and self._standing):
+            return
+        now_ns = self._now_ns()
+        for name, camera in self._idle.items():
+            self._publish_frame(name, now_ns, camera.render(current.start_x, REST_HEIGHT_M))
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self._standing:
+            response.success, response.message = False, "the legs are moving; stop the clock first"
+            return response
+        self._trial = None
+        self._idle = self._idle_cameras()
+        response.success, response.message = True, "the robot is at the start, the ground is virgin"
+        return response
+
+    def _figures(self) -> dict[str, object]:
+        return {
+            "legs": "standing" if self._standing else "moving",
+            "trials": self._trials,
+            "setpoints": self._setpoints,
+            "refused": self._refused,
+        }
+
+
+def camera_info(camera: Calibration) -> CameraInfo:
+    """A camera's intrinsics as a message."""
+    info = CameraInfo(width=camera.width, height=camera.height, distortion_model="plumb_bob")
+    info.d = list(camera.distortion)
+    info.k = [camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0]
+    info.r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+    info.p = [camera.fx, 0.0, camera.cx, 0.0, 0.0, camera.fy, camera.cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+    return info
+
+
+def _legs(message: JointState) -> tuple[Any, Any]:
+    """Angles and rates (6,) in the order of LEGS, by name; NaN (refused later) where one is missing."""
+    place = {name: index for index, name in enumerate(message.name)}
+    angles, rates = np.full(len(topics.LEGS), np.nan), np.full(len(topics.LEGS), np.nan)
+    for leg, name in enumerate(topics.LEGS):
+        index = place.get(name, len(message.position))
+        if index < len(message.position) and index < len(message.velocity):
+            angles[leg], rates[leg] = message.position[index], message.velocity[index]
+    return angles, rates
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return node.run(LabNode, argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,278 @@
+"""One .mcap file read block by block, whole or damaged: what is intact comes out, what is not is named.
+
+Nothing in the file is trusted: every length is checked against the file, every chunk against its CRC, and after damage the
+search goes on at the next place where a chunk's header agrees with itself. MCAP 1.0: https://mcap.dev/spec.
+"""
+
+import re
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+
+import lz4.frame
+import numpy as np
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
+from numpy.typing import NDArray
+
+MAGIC = b"\x89MCAP0\r\n"
+CHUNK_LIMIT = 256 << 20
+"""Uncompressed bytes; nobody writes larger chunks, so a larger figure is damage (and would eat the memory)."""
+
+Definition = Schema | Channel
+_PARSED = {
+    Opcode.HEADER: Header,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.METADATA: Metadata,
+    Opcode.ATTACHMENT: Attachment,
+}
+MESSAGE = np.dtype(
+    [
+        ("opcode", "u1"),
+        ("length", "<i8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log_time_ns", "<i8"),
+        ("publish_time_ns", "<i8"),
+    ]
+)
+_FOOTER_BYTES = 9 + 20
+_CHUNK_HEAD = re.compile(
+    rb"\x06.{5}\x00\x00\x00.{28}(?:\x00\x00\x00\x00|\x03\x00\x00\x00lz4|\x04\x00\x00\x00zstd).{5}\x00\x00\x00", re.DOTALL
+)
+
+
+@dataclass(frozen=True)
+class Damage:
+    """Bytes [start, end) of the file that can't be used, and why."""
+
+    start: int
+    end: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class Batch:
+    """The messages of one chunk (or of a run of unchunked ones), in file order; ``rows`` is (n,) of the header fields.
+
+    Message i is ``data[at[i] : at[i] + length[i]]``. ``definitions`` are schemas and channels found among them.
+    """
+
+    offset: int
+    data: bytes | memoryview
+    rows: NDArray[np.void]
+    at: NDArray[np.int64]
+    length: NDArray[np.int64]
+    definitions: tuple[Definition, ...]
+
+    def payload(self, row: int) -> memoryview:
+        """The bytes of message ``row``, not copied."""
+        start = int(self.at[row])
+        return memoryview(self.data)[start : start + int(self.length[row])]
+
+
+@dataclass(frozen=True)
+class End:
+    """The end of the data section (DataEnd): what follows is only the summary."""
+
+    offset: int
+
+
+Item = Header | Schema | Channel | Metadata | Attachment | Batch | Damage | End
+
+
+def is_mcap(data: bytes | memoryview) -> bool:
+    """Whether the bytes begin as an MCAP file does."""
+    return bytes(data[: len(MAGIC)]) == MAGIC
+
+
+def finished(data: memoryview) -> bool:
+    """Whether the file ends in footer and magic, as a closed one does."""
+    if len(data) < len(MAGIC) + _FOOTER_BYTES + len(MAGIC) or bytes(data[-len(MAGIC) :]) != MAGIC:
+        return False
+    footer = bytes(data[-len(MAGIC) - _FOOTER_BYTES :][:9])
+    return footer == struct.pack("<BQ", Opcode.FOOTER, 20)
+
+
+def summary(data: memoryview) -> list[Definition | tuple[int, int]] | None:
+    """Schemas, channels and (channel id, message count) pairs of the summary; None if there is none or its CRC is wrong."""
+    if not finished(data):
+        return None
+    footer_at = len(data) - len(MAGIC) - _FOOTER_BYTES
+    start, _, crc = struct.unpack_from("<QQI", data, footer_at + 9)
+    if not 0 < start <= footer_at or (crc and zlib.crc32(data[start : footer_at + 25]) != crc):
+        return None
+    found: list[Definition | tuple[int, int]] = []
+    counted = False
+    for opcode, at, length in _records(data, start, footer_at):
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            record = _parse(opcode, data[at : at + length])
+            if not isinstance(record, Schema | Channel):
+                return None
+            found.append(record)
+        elif opcode == Opcode.STATISTICS and length >= 46:
+            counted = True
+            pairs = bytes(data[at + 46 : at + length])
+            found += list(struct.iter_unpack("<HQ", pairs[: len(pairs) // 10 * 10]))  # type: ignore[arg-type]
+    return found if counted else None
+
+
+def scan(data: memoryview) -> Iterator[Item]:
+    """Everything in the data section, in file order, Damage where something is not usable."""
+    at, size = len(MAGIC), len(data)
+    if not is_mcap(data):
+        at = 0
+        yield Damage(0, min(len(MAGIC), size), "not the first bytes of an MCAP file")
+        at = _next_chunk(data, 0)
+    while at < size:
+        length = _length(data, at)
+        opcode = data[at]
+        if length is None or not Opcode.HEADER <= opcode <= Opcode.DATA_END:
+            resumed = _next_chunk(data, at + 1)
+            yield Damage(at, resumed, "cut off" if resumed == size else "not a record")
+            at = resumed
+            continue
+        if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+            yield End(at)
+            return
+        end = at + 9 + length
+        if opcode == Opcode.MESSAGE:
+            end = _end_of_messages(data, at)
+            yield from _batch(data, at, end, at)
+        elif opcode == Opcode.CHUNK:
+            items = list(_chunk(data, at, end))
+            if any(isinstance(item, Damage) for item in items) and not _plausible(data, end):
+                end = _next_chunk(data, at + 1)
+                items = [Damage(at, end, item.reason) if isinstance(item, Damage) else item for item in items]
+            yield from items
+        elif opcode in _PARSED:
+            record = _parse(opcode, data[at + 9 : end])
+            yield Damage(at, end, f"damaged {Opcode(opcode).name.lower()} record") if record is None else record
+        at = end
+
+
+def _length(data: memoryview, at: int) -> int | None:
+    """Length of the record at ``at``; None if it does not fit into the file."""
+    if at + 9 > len(data):
+        return None
+    length = int.from_bytes(data[at + 1 : at + 9], "little")
+    return length if at + 9 + length <= len(data) else None
+
+
+def _plausible(data: memoryview, at: int) -> bool:
+    return at == len(data) or (_length(data, at) is not None and Opcode.HEADER <= data[at] <= Opcode.DATA_END)
+
+
+def _next_chunk(data: memoryview, at: int) -> int:
+    """The next offset from ``at`` on where a whole chunk's lengths agree with one another; the file's end if none."""
+    for match in _CHUNK_HEAD.finditer(data, at):
+        start = match.start()
+        length = _length(data, start)
+        if length is not None and _chunk_body(data, start, start + 9 + length) is not None:
+            return start
+    return len(data)
+
+
+def _chunk_body(data: memoryview, at: int, end: int) -> tuple[int, int, str, int] | None:
+    """Uncompressed size, CRC, compression and offset of the compressed bytes; None if the lengths disagree."""
+    if end - at < 9 + 40:
+        return None
+    size, crc, name_length = struct.unpack_from("<QII", data, at + 25)
+    if name_length > 4 or at + 49 + name_length > end:
+        return None
+    name = bytes(data[at + 41 : at + 41 + name_length])
+    (data_size,) = struct.unpack_from("<Q", data, at + 41 + name_length)
+    if at + 49 + name_length + data_size != end or name not in (b"", b"lz4", b"zstd"):
+        return None
+    return size, crc, name.decode(), at + 49 + name_length
+
+
+def _chunk(data: memoryview, at: int, end: int) -> Iterator[Batch | Damage]:
+    body = _chunk_body(data, at, end)
+    if body is None:
+        yield Damage(at, end, "chunk header disagrees with itself")
+        return
+    size, crc, compression, start = body
+    content = _decompressed(data[start:end], compression, size)
+    if content is None:
+        yield Damage(at, end, f"{compression or 'chunk'} data can't be decompressed")
+    elif crc and zlib.crc32(content) != crc:
+        yield Damage(at, end, "chunk CRC is wrong")
+    else:
+        yield from _batch(content, 0, len(content), at)
+
+
+def _decompressed(data: memoryview, compression: str, size: int) -> bytes | memoryview | None:
+    """The chunk's content of exactly ``size`` bytes; None if that is not what comes out."""
+    if size > CHUNK_LIMIT:
+        return None
+    try:
+        if compression == "zstd":
+            if zstandard.frame_content_size(data) > size:
+                return None
+            content: bytes | memoryview = zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+        elif compression == "lz4":
+            content = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+        else:
+            content = data
+    except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError, ValueError):
+        return None
+    return content if len(content) == size else None
+
+
+def _records(data: bytes | memoryview, at: int, end: int) -> Iterator[tuple[int, int, int]]:
+    """(opcode, offset of the content, length) of each record in [at, end); stops at one that does not fit."""
+    unpack = struct.Struct("<BQ").unpack_from
+    while at + 9 <= end:
+        opcode, length = unpack(data, at)
+        at += 9
+        if at + length > end:
+            return
+        yield opcode, at, length
+        at += length
+
+
+def _end_of_messages(data: memoryview, at: int) -> int:
+    """End of the run of message records (and of definitions between them) that begins at ``at``."""
+    end = first = at
+    for opcode, start, length in _records(data, at, len(data)):
+        if opcode not in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL) or end - first > CHUNK_LIMIT // 8:
+            break
+        end = start + length
+    return end
+
+
+def _batch(data: bytes | memoryview, at: int, end: int, offset: int) -> Iterator[Batch | Damage]:
+    """The messages in data[at:end]; Damage if the records do not fill it."""
+    starts: list[int] = []
+    definitions: list[Definition] = []
+    last = at
+    for opcode, start, length in _records(data, at, end):
+        last = start + length
+        if opcode == Opcode.MESSAGE and length >= 22:
+            starts.append(start - 9)
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            record = _parse(opcode, data[start:last])
+            if isinstance(record, Schema | Channel):
+                definitions.append(record)
+    at_header = np.array(starts, dtype=np.int64)
+    raw = np.frombuffer(data, dtype=np.uint8)
+    rows = raw[at_header[:, None] + np.arange(MESSAGE.itemsize)].reshape(-1).view(MESSAGE)
+    yield Batch(offset, data, rows, at_header + MESSAGE.itemsize, rows["length"] - 22, tuple(definitions))
+    if last != end:
+        yield Damage(offset, offset, f"{end - last} bytes of a block are not records")
+
+
+def _parse(opcode: int, content: bytes | memoryview) -> Header | Schema | Channel | Metadata | Attachment | None:
+    """The record, None if the bytes do not make one."""
+    try:
+        record = _PARSED[Opcode(opcode)].read(ReadDataStream(BytesIO(content)))
+    except (McapError, struct.error, ValueError, OverflowError, MemoryError):
+        return None
+    return record  # type: ignore[no-any-return]

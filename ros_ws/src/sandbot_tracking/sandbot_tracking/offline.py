@@ -1,0 +1,190 @@
+"""Frames of both cameras to landmarks and speed: the one core behind the live node, the batch campaign and track_video."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_common.errors import InputError
+from sandbot_tracking.calibration import Camera
+from sandbot_tracking.markers import Appearance, Frame
+from sandbot_tracking.speed import HarmonicSpeed
+from sandbot_tracking.track import Counts, Gates, Marks, MarkerTracker
+from sandbot_tracking.trial import AXLE_REST_M
+
+Floats = NDArray[np.float64]
+
+AXLE_DISTANCE_M = 0.20
+UNKNOWN_LIFT_M = 0.01
+"""Standard deviation of the lift where no lateral camera measures it."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One instant. Positions (3,) [m; trackway frame], NaN where a marker is missing; speeds NaN likewise."""
+
+    t_s: float
+    com: Floats
+    front_axle: Floats
+    rear_axle: Floats
+    v_x: float
+    var_x: float
+    v_z: float
+    var_z: float
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """All instants so far: t_s (n,), positions (n, 3) [m] with NaN gaps."""
+
+    t_s: Floats
+    com: Floats
+    front_axle: Floats
+    rear_axle: Floats
+
+
+@dataclass(frozen=True)
+class Speed:
+    """/speed so far: times (n,), velocities [m/s] and variances [m²/s²], (n,) each; NaN gaps."""
+
+    t_s: Floats
+    v_x: Floats
+    var_x: Floats
+    v_z: Floats
+    var_z: Floats
+
+
+class LegClock:
+    """Leg frequency from leg angles: their mean advance over the last turn, or since they started if that is less."""
+
+    def __init__(self) -> None:
+        self._t: list[float] = []
+        self._advance: list[float] = []
+        self._last: Floats | None = None
+
+    def update(self, t_s: float, angle_rad: Floats) -> None:
+        """Angles (6,) [rad] at ``t_s``; wrapped or not."""
+        angle = np.asarray(angle_rad, dtype=float)
+        if not np.isfinite(angle).all() or (self._t and t_s <= self._t[-1]):
+            return
+        step = 0.0 if self._last is None else float(np.mean((angle - self._last + np.pi) % (2 * np.pi) - np.pi))
+        self._last = angle
+        self._t.append(t_s)
+        self._advance.append((self._advance[-1] if self._advance else 0.0) + step)
+
+    def advance_rad(self) -> float:
+        """How far the legs have turned, from the first angle on."""
+        return self._advance[-1] if self._advance else 0.0
+
+    def omega_rad_s(self, t_s: float) -> float | None:
+        """Mean rate over the last whole turn up to ``t_s``; over what there is before; None while they stand."""
+        end = int(np.searchsorted(self._t, t_s + 1e-9))
+        if end < 2:
+            return None
+        now, then = self._advance[end - 1], max(self._advance[end - 1] - 2 * np.pi, self._advance[0])
+        first = int(np.searchsorted(self._advance[:end], then, side="right")) - 1
+        turned, took = now - self._advance[first], self._t[end - 1] - self._t[first]
+        stood = self._advance[end - 1] - self._advance[max(0, end - 11)] < 1e-3
+        return None if stood or turned < 0.3 else turned / took
+
+
+class OfflineTracker:
+    """Tracks ``com`` in dorsal frames, ``front_axle`` and ``rear_axle`` in lateral ones.
+
+    The centre of mass rides on the body: its plane is raised by the lift the lateral camera sees at the same instant. With
+    a lateral camera that just misses the axles there is no honest x, so ``com`` is NaN; without a lateral camera at
+    all the lift counts as unknown by UNKNOWN_LIFT_M in the variance.
+    """
+
+    def __init__(
+        self, cameras: Mapping[str, Camera], looks: Appearance | None = None, gates: Gates | None = None,
+        omega_rad_s: float | None = None,
+    ) -> None:
+        if "dorsal" not in cameras:
+            raise InputError(f"cameras {', '.join(cameras) or 'none'}: a dorsal one is needed")
+        self.clock = LegClock()
+        self._omega = omega_rad_s
+        self._dorsal, self._lateral = cameras["dorsal"], cameras.get("lateral")
+        self._body = MarkerTracker(("com",), looks, gates, ignore_px=_led(self._dorsal))
+        self._axles: MarkerTracker | None = None
+        self._front = 0
+        if self._lateral is not None:
+            x = self._axle_px(self._lateral)
+            # Names go by increasing image x; the front axle has the larger x on the track.
+            self._front = int(x[1] > x[0])
+            names = ("rear_axle", "front_axle") if self._front else ("front_axle", "rear_axle")
+            self._axles = MarkerTracker(names, looks, gates, abs(float(x[1] - x[0])), _led(self._lateral))
+        self._v_x, self._v_z = HarmonicSpeed(), HarmonicSpeed()
+        self._samples: list[Sample] = []
+
+    @staticmethod
+    def _axle_px(camera: Camera) -> Floats:
+        """Image x of two points as far apart as the axles, in the middle of the view."""
+        middle = camera.to_plane([[camera.width / 2, camera.height / 2]])[0]
+        reach = np.array([AXLE_DISTANCE_M / 2, 0.0, 0.0])
+        return np.asarray(camera.to_pixels([middle - reach, middle + reach])[:, 0], dtype=float)
+
+    @property
+    def counts(self) -> dict[str, Counts]:
+        """Missing, lost, re-acquired and ambiguous markers, by camera."""
+        return {"dorsal": self._body.counts} | ({"lateral": self._axles.counts} if self._axles else {})
+
+    def legs(self, t_s: float, angle_rad: Floats) -> None:
+        """Leg angles (6,) [rad]: they give the clock frequency the speed is locked to."""
+        self.clock.update(t_s, angle_rad)
+
+    def update(self, t_s: float, dorsal_frame: Frame | None, lateral_frame: Frame | None) -> Sample:
+        """Both frames (mono8) of one instant, None for one that is lost; the new sample."""
+        front, rear, z, var_z = self._axle_heights(lateral_frame)
+        com, var_x = self._centre(dorsal_frame, z, var_z)
+        omega = self._omega if self._omega is not None else self.clock.omega_rad_s(t_s)
+        v_x, v_var_x = self._v_x.update(t_s, com[0], var_x, omega)
+        v_z, v_var_z = self._v_z.update(t_s, z, var_z, omega)
+        sample = Sample(t_s, com, front, rear, v_x, v_var_x, v_z, v_var_z)
+        self._samples.append(sample)
+        return sample
+
+    def _axle_heights(self, frame: Frame | None) -> tuple[Floats, Floats, float, float]:
+        missing = np.full(3, np.nan)
+        if frame is None or self._axles is None or self._lateral is None:
+            return missing, missing, np.nan, np.nan
+        marks = self._axles.update(frame)
+        xyz = self._lateral.to_plane(marks.xy_px)
+        seen = np.isfinite(xyz[:, 2])
+        front, rear = xyz[self._front], xyz[1 - self._front]
+        if not seen.all():
+            return front, rear, np.nan, np.nan
+        variance = self._lateral.covariance_m2(marks.xy_px, marks.var_px2)[:, 2, 2]
+        return front, rear, float(xyz[:, 2].mean()), float(variance.sum() / 4)
+
+    def _centre(self, frame: Frame | None, z: float, var_z: float) -> tuple[Floats, float]:
+        if frame is None:
+            return np.full(3, np.nan), np.nan
+        marks: Marks = self._body.update(frame)
+        if self._lateral is None:
+            z, var_z = AXLE_REST_M, UNKNOWN_LIFT_M**2
+        if not (marks.found[0] and np.isfinite(z)):
+            return np.full(3, np.nan), np.nan
+        plane = self._dorsal.plane.offset_m + z - AXLE_REST_M
+        com = self._dorsal.to_plane(marks.xy_px, plane)[0]
+        variance = self._dorsal.covariance_m2(marks.xy_px, marks.var_px2, plane)[0, 0, 0]
+        parallax = self._dorsal.parallax(marks.xy_px)[0, 0]
+        return com, float(variance + parallax**2 * var_z)
+
+    def landmarks(self) -> Landmarks:
+        """All landmarks so far."""
+        samples = self._samples
+        points = [
+            np.array([getattr(s, name) for s in samples]).reshape(-1, 3) for name in ("com", "front_axle", "rear_axle")
+        ]
+        return Landmarks(np.array([s.t_s for s in samples]), *points)
+
+    def speed(self) -> Speed:
+        """All speeds so far, as published when they were measured."""
+        return Speed(*(np.array([getattr(s, k) for s in self._samples]) for k in ("t_s", "v_x", "var_x", "v_z", "var_z")))
+
+
+def _led(camera: Camera) -> tuple[tuple[int, int, int, int], ...]:
+    region = camera.led_region
+    return () if region is None else ((region[0], region[1], region[2], region[3]),)
