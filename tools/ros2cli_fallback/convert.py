@@ -102,6 +102,8 @@ def fill(message: Any, values: Any) -> Any:
             continue
         # YAML writes 1 for 1.0; a float field must not refuse it.
         wanted = float(value) if isinstance(now, float) and type(value) is int else value
+        if isinstance(now, bool | int | float | str) and type(wanted) is not type(now):
+            raise Failure(f"Failed to populate field: {name}: {value!r} is not of type {type(now).__name__}")
         try:
             setattr(message, name, wanted)
         except (AssertionError, TypeError, ValueError) as error:

@@ -16,6 +16,7 @@ from ros2cli_fallback.cover import Failure, Parser
 T = TypeVar("T")
 
 QUIET_S = 0.5
+LONELY_S = 2.0
 PATIENCE_S = 3.0
 NamesAndTypes = list[tuple[str, list[str]]]
 
@@ -42,18 +43,21 @@ def node() -> Iterator[Node]:
 
 
 def settle(on: Node, quiet_s: float) -> None:
-    """Wait until the graph has not changed for ``quiet_s``, at most ``PATIENCE_S`` more.
+    """Wait until the graph has not changed for ``quiet_s`` (``LONELY_S`` while nobody else is seen).
 
     The real ros2 has a daemon that has known the graph all along; one wait of fixed length misses nodes on a busy host.
     """
     seen: Any = None
     now = time.monotonic()
     limit, changed = now + quiet_s + PATIENCE_S, now
-    while now < limit and (seen is None or now - changed < quiet_s):
+    wanted_s = max(quiet_s, LONELY_S)
+    while now < limit and (seen is None or now - changed < wanted_s):
         graph = (on.get_topic_names_and_types(), on.get_node_names_and_namespaces(), on.get_service_names_and_types())
         now = time.monotonic()
         if graph != seen:
             seen, changed = graph, now
+            alone = on.get_node_names() == [on.get_name()]
+            wanted_s = max(quiet_s, LONELY_S) if alone else quiet_s
         time.sleep(0.02)
 
 

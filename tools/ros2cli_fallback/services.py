@@ -1,6 +1,7 @@
 """``ros2 service``: list, type, call."""
 
 import argparse
+import os
 import time
 from collections.abc import Callable, Sequence
 
@@ -64,6 +65,8 @@ def call(args: argparse.Namespace) -> int:
         values = yaml.safe_load(args.values)
     except yaml.YAMLError as error:
         raise Failure(f"Failed to populate field: not YAML: {' '.join(str(error).split())}") from None
+    # Messages of Jazzy check what is put into their lists only when told so.
+    os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
     request = convert.fill(kind.Request(), values)
     with graph.node() as node:
         client = node.create_client(kind, args.service_name)

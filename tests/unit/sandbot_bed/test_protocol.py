@@ -81,7 +81,7 @@ def test_pulses_shorten_near_the_target():
 
 def test_overshoot_refluidises_then_fails():
     bed = Bed(loose=0.6)
-    with pytest.raises(PreparationFailed, match="overshot 3 times: φ is 0.6") as caught:
+    with pytest.raises(PreparationFailed, match=r"overshot 3 times: φ is 0\.6") as caught:
         prepare(replace(P, max_refluidised=2), bed, 0.59, bed.advance, DT)
     assert caught.value.command.refluidised == 2
     assert bed.levels[-1] == 0
@@ -89,7 +89,7 @@ def test_overshoot_refluidises_then_fails():
 
 @pytest.mark.parametrize("target", [0.5, 0.578, 0.635, math.nan, math.inf])
 def test_refuses_a_target_out_of_reach(target):
-    with pytest.raises(InputError, match="can't be reached; this bed goes from 0.5800"):
+    with pytest.raises(InputError, match=r"can't be reached; this bed goes from 0\.5800"):
         PulseProtocol().prepare(target)
 
 

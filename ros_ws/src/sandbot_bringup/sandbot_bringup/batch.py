@@ -97,7 +97,7 @@ def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
     _film(setup, trial, trace, tracker, bag)
     path = setup.folder.bag(trial)
     files = {**setup.files, "campaign.yaml": to_yaml(plan)}
-    bag.write(path, trial_metadata(plan, trial, start_ns, "simulated", "complete"), files)
+    bag.write(path, trial_metadata(plan, trial, start_ns, "simulated", "ok"), files)
     return path
 
 

@@ -4,11 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
 from ament_index_python.packages import get_package_share_directory
 
 from sandbot_bringup.plan import Plan
-from sandbot_common.files import read_yaml
+from sandbot_common.files import load_yaml, read_yaml
 
 
 def config_folder() -> Path:
@@ -31,4 +30,4 @@ def files_of(plan: Plan, beside: Path) -> dict[str, str]:
 
 def robot_and_cameras(files: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, Any]]:
     """The mappings in the texts of ``files_of``."""
-    return yaml.safe_load(files["robot.yaml"]), yaml.safe_load(files["cameras.yaml"])
+    return load_yaml(files["robot.yaml"]), load_yaml(files["cameras.yaml"])

@@ -68,14 +68,14 @@ class Arrivals:
         self._forget(now_s)
 
     def health(self, now_s: float, latched: bool) -> dict[str, Any]:
-        """``state`` (waiting, ok, silent), ``rate_hz`` and ``age_s``. A latched topic is never silent."""
+        """``state`` (waiting, ok, silent; held for a latched one that has come), ``rate_hz`` and ``age_s``."""
         if not math.isfinite(self._first_s):
             return {"state": "waiting", "rate_hz": 0.0, "age_s": None}
         self._forget(now_s)
         age_s = now_s - self._times[-1]
         heard = max(min(RATE_WINDOW_S, now_s - self._first_s), 0.5)
         recent = sum(1 for t_s in self._times if now_s - t_s <= RATE_WINDOW_S)
-        state = "ok" if latched or age_s <= SILENT_S else "silent"
+        state = "held" if latched else "ok" if age_s <= SILENT_S else "silent"
         return {"state": state, "rate_hz": round(recent / heard, 1), "age_s": round(age_s, 1)}
 
     def _forget(self, now_s: float) -> None:

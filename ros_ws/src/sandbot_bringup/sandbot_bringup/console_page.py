@@ -5,14 +5,16 @@ and a header is asked for that another site's page can't send.
 """
 
 import json
+import socket
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from importlib.resources import files
 from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 from flask import Flask, Response, abort, jsonify, request
 from plotly.offline import get_plotlyjs
-from werkzeug.serving import BaseWSGIServer, make_server
+from werkzeug.serving import BaseWSGIServer, WSGIRequestHandler, make_server
 
 from sandbot_bringup.console import ACTIONS
 from sandbot_common.errors import InputError
@@ -43,7 +45,7 @@ def app(source: Source, closing: threading.Event) -> Flask:
 
     @page.before_request
     def own_host() -> None:
-        if request.host.rpartition(":")[0] not in (HOST, "localhost"):
+        if urlsplit(f"//{request.host}").hostname not in (HOST, "localhost"):
             abort(403)
 
     @page.get("/")
@@ -80,11 +82,28 @@ def app(source: Source, closing: threading.Event) -> Flask:
 def serve(source: Source, port: int, closing: threading.Event) -> BaseWSGIServer:
     """Serve in a thread of its own; InputError where the port is taken. ``shutdown()`` of what is returned ends it."""
     try:
-        server = make_server(HOST, port, app(source, closing), threaded=True)
-    except (OSError, SystemExit):
+        # Bound here: werkzeug answers a taken port with advice of its own and an exit.
+        listening = socket.create_server((HOST, port))
+    except OSError:
         raise InputError(f"console: port {port} of {HOST} is taken; set another, e.g. -p port:={port + 1}") from None
+    with listening:
+        server = make_server(
+            HOST,
+            listening.getsockname()[1],
+            app(source, closing),
+            threaded=True,
+            request_handler=_Quiet,
+            fd=listening.fileno(),
+        )
     threading.Thread(target=server.serve_forever, name="console page", daemon=True).start()
     return server
+
+
+class _Quiet(WSGIRequestHandler):
+    """Ten pictures a second are not news."""
+
+    def log_request(self, code: int | str = "-", size: int | str = "-") -> None:
+        """Say nothing of requests that went well; errors are logged elsewhere."""
 
 
 def _events(snapshot: Callable[[], Mapping[str, Any]], closing: threading.Event) -> Iterator[str]:

@@ -18,12 +18,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from sandbot_bed.protocol import ProtocolParameters
 from sandbot_clock.gait import PRESETS, Gait
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
+from sandbot_common.files import dump_yaml, read_yaml
 from sandbot_common.parameters import from_mapping, parameter
 
 PHI_LOW, PHI_HIGH = 0.57, 0.64
@@ -120,7 +119,7 @@ def to_yaml(plan: Plan) -> str:
     content = {
         key: list(value) if isinstance(value, tuple) else value for key, value in dataclasses.asdict(plan).items()
     }
-    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+    return dump_yaml(content)
 
 
 def trials_of(plan: Plan) -> list[PlannedTrial]:

@@ -24,7 +24,7 @@ from sandbot_lab.bed import LabBed
 from sandbot_lab.calibration import Calibration, calibration
 from sandbot_lab.cameras import REST_HEIGHT_M, LabCamera
 from sandbot_lab.robot import START_X_M
-from sandbot_lab.stage import NANO, LiveTrial
+from sandbot_lab.stage import NANO, LiveTrial, warm_up
 from sandbot_lab.world import null_world, read_world
 
 HEIGHT_RATE_HZ = 50.0
@@ -59,6 +59,7 @@ class LabNode(Node):
         self._world = read_world(Path(current.world)) if current.world else null_world()
         self._sections = self._read_cameras(current.cameras)
         self._info = {name: camera_info(calibration(self._sections[name], name)) for name in CAMERAS}
+        warm_up(self._sections)
         self._bed, self._bed_ns = LabBed(current.seed), self._now_ns()
         self._trial: LiveTrial | None = None
         self._standing = True

@@ -63,7 +63,7 @@ class LabRobot:
         """Raises InputError for a volume fraction no grain bed has."""
         self._physics = physics_record(world, checked_phi(phi), seed)
         self._state = fresh_state(world, start_x_m)
-        self._row = np.zeros(_OBSERVED)
+        self._rows = np.zeros((1, _OBSERVED))
         self._t = -np.inf
 
     def advance(self, t_s: float, angles_rad: ArrayLike, rates_rad_s: ArrayLike) -> BodyState:
@@ -71,11 +71,11 @@ class LabRobot:
 
         The first call is where the legs set out from. Raises InputError if time runs backwards or a value isn't finite.
         """
-        angles, rates = np.asarray(angles_rad, np.float64), np.asarray(rates_rad_s, np.float64)
+        angles, rates = (np.ascontiguousarray(legs, np.float64) for legs in (angles_rad, rates_rad_s))
         _check_legs(np.array([self._t, t_s]), angles[None], rates[None])
-        kernel.step(self._physics, self._state, float(t_s), angles, rates, self._row)
+        kernel.run(self._physics, self._state, np.array([t_s], np.float64), angles[None], rates[None], self._rows)
         self._t = float(t_s)
-        row = self._row
+        row = self._rows[0]
         return BodyState(
             t_s=self._t,
             x_m=float(row[0]),

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_lab.cameras import Frame, LabCamera
-from sandbot_lab.robot import BodyState, LabRobot
-from sandbot_lab.world import World
+from sandbot_lab.robot import START_X_M, BodyState, LabRobot
+from sandbot_lab.world import World, null_world
 
 Floats = NDArray[np.float64]
 NANO = 1_000_000_000
@@ -89,3 +89,11 @@ class LiveTrial:
             ) + camera.calibration.exposure_s / 2 <= now_s:
                 self._taken[name] += 1
                 yield name, self.t0_ns + round(t_s * NANO), camera.film(self._motion, t_s, t_s < LED_ON_S)
+
+
+def warm_up(cameras: Mapping[str, Mapping[str, Any]]) -> None:
+    """Compile what a live trial runs (seconds, once a machine), so that no leg waits for it."""
+    trial = LiveTrial(null_world(), 0.6, 0, START_X_M, cameras, 0)
+    for t_ns in (0, 10_000_000):
+        trial.advance(t_ns, np.zeros(6), np.zeros(6))
+        list(trial.frames())

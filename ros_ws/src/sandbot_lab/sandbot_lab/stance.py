@@ -10,6 +10,7 @@ from sandbot_lab.outsiders import advance_factor, x_belly_suction
 G = 9.81
 TRACTION_STRESS = 146e3  # alpha_x [N/m3]: 1.5 alpha_x w d^2 is 4 N at the reference depth
 GRAIN_DENSITY = 1100.0
+ROUNDING = 1e-9  # rad
 CONE = tan(pi / 3.0)  # slope of the cone of grains carried along
 
 
@@ -106,7 +107,7 @@ def held_x(p: Any, s: Any, theta: float) -> float:
 @jit
 def held_speed(p: Any, s: Any, theta: float, rate: float) -> float:
     """Forward speed while held."""
-    if theta > s.stop_angle:
+    if theta > s.stop_angle + ROUNDING:
         return 0.0
     return float(p.radius * rate * (s.gain * cos(theta) + ripple_slope(p, s, theta)))
 

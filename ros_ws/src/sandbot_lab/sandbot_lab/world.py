@@ -4,6 +4,7 @@ world = read_world(Path("world.yaml"));  trace = simulate(world, phi, t_s, angle
 """
 
 import dataclasses
+import difflib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -105,6 +106,13 @@ def read_world(path: Path) -> World:
 
 def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
     """A world from a mapping as in the YAML file; missing sections take their defaults."""
+    known = ("schema", *(item.name for item in dataclasses.fields(World)))
+    for key in content:
+        if key not in known:
+            close = difflib.get_close_matches(str(key), known, n=1)
+            raise InputError(
+                f"{where}: unknown key {key!r}; {'did you mean' if close else 'known:'} {', '.join(close or known)}"
+            )
     values = dict(content)
     schema = values.pop("schema", SCHEMA)
     if schema != SCHEMA:

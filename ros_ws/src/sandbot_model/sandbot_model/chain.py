@@ -20,8 +20,8 @@ from sandbot_model.robot import Robot
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
-HORIZONTAL_STRENGTH = 0.3
-"""α_x over α."""
+HORIZONTAL_STRENGTH = 146e3
+"""α_x [N/m³], so that F_x is 4 N at 3.9 cm (physics §6)."""
 
 Values = Mapping[str, Array]
 """Parameters of one effect by name, broadcastable against ``Chain.depth``."""
@@ -43,7 +43,7 @@ class Chain:
     delta_t: Array = field(metadata={"unit": "s", "doc": "time in which the body is brought to leg speed"})
     v_swim: Array = field(metadata={"unit": "m/s", "doc": "speed where the ground never holds"})
     slow_phase_ratio: Array = field(metadata={"unit": "1", "doc": "β of the gait: leg rate in stance over ω"})
-    disturbed: bool = field(metadata={"doc": "False on virgin ground, as in the first step"})
+    first_step: bool = field(metadata={"doc": "virgin ground, standing start"})
     k_of_phi: Callable[[Array], Array] = field(metadata={"doc": "the fitted stiffness at another volume fraction"})
 
     # step (geometry; before strength, which depends on it)
@@ -64,8 +64,18 @@ class Chain:
     added_mass: Array = field(init=False, metadata={"unit": "kg", "doc": "mass to accelerate beside it"})
     gravity: Array = field(init=False, metadata={"unit": "m/s²", "doc": "g across the bed"})
     # speed
-    speed: Array = field(init=False, metadata={"unit": "m/s", "doc": "mean forward speed when walking"})
+    kept: Array = field(init=False, metadata={"unit": "1", "doc": "share of the step that becomes advance"})
     peak_ratio: Array = field(init=False, metadata={"unit": "1", "doc": "largest v_x(t) over leg speed"})
+
+    @property
+    def advance(self) -> Array:
+        """Advance in a step [m]."""
+        return self.step * self.kept
+
+    @property
+    def speed(self) -> Array:
+        """Mean forward speed v̄ = ωs/π [m/s] when walking: two steps a period."""
+        return self.omega * self.advance / np.pi
 
     @property
     def load(self) -> Array:
@@ -109,8 +119,8 @@ class Effect:
     source: ClassVar[str]
     seen_in: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]] = ()
-    on_disturbed_ground: ClassVar[bool] = False
-    """True if the effect is absent on virgin ground (it must then look at ``chain.disturbed``)."""
+    spares_first_step: ClassVar[bool] = False
+    """True if the effect is absent in the first step: virgin ground, standing start (see ``chain.first_step``)."""
     replaces: ClassVar[tuple[str, ...]] = ()
     """Parameters of the base model that mean nothing once the effect acts."""
 
@@ -151,7 +161,7 @@ def through(chain: Chain, effects: Active) -> Chain:
     chain.gravity = np.asarray(robot.gravity_m_s2)
     act("balance")
 
-    chain.speed = chain.omega * chain.step / np.pi
+    chain.kept = np.ones(())
     act("speed")
     return chain
 
@@ -163,6 +173,5 @@ def chord(robot: Robot, depth: Array) -> Array:
 
 
 def horizontal_force(chain: Chain) -> Array:
-    """F_x = 1.5 α_x w d² [N], what the ground gives a leg along the track: about 4 N at 3.9 cm for k = 200 N/m."""
-    alpha_x = HORIZONTAL_STRENGTH * chain.k / (chain.robot.leg_width_m * chain.robot.leg_radius_m)
-    return np.asarray(np.maximum(1.5 * alpha_x * chain.robot.leg_width_m * chain.depth**2, 1e-6))
+    """F_x = 1.5 α_x w d² [N], what the ground gives a leg along the track: about 4 N at 3.9 cm."""
+    return np.asarray(np.maximum(1.5 * HORIZONTAL_STRENGTH * chain.robot.leg_width_m * chain.depth**2, 1e-6))

@@ -11,7 +11,7 @@ ENOUGH = 1e-2
 """A step that lowers the deviance by less is the last."""
 SHIFTS = np.concatenate([-(s := np.array([0.002, 0.005, 0.01, 0.018, 0.03, 0.05])), s])
 """Relative shifts of k tried for a better valley."""
-REACHES = np.array([-0.25, 0.25, -0.1, 0.1, -0.04, 0.04])
+REACHES = np.concatenate([-(r := np.array([0.02, 0.05, 0.1, 0.16, 0.24, 0.36, 0.5])), r])
 """Shifts of an effect's parameter tried, in plausible ranges."""
 
 
@@ -44,38 +44,47 @@ def descend(problem: Problem, theta: Array, ln_k: Array, slope: Array, iteration
 
 def look_along_k(problem: Problem, state: State) -> State:
     """Shift every k by itself and keep what helps: given θ the levels do not know of each other."""
-    best, ln_k = by_level(problem, state), state.ln_k.copy()
-    found = False
-    for shift in np.log1p(SHIFTS):
-        tried = problem.state(state.theta, state.ln_k + shift, state.slope)
-        value = by_level(problem, tried)
-        better = value < best - 0.01
-        ln_k[better], best[better] = tried.ln_k[better], value[better]
-        found |= bool(better.any())
-    if not found:
+    rows = np.concatenate([[0.0], np.log1p(SHIFTS)])
+    ln_k = state.ln_k + rows[:, None]
+    cells = problem.deviances(np.repeat(state.theta[None], len(rows), axis=0), ln_k, state.slope)
+    value = np.add.reduceat(cells, _level_starts(problem), axis=1)
+    best = np.where(value.min(axis=0) < value[0] - ENOUGH, value.argmin(axis=0), 0)
+    if not best.any():
         return state
-    moved = problem.state(state.theta, ln_k, state.slope)
+    moved = problem.state(state.theta, ln_k[best, np.arange(len(best))], state.slope)
     return moved if moved.deviance < state.deviance else state
 
 
 def look_along_theta(problem: Problem, state: State) -> State:
-    """Shift every effect's parameter by itself: where a switch begins has no slope for a descent to follow."""
+    """Shift every effect's parameter, with all k's following: where a switch begins has no slope to descend along."""
     for index, (name, one) in enumerate(zip(problem.model.names, problem.model.parameters, strict=True)):
         if "." not in name:
             continue
         low, high = one.search
-        for shift in REACHES * (one.high - one.low):
-            theta = state.theta.copy()
-            theta[index] = np.clip(theta[index] + shift, low, high)
-            tried = problem.state(theta, state.ln_k, state.slope)
-            if tried.deviance < state.deviance - ENOUGH:
-                state = tried
+        theta = np.repeat(state.theta[None], len(REACHES), axis=0)
+        theta[:, index] = np.clip(theta[:, index] + REACHES * (one.high - one.low), low, high)
+        ln_k = state.ln_k + (theta[:, index] - state.theta[index])[:, None] * _following(problem, state, index)
+        for tried in (ln_k, np.repeat(state.ln_k[None], len(REACHES), axis=0)):
+            value = problem.deviances(theta, tried, state.slope).sum(axis=1)
+            best = int(value.argmin())
+            if value[best] < state.deviance - ENOUGH:
+                state = problem.state(theta[best], tried[best], state.slope)
+                break
     return state
 
 
-def by_level(problem: Problem, state: State) -> Array:
-    """The deviance of each level ``(levels,)``."""
-    return np.bincount(problem.cells.level, state.cell_deviance, len(state.ln_k))
+def _following(problem: Problem, state: State, index: int) -> Array:
+    """d ln k/dθ ``(levels,)`` that keeps a level's cells as they are, to first order."""
+    local = problem.jacobian(state)
+    own, other = local[:, :, -1], local[:, :, index]
+    levels = problem.cells.level
+    pull = np.bincount(levels, np.sum(own * other, axis=1), len(state.ln_k))
+    weight = np.bincount(levels, np.sum(own**2, axis=1), len(state.ln_k))
+    return -pull / np.maximum(weight, 1e-9)
+
+
+def _level_starts(problem: Problem) -> Array:
+    return np.unique(problem.cells.level, return_index=True)[1]
 
 
 def full_jacobian(problem: Problem, state: State) -> Array:

@@ -1,6 +1,6 @@
 """An effect from a line of text: ``"boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"``.
 
-The expression gives the new value of the stage's quantity (``k``, ``force``, ``step``, ``speed`` or ``omega``), or of
+The expression gives the new value of the stage's quantity (``k``, ``force``, ``step``, ``kept`` or ``omega``), or of
 another one if it says so: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"``. Names are quantities of the
 chain, the robot's R, h, w, m, g, the parameters, and numpy functions. asteval evaluates it: no attribute access, no import, no files.
 """
@@ -15,7 +15,7 @@ from sandbot_common.errors import InputError
 
 from sandbot_model.chain import STAGES, Chain, Effect, Parameter, Values
 
-MAIN = {"clock": "omega", "strength": "k", "balance": "force", "step": "step", "speed": "speed"}
+MAIN = {"clock": "omega", "strength": "k", "balance": "force", "step": "step", "speed": "kept"}
 """What a bare expression sets at each stage."""
 
 READABLE = {
@@ -23,7 +23,7 @@ READABLE = {
     "step": ("leg_speed", "peak_ratio", "chord", "step"),
     "strength": ("penetration", "sigma_phi"),
     "balance": ("force", "extra_force", "delta_v", "lift_ratio", "mass", "added_mass", "gravity"),
-    "speed": ("speed",),
+    "speed": ("kept",),
 }
 """Quantities that exist from a stage on, in the order in which the chain is filled."""
 

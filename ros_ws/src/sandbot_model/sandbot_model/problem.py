@@ -11,6 +11,7 @@ the mean says little, the mixture's variance says so, and one such cell can't de
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,6 @@ class State:
     theta: Array
     ln_k: Array
     slope: Array
-    inputs: Inputs
     footing: Footing
     predicted: Array
     covariance: Array
@@ -75,32 +75,50 @@ class Problem:
         return np.asarray(np.linalg.slogdet(self.covariance)[1])
 
     @cached_property
+    def whiten(self) -> Array:
+        """L⁻¹ with V_c0 = L Lᵀ, ``(cells, 4, 4)``."""
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
+
+    @cached_property
     def replicates(self) -> Array:
         """Replicates of a cell ``(cells,)``."""
         return self.cells.n.max(axis=1).astype(float)
 
     def state(self, theta: Array, ln_k: Array, slope: Array) -> State:
         """Predict all cells and weigh what is missed; θ ``(parameters,)``, ln k and dk/dφ ``(levels,)``."""
+        inputs, params, footing, weighed = self._weighed(theta[None], ln_k[None], slope)
+        footing = Footing(*(values[0] if values.ndim == 3 else values for values in vars(footing).values()))
+        return State(theta, ln_k, slope, footing, *(values[0] for values in weighed))
+
+    def deviances(self, theta: Array, ln_k: Array, slope: Array) -> Array:
+        """Deviance of every cell ``(rows, cells)`` at many points at once: θ ``(rows, parameters)``, ln k ``(rows, levels)``."""
+        return self._weighed(theta, ln_k, slope)[-1][-1]
+
+    def _weighed(self, theta: Array, ln_k: Array, slope: Array) -> tuple[Inputs, Any, Footing, tuple[Array, ...]]:
         inputs, params = self._inputs(theta, ln_k, slope)
+        shape = (len(theta), len(self.cells), len(NODES))
         footing = self.model.walker.footing(inputs, params)
-        nodes = self.model.walker.observe(inputs, params, footing)
-        values = np.broadcast_to(nodes.observables, (len(self.cells), len(NODES), 4))
-        predicted = WEIGHTS @ values
-        walking = np.broadcast_to(footing.walking, values.shape[:2])
-        straddles = walking.any(axis=1) & ~walking.all(axis=1)
-        covariance, log_det = self.covariance, self.log_det
-        if straddles.any():
-            off = values[straddles] - predicted[straddles, None, :]
-            extra = np.einsum("g,cgi,cgj->cij", WEIGHTS, off, off) / self.replicates[straddles, None, None]
-            both = self.measured[straddles, :, None] & self.measured[straddles, None, :]
-            covariance, log_det = covariance.copy(), log_det.copy()
-            covariance[straddles] += np.where(both, extra, 0.0)
-            log_det[straddles] = np.linalg.slogdet(covariance[straddles])[1]
-        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+        values = self.model.walker.observe(inputs, params, footing).observables
+        values = np.broadcast_to(values, (*shape, 4))
+        predicted = np.einsum("g,rcgi->rci", WEIGHTS, values)
+        walking = np.broadcast_to(footing.walking, shape)
+        row, cell = np.nonzero(walking.any(axis=2) & ~walking.all(axis=2))
+        covariance = np.broadcast_to(self.covariance, (len(theta), *self.covariance.shape))
+        whiten = np.broadcast_to(self.whiten, covariance.shape)
+        surprise = np.zeros(shape[:2])
+        if len(row):
+            covariance, whiten = covariance.copy(), whiten.copy()
+            off = values[row, cell] - predicted[row, cell, None, :]
+            extra = np.einsum("g,sgi,sgj->sij", WEIGHTS, off, off) / self.replicates[cell, None, None]
+            both = self.measured[cell, :, None] & self.measured[cell, None, :]
+            wider = covariance[row, cell] + np.where(both, extra, 0.0)
+            root = np.linalg.cholesky(wider)
+            covariance[row, cell], whiten[row, cell] = wider, np.linalg.inv(root)
+            surprise[row, cell] = 2 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1) - self.log_det[cell]
         gap = np.where(self.measured, self.cells.mean - predicted, 0.0)
-        residual = np.einsum("cij,cj->ci", whiten, gap)
-        cell_deviance = np.sum(residual**2, axis=1) + log_det - self.log_det
-        return State(theta, ln_k, slope, inputs, footing, predicted, covariance, whiten, residual, cell_deviance)
+        residual = np.einsum("rcij,rcj->rci", whiten, gap)
+        deviance = np.sum(residual**2, axis=2) + surprise
+        return inputs, params, footing, (predicted, covariance, whiten, residual, deviance)
 
     def each_by_its_own(self, theta: Array, ln_k: Array, slope: Array) -> Array:
         """Predictions ``(cells, 4)``, each cell with its own row of θ ``(cells, parameters)`` and ln k ``(cells, levels)``."""
@@ -131,10 +149,10 @@ class Problem:
         values = np.broadcast_to(walker.observe(inputs, params, here).observables, (*shape, 4))
         steps = np.concatenate([step, [STEP], [-DEPTH_STEP_M]])[:, None, None]
         slope = (values[:-1] - values[-1]) / steps[..., None]
-        sink = self._sinking(walker.margin(inputs, params, steady, disturbed=True), steps, state.footing.walking)
+        sink = self._sinking(walker.margin(inputs, params, steady, first_step=False), steps, state.footing.walking)
         sink_first = sink
         if walker.remembers:
-            margin = walker.margin(inputs, params, virgin, disturbed=False)
+            margin = walker.margin(inputs, params, virgin, first_step=True)
             sink_first = self._sinking(margin, steps, state.footing.virgin_walking)
         depth_slope = slope[-1]
         total = slope[:-1] + np.concatenate(
@@ -168,7 +186,6 @@ class Problem:
         phi = cells.level_phi[cells.level][:, None]
         sigma_phi = np.hypot(cells.phi_scatter, self.spread(params, delta_t, phi))
         sigma_k = np.maximum(np.abs(slope)[cells.level][:, None] * sigma_phi, LEAST_SPREAD * k)
-        base = level_k.reshape(-1, level_k.shape[-1])[-1]
         inputs = Inputs(
             k_n_per_m=np.maximum(k + sigma_k * NODES, 0.05 * k),
             omega_rad_s=cells.omega[:, None],
@@ -176,13 +193,13 @@ class Problem:
             phi=phi,
             v_swim_m_s=v_swim,
             slow_phase_ratio=cells.slow_phase_ratio[:, None],
-            k_of_phi=KCurve(cells.level_phi, base),
+            k_of_phi=KCurve(cells.level_phi, level_k),
         )
         return inputs, [dict(one) for one in params]
 
     def spread(self, params: object, delta_t: Array, phi: Array) -> Array:
         """σ_φ along the track that effects ask for."""
         one = Inputs(k_n_per_m=1.0, omega_rad_s=1.0, delta_t_s=delta_t, phi=phi)
-        chain = self.model.walker.chain(one, params, np.array([0.01]), disturbed=True)  # type: ignore[arg-type]
+        chain = self.model.walker.chain(one, params, np.array([0.01]), first_step=False)  # type: ignore[arg-type]
         sigma = chain.sigma_phi
         return sigma[..., 0] if sigma.ndim else sigma

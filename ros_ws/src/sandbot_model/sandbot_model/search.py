@@ -22,9 +22,9 @@ K_RANGE = (0.55, 4.0)
 CHUNK = 8
 APART = 0.15
 """Starts closer than this in every parameter (of its plausible range) are one."""
-REACHES = (0.25, 0.1, 0.04)
+REACHES = (0.15,)
 """How far about the best point to look again, in plausible ranges."""
-NEARBY = 24
+NEARBY = 16
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Start:
     deviance: float
 
 
-def starts(problem: Problem, slope: Array, k_curve: Array, most: int = 2, also: Array | None = None) -> list[Start]:
+def starts(problem: Problem, slope: Array, k_curve: Array, most: int = 6, also: Array | None = None) -> list[Start]:
     """The most promising distinct points, best first: a wide low-discrepancy sample, then ever closer about the best.
 
     ``k_curve (levels,)`` is where effects that ask for k(φ) look; ``also (m, parameters)`` are points tried as well.
@@ -95,9 +95,8 @@ def profile(problem: Problem, theta: Array, slope: Array, k_curve: Array, k_grid
     """The least deviance over all k for each θ ``(m, parameters)``, shape ``(m,)``, and the ln k ``(m, levels)``."""
     cells = problem.cells
     table = _table(problem, theta, k_grid, slope, k_curve)
-    whiten = np.linalg.inv(np.linalg.cholesky(problem.covariance))
     gap = np.where(problem.measured[:, None, None, :], cells.mean[:, None, None, :] - table, 0.0)
-    residual = np.einsum("nij,nbkj->nbki", whiten, gap, optimize=True)
+    residual = np.einsum("nij,nbkj->nbki", problem.whiten, gap, optimize=True)
     first = np.unique(cells.level, return_index=True)[1]
     same = np.add.reduceat(np.einsum("nbki,nbki->nbk", residual, residual), first, axis=0)
     cross = np.add.reduceat(np.einsum("nbki,nbki->nbk", residual[:, :, :-1], residual[:, :, 1:]), first, axis=0)

@@ -69,13 +69,21 @@ class Inputs:
 
 @dataclass(frozen=True, eq=False)
 class KCurve:
-    """Stiffness [N/m] at any volume fraction, linear between levels and constant beyond them."""
+    """Stiffness [N/m] at any volume fraction, linear between levels and constant beyond them.
+
+    ``k_n_per_m`` is one curve ``(levels,)``, or one a row ``(rows, levels)`` for questions whose first axis is rows.
+    """
 
     phi: Array
     k_n_per_m: Array
 
     def __call__(self, phi: Array) -> Array:
-        return np.asarray(np.interp(phi, self.phi, self.k_n_per_m))
+        if self.k_n_per_m.ndim == 1:
+            return np.asarray(np.interp(phi, self.phi, self.k_n_per_m))
+        rows = len(self.k_n_per_m)
+        shape = np.broadcast_shapes(phi.shape, (rows,) + (1,) * (max(phi.ndim, 2) - 1))
+        wanted = np.broadcast_to(phi, shape)
+        return np.stack([np.interp(w, self.phi, k) for w, k in zip(wanted, self.k_n_per_m, strict=True)])
 
 
 @dataclass(frozen=True)
@@ -98,7 +106,7 @@ class Walker:
     @cached_property
     def remembers(self) -> bool:
         """Whether the first step, on virgin ground, differs from the others."""
-        return any(effect.on_disturbed_ground for effect in self.effects)
+        return any(effect.spares_first_step for effect in self.effects)
 
     def predict(self, inputs: Inputs, params: Params = ()) -> Prediction:
         """The four observables, of the broadcast shape of inputs and parameters."""
@@ -106,17 +114,17 @@ class Walker:
 
     def footing(self, inputs: Inputs, params: Params = ()) -> Footing:
         """Solve the force balance. Arrays have the shape of what it depends on."""
-        depth, walking = self._first_crossing(inputs, params, disturbed=True)
+        depth, walking = self._first_crossing(inputs, params, first_step=False)
         if not self.remembers:
             return Footing(depth, walking, depth, walking)
-        return Footing(depth, walking, *self._first_crossing(inputs, params, disturbed=False))
+        return Footing(depth, walking, *self._first_crossing(inputs, params, first_step=True))
 
     def observe(self, inputs: Inputs, params: Params, footing: Footing) -> Prediction:
         """The observables at a given footing."""
-        steady = self.chain(inputs, params, footing.depth[..., None], disturbed=True)
+        steady = self.chain(inputs, params, footing.depth[..., None], first_step=False)
         virgin = steady
         if self.remembers:
-            virgin = self.chain(inputs, params, footing.virgin_depth[..., None], disturbed=False)
+            virgin = self.chain(inputs, params, footing.virgin_depth[..., None], first_step=True)
         walking = footing.walking
         swim = _flat(steady.v_swim)
         # Thrust begins when the leg has passed its lowest point, half way through the first step.
@@ -125,14 +133,14 @@ class Walker:
             np.where(walking, _flat(steady.speed), swim),
             np.where(walking, self.robot.deepest_m - footing.depth, 0.0),
             np.where(walking, _flat(steady.leg_speed * steady.peak_ratio), swim),
-            np.where(footing.virgin_walking, _flat(virgin.step), swum),
+            np.where(footing.virgin_walking, _flat(virgin.advance), swum),
             np.where(walking, footing.depth, np.nan),
             np.where(walking, _flat(steady.step), np.nan),
             walking,
         )
         return Prediction(*columns)
 
-    def chain(self, inputs: Inputs, params: Params, depth: Array, *, disturbed: bool) -> Chain:
+    def chain(self, inputs: Inputs, params: Params, depth: Array, *, first_step: bool) -> Chain:
         """The chain at depths ``(..., depths)``: everything else gets depth as a new last axis."""
         k = _column(inputs.k_n_per_m)
         chain = Chain(
@@ -144,19 +152,19 @@ class Walker:
             delta_t=_column(inputs.delta_t_s),
             v_swim=_column(inputs.v_swim_m_s),
             slow_phase_ratio=_column(inputs.slow_phase_ratio),
-            disturbed=disturbed,
+            first_step=first_step,
             k_of_phi=inputs.k_of_phi or (lambda _phi: k),
         )
         values = [{name: _column(value) for name, value in p.items()} for p in params]
         return through(chain, list(zip(self.effects, values, strict=True)))
 
-    def margin(self, inputs: Inputs, params: Params, depth: Array, *, disturbed: bool) -> Array:
+    def margin(self, inputs: Inputs, params: Params, depth: Array, *, first_step: bool) -> Array:
         """Force given minus force needed [N] at depths of the inputs' shape."""
-        return _flat(self.chain(inputs, params, depth[..., None], disturbed=disturbed).margin)
+        return _flat(self.chain(inputs, params, depth[..., None], first_step=first_step).margin)
 
-    def _first_crossing(self, inputs: Inputs, params: Params, *, disturbed: bool) -> tuple[Array, Bool]:
+    def _first_crossing(self, inputs: Inputs, params: Params, *, first_step: bool) -> tuple[Array, Bool]:
         grid = _depth_grid(self.robot.deepest_m)
-        margin = self.chain(inputs, params, grid, disturbed=disturbed).margin
+        margin = self.chain(inputs, params, grid, first_step=first_step).margin
         holds = margin >= 0
         walking = holds.any(axis=-1)
         upper = np.maximum(holds.argmax(axis=-1), 1)
@@ -165,7 +173,7 @@ class Walker:
         margin_high = np.take_along_axis(margin, upper[..., None], axis=-1)[..., 0]
         for _ in range(POLISH):
             depth = _secant(low, high, margin_low, margin_high)
-            here = self.margin(inputs, params, depth, disturbed=disturbed)
+            here = self.margin(inputs, params, depth, first_step=first_step)
             above = here >= 0
             # Illinois: halve the margin of the end that stays, so that it does not stay for ever.
             margin_low, margin_high = (

@@ -157,6 +157,16 @@ def scan(data: memoryview) -> Iterator[Item]:
         at = end
 
 
+def batch_at(data: memoryview, offset: int) -> Batch:
+    """The batch that ``scan`` found at this offset, once more."""
+    if data[offset] == Opcode.CHUNK:
+        end = offset + 9 + (_length(data, offset) or 0)
+        found = _chunk(data, offset, end)
+    else:
+        found = _batch(data, offset, _end_of_messages(data, offset), offset)
+    return next(item for item in found if isinstance(item, Batch))
+
+
 def _length(data: memoryview, at: int) -> int | None:
     """Length of the record at ``at``; None if it does not fit into the file."""
     if at + 9 > len(data):

@@ -54,9 +54,49 @@ class McapWriter:
         self._chunks: list[ChunkIndex] = []
         self._others: list[AttachmentIndex | MetadataIndex] = []
         self._counts: dict[int, int] = defaultdict(int)
-        self._span = (0, 0)
+        self._chunk_counts: list[dict[int, int]] = []
+        self._good = 0
         self._start_chunk()
         self._write([MAGIC, _record(Header(profile="ros2", library=LIBRARY))])
+
+    @property
+    def count(self) -> int:
+        """Messages so far."""
+        return sum(self._counts.values())
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """First and last log time [ns] in the closed chunks; zeros if there are none."""
+        chunks = self._chunks
+        if not chunks:
+            return 0, 0
+        return min(one.message_start_time for one in chunks), max(one.message_end_time for one in chunks)
+
+    @property
+    def can_drop(self) -> bool:
+        """Whether there is a chunk left that could be given up."""
+        return bool(self._chunks)
+
+    def drop_last_chunk(self) -> dict[int, int]:
+        """Give up what is torn: the open chunk if it has not been written, else the last closed one.
+
+        The file is cut there and can be closed. Returns how many messages of each channel went.
+        """
+        if self._parts:
+            dropped, at = {channel: len(entries) for channel, entries in self._index.items()}, self._good
+            self._start_chunk()
+        elif self._offset > self._good or not self._chunks:
+            dropped, at = {}, self._good
+        else:
+            chunk = self._chunks.pop()
+            dropped, at = self._chunk_counts.pop(), chunk.chunk_start_offset
+        for channel, number in dropped.items():
+            self._counts[channel] -= number
+        self._others = [one for one in self._others if one.offset < at]
+        os.ftruncate(self._fd, at)
+        os.lseek(self._fd, at, os.SEEK_SET)
+        self._offset = self._good = at
+        return dropped
 
     @property
     def size(self) -> int:
@@ -101,24 +141,24 @@ class McapWriter:
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a metadata record now."""
         record = _record(Metadata(name=name, metadata=dict(values)))
-        self._others.append(MetadataIndex(offset=self._offset, length=len(record), name=name))
+        index = MetadataIndex(offset=self._offset, length=len(record), name=name)
         self._write([record])
+        self._others.append(index)
 
     def add_attachment(self, name: str, data: bytes, media_type: str, time_ns: int) -> None:
         """Write an attachment now."""
         record = _record(Attachment(create_time=time_ns, log_time=time_ns, name=name, media_type=media_type, data=data))
-        self._others.append(
-            AttachmentIndex(
-                offset=self._offset,
-                length=len(record),
-                log_time=time_ns,
-                create_time=time_ns,
-                data_size=len(data),
-                name=name,
-                media_type=media_type,
-            )
+        index = AttachmentIndex(
+            offset=self._offset,
+            length=len(record),
+            log_time=time_ns,
+            create_time=time_ns,
+            data_size=len(data),
+            name=name,
+            media_type=media_type,
         )
         self._write([record])
+        self._others.append(index)
 
     def flush(self, *, fsync: bool = False) -> None:
         """Close the open chunk: what came so far outlives this process (and, with fsync, a power cut)."""
@@ -131,8 +171,7 @@ class McapWriter:
         if self._fd < 0:
             return
         self._finish_chunk()
-        self._write([_record(DataEnd(0))])
-        self._write_summary()
+        self._write_end()
         self.abandon()
 
     def abandon(self) -> None:
@@ -174,7 +213,7 @@ class McapWriter:
             offsets[channel] = at
             at += len(record)
         self._write([head, *parts, *indexes.values()])
-        self._span = (min(self._span[0], span[0]), max(self._span[1], span[1])) if self._chunks else span
+        self._chunk_counts.append({channel: len(entries) for channel, entries in self._index.items()})
         self._chunks.append(
             ChunkIndex(
                 chunk_start_offset=start,
@@ -190,7 +229,8 @@ class McapWriter:
         )
         self._start_chunk()
 
-    def _write_summary(self) -> None:
+    def _write_end(self) -> None:
+        """DataEnd, summary and footer in one go, so that a failure leaves the data section's end known."""
         attachments = [one for one in self._others if isinstance(one, AttachmentIndex)]
         metadata = [one for one in self._others if isinstance(one, MetadataIndex)]
         statistics = Statistics(
@@ -200,8 +240,8 @@ class McapWriter:
             attachment_count=len(attachments),
             metadata_count=len(metadata),
             chunk_count=len(self._chunks),
-            message_start_time=self._span[0],
-            message_end_time=self._span[1],
+            message_start_time=self.span[0],
+            message_end_time=self.span[1],
             channel_message_counts=dict(self._counts),
         )
         groups: list[tuple[Opcode, list[bytes]]] = [
@@ -212,7 +252,9 @@ class McapWriter:
             (Opcode.ATTACHMENT_INDEX, [_record(one) for one in attachments]),
             (Opcode.METADATA_INDEX, [_record(one) for one in metadata]),
         ]
-        summary_start, offsets, at = self._offset, [], self._offset
+        end = _record(DataEnd(0))
+        summary_start = at = self._offset + len(end)
+        offsets = []
         for opcode, records in groups:
             length = sum(map(len, records))
             if records:
@@ -220,11 +262,12 @@ class McapWriter:
             at += length
         summary = b"".join(record for _, records in groups for record in records) + b"".join(offsets)
         crc = zlib.crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, summary_start, at), zlib.crc32(summary))
-        self._write([summary, _record(Footer(summary_start, at, crc)), MAGIC])
+        self._write([end, summary, _record(Footer(summary_start, at, crc)), MAGIC])
 
     def _write(self, parts: list[bytes | memoryview]) -> None:
         for first in range(0, len(parts), _MAX_PARTS):
             self._writev(parts[first : first + _MAX_PARTS])
+        self._good = self._offset
 
     def _writev(self, parts: list[bytes | memoryview]) -> None:
         left = sum(map(len, parts))

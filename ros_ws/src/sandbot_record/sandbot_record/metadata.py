@@ -38,13 +38,13 @@ def qos(*, latched: bool = False, depth: int = 50, reliable: bool = True) -> Qos
 
 def qos_text(profiles: Sequence[Qos]) -> str:
     """QoS profiles as the YAML text that stands in an MCAP channel; the same content as in metadata.yaml."""
-    return yaml.safe_dump(dump_qos_v9(list(profiles)), sort_keys=False) if profiles else ""
+    return files.dump_yaml(dump_qos_v9(list(profiles))) if profiles else ""
 
 
 def qos_from_text(text: str) -> tuple[Qos, ...]:
     """QoS profiles from such text; empty where it can't be read."""
     try:
-        return tuple(parse_qos(yaml.safe_load(text) or []))
+        return tuple(parse_qos(files.load_yaml(text) or []))
     except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError):
         return ()
 
@@ -115,7 +115,7 @@ def write(folder: Path, info: BagInfo) -> None:
             "ros_distro": info.distro,
         }
     }
-    files.write_text(folder / NAME, yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
+    files.write_text(folder / NAME, files.dump_yaml(content))
 
 
 def read(folder: Path) -> BagInfo | None:

@@ -157,24 +157,29 @@ class Bag:
 
     def batches(self) -> Iterator[tuple[Batch, Definitions]]:
         """The intact blocks of all files with the definitions known by then."""
-        for item, definitions in self.items():
-            if isinstance(item, Batch):
-                yield item, definitions
+        for _, batch, definitions in self.blocks():
+            yield batch, definitions
 
-    def items(self) -> Iterator[tuple[mcap_scan.Item, Definitions]]:
-        """Everything in all files in order, damage included."""
-        for index, path in enumerate(self.files):
-            if foreign.is_foreign(path, self.info):
-                yield from foreign.items(self.path, self.files)  # type: ignore[misc]
-                return
-            yield from _file_items(path, self.info, index)
+    def blocks(self) -> Iterator[tuple[int, Batch, Definitions]]:
+        """The same with the number of the file each block is in."""
+        for file, item, definitions in self.items():
+            if isinstance(item, Batch):
+                yield file, item, definitions
+
+    def items(self) -> Iterator[tuple[int, mcap_scan.Item, Definitions]]:
+        """Everything in all files in order, damage included: (number of the file, item, definitions known by then)."""
+        if foreign.is_foreign(self.files[0], self.info):
+            yield from ((0, batch, definitions) for batch, definitions in foreign.items(self.path, self.files))
+            return
+        for file, path in enumerate(self.files):
+            yield from ((file, item, definitions) for item, definitions in _file_items(path, self.info))
 
     def _survey(self) -> None:
         starts: list[int] = []
         ends: list[int] = []
         counts: dict[str, int] = {}
         seen: dict[str, metadata.TopicInfo] = {}
-        for item, definitions in self.items():
+        for _, item, definitions in self.items():
             self._note(item)
             if isinstance(item, Batch) and len(item.rows):
                 starts.append(int(item.rows["log_time_ns"].min()))
@@ -211,7 +216,7 @@ class Bag:
 
     def _check_complete(self) -> None:
         for path in self.files:
-            if path.suffix == ".mcap" and not mcap_scan.finished(_mapped(path)):
+            if path.suffix == ".mcap" and not mcap_scan.finished(mapped(path)):
                 self.complete = False
                 self.problems.insert(0, f"{path.name} is unfinished, its recording was cut off")
         if self.info is None:
@@ -261,7 +266,8 @@ def _number(path: Path) -> tuple[int, str]:
     return (int(tail) if tail.isdecimal() else -1, path.name)
 
 
-def _mapped(path: Path) -> memoryview:
+def mapped(path: Path) -> memoryview:
+    """The file's bytes, read as they are touched."""
     try:
         with path.open("rb") as file:
             if path.stat().st_size == 0:
@@ -272,10 +278,10 @@ def _mapped(path: Path) -> memoryview:
 
 
 def _file_items(
-    path: Path, info: metadata.BagInfo | None, index: int
+    path: Path, info: metadata.BagInfo | None
 ) -> Iterator[tuple[mcap_scan.Item, Definitions]]:
-    data = _mapped(path)
-    definitions = _trusted(data, info, index)
+    data = mapped(path)
+    definitions = _trusted(data, info)
     for item in mcap_scan.scan(data):
         if isinstance(item, Schema | Channel):
             definitions.learn(item)
@@ -285,7 +291,7 @@ def _file_items(
         yield item, definitions
 
 
-def _trusted(data: memoryview, info: metadata.BagInfo | None, index: int) -> Definitions:
+def _trusted(data: memoryview, info: metadata.BagInfo | None) -> Definitions:
     """Definitions from the most trustworthy place there is: the summary's (it has a CRC), then our own metadata.yaml."""
     definitions = Definitions()
     records = mcap_scan.summary(data) or []

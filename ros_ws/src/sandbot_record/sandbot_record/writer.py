@@ -185,6 +185,23 @@ class BagWriter:
             self.abandon()
             raise InputError(f"{self._final}: exists already, not overwriting") from None
 
+    def close_short(self, last_records: Mapping[str, Mapping[str, str]] | None = None) -> None:
+        """Close where the disk is full: give up as many of the last chunks as the summary needs room for."""
+        while True:
+            dropped = self._file.drop_last_chunk()
+            for channel in self._channels.values():
+                channel.info.count -= dropped.get(channel.id, 0)
+            current = self.info.files[-1]
+            current.count, (current.start_ns, current.end_ns) = self._file.count, self._file.span
+            try:
+                for name, values in (last_records or {}).items():
+                    self.metadata(name, values)
+                self.close()
+                return
+            except OSError:
+                if not self._file.can_drop:
+                    raise
+
     def abandon(self) -> None:
         """Stop without completing: nothing is left of a ``whole`` bag, a recoverable one otherwise."""
         self._closed = True

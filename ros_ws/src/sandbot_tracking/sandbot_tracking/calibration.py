@@ -126,7 +126,10 @@ class Camera:
         given = np.asarray(covariance_px2, dtype=float)
         square = given if given.ndim == 3 else given[:, :, None] * np.eye(2)
         jacobian = np.stack(
-            [self.to_plane(points + step, offset_m) - self.to_plane(points - step, offset_m) for step in 0.5 * np.eye(2)],
+            [
+                self.to_plane(points + step, offset_m) - self.to_plane(points - step, offset_m)
+                for step in 0.5 * np.eye(2)
+            ],
             axis=2,
         )
         return np.asarray(jacobian @ square @ jacobian.transpose(0, 2, 1), dtype=float)

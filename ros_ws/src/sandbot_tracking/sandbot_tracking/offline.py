@@ -98,7 +98,10 @@ class OfflineTracker:
     """
 
     def __init__(
-        self, cameras: Mapping[str, Camera], looks: Appearance | None = None, gates: Gates | None = None,
+        self,
+        cameras: Mapping[str, Camera],
+        looks: Appearance | None = None,
+        gates: Gates | None = None,
         omega_rad_s: float | None = None,
     ) -> None:
         if "dorsal" not in cameras:
@@ -182,7 +185,9 @@ class OfflineTracker:
 
     def speed(self) -> Speed:
         """All speeds so far, as published when they were measured."""
-        return Speed(*(np.array([getattr(s, k) for s in self._samples]) for k in ("t_s", "v_x", "var_x", "v_z", "var_z")))
+        return Speed(
+            *(np.array([getattr(s, k) for s in self._samples]) for k in ("t_s", "v_x", "var_x", "v_z", "var_z"))
+        )
 
 
 def _led(camera: Camera) -> tuple[tuple[int, int, int, int], ...]:

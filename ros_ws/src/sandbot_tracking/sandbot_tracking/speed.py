@@ -23,9 +23,11 @@ from sandbot_common.errors import InputError
 Floats = NDArray[np.float64]
 
 HARMONICS = 3
-BANK = np.array([1e-6, 3e-4, 3e-2, 3.0])
+BANK = np.array([2e-7, 2e-6, 2e-6, 1e-3, 1.0])
 """Random walk of mean and harmonics of each filter of the bank [(m/s)²/s]."""
-STAY = 0.97
+MISFIT_M2 = np.array([0.0, 2e-4**2, 1e-3**2, 0.0, 0.0])
+"""Variance of the position each filter leaves unexplained: a leg that catches and lets go has more than 3 harmonics."""
+STAY = 0.999
 """Probability that the filter which is right stays right for a frame."""
 _START_V, _START_H = 0.3**2, 0.2**2
 
@@ -183,7 +185,14 @@ class HarmonicSpeed:
         transition, noise = _harmonic_model(self._harmonics, 0.0 if clock is None else clock * self._base, dt)
         self._t_s = t_s
         v, var = _imm(
-            self._means, self._covs, self._weights, transition, noise, x_m if seen else np.nan, var_m2 if seen else 1.0
+            self._means,
+            self._covs,
+            self._weights,
+            transition,
+            noise,
+            float(x_m) if seen else np.nan,
+            float(var_m2) if seen else 1.0,
+            (self._harmonics + 1.0) * self._base * (clock or 0.0),
         )
         return (float(v), float(var)) if seen else (np.nan, np.nan)
 
@@ -220,8 +229,11 @@ def _harmonic_model(harmonics: int, base_rad_s: float, dt: float) -> tuple[Float
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
-def _imm(means, covs, weights, transition, noise, x, r):  # type: ignore[no-untyped-def]
-    """One step of the bank in place; mean and variance of v over the bank."""
+def _imm(means, covs, weights, transition, noise, x, r, beyond_rad_s):  # type: ignore[no-untyped-def]
+    """One step of the bank in place; mean and variance of v over the bank.
+
+    ``beyond_rad_s``: the first harmonic left out; what is unexplained of x moves about as fast as that.
+    """
     m, k = means.shape
     swap = (1.0 - STAY) / (m - 1)
     mixed_means, mixed_covs, prior = np.zeros((m, k)), np.zeros((m, k, k)), np.empty(m)
@@ -240,7 +252,7 @@ def _imm(means, covs, weights, transition, noise, x, r):  # type: ignore[no-unty
         mean = transition @ mixed_means[j]
         cov = transition @ mixed_covs[j] @ transition.T + BANK[j] * noise
         if not np.isnan(x):
-            total = cov[0, 0] + r
+            total = cov[0, 0] + r + MISFIT_M2[j]
             gain = cov[:, 0] / total
             error = x - mean[0]
             likelihood[j] = -0.5 * (error * error / total + np.log(total))
@@ -252,7 +264,7 @@ def _imm(means, covs, weights, transition, noise, x, r):  # type: ignore[no-unty
     v, var = 0.0, 0.0
     speeds, spreads = np.empty(m), np.empty(m)
     for j in range(m):
-        speeds[j], spreads[j] = means[j, 1], covs[j, 1, 1]
+        speeds[j], spreads[j] = means[j, 1], covs[j, 1, 1] + MISFIT_M2[j] * beyond_rad_s**2
         for a in range(2, k, 2):
             speeds[j] += means[j, a]
             spreads[j] += 2.0 * covs[j, 1, a]

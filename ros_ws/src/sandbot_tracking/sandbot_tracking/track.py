@@ -24,8 +24,12 @@ class Gates:
     gate_px: float = parameter(10.0, unit="px", doc="half-width of the search around a prediction", low=1.0, high=200.0)
     growth_px: float = parameter(3.0, unit="px", doc="added to the gate for each frame missed", low=0.0, high=50.0)
     patience: int = parameter(5, doc="frames missed before the whole frame is searched", low=1, high=1000)
-    spacing: float = parameter(0.1, doc="tolerated change of the distance between markers (part of it)", low=0.0, high=0.5)
-    area: float = parameter(0.25, doc="tolerated change of a marker's area (part of it): beyond, it is half hidden", low=0.05, high=1.0)
+    spacing: float = parameter(
+        0.1, doc="tolerated change of the distance between markers (part of it)", low=0.0, high=0.5
+    )
+    area: float = parameter(
+        0.25, doc="tolerated change of a marker's area (part of it): beyond, it is half hidden", low=0.05, high=1.0
+    )
 
 
 @dataclass(frozen=True)
@@ -130,7 +134,9 @@ class MarkerTracker:
         discs: Discs = detect(frame, self._looks)
         rows = [
             np.array([*xy, *var, radius, contrast, 1.0])
-            for xy, var, radius, contrast in zip(discs.xy_px, discs.var_px2, discs.radius_px, discs.contrast, strict=True)
+            for xy, var, radius, contrast in zip(
+                discs.xy_px, discs.var_px2, discs.radius_px, discs.contrast, strict=True
+            )
         ]
         return sorted((row for row in rows[:8] if not self._ignored(row)), key=lambda row: float(row[0]))
 

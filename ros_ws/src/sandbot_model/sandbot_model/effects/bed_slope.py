@@ -20,4 +20,5 @@ class BedSlope(Effect):
         robot = chain.robot
         downhill = 3 * robot.mass_per_leg_kg * robot.gravity_m_s2 * np.sin(p["chi_rad"])
         chain.gravity = chain.gravity * np.cos(p["chi_rad"])
-        chain.step = chain.step * np.maximum(1 - downhill / horizontal_force(chain), 0.0)
+        grip = np.maximum(1 - downhill / horizontal_force(chain), 0.0)
+        chain.step, chain.peak_ratio = chain.step * grip, chain.peak_ratio * grip

@@ -26,8 +26,10 @@ class CarriedMomentum(Effect):
             hard_high=1.5,
         ),
     )
+    spares_first_step = True
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""
-        mean_speed = chain.omega * chain.step / np.pi
-        chain.delta_v = np.maximum(chain.delta_v - p["chi_m"] * mean_speed, 0.0)
+        if not chain.first_step:
+            mean_speed = chain.omega * chain.step / np.pi
+            chain.delta_v = np.maximum(chain.delta_v - p["chi_m"] * mean_speed, 0.0)

@@ -17,11 +17,11 @@ class CraterRefill(Effect):
         Parameter("z_0_m", "m", 0.003, 0.015, 0.008, "depth of a fresh crater", neutral=0.0, hard_low=0.0),
         Parameter("tau_s", "s", 0.05, 0.3, 0.15, "time in which it refills", hard_low=0.01),
     )
-    on_disturbed_ground = True
+    spares_first_step = True
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""
-        if chain.disturbed:
+        if not chain.first_step:
             radius = chain.robot.leg_radius_m
             share = np.clip((1.2 * radius - chain.step) / (0.1 * radius), 0.0, 1.0)
             crater = p["z_0_m"] * np.exp(-np.pi / (chain.omega * p["tau_s"]))

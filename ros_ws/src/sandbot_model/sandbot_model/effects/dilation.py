@@ -39,11 +39,11 @@ class Dilation(Effect):
             hard_high=0.64,
         ),
     )
-    on_disturbed_ground = True
+    spares_first_step = True
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""
-        if chain.disturbed:
+        if not chain.first_step:
             radius = chain.robot.leg_radius_m
             share = np.clip((S_C * radius - chain.step) / (0.1 * radius), 0.0, 1.0)
             phi_d = chain.phi + p["xi"] * (p["phi_c"] - chain.phi)

@@ -26,11 +26,12 @@ class DisturbedGround(Effect):
             hard_high=2.0,
         ),
     )
-    on_disturbed_ground = True
+    spares_first_step = True
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""
-        if chain.disturbed:
+        if not chain.first_step:
             radius = chain.robot.leg_radius_m
             share = np.clip((p["s_c"] * radius - chain.step) / (0.1 * radius), 0.0, 1.0)
-            chain.k = chain.k - (chain.k - p["k_l_n_per_m"]) * share
+            # Disturbing loosens: ground that is weaker than k_L already stays as it is.
+            chain.k = chain.k - np.maximum(chain.k - p["k_l_n_per_m"], 0.0) * share

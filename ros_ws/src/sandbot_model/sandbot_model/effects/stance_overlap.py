@@ -8,7 +8,7 @@ class StanceOverlap(Effect):
 
     identifier = "stance_overlap"
     stage = "speed"
-    formula = "v -> v (1 - eta)"
+    formula = "v -> v (1 - eta), the first step likewise"
     source = "Li09, double stance"
     seen_in = "off the geometry lock, L unchanged"
     parameters = (
@@ -27,4 +27,4 @@ class StanceOverlap(Effect):
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""
-        chain.speed = chain.speed * (1 - p["eta"])
+        chain.kept = chain.kept * (1 - p["eta"])

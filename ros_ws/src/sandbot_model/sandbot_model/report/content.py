@@ -221,9 +221,9 @@ def _lock_figure(cells: Cells) -> Figure:
         alt="Step length, pi times mean speed over leg frequency, against body lift, with the curve that the geometry "
         "of a circular leg dictates. All values are in the table of cells below.",
         caption="A leg of radius R = 3.55 cm that lifts its axle by Δz advances by s = 2√(Δz(2R − Δz)), whatever the "
-        "ground. Points along the curve: the legs hold, and only how deep they sink changes. Points off the curve: speed "
-        "is lost or won after the legs hold (slip, drag, overlap of stances, coasting). Open grey: the robot swims (lift "
-        "below 1 mm).",
+        "ground. Points along the curve: the legs hold, and only how deep they sink changes. Points off the curve: "
+        "speed is lost or won after the legs hold (slip, drag, overlap of stances, coasting). Open grey: the robot "
+        "swims (lift below 1 mm).",
         draw=lambda theme: [figures.geometry_lock(cells, theme)],
     )
 
@@ -251,8 +251,8 @@ def _candidates(discovery: Discovery) -> list[Section]:
         for c in ranked
     ]  # fmt: skip
     caption = (
-        "Each effect added alone to the base model, best first. Δχ² and ΔBIC against the base model: the more negative, "
-        "the better. Weight: share of belief over all sets tried that contain the effect."
+        "Each effect added alone to the base model, best first. Δχ² and ΔBIC against the base model: the more "
+        "negative, the better. Weight: share of belief over all sets tried that contain the effect."
     )
     head = ("effect", "acts on", "Δχ²", "ΔBIC", "out-of-sample error (cm/s)", "weight")
     words = (True, True, False, False, False, False)

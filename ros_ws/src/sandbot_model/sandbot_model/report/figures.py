@@ -1,7 +1,7 @@
 """The figures of report and explorer, as Plotly specs.
 
 Each is a function of plain data (view.py) and a theme; none computes physics beyond the geometry lock, and none reads
-a file. Axes carry the units a person reads (cm, cm/s, rad/s).
+a file. A point's or cell's ``customdata`` ends with the index of its cell, so that a page knows what was clicked. Axes carry the units a person reads (cm, cm/s, rad/s).
 """
 
 import math
@@ -114,17 +114,18 @@ def _heatmap(fit: Fit, observable: str, theme: Theme, roomy: bool) -> Spec:
     all_z = residual_z(fit, observable)
     z = np.full((len(rows), len(omegas)), np.nan)
     text = np.full(z.shape, "–", dtype=object)
+    index = np.full(z.shape, None, dtype=object)
     numbers = len(omegas) <= MAX_LABELLED_COLUMNS * (2 if roomy else 1)
     for row, band in enumerate(rows):
         for cell in band.cells:
-            z[row, columns[cell]] = all_z[cell]
+            z[row, columns[cell]], index[row, columns[cell]] = all_z[cell], int(cell)
             text[row, columns[cell]] = _mark(all_z[cell], bool(failing[cell]), numbers)
     return {
         "type": "heatmap",
         "x": [f"{w:.3g}" for w in omegas],
         "y": [band.label for band in rows],
         "z": as_json(np.clip(z, -Z_COLOUR_END, Z_COLOUR_END)),
-        "customdata": as_json(z),
+        "customdata": np.stack([as_json(z), index], axis=-1).tolist(),
         "text": text.tolist(),
         "texttemplate": "%{text}",
         "textfont": {"size": 12},
@@ -134,7 +135,7 @@ def _heatmap(fit: Fit, observable: str, theme: Theme, roomy: bool) -> Spec:
         "xgap": 2,
         "ygap": 2,
         "hoverongaps": False,
-        "hovertemplate": "%{y}, ω %{x} rad/s<br>residual %{customdata:.1f} standard errors<extra></extra>",
+        "hovertemplate": "%{y}, ω %{x} rad/s<br>residual %{customdata[0]:.1f} standard errors<extra></extra>",
         "colorbar": _residual_bar(theme),
     }
 
@@ -226,8 +227,8 @@ def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
                 "x": as_json(lift[at]), "y": as_json(step_length[at]),
                 "error_x": _bars(lift_scatter[at], colour), "error_y": _bars(step_scatter[at], colour),
                 "marker": {"color": colour, "size": 8, "symbol": _SYMBOLS[band.level % len(_SYMBOLS)]},
-                "customdata": as_json(cells.omega[at]),
-                "hovertemplate": f"{band.label}, ω %{{customdata:.3g}} rad/s<br>"
+                "customdata": [[float(cells.omega[i]), int(i)] for i in at],
+                "hovertemplate": f"{band.label}, ω %{{customdata[0]:.3g}} rad/s<br>"
                 "lift %{x:.2f} cm, step %{y:.2f} cm<extra></extra>",
             }
         )  # fmt: skip
@@ -280,8 +281,8 @@ def _points(cells: Cells, at: NDArray[np.int64], colour: str, theme: Theme) -> S
         "x": as_json(cells.omega[at]), "y": as_json(CM * measured(cells, "speed")[at]),
         "error_y": _bars(CM * scatter(cells, "speed")[at], colour),
         "marker": {"color": colour, "size": 8, "line": {"color": theme.paper, "width": 1}},
-        "customdata": cells.n[at, 0].tolist(),
-        "hovertemplate": "ω %{x:.3g} rad/s<br>%{y:.2f} cm/s, %{customdata} trials<extra></extra>",
+        "customdata": np.stack([cells.n[at, 0], at], axis=-1).tolist(),
+        "hovertemplate": "ω %{x:.3g} rad/s<br>%{y:.2f} cm/s, %{customdata[0]} trials<extra></extra>",
     }  # fmt: skip
 
 
@@ -304,12 +305,12 @@ def _columns(panels: int, most: int) -> int:
 
 def _panel(row: int, column: int, rows: int, columns: int) -> tuple[list[float], list[float]]:
     """x and y domain of one panel, row 0 on top; room for a panel title above each."""
-    gap_x, gap_y = 0.03, 0.14 if rows > 1 else 0.0
+    gap_x, gap_y = 0.03, 0.28 / rows
     width = (1 - gap_x * (columns - 1)) / columns
     height = (1 - gap_y * (rows - 1)) / rows
     left = column * (width + gap_x)
     top = 1 - row * (height + gap_y)
-    return [left, min(left + width, 1.0)], [max(top - height, 0.0), top - 0.02]
+    return [left, min(left + width, 1.0)], [max(top - height, 0.0), top - 0.04 / rows]
 
 
 def _mark(z: float, failing: bool, with_number: bool) -> str:

@@ -11,8 +11,8 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
-from sandbot_common.files import write_text
 
+from sandbot_common.files import write_text
 from sandbot_model.report.theme import THEMES, Spec, Theme
 
 

@@ -1,0 +1,155 @@
+"""What the user of the explorer chose: base model, effects, formulas, values by hand, and what is looked at.
+
+It is plain data that goes into the page's address and into a YAML file and comes back the same; the YAML holds the
+``compare`` command line that gives the same numbers.
+"""
+
+import dataclasses
+import math
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import parse_qsl, urlencode
+
+import yaml
+from sandbot_common.errors import InputError
+
+from sandbot_model.cells import OBSERVABLES
+from sandbot_model.walking import BASES
+
+SCHEMA = "sandbot.selection/1"
+VIEWS = ("speed", "residuals", "critical", "step", "balance", "lock", "parameters")
+
+
+@dataclass(frozen=True)
+class Selection:
+    """One state of the explorer; ``effects`` in the order in which they were switched on (the ladder's order)."""
+
+    model: str = "simple"
+    effects: tuple[str, ...] = ()
+    formulas: tuple[str, ...] = ()
+    """Effects given as a line of text (see ``formula``), whether switched on or not."""
+    by_hand: tuple[tuple[str, float], ...] = ()
+    """Shared parameters held at a value instead of the fitted one."""
+    view: str = "speed"
+    observable: str = "speed"
+    cell: int | None = None
+    """Index of the cell whose trials are shown."""
+
+    def toggled(self, wanted: Sequence[str]) -> "Selection":
+        """With exactly the effects in ``wanted``: those already on keep their place, new ones come last."""
+        kept = [name for name in self.effects if name in wanted]
+        new = [name for name in wanted if name not in self.effects]
+        effects = (*kept, *new)
+        by_hand = tuple((n, v) for n, v in self.by_hand if "." not in n or n.split(".")[0] in effects)
+        return dataclasses.replace(self, effects=effects, by_hand=by_hand)
+
+    def held(self, name: str, value: float | None) -> "Selection":
+        """With one parameter held at ``value``, or fitted again if it is None."""
+        others = tuple((n, v) for n, v in self.by_hand if n != name)
+        return dataclasses.replace(self, by_hand=others if value is None else (*others, (name, float(value))))
+
+
+def to_query(selection: Selection) -> str:
+    """The selection as the query of an address; what is at its default is left out."""
+    default = Selection()
+    pairs: list[tuple[str, str]] = []
+    for name in ("model", "view", "observable"):
+        if getattr(selection, name) != getattr(default, name):
+            pairs.append((name, getattr(selection, name)))
+    pairs += [("effect", name) for name in selection.effects]
+    pairs += [("formula", text) for text in selection.formulas]
+    pairs += [("hold", f"{name}={value!r}") for name, value in selection.by_hand]
+    if selection.cell is not None:
+        pairs.append(("cell", str(selection.cell)))
+    return f"?{urlencode(pairs)}" if pairs else ""
+
+
+def from_query(query: str) -> Selection:
+    """The selection in an address. Raises InputError for anything it does not know; effects are checked at the fit."""
+    found = Selection()
+    for key, value in parse_qsl(query.lstrip("?"), keep_blank_values=True):
+        match key:
+            case "model" | "view" | "observable":
+                found = dataclasses.replace(found, **{key: value})
+            case "effect" if value not in found.effects:
+                found = dataclasses.replace(found, effects=(*found.effects, value))
+            case "formula" if value not in found.formulas:
+                found = dataclasses.replace(found, formulas=(*found.formulas, value))
+            case "hold":
+                name, _, number = value.partition("=")
+                found = found.held(name, _finite(number, f"address: hold={value!r}"))
+            case "cell":
+                found = dataclasses.replace(found, cell=_index(value))
+            case "effect" | "formula":
+                pass
+            case _:
+                raise InputError(f"address: unknown key {key!r}; known: model, view, observable, effect, formula, hold, cell")
+    return _checked(found, "address")
+
+
+def to_yaml(selection: Selection, data: Sequence[str], result: Mapping[str, float]) -> str:
+    """The selection as YAML with the command that reproduces it and the numbers it gave (SI)."""
+    command = ["compare", *data, "--model", selection.model]
+    command += ["--effects", ",".join(selection.effects)] if selection.effects else []
+    for text in selection.formulas:
+        command += ["--effect", text]
+    content = {
+        "schema": SCHEMA,
+        "command": shlex.join(command),
+        "model": selection.model,
+        "effects": list(selection.effects),
+        "formulas": list(selection.formulas),
+        "by_hand": dict(selection.by_hand),
+        "result": {name: float(value) for name, value in result.items()},
+    }
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=1000)
+
+
+def from_mapping(content: Mapping[str, Any], where: str) -> Selection:
+    """The selection in a saved YAML's mapping. Raises InputError (file, key, what would be right)."""
+    if content.get("schema") != SCHEMA:
+        raise InputError(f"{where}: schema is {content.get('schema')!r}, expected {SCHEMA!r}")
+    unknown = set(content) - {"schema", "command", "model", "effects", "formulas", "by_hand", "result"}
+    if unknown:
+        raise InputError(f"{where}: unknown key {min(unknown)!r}")
+    effects, formulas = (_texts(content.get(key, []), f"{where}: {key}") for key in ("effects", "formulas"))
+    found = Selection(str(content.get("model", "simple")), effects, formulas)
+    by_hand = content.get("by_hand", {})
+    if not isinstance(by_hand, Mapping):
+        raise InputError(f"{where}: by_hand: expected parameter: value, got {by_hand!r}")
+    for name, value in by_hand.items():
+        found = found.held(str(name), _finite(value, f"{where}: by_hand: {name}"))
+    return _checked(found, where)
+
+
+def _checked(selection: Selection, where: str) -> Selection:
+    allowed = (("model", tuple(BASES)), ("view", VIEWS), ("observable", OBSERVABLES))
+    for name, known in allowed:
+        value = getattr(selection, name)
+        if value not in known:
+            raise InputError(f"{where}: {name} {value!r} is not one of {', '.join(known)}")
+    return selection
+
+
+def _finite(value: Any, where: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(f"{where}: a finite number is needed")
+    return number
+
+
+def _index(value: str) -> int:
+    if not value.isdecimal():
+        raise InputError(f"address: cell={value!r}: a whole number is needed")
+    return int(value)
+
+
+def _texts(value: Any, where: str) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(one, str) for one in value):
+        raise InputError(f"{where}: expected a list of texts, got {value!r}")
+    return tuple(dict.fromkeys(value))

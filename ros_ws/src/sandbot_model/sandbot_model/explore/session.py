@@ -1,0 +1,158 @@
+"""Fits behind the explorer: each set of effects is fitted once, and what may be wanted next is fitted ahead.
+
+Fits run in worker processes and come back as a ``Point`` (plain arrays); the session rebuilds the ``Fit`` from it. All
+methods may be called from any thread.
+"""
+
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from sandbot_common.errors import InputError
+
+from sandbot_model.catalogue import catalogue
+from sandbot_model.cells import Cells, noise_floor
+from sandbot_model.chain import Effect
+from sandbot_model.discover import Discovery, Progress, discover
+from sandbot_model.explore.selection import Selection
+from sandbot_model.fit import Fit, Known, Point, best_state, fitted_at
+from sandbot_model.model import Model, model_of
+from sandbot_model.problem import Problem
+from sandbot_model.report.curves import steps as with_curves
+from sandbot_model.report.view import Step
+
+Key = tuple[str, frozenset[str], tuple[str, ...]]
+"""Base model, effects, and the formulas that define some of them."""
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What a worker sends back."""
+
+    point: Point
+    rmse_m_s: float
+    cv_rmse_m_s: float
+
+
+def solve(model: Model, cells: Cells, near: Known | None) -> Solved:
+    """Fit one model; runs in a worker process."""
+    problem = Problem(model, cells, np.ones(len(cells), dtype=bool))
+    state = best_state(problem, near)
+    point = Point(state.theta, state.ln_k, state.slope)
+    found = fitted_at(model, cells, point)
+    return Solved(point, found.rmse_m_s, found.cv_rmse_m_s)
+
+
+class Session:
+    """One data set and everything fitted to it so far."""
+
+    def __init__(self, cells: Cells, workers: Executor, *, effect_files: Sequence[Path] = ()) -> None:
+        self.cells = cells
+        self.noise_floor_m_s = noise_floor(cells)["speed"]
+        self._workers = workers
+        self._files = tuple(effect_files)
+        self._lock = threading.RLock()
+        self._solved: dict[Key, Future[Solved]] = {}
+        self._steps: dict[Key, Step] = {}
+        self._catalogues: dict[tuple[str, ...], dict[str, Effect]] = {}
+
+    def catalogue(self, formulas: Sequence[str] = ()) -> Mapping[str, Effect]:
+        """All effects including the user's formulas. Raises InputError for a formula that is none."""
+        key = tuple(formulas)
+        with self._lock:
+            if key not in self._catalogues:
+                self._catalogues[key] = catalogue(self._files, key)
+            return self._catalogues[key]
+
+    def ladder(self, selection: Selection) -> tuple[Step, ...]:
+        """The base model, then one effect more a step, as ``compare`` has it; fitted if it was not yet.
+
+        Raises InputError for an effect or parameter that is not known.
+        """
+        self.model(selection)
+        return tuple(self._step(part) for part in _prefixes(selection))
+
+    def shown(self, selection: Selection) -> Step:
+        """The step the figures show: the whole selection, with the values held by hand (k as fitted)."""
+        fitted = self._step(replace(selection, by_hand=()))
+        if not selection.by_hand:
+            return fitted
+        model = self.model(selection)
+        theta = fitted.fit.state.theta.copy()
+        for name, value in selection.by_hand:
+            if name not in model.names:
+                raise InputError(f"parameter {name!r} is not one of {', '.join(model.names)}")
+            theta[model.names.index(name)] = value
+        state = fitted.fit.state
+        return with_curves([fitted_at(model, self.cells, Point(theta, state.ln_k, state.slope))])[0]
+
+    def ahead(self, selection: Selection) -> None:
+        """Begin to fit every set that is one switch away; what was begun for an earlier one and has not run is dropped."""
+        wanted = {self._key(one): one for one in self._neighbours(selection)}
+        keep = {*wanted, *(self._key(part) for part in _prefixes(selection))}
+        with self._lock:
+            for key in [k for k, future in self._solved.items() if k not in keep and future.cancel()]:
+                del self._solved[key]
+        for one in wanted.values():
+            self._begin(one)
+
+    def promises(self, selection: Selection) -> dict[str, tuple[float, float] | None]:
+        """Effect → error (in sample, out of sample) [m/s] if it were switched over; None while not fitted yet."""
+        found: dict[str, tuple[float, float] | None] = {}
+        for one in self._neighbours(selection):
+            (name,) = set(one.effects) ^ set(selection.effects)
+            with self._lock:
+                future = self._solved.get(self._key(one))
+            ready = future is not None and future.done() and not future.cancelled() and future.exception() is None
+            solved = future.result() if ready and future is not None else None
+            found[name] = (solved.rmse_m_s, solved.cv_rmse_m_s) if solved else None
+        return found
+
+    def suggest(self, selection: Selection, progress: Progress) -> Discovery:
+        """Run discovery over the catalogue and the user's formulas."""
+        effects = self.catalogue(selection.formulas)
+        return discover(self.cells, effects, base=selection.model, fit_all=self._workers.map, progress=progress)
+
+    def model(self, selection: Selection) -> Model:
+        """The model selected. Raises InputError for an effect that is not known."""
+        return model_of(selection.model, selection.effects, self.catalogue(selection.formulas))
+
+    def _neighbours(self, selection: Selection) -> Iterator[Selection]:
+        inherent = {effect.identifier for effect in self.model(replace(selection, effects=())).walker.effects}
+        for name in self.catalogue(selection.formulas):
+            if name in selection.effects:
+                yield selection.toggled([one for one in selection.effects if one != name])
+            elif name not in inherent:
+                yield selection.toggled([*selection.effects, name])
+
+    def _step(self, selection: Selection) -> Step:
+        key = self._key(selection)
+        with self._lock:
+            if key in self._steps:
+                return self._steps[key]
+        solved = self._begin(selection).result()
+        step = with_curves([fitted_at(self.model(selection), self.cells, solved.point)])[0]
+        with self._lock:
+            return self._steps.setdefault(key, step)
+
+    def _begin(self, selection: Selection) -> "Future[Solved]":
+        """The fit of a selection, begun if it was not; it starts from the fit without its last effect if that is there."""
+        key = self._key(selection)
+        with self._lock:
+            parent = self._steps.get(self._key(replace(selection, effects=selection.effects[:-1])))
+            if key not in self._solved:
+                near = parent.fit.known if parent and selection.effects else None
+                self._solved[key] = self._workers.submit(solve, self.model(selection), self.cells, near)
+            return self._solved[key]
+
+    def _key(self, selection: Selection) -> Key:
+        catalogue = self.catalogue(selection.formulas)
+        own = [text for text in selection.formulas if text.split(":")[0].strip() in selection.effects]
+        return selection.model, frozenset(selection.effects) & set(catalogue), tuple(own)
+
+
+def _prefixes(selection: Selection) -> list[Selection]:
+    return [replace(selection, effects=selection.effects[:count], by_hand=()) for count in range(len(selection.effects) + 1)]

@@ -1,0 +1,188 @@
+"""Figures of the mechanics behind the speed: critical frequency and peak speed, step length, the force balance.
+
+Li09 Fig. 2b, 2c (ω_c and peak speed against φ), Fig. 3d (s/R against ω), Fig. 3c and 4a (force against depth).
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_model.cells import WALKING_LIFT_M, WALKING_SPEED_M_S, Cells, Floats
+from sandbot_model.fit import Fit
+from sandbot_model.report.figures import as_json, model_name
+from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
+from sandbot_model.report.view import CM, Step, bands, measured, scatter
+from sandbot_model.walking import Inputs, KCurve
+
+PHI_POINTS = 60
+OMEGA_POINTS = 160
+DEPTH_POINTS = 120
+MILLI = 1000.0
+
+
+@dataclass(frozen=True)
+class Collapse:
+    """Where walking ends, per band; (n_bands,) each."""
+
+    last_walking_rad_s: Floats = field(metadata={"doc": "largest measured ω at which the robot still walks; NaN: none"})
+    first_swimming_rad_s: Floats = field(metadata={"doc": "smallest measured ω above it at which it swims; NaN: none"})
+    peak_speed_m_s: Floats = field(metadata={"doc": "largest mean speed over ω"})
+
+
+def walks(cells: Cells) -> NDArray[np.bool_]:
+    """Whether the robot walks in each cell, (n,): it lifts its body, or where lift is unknown it is clearly fast."""
+    lift = measured(cells, "lift")
+    return np.where(np.isfinite(lift), lift > WALKING_LIFT_M, measured(cells, "speed") > WALKING_SPEED_M_S)
+
+
+def collapse(cells: Cells) -> Collapse:
+    """The interval of ω in which walking collapses, and the best speed, of each band."""
+    walking = walks(cells)
+    speed = measured(cells, "speed")
+    rows = []
+    for band in bands(cells):
+        omega, walk = cells.omega[band.cells], walking[band.cells]
+        last = float(omega[walk].max()) if walk.any() else np.nan
+        above = omega[~walk & ~(omega <= last)]
+        first = float(above.min()) if above.size else np.nan
+        here = speed[band.cells]
+        rows.append((last, first, float(np.nanmax(here)) if np.isfinite(here).any() else np.nan))
+    return Collapse(*np.array(rows).T)
+
+
+def critical(step: Step, theme: Theme = LIGHT) -> Spec:
+    """Critical frequency ω_c and peak of mean speed against φ, measured and modelled (Li09 Fig. 2b, c)."""
+    cells = step.fit.cells
+    phis = np.array([band.phi for band in bands(cells)])
+    seen = collapse(cells)
+    phi, omega_c, peak = _modelled_collapse(step.fit)
+    middle = 0.5 * (seen.last_walking_rad_s + seen.first_swimming_rad_s)
+    half = 0.5 * (seen.first_swimming_rad_s - seen.last_walking_rad_s)
+    line = {"color": theme.accent, "width": 2.5}
+    never_ends = np.isfinite(seen.last_walking_rad_s) & ~np.isfinite(seen.first_swimming_rad_s)
+    common: Spec = {"type": "scatter", "mode": "markers", "marker": {"color": theme.ink, "size": 8}}
+    data: list[Spec] = [
+        common | {
+            "name": "measured: between the last ω that walks and the first that swims",
+            "x": as_json(phis), "y": as_json(middle),
+            "error_y": {"type": "data", "array": as_json(half), "color": theme.ink, "width": 3, "thickness": 1.5},
+        },
+        common | {
+            "name": "walks at every ω measured", "marker": {"color": theme.ink, "size": 10, "symbol": "triangle-up"},
+            "x": as_json(phis[never_ends]), "y": as_json(seen.last_walking_rad_s[never_ends]),
+            "showlegend": bool(never_ends.any()),
+        },
+        {"type": "scatter", "mode": "lines", "name": model_name(step), "x": as_json(phi), "y": as_json(omega_c),
+         "line": line},
+        common | {"x": as_json(phis), "y": as_json(CM * seen.peak_speed_m_s), "showlegend": False,
+                  "xaxis": "x2", "yaxis": "y2"},
+        {"type": "scatter", "mode": "lines", "showlegend": False, "x": as_json(phi), "y": as_json(CM * peak),
+         "line": line, "xaxis": "x2", "yaxis": "y2"},
+    ]  # fmt: skip
+    return {
+        "data": data,
+        "layout": layout(
+            theme,
+            420,
+            xaxis=axis(theme, "φ", domain=[0, 0.46]),
+            yaxis=axis(theme, "critical frequency ω_c (rad/s)", rangemode="tozero"),
+            xaxis2=axis(theme, "φ", domain=[0.56, 1], anchor="y2"),
+            yaxis2=axis(theme, "largest mean speed (cm/s)", rangemode="tozero", anchor="x2"),
+        ),
+    }
+
+
+def step_ratio(step: Step, theme: Theme = LIGHT) -> Spec:
+    """Step length over leg radius, s/R = πv̄/(ωR), against ω; walking ends near 0.9 to 1 (Li09 Fig. 3d)."""
+    cells = step.fit.cells
+    radius = step.fit.fitted.robot.leg_radius_m
+    ratio, error = (np.pi * f(cells, "speed") / cells.omega / radius for f in (measured, scatter))
+    colours = theme.phi_colours(len(cells.level_phi))
+    data: list[Spec] = []
+    for i, band in enumerate(bands(cells)):
+        colour, at = colours[band.level], band.cells
+        modelled = np.pi * step.speed_m_s[i] / step.omega_rad_s / radius
+        data += [
+            {"type": "scatter", "mode": "lines", "x": as_json(step.omega_rad_s), "y": as_json(modelled),
+             "line": {"color": colour, "width": 2}, "showlegend": False, "hoverinfo": "skip"},
+            {"type": "scatter", "mode": "markers", "name": band.label, "x": as_json(cells.omega[at]),
+             "y": as_json(ratio[at]), "marker": {"color": colour, "size": 8},
+             "error_y": {"type": "data", "array": as_json(error[at]), "color": colour, "width": 3, "thickness": 1.5}},
+        ]  # fmt: skip
+    threshold = {
+        "type": "rect", "xref": "paper", "x0": 0, "x1": 1, "yref": "y", "y0": 0.9, "y1": 1.0,
+        "fillcolor": theme.empty, "line": {"width": 0}, "layer": "below",
+    }  # fmt: skip
+    beside = {"x": 1.02, "y": 1, "xanchor": "left", "yanchor": "top", "orientation": "v", "yref": "paper"}
+    return {
+        "data": data,
+        "layout": layout(
+            theme,
+            440,
+            xaxis=axis(theme, "ω (rad/s)"),
+            yaxis=axis(theme, "step length over leg radius, s/R", rangemode="tozero"),
+            shapes=[threshold],
+            legend=beside,
+        ),
+    }
+
+
+def force_balance(fit: Fit, cell: int, theme: Theme = LIGHT) -> Spec:
+    """Force the ground gives and force the body needs against depth, in one cell; the leg holds at the crossing.
+
+    Raises IndexError if there is no such cell.
+    """
+    cells = fit.cells
+    robot = fit.fitted.robot
+    depth = np.linspace(0.0, robot.deepest_m, DEPTH_POINTS)
+    delta_t, v_swim, params = fit.fitted.arguments(fit.state.theta)
+    inputs = Inputs(
+        k_n_per_m=fit.k_n_per_m[cells.level[cell]],
+        omega_rad_s=cells.omega[cell],
+        delta_t_s=delta_t,
+        phi=cells.level_phi[cells.level[cell]],
+        v_swim_m_s=v_swim,
+        slow_phase_ratio=cells.slow_phase_ratio[cell],
+        k_of_phi=KCurve(fit.level_phi, fit.k_n_per_m),
+    )
+    chain = fit.fitted.walker.chain(inputs, params, depth, first_step=False)
+    given, needed = (np.broadcast_to(f, depth.shape) for f in (chain.force + chain.extra_force, chain.load))
+    holds = np.flatnonzero(given >= needed)
+    lines: list[Spec] = [
+        {"type": "scatter", "mode": "lines", "name": "force the ground gives", "x": as_json(CM * depth),
+         "y": as_json(given), "line": {"color": theme.accent, "width": 2.5}},
+        {"type": "scatter", "mode": "lines", "name": "force needed", "x": as_json(CM * depth), "y": as_json(needed),
+         "line": {"color": theme.ink, "width": 2, "dash": "dash"}},
+    ]  # fmt: skip
+    if holds.size:
+        at = holds[0]
+        lines.append(
+            {"type": "scatter", "mode": "markers+text", "name": "the leg holds", "x": [CM * depth[at]],
+             "y": [float(needed[at])], "text": [f"d = {CM * depth[at]:.2f} cm"], "textposition": "top left",
+             "marker": {"color": theme.ink, "size": 10}},
+        )  # fmt: skip
+    outcome = "" if holds.size else "; it never holds: the robot swims"
+    return {
+        "data": lines,
+        "layout": layout(
+            theme,
+            420,
+            xaxis=axis(theme, f"depth of the lowest leg point (cm), φ {cells.phi[cell]:.3f}, ω {cells.omega[cell]:.3g} "
+                       f"rad/s{outcome}"),
+            yaxis=axis(theme, "vertical force on a leg (N)", rangemode="tozero"),
+        ),
+    }  # fmt: skip
+
+
+def _modelled_collapse(fit: Fit) -> tuple[Floats, Floats, Floats]:
+    """φ, ω_c [rad/s] and largest mean speed [m/s] of the model, between the outermost levels; (n,) each."""
+    cells = fit.cells
+    phi = np.linspace(fit.level_phi[0], fit.level_phi[-1], PHI_POINTS if len(fit.level_phi) > 1 else 1)
+    omega = np.linspace(0.5, 1.3 * float(cells.omega.max()), OMEGA_POINTS)
+    found = fit.predict(phi[:, None], omega[None, :])
+    ends = np.where(found.walking.any(axis=1), OMEGA_POINTS - 1 - np.argmax(found.walking[:, ::-1], axis=1), -1)
+    omega_c = np.where(ends >= 0, omega[ends], np.nan)
+    omega_c[ends == OMEGA_POINTS - 1] = np.nan
+    in_range = omega <= cells.omega.max()
+    return phi, omega_c, np.asarray(found.speed_m_s[:, in_range].max(axis=1))

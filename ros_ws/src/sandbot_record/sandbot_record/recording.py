@@ -1,0 +1,218 @@
+"""The recorder without ROS: messages go into a queue, a thread of its own writes them to the bag.
+
+So a slow disk delays nobody who receives. Counts, losses and the reason of a stop are kept here; ``recorder_node`` only
+feeds it. The clocks are passed in.
+"""
+
+import shutil
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from rosbags.interfaces import Qos
+
+from sandbot_common.errors import InputError
+from sandbot_record import frames
+from sandbot_record.writer import BagWriter
+
+SECOND_NS = 1_000_000_000
+
+
+class Received(NamedTuple):
+    """One message as it came: ``sequence`` counts what its publisher sent (0: not known)."""
+
+    topic: str
+    data: bytes
+    log_time_ns: int
+    publish_time_ns: int
+    sequence: int
+
+
+@dataclass
+class Tally:
+    """What became of a topic's messages."""
+
+    written: int = 0
+    lost: int = 0
+    """Gaps in the publisher's sequence: sent, never received."""
+    dropped: int = 0
+    """Received, but the queue was full."""
+    sequence: int = 0
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When recording stops by itself: free space [bytes] below ``min_free``, or after ``duration_s`` (0: never).
+
+    ``queue_bytes``: what may wait for the disk before messages are dropped (and counted).
+    """
+
+    min_free: int = 200 << 20
+    duration_s: float = 0.0
+    queue_bytes: int = 512 << 20
+
+
+class Recording:
+    """Owns the writer and its thread. ``stopped`` is set when it ended by itself, ``reason`` says why; empty: all is well."""
+
+    def __init__(
+        self,
+        writer: BagWriter,
+        *,
+        limits: Limits = Limits(),  # noqa: B008 (frozen)
+        images: str = "raw",
+        monotonic_s: Callable[[], float],
+        free_bytes: Callable[[Path], int] = lambda folder: shutil.disk_usage(folder).free,
+        flush_period_s: float = 0.5,
+    ) -> None:
+        self._writer, self._limits, self._images = writer, limits, images
+        self._monotonic_s, self._free_bytes, self._flush_period_s = monotonic_s, free_bytes, flush_period_s
+        self._queue: deque[Received] = deque()
+        self._queued_bytes = 0
+        self._wake, self._finish = threading.Event(), threading.Event()
+        self._lock = threading.Lock()
+        self._pending_topics: deque[Callable[[], None]] = deque()
+        self._to_jpeg: set[str] = set()
+        self.tallies: dict[str, Tally] = {}
+        self.stopped = threading.Event()
+        self.reason = ""
+        self.failed = False
+        self.paused = False
+        self._closed = False
+        self._check_free()
+        if self.failed:
+            writer.abandon()
+            raise InputError(f"{writer.path}: {self.reason}")
+        self._thread = threading.Thread(target=self._run, name="bag writer", daemon=True)
+        self._thread.start()
+
+    def add_topic(
+        self, name: str, type_name: str, *, qos: tuple[Qos, ...] = (), definition: str | None = None, type_hash: str | None = None
+    ) -> None:
+        """Have the writer's thread register a topic before any of its messages."""
+        self.tallies.setdefault(name, Tally())
+        written = name
+        if self._images == "jpeg" and type_name == frames.RAW:
+            self._to_jpeg.add(name)
+            written, type_name, definition, type_hash = frames.compressed_name(name), frames.JPEG, None, None
+        self._pending_topics.append(
+            lambda: self._writer.add_topic(written, type_name, qos=qos, definition=definition, type_hash=type_hash)
+        )
+        self._wake.set()
+
+    def put(self, message: Received, *, sole_publisher: bool = True) -> None:
+        """Take a message; never blocks on the disk."""
+        tally = self.tallies[message.topic]
+        if sole_publisher and message.sequence and tally.sequence:
+            tally.lost += max(0, message.sequence - tally.sequence - 1)
+        tally.sequence = message.sequence
+        if self.paused or self.stopped.is_set():
+            return
+        if self._queued_bytes + len(message.data) > self._limits.queue_bytes:
+            tally.dropped += 1
+            return
+        with self._lock:
+            self._queued_bytes += len(message.data)
+        self._queue.append(message)
+        self._wake.set()
+
+    def close(self, metadata: Mapping[str, Mapping[str, str]] | None = None) -> None:
+        """Write what is queued, then counts and ``metadata`` records, and close the bag. A second call has no effect."""
+        if self._closed:
+            return
+        self._closed = True
+        self._finish.set()
+        self._wake.set()
+        self._thread.join()
+        if not self.failed:
+            try:
+                for name, values in (metadata or {}).items():
+                    self._writer.metadata(name, values)
+                self._writer.metadata("recording", self.summary())
+                self._writer.close()
+                return
+            except OSError as error:
+                self._fail(f"{error.strerror}: {self._writer.path}")
+        self._writer.close_short({"recording": self.summary()})
+
+    def summary(self) -> dict[str, str]:
+        """Counts and losses by topic, and how it ended."""
+        values = {"exit_status": self.reason or "ok"}
+        for name, tally in self.tallies.items():
+            values[name] = f"written {tally.written}, lost {tally.lost}, dropped {tally.dropped}"
+        return values
+
+    @property
+    def path(self) -> Path:
+        """The bag."""
+        return self._writer.path
+
+    @property
+    def lost(self) -> int:
+        """Messages sent by somebody that are not in the bag."""
+        return sum(tally.lost + tally.dropped for tally in self.tallies.values())
+
+    @property
+    def written(self) -> int:
+        """Messages in the bag."""
+        return sum(tally.written for tally in self.tallies.values())
+
+    def last_line(self) -> str:
+        """What a person needs to know at the end."""
+        losses = [f"{name} {tally.lost + tally.dropped}" for name, tally in self.tallies.items() if tally.lost + tally.dropped]
+        what = f"{self.lost} lost ({', '.join(losses)})" if losses else "0 lost"
+        heard = sum(tally.written > 0 for tally in self.tallies.values())
+        ended = f"; stopped: {self.reason}" if self.reason else ""
+        return f"recorded {self.written} messages of {heard} topics to {self._writer.path}, {what}{ended}"
+
+    def _run(self) -> None:
+        start = flushed = self._monotonic_s()
+        try:
+            while not self.stopped.is_set():
+                self._wake.wait(0.1)
+                self._wake.clear()
+                finish = self._finish.is_set()
+                self._drain()
+                now = self._monotonic_s()
+                if now - flushed >= self._flush_period_s:
+                    flushed = now
+                    self._writer.flush()
+                    self._check_free()
+                if self._limits.duration_s and now - start >= self._limits.duration_s:
+                    self.stopped.set()
+                if finish:
+                    break
+        except OSError as error:
+            self._fail(f"{error.strerror}: {self._writer.path}")
+        except InputError as error:
+            self._fail(str(error))
+        finally:
+            self.stopped.set()
+
+    def _drain(self) -> None:
+        while self._pending_topics:
+            self._pending_topics.popleft()()
+        while self._queue:
+            message = self._queue.popleft()
+            with self._lock:
+                self._queued_bytes -= len(message.data)
+            self._write(message)
+
+    def _write(self, message: Received) -> None:
+        name, data = message.topic, message.data
+        if name in self._to_jpeg:
+            name, data = frames.compressed_name(name), frames.to_jpeg(data)
+        self._writer.write(name, data, message.log_time_ns, message.publish_time_ns, message.sequence)
+        self.tallies[message.topic].written += 1
+
+    def _check_free(self) -> None:
+        free = self._free_bytes(self._writer.path.parent)
+        if free < self._limits.min_free:
+            self._fail(f"only {free >> 20} MiB free, {self._limits.min_free >> 20} MiB are to stay free (--min-free)")
+
+    def _fail(self, reason: str) -> None:
+        self.reason, self.failed = self.reason or reason, True
+        self.stopped.set()

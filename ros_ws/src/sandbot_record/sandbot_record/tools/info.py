@@ -1,0 +1,74 @@
+"""info: what a bag holds, whether it is complete, and where it comes from."""
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from sandbot_common import cli
+from sandbot_record.reader import Bag
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; exit code 1 if the bag is unfinished or damaged."""
+    return cli.run(_info, argv)
+
+
+def _info(argv: Sequence[str]) -> int:
+    parser = cli.Parser(prog="info", description=__doc__)
+    parser.add_argument("bag", type=Path, metavar="BAG", help="a bag's folder, or one .mcap or .db3 file")
+    options = parser.parse_args(argv)
+    bag = Bag.open(options.bag, strict=False)
+    print(describe(bag))
+    return 1 if bag.problems else 0
+
+
+def describe(bag: Bag) -> str:
+    """The bag in the layout of `ros2 bag info`, then state, provenance and attachments."""
+    size = sum(file.stat().st_size for file in bag.files)
+    lines = [
+        f"Files:             {', '.join(file.name for file in bag.files)}",
+        f"Bag size:          {_size(size)}",
+        f"Storage id:        {bag.info.storage if bag.info else bag.files[0].suffix.removeprefix('.')}",
+        f"ROS Distro:        {bag.info.distro if bag.info else 'unknown'}",
+        f"Duration:          {(bag.end_ns - bag.start_ns) * 1e-9:.9f}s",
+        f"Start:             {_time(bag.start_ns)}",
+        f"End:               {_time(bag.end_ns)}",
+        f"Messages:          {bag.count}",
+    ]
+    topics = [
+        f"Topic: {topic.name} | Type: {topic.type} | Count: {topic.count} | Serialization Format: cdr"
+        for topic in bag.topics.values()
+    ]
+    lines += [f"Topic information: {topics[0] if topics else 'none'}", *(f"{'':19}{line}" for line in topics[1:])]
+    lines.append(f"State:             {'complete' if not bag.problems else bag.problems[0]}")
+    lines += [f"{'':19}{problem}" for problem in bag.problems[1:10]]
+    if len(bag.problems) > 10:
+        lines.append(f"{'':19}and {len(bag.problems) - 10} more")
+    if bag.problems:
+        lines.append(f"{'':19}bring back what is intact with: ros2 run sandbot_record recover {bag.path} NEW_BAG")
+    for name, values in bag.provenance.items():
+        lines.append(f"Metadata:          {name}")
+        lines += [f"{'':19}{key}: {_short(value)}" for key, value in values.items()]
+    lines += [f"Attachment:        {name} ({len(data)} bytes)" for name, data in bag.attachments.items()]
+    return "\n".join(lines)
+
+
+def _size(count: float) -> str:
+    for unit in ("B", "KiB", "MiB"):
+        if count < 1024:
+            return f"{count:.1f} {unit}"
+        count /= 1024
+    return f"{count:.1f} GiB"
+
+
+def _time(t_ns: int) -> str:
+    return f"{datetime.fromtimestamp(t_ns // 10**9, UTC):%b %d %Y %H:%M:%S}.{t_ns % 10**9:09d} UTC ({t_ns / 1e9:.9f})"
+
+
+def _short(text: str, width: int = 200) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= width else f"{line[:width]}…"
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,88 @@
+"""record: topics to a bag that loses nothing and outlives a crash."""
+
+import argparse
+import re
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from sandbot_common import cli
+from sandbot_common.errors import InputError
+from sandbot_record.mcap_writer import COMPRESSIONS
+from sandbot_record.recorder_node import Selection, record
+from sandbot_record.recording import Limits, Recording
+from sandbot_record.writer import BagWriter, Split
+
+MIB = 1 << 20
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; exit code 1 if recording stopped on a full disk or another failure."""
+    return cli.run(_record, argv)
+
+
+def _record(argv: Sequence[str]) -> int:
+    options, ros_arguments = _parser().parse_known_args(argv)
+    _check(options, ros_arguments)
+    selection = Selection(
+        tuple(dict.fromkeys(options.topics)), options.all, options.regex, options.exclude, options.images
+    )
+    try:
+        writer = BagWriter(
+            options.out,
+            compression=options.compression,
+            flush_period_s=0.0,  # Recording flushes by the wall clock
+            fsync=options.fsync,
+            split=Split(int(options.max_size * MIB), options.max_duration),
+            whole=False,
+        )
+        recording = Recording(
+            writer,
+            limits=Limits(int(options.min_free * MIB), options.duration),
+            images=options.images,
+            monotonic_s=time.monotonic,
+        )
+    except OSError as error:
+        raise InputError(f"{options.out}: {error.strerror}") from None
+    code = record(selection, recording, ros_arguments)
+    print(recording.last_line(), flush=True)
+    return code
+
+
+def _parser() -> cli.Parser:
+    parser = cli.Parser(prog="record", description=__doc__)
+    parser.add_argument("topics", nargs="*", metavar="TOPIC", help="topics to record")
+    parser.add_argument("--out", "-o", required=True, type=Path, metavar="BAG", help="the bag folder; must not exist")
+    parser.add_argument("-a", "--all", action="store_true", help="every topic, also those that appear later")
+    parser.add_argument("--regex", "-e", default="", help="topics whose name matches, also those that appear later")
+    parser.add_argument("--exclude", "-x", default="", help="but not those that match this")
+    parser.add_argument("--duration", type=float, default=0.0, metavar="S", help="stop after so many seconds")
+    parser.add_argument("--compression", choices=COMPRESSIONS, default="none", help="of the chunks (default: none)")
+    parser.add_argument("--images", choices=("raw", "jpeg", "none"), default="raw", help="what becomes of raw images")
+    parser.add_argument("--max-size", type=float, default=0.0, metavar="MIB", help="begin a new file after so much")
+    parser.add_argument("--max-duration", type=float, default=0.0, metavar="S", help="begin a new file after so long")
+    parser.add_argument("--min-free", type=float, default=200.0, metavar="MIB", help="stop when less is free (200)")
+    parser.add_argument("--fsync", action="store_true", help="outlive a power cut, not only a crash")
+    return parser
+
+
+def _check(options: argparse.Namespace, ros_arguments: Sequence[str]) -> None:
+    if ros_arguments and ros_arguments[0] != "--ros-args":
+        raise InputError(f"unknown option {ros_arguments[0]} (see record --help)")
+    if not (options.topics or options.all or options.regex):
+        raise InputError("nothing to record: give topics, --all or --regex")
+    for name in ("regex", "exclude"):
+        try:
+            re.compile(getattr(options, name))
+        except re.error as error:
+            raise InputError(f"--{name}: {getattr(options, name)!r} is not a regular expression: {error}") from None
+    for topic in options.topics:
+        if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", topic):
+            raise InputError(f"{topic!r} is not a topic name such as /leg_states")
+    for name in ("duration", "max_size", "max_duration", "min_free"):
+        if not 0 <= getattr(options, name) < 1e12:
+            raise InputError(f"--{name.replace('_', '-')}: {getattr(options, name)} is not a number from 0 up")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,42 @@
+"""table: bags to the trials table (trials.csv)."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from sandbot_common import cli
+from sandbot_record import reader, table, trials
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line."""
+    return cli.run(_table, argv)
+
+
+def _table(argv: Sequence[str]) -> None:
+    parser = cli.Parser(prog="table", description=__doc__)
+    parser.add_argument("data", nargs="+", type=Path, metavar="DATA", help="a campaign folder, bags or trials CSVs")
+    parser.add_argument("--out", type=Path, help="the CSV to write (default: trials.csv in the campaign folder, else print)")
+    parser.add_argument("--workers", type=int, help="processes (default: one a CPU)")
+    options = parser.parse_args(argv)
+    skipped: tuple[str, ...] = ()
+    out = options.out
+    first = options.data[0]
+    if len(options.data) == 1 and first.is_dir() and not reader.is_bag(first):
+        report = table.campaign(first, options.workers)
+        rows, skipped = report.trials, report.skipped
+        out = out or first / table.TRIALS_CSV
+    else:
+        rows = trials.read(options.data)
+    if out is None:
+        print(trials.to_csv(rows), end="")
+    else:
+        trials.write_csv(rows, out)
+        print(f"{out}: {len(rows)} trials, {rows.excluded} of them not usable, {len(skipped)} bags skipped")
+    for row in rows.select(rows.status != trials.OK).rows():
+        print(f"not usable: {row.trial_id}: {row.status}")
+    for line in skipped:
+        print(f"skipped: {line}")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,177 @@
+"""Calibrate a camera of the trackway: from a table of pixels and metres, or a chessboard video, to a cameras.yaml entry.
+
+A table (CSV with the columns u_px, v_px, x_m, y_m, z_m) gives where the camera stands; with points that do not lie in one plane, or with
+--intrinsics, that is well determined. Chessboard frames give lens and focal length; --table then adds the place.
+"""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from sandbot_common import cli
+from sandbot_common.errors import InputError
+from sandbot_common.files import read_yaml, write_text
+from sandbot_tracking.calibration import Camera, camera_from_mapping, read_cameras
+from sandbot_tracking.source import Source
+
+Floats = NDArray[np.float64]
+
+COLUMNS = ("u_px", "v_px", "x_m", "y_m", "z_m")
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Intrinsics: K (3, 3) and the five distortion coefficients, with their reprojection error."""
+
+    matrix: Floats
+    distortion: Floats
+    error_px: float
+
+
+def read_table(path: Path) -> tuple[Floats, Floats]:
+    """Pixels (n, 2) and points (n, 3) [m] of a CSV. Raises InputError."""
+    try:
+        with path.open(newline="", encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+    except (OSError, UnicodeDecodeError):
+        raise InputError(f"{path}: no such CSV file") from None
+    if missing := [name for name in COLUMNS if not rows or name not in rows[0]]:
+        raise InputError(
+            f"{path}: column {missing[0]!r} is missing or the table is empty; needed: {', '.join(COLUMNS)}"
+        )
+    table = np.empty((len(rows), 5))
+    for n, row in enumerate(rows):
+        for column, name in enumerate(COLUMNS):
+            try:
+                table[n, column] = float(row[name])
+            except (TypeError, ValueError):
+                table[n, column] = np.nan
+            if not np.isfinite(table[n, column]):
+                raise InputError(f"{path}: row {n + 2}: {name}: {row[name]!r} is not a number")
+    if len(table) < 6:
+        raise InputError(f"{path}: {len(table)} points, at least 6 are needed")
+    return table[:, :2], table[:, 2:]
+
+
+def lens_from_chessboard(video: str, pattern: tuple[int, int], square_m: float) -> Lens:
+    """Intrinsics from frames that show a chessboard with ``pattern`` inner corners. Raises InputError."""
+    board = np.zeros((pattern[0] * pattern[1], 3), np.float32)
+    board[:, :2] = np.mgrid[: pattern[0], : pattern[1]].T.reshape(-1, 2) * square_m
+    corners: list[Any] = []
+    with Source(video) as source:
+        for frame in source:
+            found, points = cv2.findChessboardCornersSB(frame, pattern)
+            if found:
+                corners.append(points)
+        size = (source.width, source.height)
+    if len(corners) < 3:
+        raise InputError(
+            f"{video}: a {pattern[0]}x{pattern[1]} chessboard is seen in {len(corners)} frames, 3 are needed"
+        )
+    error, matrix, distortion, *_ = cv2.calibrateCamera([board] * len(corners), corners, size, None, None)
+    return Lens(matrix, distortion.ravel()[:5], float(error))
+
+
+def place(pixels: Floats, points_m: Floats, lens: Lens) -> tuple[Floats, Floats]:
+    """Camera centre (3,) [m] and rotation (3, 3) from points seen through a known lens. Raises InputError."""
+    ok, turn, shift = cv2.solvePnP(points_m, pixels, lens.matrix, lens.distortion, flags=cv2.SOLVEPNP_SQPNP)
+    if not ok:
+        raise InputError("the points do not determine where the camera stands: spread them over the view")
+    turn, shift = cv2.solvePnPRefineLM(points_m, pixels, lens.matrix, lens.distortion, turn, shift)
+    rotation = cv2.Rodrigues(turn)[0]
+    return -rotation.T @ shift.ravel(), rotation
+
+
+def lens_from_points(pixels: Floats, points_m: Floats, size: tuple[int, int]) -> Lens:
+    """Focal lengths from points in space, the principal point held at the middle and the lens taken as straight."""
+    if np.linalg.matrix_rank(points_m - points_m.mean(axis=0), tol=1e-3) < 3:
+        raise InputError(
+            "all points lie in one plane: give --intrinsics or a chessboard video, or points off the plane"
+        )
+    focal = 1.5 * max(size)
+    start = np.array([[focal, 0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1]], float)
+    flags = (
+        cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST
+        | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
+    )  # fmt: skip
+    error, matrix, *_ = cv2.calibrateCamera(
+        [points_m.astype(np.float32)], [pixels.astype(np.float32)], size, start, np.zeros(5), flags=flags
+    )
+    return Lens(matrix, np.zeros(5), float(error))
+
+
+def entry(
+    lens: Lens, position_m: Floats, rotation: Floats, size: tuple[int, int], plane: dict[str, Any]
+) -> dict[str, Any]:
+    """A cameras.yaml entry as plain numbers."""
+    return {
+        "width": size[0],
+        "height": size[1],
+        "fx": float(lens.matrix[0, 0]),
+        "fy": float(lens.matrix[1, 1]),
+        "cx": float(lens.matrix[0, 2]),
+        "cy": float(lens.matrix[1, 2]),
+        "distortion": [float(value) for value in lens.distortion],
+        "position_m": [float(value) for value in position_m],
+        "rotation": [[float(value) for value in row] for row in rotation],
+        "plane": plane,
+    }
+
+
+def reprojection_px(camera: Camera, pixels: Floats, points_m: Floats) -> float:
+    """Root mean square distance between pixels and projected points [px]."""
+    off = camera.to_pixels(points_m) - pixels
+    return float(np.sqrt((off**2).sum(axis=1).mean()))
+
+
+def command(argv: Sequence[str]) -> int:
+    """The command line."""
+    parser = cli.Parser("calibrate", description=__doc__)
+    parser.add_argument("table", type=Path, help=f"CSV of {', '.join(COLUMNS)}")
+    parser.add_argument("--name", required=True, choices=("dorsal", "lateral"), help="which camera this is")
+    parser.add_argument("--size", type=int, nargs=2, default=(640, 480), metavar=("WIDTH", "HEIGHT"))
+    parser.add_argument("--plane", type=float, required=True, help="z (dorsal) or y (lateral) of its markers [m]")
+    parser.add_argument("--chessboard", help="video of a chessboard, for lens and focal length")
+    parser.add_argument("--pattern", type=int, nargs=2, default=(9, 6), help="inner corners of the chessboard")
+    parser.add_argument("--square", type=float, default=0.02, help="side of its squares [m]")
+    parser.add_argument("--intrinsics", type=Path, help="cameras.yaml whose lens of that name is kept")
+    parser.add_argument("--out", type=Path, required=True, help="cameras.yaml to write or to change")
+    given = parser.parse_args(argv)
+    if given.chessboard and given.intrinsics:
+        raise InputError("--chessboard and --intrinsics both give the lens: choose one")
+    size = (int(given.size[0]), int(given.size[1]))
+    pixels, points = read_table(given.table)
+    lens = _lens(given, pixels, points, size)
+    position, rotation = place(pixels, points, lens)
+    plane = {"normal": "z" if given.name == "dorsal" else "y", "offset_m": given.plane}
+    found = entry(lens, position, rotation, size, plane)
+    camera = camera_from_mapping(found, str(given.table))
+    content = read_yaml(given.out) if given.out.exists() else {}
+    kept = {key: value for key, value in content.get(given.name, {}).items() if key not in found}
+    write_text(given.out, yaml.safe_dump({**content, given.name: {**found, **kept}}, sort_keys=False))
+    print(f"{given.out}: {given.name}, reprojection error {reprojection_px(camera, pixels, points):.3f} px rms")
+    return 0
+
+
+def _lens(given: Any, pixels: Floats, points: Floats, size: tuple[int, int]) -> Lens:
+    if given.chessboard:
+        return lens_from_chessboard(given.chessboard, tuple(given.pattern), given.square)
+    if given.intrinsics is None:
+        return lens_from_points(pixels, points, size)
+    cameras = read_cameras(given.intrinsics)
+    if given.name not in cameras:
+        raise InputError(f"{given.intrinsics}: no {given.name!r} camera in it")
+    known = cameras[given.name]
+    return Lens(known.matrix, np.array(known.distortion), 0.0)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line."""
+    return cli.run(command, argv)

@@ -1,0 +1,74 @@
+"""Frames from a video file or a camera device, mono8."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_common.errors import InputError
+
+Frame = NDArray[np.uint8]
+
+
+class Source:
+    """An open video: ``rate_hz``, ``width``, ``height`` and an iterator over its frames. Use it in ``with``."""
+
+    def __init__(self, video: str) -> None:
+        """Open a file, or a device by number or /dev/video*. Raises InputError if it gives no frame."""
+        device = int(video) if video.isdigit() else None
+        if device is None and not Path(video).exists():
+            raise InputError(f"{video}: no such video file or device")
+        if device is None and Path(video).is_dir():
+            raise InputError(f"{video}: is a folder, expected a video file")
+        self._name = f"camera device {video}" if device is not None else video
+        self._capture = _quietly_open(video if device is None else device)
+        ok, first = self._capture.read() if self._capture.isOpened() else (False, None)
+        if not ok or first is None:
+            self._capture.release()
+            raise InputError(f"{self._name}: not a readable video (no frame could be decoded)")
+        self._first: Frame | None = mono8(first, self._name)
+        self.height, self.width = self._first.shape
+        self.rate_hz = float(self._capture.get(cv2.CAP_PROP_FPS))
+
+    def __enter__(self) -> "Source":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __iter__(self) -> Iterator[Frame]:
+        while (frame := self.read()) is not None:
+            yield frame
+
+    def read(self) -> Frame | None:
+        """The next frame (height, width), None at the end."""
+        if self._first is not None:
+            first, self._first = self._first, None
+            return first
+        ok, frame = self._capture.read()
+        return mono8(frame, self._name) if ok and frame is not None else None
+
+    def close(self) -> None:
+        """Release the file or device."""
+        self._capture.release()
+
+
+def mono8(frame: NDArray[np.generic], where: str) -> Frame:
+    """A decoded frame as mono8 (height, width); colour is averaged to grey. Raises InputError on other depths."""
+    if frame.dtype != np.uint8 or frame.ndim not in (2, 3):
+        raise InputError(f"{where}: frames of type {frame.dtype}, shape {frame.shape}; 8-bit grey or colour is needed")
+    if frame.ndim == 3 and frame.shape[2] == 3:
+        return np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY))
+    return np.asarray(frame if frame.ndim == 2 else frame[:, :, 0])
+
+
+def _quietly_open(video: str | int) -> cv2.VideoCapture:
+    """The backends print their own complaints about a bad file; ours is the one line a user needs."""
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        return cv2.VideoCapture(video)
+    finally:
+        cv2.utils.logging.setLogLevel(level)

@@ -1,0 +1,163 @@
+"""The ros2 fallback against real processes. Only the first lines of output are compared: the real ros2 passes too."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+
+TALKER = """
+import rclpy
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rclpy.node import Node
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool
+
+rclpy.init()
+node = Node("talker")
+bounds = [FloatingPointRange(from_value=0.0, to_value=2.0)]
+node.declare_parameter("gain", 0.5, ParameterDescriptor(description="how much", floating_point_range=bounds))
+publisher = node.create_publisher(Float64, "/talk", 10)
+node.create_timer(0.01, lambda: publisher.publish(Float64(data=0.25)))
+
+
+def answer(request, response):
+    response.success, response.message = request.data, "heard"
+    return response
+
+
+node.create_service(SetBool, "/switch", answer)
+print("talking", flush=True)
+try:
+    rclpy.spin(node)
+except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+    pass
+finally:
+    node.destroy_node()
+    rclpy.try_shutdown()
+"""
+
+
+@pytest.fixture
+def ros2(ros_env):
+    def run(*command):
+        return subprocess.run(["ros2", *command], env=ros_env, text=True, capture_output=True, timeout=60)
+
+    return run
+
+
+@pytest.fixture
+def talker(start):
+    process = start(sys.executable, "-c", TALKER)
+    process.until(lambda line: line == "talking")
+    return process
+
+
+def test_topics_and_nodes_are_seen(talker, ros2):
+    assert "/talk [std_msgs/msg/Float64]" in ros2("topic", "list", "-t").stdout.splitlines()
+    assert ros2("topic", "type", "/talk").stdout == "std_msgs/msg/Float64\n"
+    assert ros2("topic", "info", "/talk").stdout.startswith("Type: std_msgs/msg/Float64\nPublisher count: 1\n")
+    assert ros2("node", "list").stdout.splitlines() == ["/talker"]
+    info = ros2("node", "info", "/talker").stdout
+    assert info.startswith("/talker\n  Subscribers:\n")
+    assert "    /talk: std_msgs/msg/Float64\n" in info
+    missing = ros2("node", "info", "/nobody")
+    assert (missing.returncode, missing.stdout) == (1, "")
+    assert "Unable to find node '/nobody'" in missing.stderr
+
+
+def test_messages_are_printed(talker, ros2):
+    assert ros2("topic", "echo", "--once", "/talk").stdout == "data: 0.25\n---\n"
+    assert ros2("topic", "echo", "--once", "--field", "data", "/talk").stdout == "0.25\n---\n"
+    assert ros2("topic", "echo", "--once", "--csv", "/talk", "std_msgs/msg/Float64").stdout == "0.25\n"
+    silent = ros2("topic", "echo", "/silence")
+    assert silent.returncode == 1
+    assert "does not appear to be published yet" in silent.stdout + silent.stderr
+    assert "Could not determine the type for the passed topic" in silent.stderr
+
+
+def test_echo_waits_for_a_typed_topic_and_ends_on_ctrl_c(start, ros_env):
+    echo = start("ros2", "topic", "echo", "/talk", "std_msgs/msg/Float64")
+    start(sys.executable, "-c", TALKER)
+    echo.until(lambda line: line == "data: 0.25")
+    echo.stop()
+    assert not any("Traceback" in line for line in echo.lines)
+
+
+def test_the_rate_is_measured(talker, start):
+    rate = start("ros2", "topic", "hz", "-w", "200", "/talk")
+    average = rate.until(lambda line: line.startswith("average rate: "))
+    # A busy host may be late now and then; the mean of a hundred intervals is not far off.
+    assert float(average.split(":")[1]) == pytest.approx(100.0, rel=0.1)
+    rate.until(lambda line: re.fullmatch(r"\tmin: [\d.]+s max: [\d.]+s std dev: [\d.]+s window: \d+", line) is not None)
+    rate.stop()
+    assert not any("Traceback" in line for line in rate.lines)
+
+
+def test_hz_waits_for_a_topic_that_comes_later(start):
+    rate = start("ros2", "topic", "hz", "/talk")
+    rate.until(lambda line: line == "WARNING: topic [/talk] does not appear to be published yet")
+    start(sys.executable, "-c", TALKER)
+    rate.until(lambda line: line.startswith("average rate: "))
+
+
+def test_parameters(talker, ros2):
+    assert "  gain" in ros2("param", "list", "/talker").stdout.splitlines()
+    assert ros2("param", "get", "/talker", "gain").stdout == "Double value is: 0.5\n"
+    assert ros2("param", "set", "/talker", "gain", "1.5").stdout == "Set parameter successful\n"
+    assert ros2("param", "get", "--hide-type", "/talker", "gain").stdout == "1.5\n"
+    refused = ros2("param", "set", "/talker", "gain", "3.0")
+    assert "Setting parameter failed" in refused.stdout + refused.stderr
+    described = ros2("param", "describe", "/talker", "gain").stdout
+    assert described == (
+        "Parameter name: gain\n  Type: double\n  Description: how much\n"
+        "  Constraints:\n    Min value: 0.0\n    Max value: 2.0\n"
+    )
+    assert "    gain: 1.5\n" in ros2("param", "dump", "/talker").stdout
+    nobody = ros2("param", "get", "/nobody", "gain")
+    assert (nobody.returncode, nobody.stderr) == (1, "Node not found\n")
+
+
+def test_services(talker, ros2):
+    assert "/switch [std_srvs/srv/SetBool]" in ros2("service", "list", "-t").stdout.splitlines()
+    answered = ros2("service", "call", "/switch", "std_srvs/srv/SetBool", "{data: true}").stdout
+    assert "requester: making request: std_srvs.srv.SetBool_Request(data=True)\n" in answered
+    assert "response:\nstd_srvs.srv.SetBool_Response(success=True, message='heard')\n" in answered
+    wrong = ros2("service", "call", "/switch", "std_srvs/srv/SetBool", "{date: true}")
+    assert wrong.returncode == 1
+    assert "Failed to populate field" in wrong.stdout + wrong.stderr
+
+
+def test_run_hands_over_signals_arguments_and_the_exit_code(start, ros2):
+    clock = start("ros2", "run", "sandbot_clock", "clock", "--ros-args", "-r", "__node:=other", "-p", "rate_hz:=50.0")
+    deadline = 30
+    while ros2("param", "get", "--hide-type", "/other", "rate_hz").stdout != "50.0\n":
+        deadline -= 1
+        assert deadline, clock.lines
+    assert clock.stop() == 0
+    bad = ros2("run", "sandbot_clock", "clock", "--ros-args", "-p", "rate_hz:=1.0")
+    assert bad.returncode == 2
+    assert ros2("run", "nobody", "clock").stderr == "Package 'nobody' not found\n"
+
+
+def test_console_serves_what_it_hears(start, ros2):
+    import json
+    import urllib.request
+
+    console = start("ros2", "run", "sandbot_bringup", "console", "--ros-args", "-p", "port:=0")
+    line = console.until(lambda one: "http://127.0.0.1:" in one)
+    url = line[line.index("http://") :].rstrip("/")
+    start(sys.executable, "-c", TALKER.replace("/talk", "/bed/blower"))
+    with urllib.request.urlopen(f"{url}/stream", timeout=30) as stream:
+        for raw in stream:
+            if raw.startswith(b"data:"):
+                state = json.loads(raw[5:])
+                if state["values"].get("blower") == 0.25:
+                    break
+    assert state["interlock"]["state"] == "air"
+    request = urllib.request.Request(f"{url}/call/start", method="POST", headers={"X-Trackway": "1"})
+    with urllib.request.urlopen(request, timeout=30) as answer:
+        assert json.load(answer) == {"success": False, "message": "nobody offers /clock/start"}
+    assert console.stop() == 0

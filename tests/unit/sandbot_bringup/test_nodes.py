@@ -1,0 +1,167 @@
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sandbot_bringup import nodes
+from sandbot_common.errors import InputError
+
+SWITCH = {"default": "true", "choices": ["true", "false"], "doc": "x"}
+
+
+def table(tmp_path, entries, arguments=None):
+    path = tmp_path / "nodes.yaml"
+    path.write_text(yaml.safe_dump({"arguments": {"lab": SWITCH, **(arguments or {})}, "nodes": entries}))
+    return nodes.read_table(path)
+
+
+def entry(name, **more):
+    return {"package": "pack", "executable": "exe", "name": name, **more}
+
+
+def names(selected):
+    return [one.name for one in selected]
+
+
+def test_the_project_s_own_table_starts_lab_or_hardware_and_never_both():
+    own = nodes.read_table(nodes.table_path())
+    with_lab, without = names(nodes.selected(own, {})), names(nodes.selected(own, {"lab": "false"}))
+    assert {"clock", "bed", "tracker", "predictor", "lab"} <= set(with_lab)
+    assert "lab" not in without
+    assert {"clock", "bed", "tracker", "predictor"} <= set(without)
+    assert "console" not in with_lab
+    assert "console" in names(nodes.selected(own, {"console": "true"}))
+
+
+def test_every_node_of_the_own_table_is_an_executable_of_the_workspace():
+    from importlib.metadata import entry_points
+
+    scripts = {(one.dist.name.replace("-", "_"), one.name) for one in entry_points(group="console_scripts")}
+    for node in nodes.read_table(nodes.table_path()).nodes:
+        assert (node.package, node.executable) in scripts
+
+
+def test_wanted_and_only_if(tmp_path):
+    entries = [
+        entry("a"),
+        entry("b", wanted="lab"),
+        entry("c", wanted="hardware"),
+        entry("d", wanted="lab", only_if="extra"),
+    ]
+    made = table(tmp_path, entries, {"extra": {**SWITCH, "default": "false"}})
+    assert names(nodes.selected(made, {})) == ["a", "b"]
+    assert names(nodes.selected(made, {"extra": "true"})) == ["a", "b", "d"]
+    assert names(nodes.selected(made, {"extra": "true", "lab": "false"})) == ["a", "c"]
+
+
+def test_arguments_are_put_into_parameters_with_their_type(tmp_path):
+    parameters = {"seed": "${seed}", "world": "${world}", "label": "plain"}
+    arguments = {"seed": {"default": "7", "doc": "x"}, "world": {"default": "", "doc": "x"}}
+    made = table(tmp_path, [entry("a", parameters=parameters)], arguments)
+    (node,) = nodes.selected(made, {"world": "w.yaml"})
+    assert node.parameters == {"seed": 7, "world": "w.yaml", "label": "plain"}
+    (node,) = nodes.selected(made, {"seed": "1.5"})
+    assert node.parameters == {"seed": 1.5, "world": "", "label": "plain"}
+
+
+def test_any_parameter_of_any_node_can_be_set(tmp_path):
+    made = table(tmp_path, [entry("a", parameters={"x": 1}), entry("b")])
+    a, b = nodes.selected(made, {"a.x": "2", "b.gains.p": "[1.0, 2.0]", "a.name": "7up"})
+    assert a.parameters == {"x": 2, "name": "7up"}
+    assert b.parameters == {"gains.p": [1.0, 2.0]}
+    # The table itself is as it was.
+    assert nodes.selected(made, {})[0].parameters == {"x": 1}
+
+
+def test_ros_arguments_carry_name_and_parameters():
+    node = nodes.NodeEntry("p", "e", "n", parameters={"a": 1, "b": "1", "c": True, "d": [0.5, 2.0], "e": "x y"})
+    assert node.ros_arguments() == [
+        "--ros-args",
+        "-r",
+        "__node:=n",
+        "-p",
+        "a:=1",
+        "-p",
+        'b:="1"',
+        "-p",
+        "c:=true",
+        "-p",
+        "d:=[0.5, 2.0]",
+        "-p",
+        'e:="x y"',
+    ]
+
+
+scalars = st.one_of(st.booleans(), st.integers(), st.floats(allow_nan=False), st.text(max_size=20))
+
+
+@given(st.one_of(scalars, st.lists(st.integers(), max_size=4), st.lists(st.text(max_size=5), max_size=4)))
+def test_a_parameter_on_the_command_line_reads_back_as_it_was(value):
+    *_, last = nodes.NodeEntry("p", "e", "n", parameters={"x": value}).ros_arguments()
+    assert "\n" not in last
+    assert yaml.safe_load(last.removeprefix("x:=")) == value
+
+
+@pytest.mark.parametrize(
+    ("word", "complaint"),
+    [("lab=true", "malformed"), (":=true", "malformed"), ("lab", "malformed")],
+)
+def test_malformed_launch_arguments_are_refused(word, complaint):
+    with pytest.raises(InputError, match=complaint):
+        nodes.parse_arguments([word])
+
+
+def test_launch_arguments_are_read():
+    assert nodes.parse_arguments(["lab:=true", "a.b:=x:=y"]) == {"lab": "true", "a.b": "x:=y"}
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        ({"lba": "true"}, "unknown launch argument 'lba'"),
+        ({"lab": "yes"}, "lab: 'yes' is not one of true, false"),
+        ({"nope.x": "1"}, "unknown launch argument 'nope.x'"),
+        ({"a.": "1"}, "unknown launch argument 'a.'"),
+    ],
+)
+def test_unknown_or_wrong_launch_arguments_are_refused(tmp_path, given, complaint):
+    with pytest.raises(InputError, match=complaint):
+        nodes.selected(table(tmp_path, [entry("a")]), given)
+
+
+@pytest.mark.parametrize(
+    ("entries", "complaint"),
+    [
+        ([], "nodes: expected a list of nodes"),
+        ([{"package": "p", "executable": "e"}], r"nodes\[0\]: missing key 'name'"),
+        ([entry("a", want="lab")], r"nodes\[0\]: unknown key 'want', did you mean 'wanted'"),
+        ([entry("a", wanted="always")], "'always' is not one of lab, hardware, both"),
+        ([entry("a"), entry("a")], r"nodes\[1\]: name: 'a' is taken"),
+        ([entry("a", only_if="nope")], "only_if: 'nope' is not a launch argument"),
+        ([entry("a", parameters={"x": "${nope}"})], "no launch argument 'nope'"),
+        ([entry("a", parameters={"x": {"y": 1}})], "is not a number, text"),
+        ([entry("a", parameters={1: 1})], "1 is not a name"),
+        ([entry("a", parameters=[1])], "parameters"),
+    ],
+)
+def test_bad_tables_are_refused_with_file_and_entry(tmp_path, entries, complaint):
+    with pytest.raises(InputError, match=complaint) as error:
+        table(tmp_path, entries)
+    assert "nodes.yaml" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        ({"nodes": [entry("a")]}, "'lab' with the choices true and false is needed"),
+        ({"arguments": {"lab": {**SWITCH, "default": "yes"}}, "nodes": [entry("a")]}, "default: 'yes' is not one of"),
+        ({"arguments": [1], "nodes": [entry("a")]}, "arguments: expected a mapping"),
+        ({"arguments": {"lab": SWITCH}, "nodes": [entry("a")], "extra": 1}, "unknown key 'extra'"),
+    ],
+)
+def test_bad_arguments_sections_are_refused(tmp_path, content, complaint):
+    path = tmp_path / "nodes.yaml"
+    path.write_text(yaml.safe_dump(content))
+    with pytest.raises(InputError, match=complaint):
+        nodes.read_table(path)

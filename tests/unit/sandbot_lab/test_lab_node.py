@@ -1,0 +1,95 @@
+"""The node over DDS: a trial played into it comes out as the batch's, frames on the robot's time, no truth told."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rig import setpoints
+from std_srvs.srv import Trigger
+
+from sandbot_common import messages, node, topics
+from sandbot_lab.robot import simulate
+from sandbot_lab.world import null_world
+
+pytestmark = [
+    pytest.mark.ros,
+    # rclpy loads its type supports through lark, which still imports sre_parse and friends.
+    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
+]
+
+DOMAIN = 60 + os.getpid() % 40
+HEARD = (topics.LEG_STATES, topics.SYNC_LED, topics.BED_HEIGHT, topics.DORSAL_IMAGE, topics.LATERAL_IMAGE)
+SETPOINTS = 100
+
+
+@pytest.fixture
+def probe():
+    """A node in the lab's domain, with what it heard by topic name."""
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=DOMAIN)
+    listener = rclpy.create_node("probe", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(listener)
+    heard = {topic.name: [] for topic in HEARD}
+    for topic in HEARD:
+        node.subscription(listener, topic, heard[topic.name].append)
+
+    def until(condition, seconds=60.0):
+        end = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < end, {name: len(messages) for name, messages in heard.items()}
+            executor.spin_once(timeout_sec=0.01)
+
+    yield listener, heard, until
+    listener.destroy_node()
+    executor.shutdown()
+    rclpy.shutdown(context=context)
+
+
+@pytest.fixture
+def lab():
+    command = [sys.executable, "-m", "sandbot_lab.lab_node", "--ros-args", "-p", "phi:=0.62", "-p", "trial_seed:=5"]
+    process = subprocess.Popen(command, env={**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)})
+    yield process
+    process.terminate()
+    # Taken down before it was up, it is ended by the signal itself.
+    assert process.wait(20) in (0, -signal.SIGTERM)
+
+
+def test_a_trial_over_dds_is_the_batch_trial(lab, probe):
+    listener, heard, until = probe
+    publisher = node.publisher(listener, topics.LEG_SETPOINTS)
+    until(lambda: publisher.get_subscription_count() and heard["/bed/height"])
+    t_s, angles, rates = (values[:SETPOINTS] for values in setpoints(16.0))
+    t0_ns = listener.get_clock().now().nanoseconds
+    for t, angle, rate in zip(t_s, angles, rates, strict=True):
+        publisher.publish(messages.joint_state(t0_ns + round(t * 1e9), topics.LEGS, angle, rate, np.zeros(6)))
+    frames = heard[topics.DORSAL_IMAGE.name]
+    until(lambda: len(heard["/leg_states"]) == SETPOINTS and len(frames) == SETPOINTS // 2)
+
+    batch = simulate(null_world(), 0.62, t_s, angles, rates, seed=5)
+    efforts = np.array([state.effort for state in heard["/leg_states"]])
+    assert efforts == pytest.approx(batch.leg_effort_n_m, abs=1e-6)
+    stamps = [messages.nanoseconds(frame.header.stamp) - t0_ns for frame in frames]
+    assert stamps == [k * 10_000_000 for k in range(SETPOINTS // 2)]
+    assert [messages.nanoseconds(edge.stamp) for edge in heard["/sync_led"]] == [t0_ns]
+
+    # Moving legs can't be reset; standing ones can, and the next start is a new trial.
+    client = listener.create_client(Trigger, "/lab/reset")
+    for last_rate, allowed in ((16.0, False), (0.0, True)):
+        after = t0_ns + round((t_s[-1] + 0.005 * (1 + allowed)) * 1e9)
+        publisher.publish(messages.joint_state(after, topics.LEGS, angles[-1], np.full(6, last_rate), np.zeros(6)))
+        until(lambda: len(heard["/leg_states"]) == SETPOINTS + 1 + allowed)  # noqa: B023
+        answer = client.call_async(Trigger.Request())
+        until(answer.done)
+        assert answer.result().success is allowed
+
+    # No topic of the lab's own carries more than the design's list.
+    names = {name for name, _ in listener.get_publisher_names_and_types_by_node("lab", "/")}
+    assert names <= {topic.name for topic in topics.ALL} | {"/rosout", "/parameter_events"}

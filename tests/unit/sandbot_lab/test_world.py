@@ -1,0 +1,78 @@
+"""World files: what is written is read back; what does not fit is refused with one line."""
+
+import dataclasses
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sandbot_common.errors import InputError
+from sandbot_lab.effects import DRAWN, EFFECTS
+from sandbot_lab.world import World, draw_world, null_world, read_world, sgcs_world, world_from_mapping, write_world
+
+
+@pytest.mark.parametrize(
+    "world", [null_world(), sgcs_world(), draw_world(3), World(effects={name: {} for name in EFFECTS})]
+)
+def test_round_trip(tmp_path, world):
+    write_world(world, tmp_path / "world.yaml")
+    assert read_world(tmp_path / "world.yaml") == world
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ({"efects": {}}, "unknown key 'efects'; did you mean effects"),
+        ({"schema": "sandbot.world/9"}, "schema"),
+        ({"effects": {"magic": {}}}, "unknown effect 'magic'"),
+        ({"effects": ["leg_slip"]}, "expected a mapping of effects"),
+        ({"effects": {"leg_slip": {"sigma": 7.0}}}, "leg_slip: sigma: 7.0 is outside [0, 0.4]"),
+        ({"effects": {"leg_slip": {"sigma": float("nan")}}}, "sigma: nan is outside"),
+        ({"effects": {"leg_slip": {"sigma": "much"}}}, "'much' is not a number"),
+        ({"effects": {"leg_slip": {"slip": 0.1}}}, "unknown parameter 'slip'"),
+        ({"effects": {"leg_slip": 0.1}}, "expected a mapping of parameters"),
+        ({"noise": {"scale": -1.0}}, "noise: scale: -1.0 is outside"),
+        ({"robot": {"wheels": 4}}, "robot: unknown key 'wheels'"),
+        ({"delta_t_s": 0.0}, "delta_t_s: 0.0 is outside"),
+        ({"phi_knots": [0.6, 0.58], "k_knots_n_m": [1.0, 2.0]}, "phi rising"),
+        ({"phi_knots": [0.58, 0.6], "k_knots_n_m": [170.0]}, "at least two knots each"),
+    ],
+)
+def test_refusals_name_file_and_value(content, words):
+    with pytest.raises(InputError) as refusal:
+        world_from_mapping(content, "sealed.yaml")
+    text = str(refusal.value)
+    assert words in text
+    assert text.startswith("sealed.yaml")
+    assert "\n" not in text
+
+
+def test_stiffness_goes_through_its_knots_and_bends_at_the_knee():
+    world = null_world()
+    assert [world.stiffness_n_m(phi) for phi in world.phi_knots] == pytest.approx([170.0, 205.0, 220.0])
+    assert world.stiffness_n_m(0.59) == pytest.approx(187.5)
+    assert world.stiffness_n_m(0.57) < 170.0
+    assert world.stiffness_n_m(0.64) > 220.0
+
+
+@given(seed=st.integers(0, 2**31))
+def test_a_drawn_world_holds_one_effect_within_bounds_and_is_the_same_again(seed):
+    world = draw_world(seed)
+    (name,) = world.effects
+    assert name in DRAWN
+    assert draw_world(seed) == world
+
+
+def test_draws_reach_every_effect_and_only_those_asked_for():
+    assert {next(iter(draw_world(seed).effects)) for seed in range(60)} == set(DRAWN)
+    assert {next(iter(draw_world(seed, ["x_resonance"]).effects)) for seed in range(5)} == {"x_resonance"}
+    with pytest.raises(InputError, match="unknown effect 'y'"):
+        draw_world(1, ["y"])
+    with pytest.raises(InputError, match="no effect to draw from"):
+        draw_world(1, [])
+
+
+def test_noise_scale_changes_nothing_else():
+    loud = null_world().with_noise(2.0)
+    assert loud.noise.scale == 2.0
+    assert dataclasses.replace(loud, noise=null_world().noise) == null_world()
