@@ -26,6 +26,8 @@ ros_ws/install/.ready: .venv/.ready $(PACKAGE_FILES)
 	@rm -rf ros_ws/build ros_ws/install ros_ws/log
 	source .venv/bin/activate && cd ros_ws && colcon build --symlink-install --event-handlers console_direct- status- --executor sequential
 	.venv/bin/python tools/install_ros2_fallback.py
+	@echo "trackway: compiling the numerical kernels"
+	$(RUN) python tools/warm_up.py >/dev/null 2>&1 || { $(RUN) python tools/warm_up.py; exit 1; }
 	@touch $@
 
 setup: ros_ws/install/.ready

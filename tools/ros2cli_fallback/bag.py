@@ -1,6 +1,7 @@
 """``ros2 bag``: the project's own record, replay and info, their flags translated."""
 
 import argparse
+import time
 from collections.abc import Callable, Sequence
 
 from ros2cli_fallback.cover import NotCovered, verbs_parser
@@ -28,13 +29,19 @@ def translate(argv: Sequence[str]) -> tuple[str, list[str]]:
 def _record(args: argparse.Namespace) -> tuple[str, list[str]]:
     if not (args.all or args.regex or args.topics or args.topic_list):
         raise NotCovered("ros2 bag record: name topics, or give --all or --regex")
-    arguments = [*args.topics, *args.topic_list]
-    if args.output:
-        arguments += ["--out", args.output]
+    # The real one's name for a bag that was given none.
+    output = args.output or time.strftime("rosbag2_%Y_%m_%d-%H_%M_%S")
+    arguments = [*args.topics, *args.topic_list, "--out", output]
     if args.all:
         arguments.append("--all")
     if args.regex:
         arguments += ["--regex", args.regex]
+    if args.exclude_regex:
+        arguments += ["--exclude", args.exclude_regex]
+    if args.max_bag_duration:
+        arguments += ["--max-duration", str(args.max_bag_duration)]
+    if args.max_bag_size:
+        arguments += ["--max-size", str(args.max_bag_size / 2**20)]
     if args.compression_format:
         arguments += ["--compression", args.compression_format]
     return "record", arguments
@@ -44,6 +51,12 @@ def _play(args: argparse.Namespace) -> tuple[str, list[str]]:
     arguments = [args.bag_path, "--rate", str(args.rate), "--start", str(args.start_offset)]
     if args.loop:
         arguments.append("--loop")
+    if args.clock:
+        arguments.append("--clock")
+    if args.delay is not None:
+        arguments += ["--delay", str(args.delay)]
+    if args.remap:
+        arguments += ["--remap", *args.remap]
     if args.topics:
         arguments += ["--topics", *args.topics]
     return "replay", arguments
@@ -60,6 +73,9 @@ def _parser() -> argparse.ArgumentParser:
     verb.add_argument("--topics", dest="topic_list", nargs="+", default=[], help="topics to record")
     verb.add_argument("-a", "--all", "--all-topics", action="store_true", help="all topics")
     verb.add_argument("-e", "--regex", help="topics that match a regular expression")
+    verb.add_argument("-x", "--exclude-regex", help="but not those that match this")
+    verb.add_argument("-d", "--max-bag-duration", type=float, help="begin a new file after so long [s]")
+    verb.add_argument("-b", "--max-bag-size", type=int, help="begin a new file after so many bytes")
     verb.add_argument("-o", "--output", help="the bag to write")
     verb.add_argument("-s", "--storage", default="", help="mcap, the only one here")
     verb.add_argument("--compression-format", choices=("zstd", "lz4"))
@@ -71,6 +87,9 @@ def _parser() -> argparse.ArgumentParser:
     verb.add_argument("-l", "--loop", action="store_true", help="begin anew at the end")
     verb.add_argument("--start-offset", type=float, default=0.0, help="begin this far into the bag [s]")
     verb.add_argument("--topics", nargs="+", default=[], help="only these topics")
+    verb.add_argument("-m", "--remap", nargs="+", default=[], help="publish under other names, OLD:=NEW")
+    verb.add_argument("--clock", action="store_true", help="publish bag time on /clock")
+    verb.add_argument("-d", "--delay", type=float, help="wait so long before the first message [s]")
     verb.add_argument("-s", "--storage", default="", help="mcap, the only one here")
     verb.set_defaults(how=_play)
     verb = verbs.add_parser("info", help="what a bag holds")

@@ -40,7 +40,7 @@ def describe(table: nodes.NodeTable) -> str:
             "",
             f"    '{argument.name}':",
             f"        {argument.doc}.{valid}",
-            f"        (default: '{argument.default}')",
+            f"        (default: '{argument.default_text}')",
         ]
     return "\n".join(lines)
 

@@ -56,12 +56,21 @@ def test_wanted_and_only_if(tmp_path):
 
 def test_arguments_are_put_into_parameters_with_their_type(tmp_path):
     parameters = {"seed": "${seed}", "world": "${world}", "label": "plain"}
-    arguments = {"seed": {"default": "7", "doc": "x"}, "world": {"default": "", "doc": "x"}}
+    arguments = {"seed": {"default": 7, "doc": "x"}, "world": {"default": "", "doc": "x"}}
     made = table(tmp_path, [entry("a", parameters=parameters)], arguments)
     (node,) = nodes.selected(made, {"world": "w.yaml"})
     assert node.parameters == {"seed": 7, "world": "w.yaml", "label": "plain"}
-    (node,) = nodes.selected(made, {"seed": "1.5"})
-    assert node.parameters == {"seed": 1.5, "world": "", "label": "plain"}
+    (node,) = nodes.selected(made, {"seed": "8", "world": "9"})
+    assert node.parameters == {"seed": 8, "world": "9", "label": "plain"}
+    with pytest.raises(InputError, match=r"launch argument seed: '1\.5' is not of type int"):
+        nodes.selected(made, {"seed": "1.5"})
+
+
+def test_config_is_the_folder_of_the_table_also_in_an_argument_s_value(tmp_path):
+    arguments = {"cameras": {"default": "${config}/cameras.yaml", "doc": "x"}}
+    made = table(tmp_path, [entry("a", parameters={"x": "${cameras}", "y": "${config}/b"})], arguments)
+    assert nodes.selected(made, {})[0].parameters == {"x": f"{tmp_path}/cameras.yaml", "y": f"{tmp_path}/b"}
+    assert nodes.selected(made, {"cameras": "c.yaml"})[0].parameters["x"] == "c.yaml"
 
 
 def test_any_parameter_of_any_node_can_be_set(tmp_path):

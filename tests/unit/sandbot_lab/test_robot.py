@@ -187,3 +187,11 @@ def test_sgcs_on_strong_ground_holds_from_the_edge_of_the_slow_phase():
     step = np.pi / 8.0 * read(strong, 0.61, 8.0, gait="SGCS").speed_m_s
     assert step == pytest.approx(2 * R * np.sin(0.55), rel=0.01)
     assert expected(200.0, 8.0, 0.3, 1.1 / (2 * np.pi * 0.45))[3] > 1.05 * step
+
+
+def test_a_swimmer_that_once_walked_swims_like_one_that_never_did():
+    """The stroke rate behind the thrust is that of the strokes, not of the walk before them."""
+    effects = {"disturbed_ground": {"k_l_n_m": 165.0, "s_c": 0.95}, "swimming_thrust": {"a_m_s2": 0.45}}
+    seen = read(World(effects=effects).with_noise(0.0), 0.61, 22.0)
+    assert seen.first_step_m > 0.02
+    assert seen.speed_m_s == pytest.approx(0.45 / 22.0, rel=1e-3)

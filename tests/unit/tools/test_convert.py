@@ -13,6 +13,9 @@ from std_srvs.srv import SetBool, Trigger
 from ros2cli_fallback import convert
 from ros2cli_fallback.cover import Failure
 
+# PyYAML, and so the real ros2 too, does not bring every control character back.
+printable = st.characters(exclude_categories=("C", "Z"))
+
 
 def joint_state():
     header = Header(stamp=Time(sec=1, nanosec=2), frame_id="")
@@ -54,7 +57,7 @@ def test_arrays_and_texts_can_be_left_out():
     assert covariance == "<array type: double[36]>"
 
 
-@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), max_size=6), st.text(max_size=8))
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), max_size=6), st.text(printable, max_size=8))
 def test_yaml_round_trip(position, frame):
     message = JointState(header=Header(frame_id=frame), position=position)
     plain = yaml.safe_load(convert.to_yaml(message))

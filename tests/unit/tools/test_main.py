@@ -84,11 +84,18 @@ def test_run_becomes_the_executable_with_its_arguments(prefix, monkeypatch):
     assert became == [("nice", arguments)]
 
 
-def test_bag_flags_are_translated():
+def test_bag_flags_are_translated(monkeypatch):
+    monkeypatch.setattr(bag.time, "strftime", lambda form: "now")
     assert bag.translate(["record", "-o", "out", "/a", "/b"]) == ("record", ["/a", "/b", "--out", "out"])
     assert bag.translate(["record", "-a", "-s", "mcap", "-o", "x"]) == ("record", ["--out", "x", "--all"])
-    assert bag.translate(["record", "-e", "/bed/.*"]) == ("record", ["--regex", "/bed/.*"])
+    assert bag.translate(["record", "-e", "/bed/.*"]) == ("record", ["--out", "now", "--regex", "/bed/.*"])
     assert bag.translate(["info", "x"]) == ("info", ["x"])
+    many = ["record", "-a", "-o", "x", "-x", "image", "-d", "60", "-b", "1048576", "--compression-format", "zstd"]
+    split = ["--exclude", "image", "--max-duration", "60.0", "--max-size", "1.0", "--compression", "zstd"]
+    assert bag.translate(many) == ("record", ["--out", "x", "--all", *split])
+    clock = ["x", "--rate", "1.0", "--start", "0.0", "--clock", "--delay", "2.0", "--remap", "/a:=/b", "--topics", "/a"]
+    given = ["play", "x", "--clock", "-d", "2", "-m", "/a:=/b", "--topics", "/a"]
+    assert bag.translate(given) == ("replay", clock)
     name, arguments = bag.translate(["play", "x", "-r", "2", "-l", "--start-offset", "1.5"])
     assert (name, arguments) == ("replay", ["x", "--rate", "2.0", "--start", "1.5", "--loop"])
 
@@ -98,7 +105,7 @@ def test_bag_flags_are_translated():
     [
         (["record", "-s", "sqlite3", "-a"], "sqlite3"),
         (["record", "-o", "x"], "name topics"),
-        (["play", "x", "--clock"], "--clock"),
+        (["play", "x", "--read-ahead-queue-size", "9"], "--read-ahead"),
         (["record", "-a", "--rate", "fast"], "--rate"),
     ],
 )

@@ -13,7 +13,7 @@ def generate_launch_description() -> LaunchDescription:
     declared = [
         DeclareLaunchArgument(
             argument.name,
-            default_value=argument.default,
+            default_value=argument.default_text,
             description=argument.doc,
             choices=list(argument.choices) or None,
         )

@@ -74,7 +74,7 @@ class Operator(Node):
         subscription(self, topics.SPEED, self._on_speed)
         self._services = {
             name: self.create_client(Trigger, name)
-            for name in ("/clock/start", "/clock/stop", "/bed/prepare", "/bed/abort", "/lab/reset")
+            for name in ("/clock/home", "/clock/start", "/clock/stop", "/bed/prepare", "/bed/abort", "/lab/reset")
         }
         self._setters = {
             node: self.create_client(SetParameters, f"/{node}/set_parameters") for node in ("clock", "bed", "lab")
@@ -119,6 +119,8 @@ class Operator(Node):
             for name in ("theta_s_rad", "theta_0_rad", "duty"):
                 self._set("clock", name, getattr(gait, name))
         self._set("clock", "rate_hz", self._plan.setpoint_rate_hz)
+        # After the trial before, the legs stand where they stopped; every trial starts from the same stance.
+        self._call("/clock/home")
         self._set("bed", "target_phi", trial.phi)
         if self._has_lab:
             self._set("lab", "trial_seed", trial.seed)

@@ -5,6 +5,7 @@ without one both start what ``selected`` returns.
 """
 
 import dataclasses
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,20 +20,29 @@ from sandbot_common.parameters import from_mapping, parameter
 
 PACKAGE = "sandbot_bringup"
 LAUNCH_FILE = "trackway.launch.py"
+CONFIG = "config"
+"""``${config}`` is the folder of the node table."""
+
 LAB = "lab"
 """The launch argument that chooses between the virtual lab (true) and the hardware (false)."""
 
 _TRUE, _FALSE = "true", "false"
+_PUT_IN = re.compile(r"\$\{(\w+)\}")
 
 
 @dataclass(frozen=True)
 class LaunchArgument:
-    """A ``name:=value`` of the launch file. Values are text, as launch has them."""
+    """A ``name:=value`` of the launch file; it is of the type of its default ("0" is text, 0 a number)."""
 
-    default: str = parameter(doc="value where none is given")
+    default: Any = parameter(doc="value where none is given: text, number, true or false")
     doc: str = parameter(doc="what it does")
     choices: tuple[str, ...] = parameter((), doc="allowed values; empty: any")
     name: str = ""
+
+    @property
+    def default_text(self) -> str:
+        """The default as it would be typed."""
+        return self.default if isinstance(self.default, str) else _flow(self.default)
 
 
 @dataclass(frozen=True)
@@ -47,7 +57,7 @@ class NodeEntry:
     )
     only_if: str = parameter("", doc="launch argument that must be true as well; empty: none")
     required: bool = parameter(True, doc="everything stops when this process ends")
-    parameters: dict[str, Any] = parameter({}, doc="ROS parameters; ${argument} stands for a launch argument's value")
+    parameters: dict[str, Any] = parameter({}, doc="ROS parameters; ${argument} stands for its value")
 
     def ros_arguments(self) -> list[str]:
         """The command line that gives a node its name and parameters."""
@@ -109,7 +119,8 @@ def selected(table: NodeTable, given: Mapping[str, str]) -> tuple[NodeEntry, ...
     A name is a launch argument of the table or ``node.parameter``, which sets one parameter of one node. Raises
     InputError for an unknown name or a value that is not a choice.
     """
-    values = {name: argument.default for name, argument in table.arguments.items()}
+    values: dict[str, Any] = {CONFIG: str(Path(table.where).parent)}
+    values |= {name: argument.default for name, argument in table.arguments.items()}
     nodes = {node.name: dict(node.parameters) for node in table.nodes}
     for name, value in given.items():
         node, _, key = name.partition(".")
@@ -125,14 +136,19 @@ def selected(table: NodeTable, given: Mapping[str, str]) -> tuple[NodeEntry, ...
     )
 
 
-def _chosen(table: NodeTable, name: str, value: str) -> str:
+def _chosen(table: NodeTable, name: str, value: str) -> Any:
     if name not in table.arguments:
         known = ", ".join(table.arguments)
         raise InputError(f"unknown launch argument {name!r}; known: {known}, and node.parameter for every node's own")
-    choices = table.arguments[name].choices
-    if choices and value not in choices:
-        raise InputError(f"launch argument {name}: {value!r} is not one of {', '.join(choices)}")
-    return value
+    argument = table.arguments[name]
+    if argument.choices and value not in argument.choices:
+        raise InputError(f"launch argument {name}: {value!r} is not one of {', '.join(argument.choices)}")
+    if isinstance(argument.default, str):
+        return value
+    wanted, given = type(argument.default), _plain(value)
+    if type(given) is not wanted and not (wanted is float and type(given) is int):
+        raise InputError(f"launch argument {name}: {value!r} is not of type {wanted.__name__}")
+    return wanted(given)
 
 
 def _arguments(content: Any, path: Path) -> dict[str, LaunchArgument]:
@@ -142,6 +158,8 @@ def _arguments(content: Any, path: Path) -> dict[str, LaunchArgument]:
     for name, given in content.items():
         where = f"{path}: arguments: {name}"
         argument = dataclasses.replace(from_mapping(LaunchArgument, given, where), name=name)
+        if not isinstance(argument.default, bool | int | float | str):
+            raise InputError(f"{where}: default: {argument.default!r} is not text, a number, true or false")
         if argument.choices and argument.default not in argument.choices:
             raise InputError(f"{where}: default: {argument.default!r} is not one of {', '.join(argument.choices)}")
         arguments[name] = argument
@@ -161,24 +179,22 @@ def _check_node(node: NodeEntry, arguments: Mapping[str, LaunchArgument], where:
             raise InputError(
                 f"{where}: parameters: {key}: {value!r} is not a number, text, true, false or a list of them"
             )
-        name = _argument_name(value)
-        if name is not None and name not in arguments:
-            raise InputError(f"{where}: parameters: {key}: {value!r}: no launch argument {name!r}")
+        for name in _PUT_IN.findall(value) if isinstance(value, str) else ():
+            if name not in arguments and name != CONFIG:
+                raise InputError(f"{where}: parameters: {key}: {value!r}: no launch argument {name!r}")
 
 
 def _is_switch(argument: LaunchArgument) -> bool:
     return set(argument.choices) == {_TRUE, _FALSE}
 
 
-def _argument_name(value: Any) -> str | None:
-    if isinstance(value, str) and value.startswith("${") and value.endswith("}"):
-        return value[2:-1]
-    return None
-
-
-def _put_in(value: Any, values: Mapping[str, str]) -> Any:
-    name = _argument_name(value)
-    return value if name is None else _plain(values[name])
+def _put_in(value: Any, values: Mapping[str, Any]) -> Any:
+    if not isinstance(value, str):
+        return value
+    whole = _PUT_IN.fullmatch(value)
+    put_in = values[whole[1]] if whole else _PUT_IN.sub(lambda found: str(values[found[1]]), value)
+    # A launch argument's own value may name the folder of the table.
+    return put_in.replace(f"${{{CONFIG}}}", values[CONFIG]) if isinstance(put_in, str) else put_in
 
 
 def _plain(text: str) -> Any:
@@ -198,7 +214,6 @@ def _flow(value: Any) -> str:
             default_flow_style=True,
             default_style='"' if isinstance(value, str) else None,
             width=10**6,
-            allow_unicode=True,
         )
         .removesuffix("\n")
         .removesuffix("\n...")

@@ -35,7 +35,8 @@ class LabBed:
     def __init__(self, seed: int, parameters: BedParameters | None = None, phi: float | None = None) -> None:
         """The bed as the last trial left it: at ``phi``, by default somewhere between loose and close."""
         self.parameters = parameters or BedParameters()
-        self._rng = np.random.default_rng([seed, 0xBED])
+        # The sensor draws from a stream of its own: how often it is read must not change how the grains pack.
+        self._rng, self._sensor = (np.random.default_rng([seed, 0xBED, stream]) for stream in range(2))
         p = self.parameters
         self._phi = float(self._rng.uniform(p.phi_loose, p.phi_close)) if phi is None else phi
         self._level, self._blown_s, self._t_s = 0.0, 0.0, 0.0
@@ -69,10 +70,9 @@ class LabBed:
     def read_height_m(self) -> float:
         """One reading of the height sensor; a fluidised bed stands a little higher and its surface bubbles."""
         fluid = self._level if self._blown_s > self.parameters.fluidise_s else 0.0
-        bubbles = 0.002 * fluid * self._rng.standard_normal()
-        return float(
-            self.height_m + 0.004 * fluid + bubbles + self.parameters.sensor_sd_m * self._rng.standard_normal()
-        )
+        bubbles = 0.002 * fluid * self._sensor.standard_normal()
+        noise = self.parameters.sensor_sd_m * self._sensor.standard_normal()
+        return float(self.height_m + 0.004 * fluid + bubbles + noise)
 
     def _settle_if_over(self, level: float) -> None:
         """What the air has done shows when it stops."""

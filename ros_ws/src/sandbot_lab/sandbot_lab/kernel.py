@@ -138,6 +138,7 @@ def take_hold(p: Any, s: Any, tripod: int) -> None:
         s.pace = (foot_x - last_x) / max(s.t - s.grip_t, 1e-6)
     disturb(s, foot_x, s.t)
     s.grip_t = s.t
+    s.bottom_t = 0.0  # strokes that follow a hold are counted anew
     s.steps += 1
     s.sweep[tripod] = DONE
     s.mode, s.tripod = HOLD, tripod
@@ -200,10 +201,10 @@ def sub_step(p: Any, s: Any, dt: float) -> None:
             if when <= first:
                 first, what, who = when, GRIP, tripod
             when = bottom_time(p, s, tripod, left)
-            if when <= first and what != GRIP:
+            if when < first or (when == first and what == NOTHING):
                 first, what, who = when, BOTTOM, tripod
         when = touchdown_time(p, s, left)
-        if when <= first and what != GRIP:
+        if when < first or (when == first and what == NOTHING):
             first, what = when, TOUCHDOWN
         move(p, s, first)
         left -= first

@@ -1,100 +1,82 @@
-"""Levenberg-Marquardt on (θ, ln k), and a look along every k for a better valley."""
+"""Levenberg-Marquardt on (θ, ln k) from many starts at once, and a look along every k and θ for a better valley."""
 
 import numpy as np
 
 from sandbot_model.chain import Array
-from sandbot_model.problem import Problem, State
+from sandbot_model.problem import Problem, States
 
 ITERATIONS = 30
-REJECTIONS = 5
 ENOUGH = 1e-2
 """A step that lowers the deviance by less is the last."""
-SHIFTS = np.concatenate([-(s := np.array([0.002, 0.005, 0.01, 0.018, 0.03, 0.05])), s])
+STIFFEST = 1e5
+"""Damping at which a row is given up."""
+SHIFTS = np.concatenate([[0.0], -(s := np.array([0.002, 0.005, 0.01, 0.018, 0.03, 0.05])), s])
 """Relative shifts of k tried for a better valley."""
 REACHES = np.concatenate([-(r := np.array([0.02, 0.05, 0.1, 0.16, 0.24, 0.36, 0.5])), r])
 """Shifts of an effect's parameter tried, in plausible ranges."""
 
 
-def descend(problem: Problem, theta: Array, ln_k: Array, slope: Array, iterations: int = ITERATIONS) -> State:
-    """The minimum downhill from (θ, ln k), with dk/dφ as given."""
-    low, high = bounds(problem)
-    state = problem.state(np.clip(theta, low, high), ln_k, slope)
-    damping = 1e-2
+def descend(problem: Problem, states: States, iterations: int = ITERATIONS) -> States:
+    """The minimum downhill from each row."""
+    rows = np.arange(len(states.theta))
+    damping = np.full(len(rows), 1e-2)
+    active = np.ones(len(rows), dtype=bool)
     for _ in range(iterations):
-        jacobian = full_jacobian(problem, state)
-        gradient = jacobian.T @ state.residual.ravel()
-        scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-9)
-        free = _free(problem, state, gradient)
-        better = None
-        for _ in range(REJECTIONS):
-            step = _step(jacobian[:, free], gradient[free], scale[free], damping)
-            trial = _moved(problem, state, step, free)
-            if trial.deviance < state.deviance:
-                better = trial
-                damping = max(damping / 10, 1e-9)
-                break
-            damping *= 10
-        if better is None:
-            return state
-        gained, state = state.deviance - better.deviance, better
-        if gained < ENOUGH:
-            return state
-    return state
+        at = np.flatnonzero(active)
+        if not len(at):
+            break
+        here = states.take(at)
+        trial = _moved(problem, here, damping[at])
+        gain = here.deviance - trial.deviance
+        better = gain > 0
+        states = _put(states, at, here.where(better, trial))
+        damping[at] = np.where(better, np.maximum(damping[at] / 10, 1e-9), damping[at] * 10)
+        active[at] = np.where(better, gain > ENOUGH, damping[at] < STIFFEST)
+    return states
 
 
-def look_along_k(problem: Problem, state: State) -> State:
-    """Shift every k by itself and keep what helps: given θ the levels do not know of each other."""
-    rows = np.concatenate([[0.0], np.log1p(SHIFTS)])
-    ln_k = state.ln_k + rows[:, None]
-    cells = problem.deviances(np.repeat(state.theta[None], len(rows), axis=0), ln_k, state.slope)
-    value = np.add.reduceat(cells, _level_starts(problem), axis=1)
+def look_along_k(problem: Problem, state: States) -> States:
+    """Shift every k by itself and keep what helps: given θ the levels do not know of each other. One row."""
+    count = len(SHIFTS)
+    ln_k = state.ln_k + np.log1p(SHIFTS)[:, None]
+    tried = problem.states(np.repeat(state.theta, count, axis=0), ln_k, state.slope)
+    value = np.add.reduceat(tried.cell_deviance, _level_starts(problem), axis=1)
     best = np.where(value.min(axis=0) < value[0] - ENOUGH, value.argmin(axis=0), 0)
     if not best.any():
         return state
-    moved = problem.state(state.theta, ln_k[best, np.arange(len(best))], state.slope)
-    return moved if moved.deviance < state.deviance else state
+    moved = problem.states(state.theta, ln_k[best, np.arange(len(best))][None], state.slope)
+    return moved if moved.deviance[0] < state.deviance[0] else state
 
 
-def look_along_theta(problem: Problem, state: State) -> State:
+def look_along_theta(problem: Problem, state: States) -> States:
     """Shift every effect's parameter, with all k's following: where a switch begins has no slope to descend along."""
     for index, (name, one) in enumerate(zip(problem.model.names, problem.model.parameters, strict=True)):
         if "." not in name:
             continue
         low, high = one.search
-        theta = np.repeat(state.theta[None], len(REACHES), axis=0)
+        theta = np.repeat(state.theta, len(REACHES), axis=0)
         theta[:, index] = np.clip(theta[:, index] + REACHES * (one.high - one.low), low, high)
-        ln_k = state.ln_k + (theta[:, index] - state.theta[index])[:, None] * _following(problem, state, index)
-        for tried in (ln_k, np.repeat(state.ln_k[None], len(REACHES), axis=0)):
-            value = problem.deviances(theta, tried, state.slope).sum(axis=1)
-            best = int(value.argmin())
-            if value[best] < state.deviance - ENOUGH:
-                state = problem.state(theta[best], tried[best], state.slope)
-                break
+        moves = (theta[:, index] - state.theta[0, index])[:, None]
+        tried = problem.states(
+            np.concatenate([theta, theta]),
+            np.concatenate([state.ln_k + moves * _following(problem, state, index), state.ln_k + 0 * moves]),
+            state.slope[0],
+        )
+        best = np.argmin(tried.deviance)
+        if tried.deviance[best] < state.deviance[0] - ENOUGH:
+            state = tried.take(np.array([best]))
     return state
 
 
-def _following(problem: Problem, state: State, index: int) -> Array:
-    """d ln k/dθ ``(levels,)`` that keeps a level's cells as they are, to first order."""
-    local = problem.jacobian(state)
-    own, other = local[:, :, -1], local[:, :, index]
-    levels = problem.cells.level
-    pull = np.bincount(levels, np.sum(own * other, axis=1), len(state.ln_k))
-    weight = np.bincount(levels, np.sum(own**2, axis=1), len(state.ln_k))
-    return -pull / np.maximum(weight, 1e-9)
-
-
-def _level_starts(problem: Problem) -> Array:
-    return np.unique(problem.cells.level, return_index=True)[1]
-
-
-def full_jacobian(problem: Problem, state: State) -> Array:
-    """d(whitened prediction)/d(θ, ln k of every level), shape ``(4 cells, parameters + levels)``."""
-    local = problem.jacobian(state)
-    cells, count, levels = problem.cells, len(state.theta), len(state.ln_k)
-    full = np.zeros((len(cells), 4, count + levels))
-    full[:, :, :count] = local[:, :, :count]
-    full[np.arange(len(cells)), :, count + cells.level] = local[:, :, count]
-    return full.reshape(-1, count + levels)
+def full_jacobian(problem: Problem, states: States) -> Array:
+    """d(whitened prediction)/d(θ, ln k of every level), ``(rows, 4 cells, parameters + levels)``."""
+    local = problem.jacobian(states)
+    cells, count, levels = problem.cells, states.theta.shape[1], states.ln_k.shape[1]
+    full = np.zeros((len(local), len(cells), 4, count + levels))
+    full[..., :count] = local[..., :count]
+    each = np.arange(len(cells))
+    full[:, each, :, count + cells.level] = np.moveaxis(local[..., count], 1, 0)
+    return full.reshape(len(local), -1, count + levels)
 
 
 def bounds(problem: Problem) -> tuple[Array, Array]:
@@ -103,25 +85,45 @@ def bounds(problem: Problem) -> tuple[Array, Array]:
     return search[:, 0], search[:, 1]
 
 
-def _free(problem: Problem, state: State, gradient: Array) -> Array:
-    """Indices of unknowns that are not pressed against a bound."""
+def _moved(problem: Problem, states: States, damping: Array) -> States:
+    """Each row after one damped step, parameters pressed against a bound held."""
     low, high = bounds(problem)
-    count = len(state.theta)
-    pressed = ((state.theta <= low) & (gradient[:count] < 0)) | ((state.theta >= high) & (gradient[:count] > 0))
-    return np.flatnonzero(np.concatenate([~pressed, np.ones(len(state.ln_k), dtype=bool)]))
+    count = states.theta.shape[1]
+    jacobian = full_jacobian(problem, states)
+    transposed = np.swapaxes(jacobian, 1, 2)
+    gradient = (transposed @ states.residual.reshape(len(jacobian), -1, 1))[..., 0]
+    normal = transposed @ jacobian
+    scale = np.maximum(np.sqrt(np.diagonal(normal, axis1=1, axis2=2)), 1e-9)
+    down, up = gradient[:, :count] < 0, gradient[:, :count] > 0
+    held = np.zeros(gradient.shape, dtype=bool)
+    held[:, :count] = ((states.theta <= low) & down) | ((states.theta >= high) & up)
+    normal = normal / scale[:, :, None] / scale[:, None, :]
+    normal = np.where(held[:, :, None] | held[:, None, :], 0.0, normal)
+    normal += np.eye(normal.shape[1]) * (damping[:, None, None] + held[:, :, None])
+    step = np.linalg.solve(normal, np.where(held, 0.0, gradient / scale)[..., None])[..., 0] / scale
+    theta = np.clip(states.theta + step[:, :count], low, high)
+    return problem.states(theta, states.ln_k + np.clip(step[:, count:], -0.2, 0.2), states.slope)
 
 
-def _step(jacobian: Array, gradient: Array, scale: Array, damping: float) -> Array:
-    scaled = jacobian / scale
-    normal = scaled.T @ scaled
-    normal[np.diag_indices_from(normal)] += damping
-    return np.asarray(np.linalg.solve(normal, gradient / scale) / scale)
+def _put(states: States, at: Array, some: States) -> States:
+    if len(at) == len(states.theta):
+        return some
+    index = np.zeros(len(states.theta), dtype=np.int64)
+    index[at] = np.arange(len(at))
+    changed = np.zeros(len(states.theta), dtype=bool)
+    changed[at] = True
+    return states.where(changed, some.take(index))
 
 
-def _moved(problem: Problem, state: State, step: Array, free: Array) -> State:
-    low, high = bounds(problem)
-    count = len(state.theta)
-    move = np.zeros(count + len(state.ln_k))
-    move[free] = step
-    theta = np.clip(state.theta + move[:count], low, high)
-    return problem.state(theta, state.ln_k + np.clip(move[count:], -0.2, 0.2), state.slope)
+def _following(problem: Problem, state: States, index: int) -> Array:
+    """d ln k/dθ ``(levels,)`` that keeps a level's cells as they are, to first order."""
+    local = problem.jacobian(state)[0]
+    own, other = local[:, :, -1], local[:, :, index]
+    first = _level_starts(problem)
+    pull = np.add.reduceat(np.sum(own * other, axis=1), first)
+    weight = np.add.reduceat(np.sum(own**2, axis=1), first)
+    return -pull / np.maximum(weight, 1e-9)
+
+
+def _level_starts(problem: Problem) -> Array:
+    return np.unique(problem.cells.level, return_index=True)[1]

@@ -197,8 +197,8 @@ class _Search:
 
 def _solve(task: tuple[Model, Cells, Known | None]) -> Point:
     model, cells, near = task
-    state = best_state(Problem(model, cells, np.ones(len(cells), dtype=bool)), near)
-    return Point(state.theta, state.ln_k, state.slope)
+    state = best_state(Problem(model, cells), near)
+    return Point(state.theta[0], state.ln_k[0], state.slope[0])
 
 
 def bic_weights(fits: Sets) -> dict[tuple[str, ...], float]:

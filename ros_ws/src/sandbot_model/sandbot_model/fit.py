@@ -1,6 +1,6 @@
 """Fit a walking model with effects to cells: one k per φ level, everything else shared."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -12,12 +12,14 @@ from sandbot_model.cells import OBSERVABLES, Cells
 from sandbot_model.chain import Array
 from sandbot_model.descent import bounds, descend, full_jacobian, look_along_k, look_along_theta
 from sandbot_model.model import Model
-from sandbot_model.problem import Problem, State
-from sandbot_model.search import starts
+from sandbot_model.problem import Problem, States
+from sandbot_model.search import Start, again, starts
 from sandbot_model.walking import Inputs, KCurve, Prediction
 
 FIRST_ITERATIONS = 4
-"""Steps of each descent before the best is followed to its end."""
+"""Steps of a descent before the better half is followed further."""
+HALVING = (5, 1)
+"""How many descents are followed after each."""
 FAIL_Z = 3.0
 """Cell means missed by more standard errors than this are listed as failing."""
 AT_BOUND = 1e-3
@@ -96,7 +98,7 @@ class Fit:
     """Parameters more than three standard errors outside their plausible range."""
     fitted: Model = field(repr=False)
     problem: Problem = field(repr=False)
-    state: State = field(repr=False)
+    state: States = field(repr=False)
 
     @property
     def known(self) -> Known:
@@ -110,7 +112,7 @@ class Fit:
         """
         at = np.asarray(phi, dtype=float)
         beta = self.cells.slow_phase_ratio[0] if slow_phase_ratio is None else slow_phase_ratio
-        delta_t, v_swim, params = self.fitted.arguments(self.state.theta)
+        delta_t, v_swim, params = self.fitted.arguments(self.state.theta[0])
         inputs = Inputs(
             k_n_per_m=np.interp(at, self.level_phi, self.k_n_per_m),
             omega_rad_s=omega,
@@ -130,38 +132,49 @@ def fit(model: Model, cells: Cells, near: Known | None = None) -> Fit:
 
     ``near`` is what a smaller model has found: its k(φ) is where the search begins, its parameters are tried as a start.
     """
-    problem = Problem(model, cells, np.ones(len(cells), dtype=bool))
+    problem = Problem(model, cells)
     return summary(problem, best_state(problem, near))
 
 
 def fitted_at(model: Model, cells: Cells, point: Point) -> Fit:
     """The fit whose minimum is known already."""
-    problem = Problem(model, cells, np.ones(len(cells), dtype=bool))
-    return summary(problem, problem.state(point.theta, point.ln_k, point.slope))
+    problem = Problem(model, cells)
+    return summary(problem, problem.states(point.theta[None], point.ln_k[None], point.slope[None]))
 
 
-def best_state(problem: Problem, near: Known | None = None) -> State:
-    """Coarse search, descent from the best few starts, a look along every k, descent."""
+def best_state(problem: Problem, near: Known | None = None) -> States:
+    """Coarse search, descent from many starts of which ever fewer are followed, a look around, descent. One row."""
     levels = len(problem.cells.level_phi)
     critical = problem.model.robot.critical_k_n_per_m
     k_curve = near.k_n_per_m if near is not None else critical * np.linspace(1.04, 1.34, levels)
-    slope = slope_of(problem.cells.level_phi, k_curve)
     also = None if near is None else _inherited(problem.model, near)
-    found = starts(problem, slope, k_curve, also=also)
-    states = [descend(problem, one.theta, one.ln_k, _slope(problem, one.ln_k), FIRST_ITERATIONS) for one in found]
-    state = min(states, key=lambda one: one.deviance)
+    found = starts(problem, slope_of(problem.cells.level_phi, k_curve), k_curve, also=also)
+    states = _halved(problem, _begin(problem, found))
+    more = again(problem, states.theta[0], states.ln_k[0], states.slope[0])
+    if more:
+        other = _halved(problem, _begin(problem, more))
+        states = other if other.deviance[0] < states.deviance[0] else states
     for _ in range(3):
-        state = descend(problem, state.theta, state.ln_k, _slope(problem, state.ln_k))
-        moved = look_along_theta(problem, look_along_k(problem, state))
-        if moved is state:
+        states = descend(problem, problem.states(states.theta, states.ln_k, _slopes(problem, states.ln_k)))
+        moved = look_along_theta(problem, look_along_k(problem, states))
+        if moved is states:
             break
-        state = moved
-    return state
+        states = moved
+    return states
 
 
-def refit(problem: Problem, state: State) -> State:
-    """The minimum near a known one, for bootstraps and cross validation."""
-    return descend(problem, state.theta, state.ln_k, state.slope, 8)
+def _begin(problem: Problem, found: Sequence[Start]) -> States:
+    low, high = bounds(problem)
+    ln_k = np.array([one.ln_k for one in found])
+    return problem.states(np.clip([one.theta for one in found], low, high), ln_k, _slopes(problem, ln_k))
+
+
+def _halved(problem: Problem, states: States) -> States:
+    """The best row after descents of which ever fewer are followed."""
+    for followed in HALVING:
+        states = descend(problem, states, FIRST_ITERATIONS)
+        states = states.take(np.argsort(states.deviance)[:followed])
+    return states
 
 
 def slope_of(level_phi: Array, k: Array) -> Array:
@@ -172,8 +185,8 @@ def slope_of(level_phi: Array, k: Array) -> Array:
     return np.asarray(np.clip(np.gradient(k, level_phi), 0.2 * typical, 3 * typical))
 
 
-def _slope(problem: Problem, ln_k: Array) -> Array:
-    return slope_of(problem.cells.level_phi, np.exp(ln_k))
+def _slopes(problem: Problem, ln_k: Array) -> Array:
+    return np.array([slope_of(problem.cells.level_phi, k) for k in np.exp(ln_k)])
 
 
 def _inherited(model: Model, near: Known) -> Array:
@@ -189,26 +202,23 @@ def _inherited(model: Model, near: Known) -> Array:
     return np.stack([starts_at, mild])
 
 
-def summary(problem: Problem, state: State) -> Fit:
-    """Standard errors, tests and errors of a fitted state."""
+def summary(problem: Problem, state: States) -> Fit:
+    """Standard errors, tests and errors of a fitted state (one row)."""
     cells, model = problem.cells, problem.model
-    jacobian = full_jacobian(problem, state)
+    jacobian = full_jacobian(problem, state)[0]
     normal = jacobian.T @ jacobian
-    covariance = np.linalg.pinv(normal, rcond=1e-12, hermitian=True)
-    stderr = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    stderr = np.sqrt(np.maximum(np.diag(np.linalg.pinv(normal, rcond=1e-12, hermitian=True)), 0.0))
     stderr[np.diag(normal) < 1e-12] = np.nan
-    count, values = len(state.theta), int(problem.measured.sum())
-    unknowns = count + len(state.ln_k)
-    gap = np.where(problem.measured, cells.mean - state.predicted, np.nan)
-    sem = np.sqrt(np.diagonal(state.covariance, axis1=1, axis2=2))
-    z = gap / sem
-    chi2 = float(np.sum(state.residual**2))
-    k = np.exp(state.ln_k)
+    theta, k, predicted = state.theta[0], np.exp(state.ln_k[0]), state.predicted[0]
+    values, unknowns = int(problem.measured.sum()), len(theta) + len(k)
+    gap = np.where(problem.measured, cells.mean - predicted, np.nan)
+    z = gap / np.sqrt(np.diagonal(state.covariance[0], axis1=1, axis2=2))
+    chi2, deviance = float(np.sum(state.residual**2)), float(state.deviance[0])
     rmse = _rms(cells, gap)
     cv_rmse = _rms(cells, left_out_gap(problem, state, jacobian))
     estimates = {
         name: Estimate(float(value), float(error))
-        for name, value, error in zip(model.names, state.theta, stderr, strict=False)
+        for name, value, error in zip(model.names, theta, stderr, strict=False)
     }
     return Fit(
         model=model.base,
@@ -216,9 +226,9 @@ def summary(problem: Problem, state: State) -> Fit:
         parameters=estimates,
         level_phi=cells.level_phi,
         k_n_per_m=k,
-        k_stderr_n_per_m=k * stderr[count:],
+        k_stderr_n_per_m=k * stderr[len(theta) :],
         cells=cells,
-        predicted=state.predicted,
+        predicted=predicted,
         residual_z=z,
         fails=_fails(cells, gap, z),
         rmse_m_s=rmse["speed"],
@@ -226,12 +236,12 @@ def summary(problem: Problem, state: State) -> Fit:
         rmse=rmse,
         cv_rmse=cv_rmse,
         chi2=chi2,
-        deviance=state.deviance,
+        deviance=deviance,
         dof=values - unknowns,
-        bic=state.deviance + unknowns * float(np.log(values)),
+        bic=deviance + unknowns * float(np.log(values)),
         lack_of_fit_p=_joint_p(chi2, values - unknowns, cells),
         lack_of_fit=_p_by_observable(z, problem, unknowns),
-        at_bounds=_at_bounds(problem, state),
+        at_bounds=_at_bounds(problem, theta),
         implausible=_implausible(model, estimates),
         fitted=model,
         problem=problem,
@@ -239,20 +249,20 @@ def summary(problem: Problem, state: State) -> Fit:
     )
 
 
-def left_out_gap(problem: Problem, state: State, jacobian: Array) -> Array:
+def left_out_gap(problem: Problem, state: States, jacobian: Array) -> Array:
     """Measured minus predicted ``(cells, 4)``, each cell by the parameters that fit the others.
 
     Taking a cell's rows J_c, r_c out of the normal equations moves the minimum by -(JᵀJ - J_cᵀJ_c)⁻¹ J_cᵀ r_c; the model
     itself is then evaluated there. Where the cell left out is the only one that tells its level's k, k is taken as known to
     ``K_PRIOR`` from the levels beside it.
     """
-    count, level = len(state.theta), problem.cells.level
+    count, level = state.theta.shape[1], problem.cells.level
     prior = np.zeros(jacobian.shape[1])
     prior[count:] = K_PRIOR**-2
     blocks = jacobian.reshape(len(level), 4, -1)
     normal = jacobian.T @ jacobian + np.diag(prior) - np.einsum("cip,ciq->cpq", blocks, blocks)
     scale = np.sqrt(np.maximum(np.diag(jacobian.T @ jacobian) + prior, 1e-12))
-    pull = np.einsum("cip,ci->cp", blocks, state.residual)
+    pull = np.einsum("cip,ci->cp", blocks, state.residual[0])
     ridge = normal / scale[:, None] / scale[None, :] + 1e-9 * np.eye(len(scale))
     move = -np.linalg.solve(ridge, (pull / scale)[..., None])[..., 0] / scale
     low, high = bounds(problem)
@@ -304,10 +314,10 @@ def _p_by_observable(z: Array, problem: Problem, unknowns: int) -> dict[str, flo
     return found
 
 
-def _at_bounds(problem: Problem, state: State) -> tuple[str, ...]:
+def _at_bounds(problem: Problem, theta: Array) -> tuple[str, ...]:
     low, high = bounds(problem)
     edge = AT_BOUND * (high - low)
-    pressed = (state.theta <= low + edge) | (state.theta >= high - edge)
+    pressed = (theta <= low + edge) | (theta >= high - edge)
     return tuple(name for name, at in zip(problem.model.names, pressed, strict=True) if at)
 
 

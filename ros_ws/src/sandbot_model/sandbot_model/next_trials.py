@@ -62,10 +62,10 @@ def _best_of_pair(one: Fit, other: Fit) -> list[NextTrial]:
 
 def _edge_variance(fit: Fit, phi: Array, omega: Array) -> Array:
     """Variance of a prediction that comes from not knowing k and the bed's φ, ``(levels, frequencies, 4)``."""
-    error = np.hypot(np.nan_to_num(fit.k_stderr_n_per_m), fit.state.slope * fit.cells.phi_scatter)
+    error = np.hypot(np.nan_to_num(fit.k_stderr_n_per_m), fit.state.slope[0] * fit.cells.phi_scatter)
     sides = []
     for sign in (-1.0, 1.0):
-        moved = np.interp(phi, fit.level_phi, fit.level_phi) + sign * error / np.maximum(fit.state.slope, 1e-9)
+        moved = np.interp(phi, fit.level_phi, fit.level_phi) + sign * error / np.maximum(fit.state.slope[0], 1e-9)
         sides.append(fit.predict(moved[:, None], omega[None, :]).observables)
     return np.asarray((0.5 * (sides[1] - sides[0])) ** 2)
 

@@ -11,14 +11,13 @@ the mean says little, the mixture's variance says so, and one such cell can't de
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from sandbot_model.cells import Cells
 from sandbot_model.chain import Array, Bool
 from sandbot_model.model import Model
-from sandbot_model.walking import Footing, Inputs, KCurve
+from sandbot_model.walking import Footing, Inputs, KCurve, Params
 
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
 WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
@@ -31,8 +30,8 @@ DEPTH_STEP_M = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class State:
-    """Everything known at one point of the search."""
+class States:
+    """What is known at several points of the search at once; the first axis of every array is the point (row)."""
 
     theta: Array
     ln_k: Array
@@ -45,23 +44,37 @@ class State:
     cell_deviance: Array
 
     @property
-    def deviance(self) -> float:
-        """χ² plus what the mixture's wider variance costs (-2 ln likelihood up to a constant)."""
-        return float(self.cell_deviance.sum())
+    def deviance(self) -> Array:
+        """χ² plus what the mixture's wider variance costs, -2 ln likelihood up to a constant ``(rows,)``."""
+        return np.asarray(self.cell_deviance.sum(axis=1))
+
+    def take(self, rows: Array) -> "States":
+        """Some of the rows."""
+        arrays = {name: value[rows] for name, value in vars(self).items() if name != "footing"}
+        return States(footing=Footing(*(value[rows] for value in vars(self.footing).values())), **arrays)
+
+    def where(self, better: Bool, other: "States") -> "States":
+        """Rows of ``other`` where ``better (rows,)``, else of these."""
+
+        def pick(mine: Array, its: Array) -> Array:
+            return np.where(better.reshape(-1, *(1,) * (mine.ndim - 1)), its, mine)
+
+        arrays = {n: pick(v, getattr(other, n)) for n, v in vars(self).items() if n != "footing"}
+        feet = [pick(m, i) for m, i in zip(vars(self.footing).values(), vars(other.footing).values(), strict=True)]
+        return States(footing=Footing(*feet), **arrays)
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Cells to fit; ``weights (cells,)`` of 0 leave a cell out (cross validation)."""
+    """Cells to fit. θ is ``(rows, parameters)``, ln k and dk/dφ are ``(rows, levels)``."""
 
     model: Model
     cells: Cells
-    keep: Bool
 
     @cached_property
     def measured(self) -> Bool:
         """Which values ``(cells, 4)`` count."""
-        return np.isfinite(self.cells.mean) & self.keep[:, None]
+        return np.isfinite(self.cells.mean)
 
     @cached_property
     def covariance(self) -> Array:
@@ -84,108 +97,100 @@ class Problem:
         """Replicates of a cell ``(cells,)``."""
         return self.cells.n.max(axis=1).astype(float)
 
-    def state(self, theta: Array, ln_k: Array, slope: Array) -> State:
-        """Predict all cells and weigh what is missed; θ ``(parameters,)``, ln k and dk/dφ ``(levels,)``."""
-        inputs, params, footing, weighed = self._weighed(theta[None], ln_k[None], slope)
-        footing = Footing(*(values[0] if values.ndim == 3 else values for values in vars(footing).values()))
-        return State(theta, ln_k, slope, footing, *(values[0] for values in weighed))
-
-    def deviances(self, theta: Array, ln_k: Array, slope: Array) -> Array:
-        """Deviance of every cell ``(rows, cells)`` at many points at once: θ ``(rows, parameters)``, ln k ``(rows, levels)``."""
-        return self._weighed(theta, ln_k, slope)[-1][-1]
-
-    def _weighed(self, theta: Array, ln_k: Array, slope: Array) -> tuple[Inputs, Any, Footing, tuple[Array, ...]]:
+    def states(self, theta: Array, ln_k: Array, slope: Array) -> States:
+        """Predict all cells and weigh what is missed."""
         inputs, params = self._inputs(theta, ln_k, slope)
         shape = (len(theta), len(self.cells), len(NODES))
         footing = self.model.walker.footing(inputs, params)
         values = self.model.walker.observe(inputs, params, footing).observables
+        footing = Footing(*(np.broadcast_to(value, shape) for value in vars(footing).values()))
         values = np.broadcast_to(values, (*shape, 4))
         predicted = np.einsum("g,rcgi->rci", WEIGHTS, values)
-        walking = np.broadcast_to(footing.walking, shape)
-        row, cell = np.nonzero(walking.any(axis=2) & ~walking.all(axis=2))
-        covariance = np.broadcast_to(self.covariance, (len(theta), *self.covariance.shape))
-        whiten = np.broadcast_to(self.whiten, covariance.shape)
-        surprise = np.zeros(shape[:2])
-        if len(row):
-            covariance, whiten = covariance.copy(), whiten.copy()
-            off = values[row, cell] - predicted[row, cell, None, :]
-            extra = np.einsum("g,sgi,sgj->sij", WEIGHTS, off, off) / self.replicates[cell, None, None]
-            both = self.measured[cell, :, None] & self.measured[cell, None, :]
-            wider = covariance[row, cell] + np.where(both, extra, 0.0)
-            root = np.linalg.cholesky(wider)
-            covariance[row, cell], whiten[row, cell] = wider, np.linalg.inv(root)
-            surprise[row, cell] = 2 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1) - self.log_det[cell]
+        covariance, whiten, surprise = self._mixture(values, predicted, footing.walking)
         gap = np.where(self.measured, self.cells.mean - predicted, 0.0)
         residual = np.einsum("rcij,rcj->rci", whiten, gap)
         deviance = np.sum(residual**2, axis=2) + surprise
-        return inputs, params, footing, (predicted, covariance, whiten, residual, deviance)
+        slope = np.broadcast_to(slope, ln_k.shape)
+        return States(theta, ln_k, slope, footing, predicted, covariance, whiten, residual, deviance)
+
+    def _mixture(self, values: Array, predicted: Array, walking: Bool) -> tuple[Array, Array, Array]:
+        """Covariance, its whitening and ln |V_c|/|V_c0|: wider where the nodes of a cell both walk and swim."""
+        rows = len(values)
+        covariance = np.broadcast_to(self.covariance, (rows, *self.covariance.shape))
+        whiten = np.broadcast_to(self.whiten, covariance.shape)
+        surprise = np.zeros(values.shape[:2])
+        row, cell = np.nonzero(walking.any(axis=2) & ~walking.all(axis=2))
+        if not len(row):
+            return covariance, whiten, surprise
+        covariance, whiten = covariance.copy(), whiten.copy()
+        off = values[row, cell] - predicted[row, cell, None, :]
+        extra = np.einsum("g,sgi,sgj->sij", WEIGHTS, off, off) / self.replicates[cell, None, None]
+        both = self.measured[cell, :, None] & self.measured[cell, None, :]
+        wider = covariance[row, cell] + np.where(both, extra, 0.0)
+        root = np.linalg.cholesky(wider)
+        covariance[row, cell], whiten[row, cell] = wider, np.linalg.inv(root)
+        surprise[row, cell] = 2 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1) - self.log_det[cell]
+        return covariance, whiten, surprise
 
     def each_by_its_own(self, theta: Array, ln_k: Array, slope: Array) -> Array:
-        """Predictions ``(cells, 4)``, each cell with its own row of θ ``(cells, parameters)`` and ln k ``(cells, levels)``."""
-        inputs, params = self._inputs(theta, ln_k, slope, own_rows=True)
-        values = self.model.walker.predict(inputs, params).observables
-        return np.asarray(WEIGHTS @ np.broadcast_to(values, (len(self.cells), len(NODES), 4)))
+        """Predictions ``(cells, 4)``, cell i with row i of θ ``(cells, parameters)`` and ln k ``(cells, levels)``."""
+        states = self.states(theta, ln_k, slope)
+        return states.predicted[np.arange(len(self.cells)), np.arange(len(self.cells))]
 
-    def jacobian(self, state: State) -> Array:
-        """d(whitened prediction)/d(θ, ln k), shape ``(cells, 4, parameters + 1)``; the last column is the level's ln k.
+    def jacobian(self, states: States) -> Array:
+        """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``; the last column is the level's ln k.
 
-        By the implicit function theorem on the force balance, dd/dθ = -(∂M/∂θ)/(∂M/∂d): one evaluation of the chain for
-        all parameters at once, no solving, and never across a switch.
+        By the implicit function theorem on the force balance, dd/dθ = -(∂M/∂θ)/(∂M/∂d): one evaluation of the chain
+        for all parameters at once, no solving, and never across a switch.
         """
-        count = len(state.theta)
-        step = STEP * np.maximum(np.abs(state.theta), 1e-3)
-        theta = np.repeat(state.theta[None], count + 3, axis=0)
-        theta[np.arange(count), np.arange(count)] += step
-        ln_k = np.repeat(state.ln_k[None], count + 3, axis=0)
+        rows, count = states.theta.shape
+        step = STEP * np.maximum(np.abs(states.theta), 1e-3)
+        # First axis: each parameter, ln k, depth, and the point itself.
+        theta = np.repeat(states.theta[None], count + 3, axis=0)
+        theta[np.arange(count), :, np.arange(count)] += step.T
+        ln_k = np.repeat(states.ln_k[None], count + 3, axis=0)
         ln_k[count] += STEP
-        # Rows: each parameter, ln k, depth, and the point itself.
-        inputs, params = self._inputs(theta, ln_k, state.slope)
-        shape = (count + 3, len(self.cells), len(NODES))
-        steady, virgin = (np.broadcast_to(d, shape).copy() for d in (state.footing.depth, state.footing.virgin_depth))
+        inputs, params = self._inputs(theta, ln_k, states.slope)
+        shape = (count + 3, rows, len(self.cells), len(NODES))
+        feet = states.footing
+        steady, virgin = (np.broadcast_to(d, shape).copy() for d in (feet.depth, feet.virgin_depth))
         steady[count + 1] -= DEPTH_STEP_M
         virgin[count + 1] -= DEPTH_STEP_M
         walker = self.model.walker
-        here = Footing(steady, state.footing.walking, virgin, state.footing.virgin_walking)
+        here = Footing(steady, feet.walking, virgin, feet.virgin_walking)
         values = np.broadcast_to(walker.observe(inputs, params, here).observables, (*shape, 4))
-        steps = np.concatenate([step, [STEP], [-DEPTH_STEP_M]])[:, None, None]
+        steps = np.concatenate([step.T, np.full((1, rows), STEP), np.full((1, rows), -DEPTH_STEP_M)])[:, :, None, None]
         slope = (values[:-1] - values[-1]) / steps[..., None]
-        sink = self._sinking(walker.margin(inputs, params, steady, first_step=False), steps, state.footing.walking)
+        sink = self._sinking(walker.margin(inputs, params, steady, first_step=False), steps, feet.walking)
         sink_first = sink
         if walker.remembers:
             margin = walker.margin(inputs, params, virgin, first_step=True)
-            sink_first = self._sinking(margin, steps, state.footing.virgin_walking)
-        depth_slope = slope[-1]
-        total = slope[:-1] + np.concatenate(
-            [depth_slope[None, ..., :3] * sink[..., None], depth_slope[None, ..., 3:] * sink_first[..., None]], axis=-1
+            sink_first = self._sinking(margin, steps, feet.virgin_walking)
+        by_depth, direct = slope[-1], slope[:-1]
+        through_depth = np.concatenate(
+            [by_depth[..., :3] * sink[..., None], by_depth[..., 3:] * sink_first[..., None]], axis=-1
         )
-        mean = np.einsum("g,pcgi->cip", WEIGHTS, total)
-        return np.asarray(np.einsum("cij,cjp->cip", state.whiten, np.where(self.measured[..., None], mean, 0.0)))
+        mean = np.einsum("g,prcgi->rcip", WEIGHTS, direct + through_depth)
+        return np.asarray(states.whiten @ np.where(self.measured[..., None], mean, 0.0))
 
     def _sinking(self, margin: Array, steps: Array, walking: Bool) -> Array:
-        margin = np.broadcast_to(margin, (len(steps) + 1, len(self.cells), len(NODES)))
+        """dd/dθ for each parameter and ln k, ``(parameters + 1, rows, cells, nodes)``."""
+        margin = np.broadcast_to(margin, (len(steps) + 1, *walking.shape))
         slope = (margin[:-1] - margin[-1]) / steps
         stiff = slope[-1]
         # A footing on a cliff of the margin does not move.
         firm = walking & (stiff > 1e-6)
         return np.where(firm, -slope[:-1] / np.where(firm, stiff, 1.0), 0.0)
 
-    def _inputs(
-        self, theta: Array, ln_k: Array, slope: Array, *, own_rows: bool = False
-    ) -> tuple[Inputs, list[dict[str, Array]]]:
-        """Inputs of shape ``(..., cells, nodes)`` for θ ``(..., parameters)`` and ln k ``(..., levels)``.
-
-        With ``own_rows`` the leading axis of both is the cell itself.
-        """
+    def _inputs(self, theta: Array, ln_k: Array, slope: Array) -> tuple[Inputs, list[dict[str, Array]]]:
+        """Inputs of shape ``(..., cells, nodes)`` for θ ``(..., parameters)`` and ln k ``(..., levels)``."""
         cells = self.cells
-        delta_t, v_swim, params = self.model.arguments(theta[..., None, :] if own_rows else theta[..., None, None, :])
+        delta_t, v_swim, params = self.model.arguments(theta[..., None, None, :])
         level_k = np.exp(ln_k)
-        if own_rows:
-            k = level_k[np.arange(len(cells)), cells.level][:, None]
-        else:
-            k = level_k[..., cells.level, None]
+        k = level_k[..., cells.level, None]
         phi = cells.level_phi[cells.level][:, None]
         sigma_phi = np.hypot(cells.phi_scatter, self.spread(params, delta_t, phi))
-        sigma_k = np.maximum(np.abs(slope)[cells.level][:, None] * sigma_phi, LEAST_SPREAD * k)
+        sigma_k = np.maximum(np.abs(slope)[..., cells.level, None] * sigma_phi, LEAST_SPREAD * k)
         inputs = Inputs(
             k_n_per_m=np.maximum(k + sigma_k * NODES, 0.05 * k),
             omega_rad_s=cells.omega[:, None],
@@ -193,13 +198,12 @@ class Problem:
             phi=phi,
             v_swim_m_s=v_swim,
             slow_phase_ratio=cells.slow_phase_ratio[:, None],
-            k_of_phi=KCurve(cells.level_phi, level_k),
+            k_of_phi=KCurve(cells.level_phi, level_k, inner=3),
         )
         return inputs, [dict(one) for one in params]
 
-    def spread(self, params: object, delta_t: Array, phi: Array) -> Array:
+    def spread(self, params: Params, delta_t: Array, phi: Array) -> Array:
         """σ_φ along the track that effects ask for."""
         one = Inputs(k_n_per_m=1.0, omega_rad_s=1.0, delta_t_s=delta_t, phi=phi)
-        chain = self.model.walker.chain(one, params, np.array([0.01]), first_step=False)  # type: ignore[arg-type]
-        sigma = chain.sigma_phi
+        sigma = self.model.walker.chain(one, params, np.array([0.01]), first_step=False).sigma_phi
         return sigma[..., 0] if sigma.ndim else sigma

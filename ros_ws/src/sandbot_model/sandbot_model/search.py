@@ -22,9 +22,10 @@ K_RANGE = (0.55, 4.0)
 CHUNK = 8
 APART = 0.15
 """Starts closer than this in every parameter (of its plausible range) are one."""
-REACHES = (0.15,)
-"""How far about the best point to look again, in plausible ranges."""
-NEARBY = 16
+MOST = 12
+"""Starts that are followed."""
+AGAIN = 20
+"""Points an effect's parameter when looking again."""
 
 
 @dataclass(frozen=True)
@@ -36,30 +37,43 @@ class Start:
     deviance: float
 
 
-def starts(problem: Problem, slope: Array, k_curve: Array, most: int = 6, also: Array | None = None) -> list[Start]:
-    """The most promising distinct points, best first: a wide low-discrepancy sample, then ever closer about the best.
+def starts(problem: Problem, slope: Array, k_curve: Array, also: Array | None = None) -> list[Start]:
+    """The most promising distinct points of a wide low-discrepancy sample, best first.
 
     ``k_curve (levels,)`` is where effects that ask for k(φ) look; ``also (m, parameters)`` are points tried as well.
     """
     model = problem.model
-    low, high = search_box(model)
     k_grid = model.robot.critical_k_n_per_m * np.geomspace(*K_RANGE, K_GRID)
     unit = _samples(model)
     if also is not None:
         unit = np.concatenate([_unit(model, also), unit])
-    found = _try(problem, unit, slope, k_curve, k_grid)
-    for reach in REACHES:
-        best = found.best()
-        k_grid = _closer(np.exp(found.ln_k[best]), k_grid)
-        near = np.clip(found.unit[best] + reach * (2 * _even(NEARBY, len(low)) - 1), 0.0, 1.0)
-        found = found.joined(_try(problem, near, slope, k_curve, k_grid))
+    return _distinct(model, _try(problem, unit, slope, k_curve, k_grid), MOST)
+
+
+def again(problem: Problem, theta: Array, ln_k: Array, slope: Array) -> list[Start]:
+    """Starts with Δt and v_swim as found ``(parameters,)`` and the effects' parameters anywhere in their ranges.
+
+    A switch leaves its mark in a narrow range of its parameters that a wide sample sees only where Δt is right already.
+    """
+    model = problem.model
+    effects = [i for i, name in enumerate(model.names) if "." in name]
+    if not effects:
+        return []
+    unit = np.repeat(_unit(model, theta)[None], AGAIN * len(effects), axis=0)
+    unit[:, effects] = _even(len(unit), len(effects))
+    k = np.exp(ln_k)
+    k_grid = _closer(k, model.robot.critical_k_n_per_m * np.geomspace(*K_RANGE, K_GRID))
+    return _distinct(model, _try(problem, unit, slope, k, k_grid), MOST // 2)
+
+
+def _distinct(model: Model, tried: "_Tried", most: int) -> list[Start]:
     chosen: list[int] = []
-    for index in np.argsort(found.deviance):
-        if all(np.abs(found.unit[index] - found.unit[other]).max() > APART for other in chosen):
+    for index in np.argsort(tried.deviance):
+        if all(np.abs(tried.unit[index] - tried.unit[other]).max() > APART for other in chosen):
             chosen.append(int(index))
         if len(chosen) == most:
             break
-    return [Start(_theta(model, found.unit[i]), found.ln_k[i], float(found.deviance[i])) for i in chosen]
+    return [Start(_theta(model, tried.unit[i]), tried.ln_k[i], float(tried.deviance[i])) for i in chosen]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +83,6 @@ class _Tried:
     unit: Array
     deviance: Array
     ln_k: Array
-
-    def best(self) -> int:
-        return int(np.argmin(self.deviance))
-
-    def joined(self, other: "_Tried") -> "_Tried":
-        return _Tried(*(np.concatenate(pair) for pair in zip(vars(self).values(), vars(other).values(), strict=True)))
 
 
 def _try(problem: Problem, unit: Array, slope: Array, k_curve: Array, k_grid: Array) -> _Tried:

@@ -71,19 +71,23 @@ class Inputs:
 class KCurve:
     """Stiffness [N/m] at any volume fraction, linear between levels and constant beyond them.
 
-    ``k_n_per_m`` is one curve ``(levels,)``, or one a row ``(rows, levels)`` for questions whose first axis is rows.
+    ``k_n_per_m`` is one curve ``(levels,)``, or many ``(*rows, levels)`` for questions of shape ``(*rows, *inner)`` with
+    ``inner`` axes of their own.
     """
 
     phi: Array
     k_n_per_m: Array
+    inner: int = 0
 
     def __call__(self, phi: Array) -> Array:
-        if self.k_n_per_m.ndim == 1:
+        rows = self.k_n_per_m.shape[:-1]
+        if not rows:
             return np.asarray(np.interp(phi, self.phi, self.k_n_per_m))
-        rows = len(self.k_n_per_m)
-        shape = np.broadcast_shapes(phi.shape, (rows,) + (1,) * (max(phi.ndim, 2) - 1))
-        wanted = np.broadcast_to(phi, shape)
-        return np.stack([np.interp(w, self.phi, k) for w, k in zip(wanted, self.k_n_per_m, strict=True)])
+        wanted = np.broadcast_to(phi, np.broadcast_shapes(np.shape(phi), rows + (1,) * self.inner))
+        flat = wanted.reshape(-1, *wanted.shape[len(rows) :])
+        curves = self.k_n_per_m.reshape(-1, len(self.phi))
+        found = [np.interp(w, self.phi, k) for w, k in zip(flat, curves, strict=True)]
+        return np.stack(found).reshape(wanted.shape)
 
 
 @dataclass(frozen=True)

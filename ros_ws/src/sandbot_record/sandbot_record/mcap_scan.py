@@ -8,7 +8,7 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 
 import lz4.frame
@@ -44,24 +44,37 @@ MESSAGE = np.dtype(
 )
 _FOOTER_BYTES = 9 + 20
 _CHUNK_HEAD = re.compile(
-    rb"\x06.{5}\x00\x00\x00.{28}(?:\x00\x00\x00\x00|\x03\x00\x00\x00lz4|\x04\x00\x00\x00zstd).{5}\x00\x00\x00", re.DOTALL
+    rb"\x06.{5}\x00\x00\x00.{28}(?:\x00\x00\x00\x00|\x03\x00\x00\x00lz4|\x04\x00\x00\x00zstd).{5}\x00\x00\x00",
+    re.DOTALL,
 )
 
 
 @dataclass(frozen=True)
+class Lost:
+    """Messages of one channel that were in a damaged chunk, by the index that follows it; times [ns]."""
+
+    channel: int
+    count: int
+    first_ns: int
+    last_ns: int
+
+
+@dataclass(frozen=True)
 class Damage:
-    """Bytes [start, end) of the file that can't be used, and why."""
+    """Bytes [start, end) of the file that can't be used, why, and which messages went where that is known."""
 
     start: int
     end: int
     reason: str
+    lost: tuple[Lost, ...] = ()
 
 
 @dataclass(frozen=True)
 class Batch:
     """The messages of one chunk (or of a run of unchunked ones), in file order; ``rows`` is (n,) of the header fields.
 
-    Message i is ``data[at[i] : at[i] + length[i]]``. ``definitions`` are schemas and channels found among them.
+    Message i is ``data[at[i] : at[i] + length[i]]``. ``definitions`` are schemas and channels found among them, ``checked``
+    says that a CRC vouches for the bytes.
     """
 
     offset: int
@@ -70,6 +83,7 @@ class Batch:
     at: NDArray[np.int64]
     length: NDArray[np.int64]
     definitions: tuple[Definition, ...]
+    checked: bool = False
 
     def payload(self, row: int) -> memoryview:
         """The bytes of message ``row``, not copied."""
@@ -146,11 +160,12 @@ def scan(data: memoryview) -> Iterator[Item]:
             end = _end_of_messages(data, at)
             yield from _batch(data, at, end, at)
         elif opcode == Opcode.CHUNK:
-            items = list(_chunk(data, at, end))
-            if any(isinstance(item, Damage) for item in items) and not _plausible(data, end):
-                end = _next_chunk(data, at + 1)
-                items = [Damage(at, end, item.reason) if isinstance(item, Damage) else item for item in items]
-            yield from items
+            for item in _chunk(data, at, end):
+                if isinstance(item, Damage):
+                    if not _plausible(data, end):
+                        end = _next_chunk(data, at + 1)
+                    item = replace(item, end=end, lost=_indexed(data, end))
+                yield item
         elif opcode in _PARSED:
             record = _parse(opcode, data[at + 9 : end])
             yield Damage(at, end, f"damaged {Opcode(opcode).name.lower()} record") if record is None else record
@@ -173,6 +188,18 @@ def _length(data: memoryview, at: int) -> int | None:
         return None
     length = int.from_bytes(data[at + 1 : at + 9], "little")
     return length if at + 9 + length <= len(data) else None
+
+
+def _indexed(data: memoryview, at: int) -> tuple[Lost, ...]:
+    """What the message indexes that begin at ``at`` say was in the chunk before them."""
+    lost = []
+    for opcode, start, length in _records(data, at, len(data)):
+        if opcode != Opcode.MESSAGE_INDEX or length < 22 or (length - 6) % 16:
+            break
+        channel = int.from_bytes(data[start : start + 2], "little")
+        times = np.frombuffer(data[start + 6 : start + length], dtype="<i8")[::2]
+        lost.append(Lost(channel, len(times), int(times.min()), int(times.max())))
+    return tuple(lost)
 
 
 def _plausible(data: memoryview, at: int) -> bool:
@@ -215,7 +242,7 @@ def _chunk(data: memoryview, at: int, end: int) -> Iterator[Batch | Damage]:
     elif crc and zlib.crc32(content) != crc:
         yield Damage(at, end, "chunk CRC is wrong")
     else:
-        yield from _batch(content, 0, len(content), at)
+        yield from _batch(content, 0, len(content), at, checked=bool(crc))
 
 
 def _decompressed(data: memoryview, compression: str, size: int) -> bytes | memoryview | None:
@@ -258,7 +285,9 @@ def _end_of_messages(data: memoryview, at: int) -> int:
     return end
 
 
-def _batch(data: bytes | memoryview, at: int, end: int, offset: int) -> Iterator[Batch | Damage]:
+def _batch(
+    data: bytes | memoryview, at: int, end: int, offset: int, *, checked: bool = False
+) -> Iterator[Batch | Damage]:
     """The messages in data[at:end]; Damage if the records do not fill it."""
     starts: list[int] = []
     definitions: list[Definition] = []
@@ -274,7 +303,7 @@ def _batch(data: bytes | memoryview, at: int, end: int, offset: int) -> Iterator
     at_header = np.array(starts, dtype=np.int64)
     raw = np.frombuffer(data, dtype=np.uint8)
     rows = raw[at_header[:, None] + np.arange(MESSAGE.itemsize)].reshape(-1).view(MESSAGE)
-    yield Batch(offset, data, rows, at_header + MESSAGE.itemsize, rows["length"] - 22, tuple(definitions))
+    yield Batch(offset, data, rows, at_header + MESSAGE.itemsize, rows["length"] - 22, tuple(definitions), checked)
     if last != end:
         yield Damage(offset, offset, f"{end - last} bytes of a block are not records")
 

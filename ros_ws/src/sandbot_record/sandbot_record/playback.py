@@ -31,7 +31,9 @@ class Timeline:
         self._blocks: list[tuple[int, int]] = []
         times, blocks, rows, names = self._index(bag)
         if not len(times):
-            raise InputError(f"{bag.path}: nothing to replay: no messages{'' if topics is None else ' on these topics'}")
+            raise InputError(
+                f"{bag.path}: nothing to replay: no messages{'' if topics is None else ' on these topics'}"
+            )
         order = np.argsort(times, kind="stable")
         self.times_ns: NDArray[np.int64] = times[order]
         self._block, self._row, self._topic = blocks[order], rows[order], names[order]
@@ -97,7 +99,13 @@ class Player:
     """
 
     def __init__(
-        self, timeline: Timeline, *, rate: float = 1.0, loop: bool = False, start_s: float = 0.0, until_s: float | None = None
+        self,
+        timeline: Timeline,
+        *,
+        rate: float = 1.0,
+        loop: bool = False,
+        start_s: float = 0.0,
+        until_s: float | None = None,
     ) -> None:
         if not 0 < rate < 1e6:
             raise InputError(f"rate {rate} is not above 0")

@@ -1,9 +1,9 @@
 """Bag: a recorded bag, from this project, `ros2 bag`, rosbags or any MCAP writer. No ROS needed.
 
-    bag = Bag.open(Path("runs/demo/trials/t0001"))
-    bag.topics["/speed"].count, bag.start_ns, bag.provenance["trial"]
-    legs = bag.columns("/leg_states", "position", "velocity")
-    for message in bag.messages(["/trial"]): message.decode()
+bag = Bag.open(Path("runs/demo/trials/t0001"))
+bag.topics["/speed"].count, bag.start_ns, bag.provenance["trial"]
+legs = bag.columns("/leg_states", "position", "velocity")
+for message in bag.messages(["/trial"]): message.decode()
 """
 
 import mmap
@@ -277,9 +277,7 @@ def mapped(path: Path) -> memoryview:
         raise InputError(f"{path}: {error.strerror}") from None
 
 
-def _file_items(
-    path: Path, info: metadata.BagInfo | None
-) -> Iterator[tuple[mcap_scan.Item, Definitions]]:
+def _file_items(path: Path, info: metadata.BagInfo | None) -> Iterator[tuple[mcap_scan.Item, Definitions]]:
     data = mapped(path)
     definitions = _trusted(data, info)
     for item in mcap_scan.scan(data):

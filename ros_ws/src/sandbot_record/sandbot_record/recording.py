@@ -90,7 +90,13 @@ class Recording:
         self._thread.start()
 
     def add_topic(
-        self, name: str, type_name: str, *, qos: tuple[Qos, ...] = (), definition: str | None = None, type_hash: str | None = None
+        self,
+        name: str,
+        type_name: str,
+        *,
+        qos: tuple[Qos, ...] = (),
+        definition: str | None = None,
+        type_hash: str | None = None,
     ) -> None:
         """Have the writer's thread register a topic before any of its messages."""
         self.tallies.setdefault(name, Tally())
@@ -162,7 +168,9 @@ class Recording:
 
     def last_line(self) -> str:
         """What a person needs to know at the end."""
-        losses = [f"{name} {tally.lost + tally.dropped}" for name, tally in self.tallies.items() if tally.lost + tally.dropped]
+        losses = [
+            f"{name} {tally.lost + tally.dropped}" for name, tally in self.tallies.items() if tally.lost + tally.dropped
+        ]
         what = f"{self.lost} lost ({', '.join(losses)})" if losses else "0 lost"
         heard = sum(tally.written > 0 for tally in self.tallies.values())
         ended = f"; stopped: {self.reason}" if self.reason else ""

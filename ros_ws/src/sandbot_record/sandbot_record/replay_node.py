@@ -66,7 +66,9 @@ class Replay(Node):
         self.create_service(SetBool, "/replay/pause", self._on_pause)
         self.create_service(Trigger, "/replay/restart", self._on_restart)
         self.declare_parameter("rate", player.rate, ParameterDescriptor(description="bag seconds a second, above 0"))
-        self.declare_parameter("position_s", 0.0, ParameterDescriptor(description="set it to seek [s after the first message]"))
+        self.declare_parameter(
+            "position_s", 0.0, ParameterDescriptor(description="set it to seek [s after the first message]")
+        )
         self.add_on_set_parameters_callback(self._on_parameters)
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
         self._thread.start()
@@ -206,14 +208,20 @@ def _class(info: TopicInfo) -> Any:
     try:
         return messages.message_class(info.type)
     except (ImportError, AttributeError, ValueError):
-        raise InputError(f"topic {info.name}: type {info.type!r} is not installed here; leave it out with --topics") from None
+        raise InputError(
+            f"topic {info.name}: type {info.type!r} is not installed here; leave it out with --topics"
+        ) from None
 
 
 def _qos(info: TopicInfo) -> QoSProfile:
     """As recorded, the weakest of several publishers; reliable and volatile where nothing is known."""
     latched = bool(info.qos) and all(one.durability == QosDurability.TRANSIENT_LOCAL for one in info.qos)
     reliable = all(one.reliability != QosReliability.BEST_EFFORT for one in info.qos)
-    depth = max([_MIN_DEPTH, *(one.depth for one in info.qos)]) if not latched else max([1, *(one.depth for one in info.qos)])
+    depth = (
+        max([_MIN_DEPTH, *(one.depth for one in info.qos)])
+        if not latched
+        else max([1, *(one.depth for one in info.qos)])
+    )
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=min(depth, 5000),

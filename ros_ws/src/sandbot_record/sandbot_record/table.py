@@ -59,7 +59,7 @@ def row_from_bag(path: Path) -> Row:
         gait=_gait(plan.get("gait")),
         replicate=_float(plan.get("replicate")),
     )
-    exit_status = bag.provenance.get("trial", {}).get("exit_status", OK)
+    exit_status = _exit_status(bag)
     try:
         summary = _summary(bag)
     except InputError as error:
@@ -157,6 +157,13 @@ def _row_or_reason(bag: Path) -> Row | str:
         return row_from_bag(bag)
     except InputError as error:
         return str(error)
+
+
+def _exit_status(bag: Bag) -> str:
+    """How the trial ended; a bag that recovery could not bring back whole is for a person to judge."""
+    if bag.provenance.get("recovery", {}).get("lost", "nothing") != "nothing":
+        return "recovered, parts are lost"
+    return bag.provenance.get("trial", {}).get("exit_status", OK)
 
 
 def _plan(bag: Bag) -> dict[str, Any]:
@@ -262,7 +269,9 @@ def _read_cache(folder: Path) -> dict[str, dict[str, Any]]:
     """Rows by content hash; a cache that can't be read is no cache."""
     try:
         content = json.loads((folder / CACHE).read_text(encoding="utf-8"))
-        return {key: asdict(Row(**{name: _from_json(value) for name, value in row.items()})) for key, row in content.items()}
+        return {
+            key: asdict(Row(**{name: _from_json(value) for name, value in row.items()})) for key, row in content.items()
+        }
     except (OSError, ValueError, TypeError, AttributeError):
         return {}
 
@@ -275,9 +284,10 @@ def _write_cache(folder: Path, rows: dict[str, dict[str, Any]]) -> None:
 
 
 def _jsonable(row: Row) -> dict[str, Any]:
-    return {name: None if isinstance(value, float) and math.isnan(value) else value for name, value in asdict(row).items()}
+    return {
+        name: None if isinstance(value, float) and math.isnan(value) else value for name, value in asdict(row).items()
+    }
 
 
 def _from_json(value: Any) -> Any:
     return math.nan if value is None else value
-

@@ -203,7 +203,9 @@ def _csv_lines(path: Path) -> list[list[str]]:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file; a trials CSV (UTF-8), a bag or a campaign folder is needed") from None
+        raise InputError(
+            f"{path}: not a text file; a trials CSV (UTF-8), a bag or a campaign folder is needed"
+        ) from None
     except csv.Error as error:
         raise InputError(f"{path}: not a CSV: {error}") from None
 

@@ -241,9 +241,7 @@ class BagWriter:
     def _open_file(self) -> None:
         name = f"{self._final.name}_{len(self.info.files)}.mcap"
         try:
-            self._file = McapWriter(
-                self._folder / name, compression=self._compression, chunk_size=self._chunk_size
-            )
+            self._file = McapWriter(self._folder / name, compression=self._compression, chunk_size=self._chunk_size)
             self.info.files.append(metadata.FileInfo(name))
             for channel in self._channels.values():
                 self._register(channel)

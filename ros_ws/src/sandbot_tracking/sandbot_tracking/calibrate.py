@@ -1,7 +1,9 @@
-"""Calibrate a camera of the trackway: from a table of pixels and metres, or a chessboard video, to a cameras.yaml entry.
+"""Calibrate a camera of the trackway: from a table of pixels and metres, or a chessboard video, to a cameras.yaml
+entry.
 
-A table (CSV with the columns u_px, v_px, x_m, y_m, z_m) gives where the camera stands; with points that do not lie in one plane, or with
---intrinsics, that is well determined. Chessboard frames give lens and focal length; --table then adds the place.
+A table (CSV with the columns u_px, v_px, x_m, y_m, z_m) gives where the camera stands; with points that do not lie
+in one plane, or with --intrinsics, that is well determined. Chessboard frames give lens and focal length; --table
+then adds the place.
 """
 
 import csv

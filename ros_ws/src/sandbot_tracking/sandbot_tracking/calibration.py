@@ -4,8 +4,8 @@ A camera sees rays, not points. What turns a pixel into metres is knowing the pl
 the dorsal camera, y = offset for the lateral one. The dorsal marker rides on the body, so its plane rises with the lift
 (``to_plane(..., offset_m)``); left uncorrected the parallax is about x·lift/Z.
 
-Camera axes: x right, y down, z forward. ``rotation`` takes trackway axes to camera axes (its rows are the camera's axes).
-Lens model: OpenCV's (k1, k2, p1, p2, k3).
+Camera axes: x right, y down, z forward. ``rotation`` takes trackway axes to camera axes (its rows are the camera's
+axes). Lens model: OpenCV's (k1, k2, p1, p2, k3).
 """
 
 from collections.abc import Mapping, Sequence
@@ -98,7 +98,7 @@ class Camera:
             # The default 5 iterations leave 1e-3 px at strong distortion.
             criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 20, 1e-12)
             points = np.ascontiguousarray(px, dtype=float)[:, None, :]
-            normal = cv2.undistortPointsIter(points, self.matrix, self._lens, None, None, criteria)[:, 0, :]
+            normal = cv2.undistortPoints(points, self.matrix, self._lens, criteria=criteria)[:, 0, :]
         else:
             normal = (px - (self.cx, self.cy)) / (self.fx, self.fy)
         return np.asarray(np.column_stack((normal, np.ones(len(normal)))) @ self._axes, dtype=float)
@@ -115,7 +115,7 @@ class Camera:
         offset = np.asarray(self.plane.offset_m if offset_m is None else offset_m, dtype=float)
         rays = self._rays(points)
         distance = (offset - self._centre[axis]) / rays[:, axis]
-        return self._centre + rays * distance[:, None]
+        return np.asarray(self._centre + rays * distance[:, None], dtype=float)
 
     def covariance_m2(self, px: ArrayLike, covariance_px2: ArrayLike, offset_m: ArrayLike | None = None) -> Floats:
         """Covariances (n, 3, 3) [m²] of ``to_plane`` from pixel covariances: (n, 2) variances or (n, 2, 2).

@@ -28,7 +28,7 @@ class CameraParameters:
     rate_hz: float = parameter(0.0, unit="Hz", doc="frames per second; 0: as the video says", low=0.0, high=10000.0)
 
 
-class CameraNode(Node):  # type: ignore[misc]
+class CameraNode(Node):
     """Publishes one source frame by frame."""
 
     def __init__(self) -> None:

@@ -1,9 +1,10 @@
 """Steps laid over one another, and the steepest or highest point of the folded curve.
 
-At ω = 30 rad/s a step has ten frames and its stance may be over in one; many steps together, each sampled at other phases, show
-the stance well. The curve has kinks where the leg catches and lets go, so no global smoother will do. A local cubic is fitted in
-windows of many centres and widths, and of each centre the widest window is kept whose residuals are noise (Lepski's rule): it ends by
-itself before a kink, and spans the whole step where the robot swims, so noise does not pass for a peak.
+At ω = 30 rad/s a step has ten frames and its stance may be over in one; many steps together, each sampled at other
+phases, show the stance well. The curve has kinks where the leg catches and lets go, so no global smoother will do. A
+local cubic is fitted in windows of many centres and widths, and of each centre the widest window is kept whose
+residuals are noise (Lepski's rule): it ends by itself before a kink, and spans the whole step where the robot swims,
+so noise does not pass for a peak.
 """
 
 from collections.abc import Callable
@@ -118,7 +119,8 @@ def _progress(phase: Floats, part: Floats, length: Floats) -> Floats:
     groups = p.size // size
     middle = np.median(p[: groups * size].reshape(groups, size), axis=1)
     level = np.median(r[: groups * size].reshape(groups, size), axis=1)
-    return np.interp(phase, np.concatenate(([0.0], middle, [1.0])), np.concatenate(([0.0], level, [1.0])))
+    knots, levels = np.concatenate(([0.0], middle, [1.0])), np.concatenate(([0.0], level, [1.0]))
+    return np.asarray(np.interp(phase, knots, levels), dtype=float)
 
 
 def _best(folded: Folded, merit: Callable[[_Fit], float]) -> _Fit:
@@ -140,7 +142,7 @@ def _widest(folded: Folded, centre: float) -> _Fit | None:
 
 
 def _fit(folded: Folded, centre: float, half: float, degree: int) -> _Fit | None:
-    """A polynomial about ``centre`` in [centre ± half], wrapping round the step; None if its residuals are not noise."""
+    """A polynomial about ``centre`` in [centre ± half], wrapping round the step; None if residuals are not noise."""
     turns = np.floor(folded.phase - centre + 0.5)
     u = (folded.phase - centre - turns) / half
     inside = np.abs(u) <= 1.0
@@ -201,4 +203,4 @@ def _smooth(folded: Folded, phase: Floats) -> Floats:
     groups = folded.phase.size // size
     middle = folded.phase[: groups * size].reshape(groups, size).mean(axis=1)
     level = folded.value[: groups * size].reshape(groups, size).mean(axis=1)
-    return np.interp(phase, middle, level, period=1.0)
+    return np.asarray(np.interp(phase, middle, level, period=1.0), dtype=float)

@@ -1,10 +1,10 @@
 """One frame to marker centres with covariance. Input: mono8 (height, width); output: pixels.
 
-``detect`` looks at the whole frame and is for finding markers; ``locate`` looks at a small region around a prediction and
-is for following them. Both end in the same estimator: a weighted centroid with a soft threshold half-way between the
-grains and the disc. The weight is the pixel's coverage by the disc, cut off where noise rules: below LOW grains weigh nothing,
-above HIGH the disc's own noise is gone. (On drawn discs of 6–8 px the pair 0.25, 0.9 halves the error of a hard threshold and of
-the plain centroid; benchmarks/tracking.py.)
+``detect`` looks at the whole frame and is for finding markers; ``locate`` looks at a small region around a
+prediction and is for following them. Both end in the same estimator: a weighted centroid with a soft threshold
+half-way between the grains and the disc. The weight is the pixel's coverage by the disc, cut off where noise rules:
+below LOW grains weigh nothing, above HIGH the disc's own noise is gone. (On drawn discs of 6–8 px the pair 0.25, 0.9
+halves the error of a hard threshold and of the plain centroid; benchmarks/tracking.py.)
 """
 
 from dataclasses import dataclass
@@ -86,21 +86,22 @@ def locate(frame: Frame, x: float, y: float, radius: float, gate: float) -> Floa
     x, y [px] · their variances [px²] · radius [px] · contrast [grey levels] · elongation (ratio of axes).
     NaN also where the disc touches the frame's edge: a cut disc has no honest centre.
 
-    The variance follows each pixel's noise through the centroid, dc/dI_i = w'(x_i − c)/W: on the rim, where w' is not 0, camera noise
-    (seen inside the disc) and grain texture (seen around it) by the part of a rim pixel the disc leaves uncovered.
+    The variance follows each pixel's noise through the centroid, dc/dI_i = w'(x_i − c)/W: on the rim, where w' is
+    not 0, camera noise (seen inside the disc) and grain texture (seen around it) by the part of a rim pixel the disc
+    leaves uncovered.
     """
     return np.asarray(_locate(frame, float(x), float(y), float(radius), float(gate)))
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _locate(frame, x, y, radius, gate):  # type: ignore[no-untyped-def]
     height, width = frame.shape
     nothing = np.full(7, np.nan)
     if not (np.isfinite(x) and np.isfinite(y)):
         return nothing
     reach = int(np.ceil(radius + gate + 3.0))
-    left, right = max(0, int(round(x)) - reach), min(width, int(round(x)) + reach + 1)
-    top, bottom = max(0, int(round(y)) - reach), min(height, int(round(y)) + reach + 1)
+    left, right = max(0, round(x) - reach), min(width, round(x) + reach + 1)
+    top, bottom = max(0, round(y) - reach), min(height, round(y) + reach + 1)
     if right - left < 5 or bottom - top < 5:
         return nothing
     bright, dark = _levels(frame, left, right, top, bottom, radius)
@@ -122,9 +123,9 @@ def _locate(frame, x, y, radius, gate):  # type: ignore[no-untyped-def]
     return _measure(frame, cx, cy, radius)
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _levels(frame, left, right, top, bottom, radius):  # type: ignore[no-untyped-def]
-    """Grey level of the disc and of the grains: means of the brightest quarter disc and of the darker half of a region."""
+    """Grey level of the disc and of the grains: mean of the region's brightest pixels, and its median."""
     counts = np.zeros(256, np.int64)
     for row in range(top, bottom):
         for column in range(left, right):
@@ -135,7 +136,7 @@ def _levels(frame, left, right, top, bottom, radius):  # type: ignore[no-untyped
     return bright, dark
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _mean_of_top(counts, wanted):  # type: ignore[no-untyped-def]
     taken, total = 0, 0.0
     for level in range(255, -1, -1):
@@ -147,7 +148,7 @@ def _mean_of_top(counts, wanted):  # type: ignore[no-untyped-def]
     return total / taken
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _median(counts, rank):  # type: ignore[no-untyped-def]
     seen = 0
     for level in range(256):
@@ -157,7 +158,7 @@ def _median(counts, rank):  # type: ignore[no-untyped-def]
     return 255.0
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _centroid(frame, left, right, top, bottom, x0, y0, reach, dark, bright):  # type: ignore[no-untyped-def]
     """Weighted centroid of pixels within ``reach`` of (x0, y0) and the sum of weights."""
     base, scale = dark + LOW * (bright - dark), 1.0 / ((HIGH - LOW) * (bright - dark))
@@ -174,7 +175,7 @@ def _centroid(frame, left, right, top, bottom, x0, y0, reach, dark, bright):  # 
     return sum_x / total, sum_y / total, total
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _measure(frame, cx, cy, radius):  # type: ignore[no-untyped-def]
     """Levels and noise from inside and around the disc, then the final centroid with its variance."""
     height, width = frame.shape

@@ -1,4 +1,5 @@
-"""Frames of both cameras to landmarks and speed: the one core behind the live node, the batch campaign and track_video."""
+"""Frames of both cameras to landmarks and speed: the one core behind the live node, the batch campaign and
+track_video."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from sandbot_common.errors import InputError
 from sandbot_tracking.calibration import Camera
 from sandbot_tracking.markers import Appearance, Frame
 from sandbot_tracking.speed import HarmonicSpeed
-from sandbot_tracking.track import Counts, Gates, Marks, MarkerTracker
+from sandbot_tracking.track import Counts, Gates, MarkerTracker, Marks
 from sandbot_tracking.trial import AXLE_REST_M
 
 Floats = NDArray[np.float64]
@@ -92,9 +93,9 @@ class LegClock:
 class OfflineTracker:
     """Tracks ``com`` in dorsal frames, ``front_axle`` and ``rear_axle`` in lateral ones.
 
-    The centre of mass rides on the body: its plane is raised by the lift the lateral camera sees at the same instant. With
-    a lateral camera that just misses the axles there is no honest x, so ``com`` is NaN; without a lateral camera at
-    all the lift counts as unknown by UNKNOWN_LIFT_M in the variance.
+    The centre of mass rides on the body: its plane is raised by the lift the lateral camera sees at the same
+    instant. With a lateral camera that just misses the axles there is no honest x, so ``com`` is NaN; without a
+    lateral camera at all the lift counts as unknown by UNKNOWN_LIFT_M in the variance.
     """
 
     def __init__(

@@ -2,8 +2,9 @@
 
 ``smooth``         offline: Rauch–Tung–Striebel on an integrated-noise model, its order and noise by maximum likelihood.
 ``HarmonicSpeed``  online, no lag: v = mean + 3 harmonics of the known step frequency. One filter cannot be both calm
-                   on steady gait and quick where walking turns into swimming; an interacting bank of filters with process noise
-                   from calm to wild (Blom & Bar-Shalom 1988) is, and says by its variance which it just was.
+                   on steady gait and quick where walking turns into swimming; an interacting bank of filters with
+                   process noise from calm to wild (Blom & Bar-Shalom 1988) is, and says by its variance which it
+                   just was.
 
 Positions [m], times [s], velocities [m/s]. A missing position is NaN and so is its velocity: nothing is interpolated.
 """
@@ -105,7 +106,7 @@ def _per_second(matrix: Floats, frame: float, both: bool = False) -> Floats:
     return matrix * scale[:, None] * (scale[None, :] if both else 1 / scale[None, :])
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _rts(y, r, transition, noise):  # type: ignore[no-untyped-def]
     """Velocity, its variance (in units of the scale), concentrated log-likelihood, scale of all variances."""
     n, k = transition.shape[0], transition.shape[1]
@@ -213,7 +214,8 @@ class HarmonicSpeed:
 def _harmonic_model(harmonics: int, base_rad_s: float, dt: float) -> tuple[Floats, Floats]:
     """Transition and process noise per unit of the bank, over ``dt``.
 
-    State: x, mean, then for each harmonic (c, s) with v = mean + Σ c and (c, s) turning at its frequency. Noise by Van Loan.
+    State: x, mean, then for each harmonic (c, s) with v = mean + Σ c and (c, s) turning at its frequency. Noise by
+    Van Loan.
     """
     size = 2 + 2 * harmonics
     drift, source = np.zeros((size, size)), np.zeros((size, size))
@@ -228,7 +230,7 @@ def _harmonic_model(harmonics: int, base_rad_s: float, dt: float) -> tuple[Float
     return np.ascontiguousarray(transition), np.ascontiguousarray(transition @ block[:size, size:])
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _imm(means, covs, weights, transition, noise, x, r, beyond_rad_s):  # type: ignore[no-untyped-def]
     """One step of the bank in place; mean and variance of v over the bank.
 

@@ -1,8 +1,9 @@
 """Frame after frame: follow named markers, lose them honestly, find them again, never swap them.
 
-Each marker is looked for where constant velocity puts it. One that is not there is missing (NaN, counted), then looked for in a
-wider gate, beside its still visible neighbour, and at last in the whole frame. Markers of one camera ride on a rigid body, so they keep
-their order along the image and nearly their distance: what breaks that is dropped and counted as ambiguous.
+Each marker is looked for where constant velocity puts it. One that is not there is missing (NaN, counted), then
+looked for in a wider gate, beside its still visible neighbour, and at last in the whole frame. Markers of one camera
+ride on a rigid body, so they keep their order along the image and nearly their distance: what breaks that is dropped
+and counted as ambiguous.
 """
 
 from collections.abc import Sequence
@@ -175,7 +176,9 @@ class MarkerTracker:
         anchor, answer = visible[0], rows.copy()
         for i in np.flatnonzero(np.isnan(rows[:, 0])):
             where = rows[anchor, :2] + self._offset[i] - self._offset[anchor]
-            near = [c for c in candidates if np.hypot(*(c[:2] - where)) <= self._gates.gate_px and self._same(c, i)]
+            near = [
+                c for c in candidates if np.hypot(*(c[:2] - where)) <= self._gates.gate_px and self._same(c, int(i))
+            ]
             if len(near) == 1:
                 answer[i] = near[0]
         return answer

@@ -24,7 +24,7 @@ class TrackerParameters:
     cameras: str = parameter("", doc="YAML file of the calibrated cameras (dorsal, lateral)")
 
 
-class TrackerNode(Node):  # type: ignore[misc]
+class TrackerNode(Node):
     """Wires an OfflineTracker to the topics."""
 
     def __init__(self) -> None:

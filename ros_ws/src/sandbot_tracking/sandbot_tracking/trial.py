@@ -1,11 +1,12 @@
 """One trial's landmarks and leg angles to its observables: mean speed, lift, peak speed, first step.
 
-Definitions: docs/architecture.md. The clock is read from the legs as they really turned, for they may turn slower than told:
-the mean of the six unwrapped angles grows by exactly π each half period, whatever the gait, as tripod B follows A half a
-period later. A *step* is such a half period.
+Definitions: docs/architecture.md. The clock is read from the legs as they really turned, for they may turn slower
+than told: the mean of the six unwrapped angles grows by exactly π each half period, whatever the gait, as tripod B
+follows A half a period later. A *step* is such a half period.
 
-Steady steps are laid over one another (fold.py), each between its own two rest positions, so steps of slightly different length
-do not smear. ``peak_speed_m_s`` is then the steepest slope and ``lift_m`` the highest point of the folded curve.
+Steady steps are laid over one another (fold.py), each between its own two rest positions, so steps of slightly
+different length do not smear. ``peak_speed_m_s`` is then the steepest slope and ``lift_m`` the highest point of the
+folded curve.
 """
 
 from dataclasses import dataclass
@@ -68,7 +69,8 @@ def summarise(
     """The observables of a trial whose clock started at ``start_s``.
 
     t_s, com_x_m, front_z_m, rear_z_m: (n,), metres in the trackway frame, NaN where a landmark is missing;
-    leg_t_s (m,) and leg_angle (m, 6) [rad], wrapped or not. Raises InputError if shapes do not fit or time does not grow.
+    leg_t_s (m,) and leg_angle (m, 6) [rad], wrapped or not. Raises InputError if shapes do not fit or time does not
+    grow.
     """
     t, x, front, rear = (np.asarray(values, dtype=float) for values in (t_s, com_x_m, front_z_m, rear_z_m))
     z = (front + rear) / 2
@@ -127,7 +129,7 @@ def half_periods(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> Fl
         raise _NotMeasured("the legs turned less than half a period")
     ahead = np.concatenate(([True], np.diff(advance) > 0)) & (t >= start_s)
     clock, times = np.append(0.0, advance[ahead]), np.append(start_s, t[ahead])
-    return np.interp(np.pi * np.arange(halves + 1), clock, times)
+    return np.asarray(np.interp(np.pi * np.arange(halves + 1), clock, times), dtype=float)
 
 
 def _first_step(t: Floats, x: Floats, edges: Floats, reasons: list[str]) -> float:
@@ -140,13 +142,12 @@ def _first_step(t: Floats, x: Floats, edges: Floats, reasons: list[str]) -> floa
 
 
 def position_at(t: Floats, x: Floats, when: float, period: float) -> float:
-    """x at a time: a straight line through the frames within a tenth of a period (two frames at least); NaN in a gap."""
+    """x at a time: a straight line through the frames within a tenth of a period (at least two); NaN in a gap."""
     frame = float(np.median(np.diff(t)))
     near = np.isfinite(x) & (np.abs(t - when) <= max(0.1 * period, 1.01 * frame))
     if near.sum() < 2 or when < t[near][0] - 0.51 * frame or when > t[near][-1] + 0.51 * frame:
         return np.nan
-    slope, level = np.polyfit(t[near] - when, x[near], 1)
-    return float(level)
+    return float(np.polyfit(t[near] - when, x[near], 1)[1])
 
 
 def _mean_speed(t: Floats, x: Floats, edges: Floats, reasons: list[str]) -> tuple[float, float, int]:

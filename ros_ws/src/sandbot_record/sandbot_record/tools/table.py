@@ -15,7 +15,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _table(argv: Sequence[str]) -> None:
     parser = cli.Parser(prog="table", description=__doc__)
     parser.add_argument("data", nargs="+", type=Path, metavar="DATA", help="a campaign folder, bags or trials CSVs")
-    parser.add_argument("--out", type=Path, help="the CSV to write (default: trials.csv in the campaign folder, else print)")
+    parser.add_argument(
+        "--out", type=Path, help="the CSV to write (default: trials.csv in the campaign folder, else print)"
+    )
     parser.add_argument("--workers", type=int, help="processes (default: one a CPU)")
     options = parser.parse_args(argv)
     skipped: tuple[str, ...] = ()

@@ -1,0 +1,31 @@
+"""recover: bring everything intact in a torn or damaged bag into a new, whole one, and say what is lost."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from sandbot_common import cli
+from sandbot_common.errors import InputError
+from sandbot_record.recover import recover
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line."""
+    return cli.run(_recover, argv)
+
+
+def _recover(argv: Sequence[str]) -> None:
+    parser = cli.Parser(prog="recover", description=__doc__)
+    parser.add_argument("bag", type=Path, metavar="BAG", help="the bag's folder, or one .mcap file; it is not changed")
+    parser.add_argument("new", type=Path, metavar="NEW_BAG", help="the bag to write; must not exist")
+    options = parser.parse_args(argv)
+    try:
+        result = recover(options.bag, options.new)
+    except OSError as error:
+        raise InputError(f"{options.new}: {error.strerror}") from None
+    for line in result.lines():
+        print(line)
+    print(f"{options.new}: {sum(result.counts.values())} messages, complete{' and nothing lost' * result.lossless}")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,76 @@
+"""Bags for the tests, made of known messages."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+from sandbot_common import messages, topics
+from sandbot_common.serialization import to_cdr
+from sandbot_record import interfaces
+from sandbot_record.writer import BagWriter
+
+T0 = 1_700_000_000_000_000_000
+OMEGA = 8.0
+PLAN = {
+    "trial_id": "t0001",
+    "phi_target": 0.62,
+    "omega_rad_s": OMEGA,
+    "gait": "UNIFORM",
+    "replicate": 2,
+    "campaign": "c",
+    "seed": 3,
+    "start": "2026-01-01T00:00:00+00:00",
+}
+
+
+def joint_state(index: int, t_ns: int, names=topics.LEGS) -> bytes:
+    angles = index + np.arange(len(names)) / 8
+    return to_cdr(messages.joint_state(t_ns, names, angles, -angles, angles * 0))
+
+
+def legs_bag(path: Path, count: int = 500, **options) -> Path:
+    """``count`` joint states, 1 ms apart, position of leg k in message i is i + k / 8."""
+    with BagWriter(path, **options) as writer:
+        for index in range(count):
+            t_ns = T0 + index * 1_000_000
+            writer.write(topics.LEG_STATES, joint_state(index, t_ns), t_ns, t_ns - 7, index + 1)
+    return path
+
+
+def serialize(message, type_name: str) -> bytes:
+    """CDR bytes of a rosbags message."""
+    return bytes(interfaces.store().serialize_cdr(message, type_name))
+
+
+def trial_bag(path: Path, *, speed: float = 0.2, without: tuple[str, ...] = (), plan=None, exit_status="ok") -> Path:
+    """A trial of constant speed: 0.3 s at rest, then 4 s of legs turning at OMEGA; lift is |sin| of 10 mm."""
+    given: list[tuple[int, topics.Topic, bytes]] = []
+
+    def add(topic, t_ns, message):
+        if topic.name not in without:
+            given.append((t_ns, topic, to_cdr(message)))
+
+    start = T0 + 300_000_000
+    add(topics.TRIAL, T0, messages.string(json.dumps(PLAN if plan is None else plan)))
+    add(topics.BED_PHI, T0, messages.float64(0.6213))
+    add(topics.BED_STATUS, T0, messages.diagnostics(T0, "bed", {"stage": "ready", "phi_sd": 0.0015}))
+    add(topics.SYNC_LED, start, messages.header(start, "sync_led"))
+    for index in range(430):
+        t_ns = T0 + index * 10_000_000
+        t_s = max(0.0, (t_ns - start) * 1e-9)
+        lift = 0.025 + 0.01 * abs(math.sin(OMEGA * t_s))
+        add(topics.COM, t_ns, messages.point(t_ns, (0.1 + speed * t_s, 0.0, math.nan)))
+        add(topics.FRONT_AXLE, t_ns, messages.point(t_ns, (0.2 + speed * t_s, math.nan, lift)))
+        add(topics.REAR_AXLE, t_ns, messages.point(t_ns, (0.0 + speed * t_s, math.nan, lift)))
+    for index in range(860):
+        t_ns = T0 + index * 5_000_000
+        t_s = max(0.0, (t_ns - start) * 1e-9)
+        angles = OMEGA * t_s + np.array([0, 0, 0, 1, 1, 1]) * math.pi
+        add(topics.LEG_STATES, t_ns, messages.joint_state(t_ns, topics.LEGS, angles, angles * 0 + OMEGA, angles * 0))
+    with BagWriter(path) as writer:
+        for t_ns, topic, cdr in sorted(given, key=lambda one: one[0]):
+            writer.write(topic, cdr, t_ns)
+        writer.metadata("trial", {"id": "t0001", "exit_status": exit_status})
+    return path
