@@ -55,11 +55,20 @@ def talker(start):
     return process
 
 
+def eventually(look, wanted, tries=10):
+    """Ask again until ``wanted`` is among the lines: on a busy host discovery may take longer than one look."""
+    for _ in range(tries):
+        lines = look().stdout.splitlines()
+        if wanted in lines:
+            return lines
+    raise AssertionError(f"{wanted!r} is not in {lines}")
+
+
 def test_topics_and_nodes_are_seen(talker, ros2):
-    assert "/talk [std_msgs/msg/Float64]" in ros2("topic", "list", "-t").stdout.splitlines()
+    eventually(lambda: ros2("topic", "list", "-t"), "/talk [std_msgs/msg/Float64]")
     assert ros2("topic", "type", "/talk").stdout == "std_msgs/msg/Float64\n"
     assert ros2("topic", "info", "/talk").stdout.startswith("Type: std_msgs/msg/Float64\nPublisher count: 1\n")
-    assert ros2("node", "list").stdout.splitlines() == ["/talker"]
+    assert eventually(lambda: ros2("node", "list"), "/talker") == ["/talker"]
     info = ros2("node", "info", "/talker").stdout
     assert info.startswith("/talker\n  Subscribers:\n")
     assert "    /talk: std_msgs/msg/Float64\n" in info
@@ -121,7 +130,7 @@ def test_parameters(talker, ros2):
 
 
 def test_services(talker, ros2):
-    assert "/switch [std_srvs/srv/SetBool]" in ros2("service", "list", "-t").stdout.splitlines()
+    eventually(lambda: ros2("service", "list", "-t"), "/switch [std_srvs/srv/SetBool]")
     answered = ros2("service", "call", "/switch", "std_srvs/srv/SetBool", "{data: true}").stdout
     assert "requester: making request: std_srvs.srv.SetBool_Request(data=True)\n" in answered
     assert "response:\nstd_srvs.srv.SetBool_Response(success=True, message='heard')\n" in answered
@@ -132,10 +141,7 @@ def test_services(talker, ros2):
 
 def test_run_hands_over_signals_arguments_and_the_exit_code(start, ros2):
     clock = start("ros2", "run", "sandbot_clock", "clock", "--ros-args", "-r", "__node:=other", "-p", "rate_hz:=50.0")
-    deadline = 30
-    while ros2("param", "get", "--hide-type", "/other", "rate_hz").stdout != "50.0\n":
-        deadline -= 1
-        assert deadline, clock.lines
+    eventually(lambda: ros2("param", "get", "--hide-type", "/other", "rate_hz"), "50.0")
     assert clock.stop() == 0
     bad = ros2("run", "sandbot_clock", "clock", "--ros-args", "-p", "rate_hz:=1.0")
     assert bad.returncode == 2

@@ -45,7 +45,7 @@ class Group:
         self._stop.set()
 
     def run(self) -> int:
-        """Start all, wait until asked to stop or a required process ends, stop all; 0, or 1 if one had died."""
+        """Start all, wait until asked to stop or a required process ends, stop all; 1 if a required one died."""
         alive: list[Process] = []
         code = 0
         try:
@@ -55,8 +55,9 @@ class Group:
             while alive and not self._stop.is_set():
                 for process in [one for one in alive if _ended(one)]:
                     alive.remove(process)
-                    code |= self._report(process)
+                    died = self._report(process)
                     if process.required:
+                        code |= died
                         self._line(
                             "INFO", "launch", f"process[{process.label}] was required: shutting down launched system"
                         )

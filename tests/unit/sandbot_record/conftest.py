@@ -1,4 +1,10 @@
 import sys
+import warnings
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
+
+with warnings.catch_warnings():
+    # The first message serialised imports lark, which imports a deprecated module.
+    warnings.simplefilter("ignore", DeprecationWarning)
+    import rosidl_generator_py  # noqa: F401

@@ -72,7 +72,7 @@ class Operator(Node):
         subscription(self, topics.BED_STATUS, self._on_bed)
         subscription(self, topics.LEG_STATES, self._on_legs)
         subscription(self, topics.SPEED, self._on_speed)
-        self._services = {
+        self._triggers = {
             name: self.create_client(Trigger, name)
             for name in ("/clock/home", "/clock/start", "/clock/stop", "/bed/prepare", "/bed/abort", "/lab/reset")
         }
@@ -84,11 +84,11 @@ class Operator(Node):
     def find_nodes(self) -> None:
         """Wait for clock and bed; InputError naming what is missing."""
         for name in ("/clock/start", "/bed/prepare"):
-            if not self._services[name].wait_for_service(DISCOVERY_S):
+            if not self._triggers[name].wait_for_service(DISCOVERY_S):
                 raise InputError(
                     f"no node offers {name}; start them with: ros2 launch sandbot_bringup trackway.launch.py"
                 )
-        self._has_lab = self._services["/lab/reset"].wait_for_service(2.0)
+        self._has_lab = self._triggers["/lab/reset"].wait_for_service(2.0)
 
     def run(self, trial: PlannedTrial, folder: CampaignFolder) -> None:
         """One trial from bed preparation to the closed bag; TrialFailed with the reason otherwise."""
@@ -147,11 +147,11 @@ class Operator(Node):
 
     def _make_safe(self) -> None:
         for name in ("/clock/stop", "/bed/abort"):
-            self._services[name].call_async(Trigger.Request())
+            self._triggers[name].call_async(Trigger.Request())
         self._wait(lambda: False, 0.2)
 
     def _call(self, name: str) -> None:
-        answer = self._complete(self._services[name].call_async(Trigger.Request()), name)
+        answer = self._complete(self._triggers[name].call_async(Trigger.Request()), name)
         if not answer.success:
             raise TrialFailed(f"{name} refused: {answer.message}")
 

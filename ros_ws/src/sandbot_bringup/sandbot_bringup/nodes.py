@@ -207,14 +207,8 @@ def _plain(text: str) -> Any:
 
 
 def _flow(value: Any) -> str:
-    # One line of YAML, text in quotes so that "1" stays text; "\n..." is how PyYAML ends a bare scalar.
-    return (
-        yaml.safe_dump(
-            value,
-            default_flow_style=True,
-            default_style='"' if isinstance(value, str) else None,
-            width=10**6,
-        )
-        .removesuffix("\n")
-        .removesuffix("\n...")
-    )
+    """One line of YAML; text in quotes, so that "1" stays text."""
+    text = isinstance(value, str) or (isinstance(value, list) and any(isinstance(item, str) for item in value))
+    line = yaml.safe_dump(value, default_flow_style=True, default_style='"' if text else None, width=10**6)
+    # PyYAML ends a bare value with an end-of-document mark.
+    return line.removesuffix("\n").removesuffix("\n...")

@@ -54,8 +54,8 @@ class LabNode(Node):
 
     def __init__(self) -> None:
         super().__init__("lab")
-        self._parameters = node.Parameters(self, LabParameters, self._check)
-        current = self._parameters.current
+        self._settings = node.Parameters(self, LabParameters, self._check)
+        current = self._settings.current
         self._world = read_world(Path(current.world)) if current.world else null_world()
         self._sections = self._read_cameras(current.cameras)
         self._info = {name: camera_info(calibration(self._sections[name], name)) for name in CAMERAS}
@@ -81,7 +81,7 @@ class LabNode(Node):
     def _check(self, new: LabParameters) -> None:
         fixed = ("world", "cameras", "seed")
         for name in fixed:
-            if getattr(new, name) != getattr(self._parameters.current, name):
+            if getattr(new, name) != getattr(self._settings.current, name):
                 raise InputError(f"lab parameters: {name} is fixed when the node starts")
 
     def _read_cameras(self, path: str) -> dict[str, Any]:
@@ -94,7 +94,7 @@ class LabNode(Node):
         return sections
 
     def _idle_cameras(self) -> dict[str, LabCamera]:
-        seed = self._parameters.current.trial_seed
+        seed = self._settings.current.trial_seed
         return {name: LabCamera(name, self._sections[name], seed) for name in CAMERAS}
 
     def _now_ns(self) -> int:
@@ -115,7 +115,7 @@ class LabNode(Node):
             self._health.level, self._health.text = 1, f"set-point refused: {error}"
 
     def _begin(self, t_ns: int) -> None:
-        current = self._parameters.current
+        current = self._settings.current
         cameras = {name: self._sections[name] for name in CAMERAS} if current.images else {}
         phi = current.phi or self._bed.phi
         self._trial = LiveTrial(self._world, phi, current.trial_seed, current.start_x, cameras, t_ns)
@@ -154,7 +154,7 @@ class LabNode(Node):
         self._height.publish(messages.range_(self._bed_ns, self._bed.read_height_m(), *SENSOR_RANGE_M, "bed"))
 
     def _publish_idle(self) -> None:
-        current = self._parameters.current
+        current = self._settings.current
         if not (current.images and current.idle_frames and self._standing):
             return
         now_ns = self._now_ns()

@@ -25,8 +25,50 @@ UNITS = {"speed": "m/s", "lift": "m", "peak_speed": "m/s", "first_step": "m"}
 COLUMNS = ("speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m")
 """The columns of the trials table, in the order of ``OBSERVABLES``."""
 
-SLOW_PHASE_RATIO = {"SGCS": 0.389, "HGCS": 0.242, "UNIFORM": 1.0}
-"""β: leg rate in stance over the mean rate, θ_s/(2π d_c) (physics §1)."""
+GAITS = {"SGCS": (1.1, -0.5, 0.45), "HGCS": (0.85, 0.13, 0.56), "UNIFORM": (np.pi, 0.0, 0.5)}
+"""θ_s, θ_0 [rad] and d_c of the clock signal (physics §1). A gait of another name is taken for SGCS, the robot's own."""
+
+
+def slow_phase_ratio(gait: str) -> float:
+    """β = θ_s/(2π d_c): leg rate in the slow phase over the mean rate."""
+    theta_s, _, duty = GAITS.get(gait, GAITS["SGCS"])
+    return theta_s / (2 * np.pi * duty)
+
+
+def half_period_angle(gait: str) -> float:
+    """Leg angle [rad] half a period after the start of the slow phase: where the first step is counted to."""
+    theta_s, theta_0, duty = GAITS.get(gait, GAITS["SGCS"])
+    if duty >= 0.5:
+        return theta_0 - theta_s / 2 + theta_s * 0.5 / duty
+    return theta_0 + theta_s / 2 + (2 * np.pi - theta_s) * (0.5 - duty) / (1 - duty)
+
+
+def thrust_phase(gait: str) -> float:
+    """ω × the time [rad] from the leg's lowest point to the end of the first half period: a swimmer's first thrust."""
+    theta_s, theta_0, _ = GAITS.get(gait, GAITS["SGCS"])
+    return float(np.clip(np.pi - (theta_s / 2 - theta_0) / slow_phase_ratio(gait), 0.0, np.pi))
+
+
+STANCE_END = 0.75
+"""Leg angle [rad] at which a long stance ends, asin(s/2R)."""
+FRAME_S = 0.01
+"""Time between camera frames (physics §1)."""
+FRAMES_OF_A_PEAK = 2.5
+
+
+def peak_is_resolved(gait: str, omega: float) -> bool:
+    """Whether the fastest part of a stance lasts long enough to be seen at 100 frames/s.
+
+    A gait that passes into the fast phase before the leg leaves the ground ends its stance at (2π - θ_s)/(2π(1 - d_c)) ω
+    for (0.75 - θ_e)/that seconds; below two frames the largest v_x(t) is the cameras' and not the robot's.
+    """
+    theta_s, theta_0, duty = GAITS.get(gait, GAITS["SGCS"])
+    slow_end = theta_0 + theta_s / 2
+    if slow_end >= STANCE_END:
+        return True
+    swing = (2 * np.pi - theta_s) / (2 * np.pi * (1 - duty)) * omega
+    return (STANCE_END - slow_end) / swing >= FRAMES_OF_A_PEAK * FRAME_S
+
 
 class Trials(Protocol):
     """What is needed of ``sandbot_record.trials.Trials``: columns of equal length, NaN where not measured."""
@@ -55,6 +97,8 @@ class Cells:
     omega: Floats = field(metadata={"shape": "(n,)", "unit": "rad/s"})
     gait: tuple[str, ...] = field(metadata={"shape": "(n,)"})
     slow_phase_ratio: Floats = field(metadata={"shape": "(n,)", "doc": "β of the gait"})
+    half_period_angle: Floats = field(metadata={"shape": "(n,)", "unit": "rad", "doc": "of the gait"})
+    thrust_phase: Floats = field(metadata={"shape": "(n,)", "unit": "rad", "doc": "of the gait"})
     level: Ints = field(metadata={"shape": "(n,)", "doc": "index into level_phi"})
     level_phi: Floats = field(metadata={"shape": "(levels,)", "doc": "mean volume fraction of a level"})
     n: Ints = field(metadata={"shape": "(n, 4)", "doc": "replicates in which the observable was measured"})
@@ -99,6 +143,9 @@ def cells_of(trials: Trials) -> Cells:
     if not usable.any():
         raise InputError(f"none of {len(phi)} trials can be used: phi, omega_rad_s and speed_m_s of an ok trial are needed")
     gait = np.asarray([str(one) for one in trials.gait])[usable]
+    for row in np.flatnonzero(usable):
+        if not peak_is_resolved(str(trials.gait[row]), float(omega[row])):
+            values[row, 2] = np.nan
     return _gather(phi[usable], omega[usable], gait, values[usable], excluded=int((~usable).sum()))
 
 
@@ -127,7 +174,9 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
         phi=average(phi),
         omega=average(omega),
         gait=names,
-        slow_phase_ratio=np.array([SLOW_PHASE_RATIO.get(name, SLOW_PHASE_RATIO["SGCS"]) for name in names]),
+        slow_phase_ratio=np.array([slow_phase_ratio(name) for name in names]),
+        half_period_angle=np.array([half_period_angle(name) for name in names]),
+        thrust_phase=np.array([thrust_phase(name) for name in names]),
         level=keys[0],
         level_phi=average(phi, level, int(level.max()) + 1),
         phi_scatter=_scatter(phi - average(phi)[cell], cells),

@@ -42,13 +42,16 @@ class Chain:
     phi: Array = field(metadata={"unit": "1", "doc": "volume fraction"})
     delta_t: Array = field(metadata={"unit": "s", "doc": "time in which the body is brought to leg speed"})
     v_swim: Array = field(metadata={"unit": "m/s", "doc": "speed where the ground never holds"})
-    slow_phase_ratio: Array = field(metadata={"unit": "1", "doc": "β of the gait: leg rate in stance over ω"})
+    slow_phase_ratio: Array = field(metadata={"unit": "1", "doc": "β of the gait: leg rate in the slow phase over ω"})
+    half_period_angle: Array = field(metadata={"unit": "rad", "doc": "leg angle of the gait half a period on"})
+    thrust_phase: Array = field(metadata={"unit": "rad", "doc": "ω × time from lowest point to the half period's end"})
     first_step: bool = field(metadata={"doc": "virgin ground, standing start"})
     k_of_phi: Callable[[Array], Array] = field(metadata={"doc": "the fitted stiffness at another volume fraction"})
 
     # step (geometry; before strength, which depends on it)
     chord: Array = field(init=False, metadata={"unit": "m", "doc": "2√(R² - (d+h-R)²)"})
     step: Array = field(init=False, metadata={"unit": "m", "doc": "advance a step"})
+    thrust_time: Array = field(init=False, metadata={"unit": "s", "doc": "swimming time in the first step"})
     # strength
     penetration: Array = field(init=False, metadata={"unit": "m", "doc": "z, depth below the surface the leg meets"})
     sigma_phi: Array = field(init=False, metadata={"unit": "1", "doc": "spread of φ along the track"})
@@ -119,8 +122,8 @@ class Effect:
     source: ClassVar[str]
     seen_in: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]] = ()
-    spares_first_step: ClassVar[bool] = False
-    """True if the effect is absent in the first step: virgin ground, standing start (see ``chain.first_step``)."""
+    first_step_differs: ClassVar[bool] = False
+    """True if the effect is another in the first step: virgin ground, standing start (see ``chain.first_step``)."""
     replaces: ClassVar[tuple[str, ...]] = ()
     """Parameters of the base model that mean nothing once the effect acts."""
 
@@ -145,6 +148,8 @@ def through(chain: Chain, effects: Active) -> Chain:
     act("clock")
     chain.leg_speed = robot.leg_radius_m * chain.omega
     chain.peak_ratio = np.ones(())
+    # Thrust begins when the leg has passed its lowest point, with uniform rotation half way through the first step.
+    chain.thrust_time = np.pi / (2 * chain.omega)
     chain.chord = chord(robot, chain.depth)
     chain.step = chain.chord
     act("step")

@@ -49,13 +49,12 @@ def look_along_k(problem: Problem, state: States) -> States:
 
 
 def look_along_theta(problem: Problem, state: States) -> States:
-    """Shift every effect's parameter, with all k's following: where a switch begins has no slope to descend along."""
+    """Shift every shared parameter, with all k's following or staying: where a switch begins there is no slope."""
+    low, high = bounds(problem)
     for index, (name, one) in enumerate(zip(problem.model.names, problem.model.parameters, strict=True)):
-        if "." not in name:
-            continue
-        low, high = one.search
+        reach = state.theta[0, index] if "." not in name else one.high - one.low
         theta = np.repeat(state.theta, len(REACHES), axis=0)
-        theta[:, index] = np.clip(theta[:, index] + REACHES * (one.high - one.low), low, high)
+        theta[:, index] = np.clip(theta[:, index] + REACHES * reach, low[index], high[index])
         moves = (theta[:, index] - state.theta[0, index])[:, None]
         tried = problem.states(
             np.concatenate([theta, theta]),

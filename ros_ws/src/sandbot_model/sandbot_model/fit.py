@@ -111,7 +111,17 @@ class Fit:
         ``slow_phase_ratio`` is β of the gait, by default that of the trials.
         """
         at = np.asarray(phi, dtype=float)
-        beta = self.cells.slow_phase_ratio[0] if slow_phase_ratio is None else slow_phase_ratio
+        cells = self.cells
+        beta = cells.slow_phase_ratio[0] if slow_phase_ratio is None else slow_phase_ratio
+        # The clock's other angles go with β; a β of no gait in the data is that of uniform rotation.
+        clock = {
+            round(ratio, 9): (angle, phase)
+            for ratio, angle, phase in zip(
+                cells.slow_phase_ratio, cells.half_period_angle, cells.thrust_phase, strict=True
+            )
+        }
+        uniform = (np.pi / 2, np.pi / 2)
+        angle, phase = np.vectorize(lambda ratio: clock.get(round(ratio, 9), uniform), otypes=[float, float])(beta)
         delta_t, v_swim, params = self.fitted.arguments(self.state.theta[0])
         inputs = Inputs(
             k_n_per_m=np.interp(at, self.level_phi, self.k_n_per_m),
@@ -120,6 +130,8 @@ class Fit:
             phi=at,
             v_swim_m_s=v_swim,
             slow_phase_ratio=beta,
+            half_period_angle_rad=angle,
+            thrust_phase_rad=phase,
             k_of_phi=KCurve(self.level_phi, self.k_n_per_m),
         )
         shape = np.broadcast_shapes(np.shape(at), np.shape(omega), np.shape(beta))
@@ -150,10 +162,12 @@ def best_state(problem: Problem, near: Known | None = None) -> States:
     also = None if near is None else _inherited(problem.model, near)
     found = starts(problem, slope_of(problem.cells.level_phi, k_curve), k_curve, also=also)
     states = _halved(problem, _begin(problem, found))
-    more = again(problem, states.theta[0], states.ln_k[0], states.slope[0])
-    if more:
-        other = _halved(problem, _begin(problem, more))
-        states = other if other.deviance[0] < states.deviance[0] else states
+    for _ in range(2):
+        more = again(problem, states.theta[0], states.ln_k[0], states.slope[0])
+        other = _halved(problem, _begin(problem, more)) if more else states
+        if other.deviance[0] > states.deviance[0] - 1.0:
+            break
+        states = other
     for _ in range(3):
         states = descend(problem, problem.states(states.theta, states.ln_k, _slopes(problem, states.ln_k)))
         moved = look_along_theta(problem, look_along_k(problem, states))

@@ -63,6 +63,8 @@ class Inputs:
     phi: ArrayLike = np.nan
     v_swim_m_s: ArrayLike = V_SWIM_M_S
     slow_phase_ratio: ArrayLike = 1.0
+    half_period_angle_rad: ArrayLike = np.pi / 2
+    thrust_phase_rad: ArrayLike = np.pi / 2
     k_of_phi: Callable[[Array], Array] | None = None
     """The stiffness at another volume fraction, for effects that ask for it; by default the same everywhere."""
 
@@ -110,7 +112,7 @@ class Walker:
     @cached_property
     def remembers(self) -> bool:
         """Whether the first step, on virgin ground, differs from the others."""
-        return any(effect.spares_first_step for effect in self.effects)
+        return any(effect.first_step_differs for effect in self.effects)
 
     def predict(self, inputs: Inputs, params: Params = ()) -> Prediction:
         """The four observables, of the broadcast shape of inputs and parameters."""
@@ -131,8 +133,7 @@ class Walker:
             virgin = self.chain(inputs, params, footing.virgin_depth[..., None], first_step=True)
         walking = footing.walking
         swim = _flat(steady.v_swim)
-        # Thrust begins when the leg has passed its lowest point, half way through the first step.
-        swum = _flat(steady.v_swim * np.pi / (2 * steady.omega))
+        swum = _flat(virgin.v_swim * virgin.thrust_time)
         columns = np.broadcast_arrays(
             np.where(walking, _flat(steady.speed), swim),
             np.where(walking, self.robot.deepest_m - footing.depth, 0.0),
@@ -156,6 +157,8 @@ class Walker:
             delta_t=_column(inputs.delta_t_s),
             v_swim=_column(inputs.v_swim_m_s),
             slow_phase_ratio=_column(inputs.slow_phase_ratio),
+            half_period_angle=_column(inputs.half_period_angle_rad),
+            thrust_phase=_column(inputs.thrust_phase_rad),
             first_step=first_step,
             k_of_phi=inputs.k_of_phi or (lambda _phi: k),
         )

@@ -6,6 +6,7 @@ the .mcap file, and completed at the end; ``custom_data: state`` says which of t
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,7 @@ def qos_text(profiles: Sequence[Qos]) -> str:
     return files.dump_yaml(dump_qos_v9(list(profiles))) if profiles else ""
 
 
+@lru_cache(maxsize=256)
 def qos_from_text(text: str) -> tuple[Qos, ...]:
     """QoS profiles from such text; empty where it can't be read."""
     try:

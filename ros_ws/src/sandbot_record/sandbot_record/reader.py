@@ -20,6 +20,9 @@ from sandbot_common.errors import InputError
 from sandbot_record import columns, foreign, interfaces, mcap_scan, metadata
 from sandbot_record.mcap_scan import Batch, Damage
 
+_KEEP_BYTES = 32 << 20
+"""Bags up to this size are kept in memory once scanned; larger ones are scanned again each time."""
+
 FIELD_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
 
@@ -95,6 +98,7 @@ class Bag:
     attachments: dict[str, bytes]
     problems: list[str]
     strict: bool
+    _kept: list[tuple[int, mcap_scan.Item, Definitions]] | None = None
 
     @classmethod
     def open(cls, path: Path, *, strict: bool = True) -> "Bag":
@@ -168,17 +172,21 @@ class Bag:
 
     def items(self) -> Iterator[tuple[int, mcap_scan.Item, Definitions]]:
         """Everything in all files in order, damage included: (number of the file, item, definitions known by then)."""
-        if foreign.is_foreign(self.files[0], self.info):
+        if self._kept is not None:
+            yield from self._kept
+        elif foreign.is_foreign(self.files[0], self.info):
             yield from ((0, batch, definitions) for batch, definitions in foreign.items(self.path, self.files))
-            return
-        for file, path in enumerate(self.files):
-            yield from ((file, item, definitions) for item, definitions in _file_items(path, self.info))
+        else:
+            for file, path in enumerate(self.files):
+                yield from ((file, item, definitions) for item, definitions in _file_items(path, self.info))
 
     def _survey(self) -> None:
         starts: list[int] = []
         ends: list[int] = []
         counts: dict[str, int] = {}
         seen: dict[str, metadata.TopicInfo] = {}
+        if sum(path.stat().st_size for path in self.files) <= _KEEP_BYTES:
+            self._kept = list(self.items())
         for _, item, definitions in self.items():
             self._note(item)
             if isinstance(item, Batch) and len(item.rows):

@@ -1,8 +1,8 @@
 """BagWriter: one rosbag2 bag folder (metadata.yaml + .mcap files), readable by `ros2 bag`, rosbags and mcap.
 
 In batch (``whole=True``) the folder is written under a temporary name and renamed when closed: an interrupted trial
-leaves nothing. Live (``whole=False``) it stands under its name from the start and is flushed every second: an interrupted
-recording leaves a torn bag that `recover` makes whole.
+leaves nothing. Live (``whole=False``) it stands under its name from the start and is flushed every
+second: an interrupted recording leaves a torn bag that `recover` makes whole.
 """
 
 import os
@@ -44,8 +44,8 @@ class _Channel:
 class BagWriter:
     """Writes a bag; a context manager. Raises InputError if the bag exists, OSError if the disk is full.
 
-    ``flush_period_s``: longest time, on the clock of the log times, that a message stays in memory; 0 leaves flushing to
-    full chunks. ``on_split`` is called with the name of each new file. Not thread-safe.
+    ``flush_period_s``: longest time, on the clock of the log times, that a message stays in memory; 0 leaves
+    flushing to full chunks. ``on_split`` is called with the name of each new file. Not thread-safe.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class BagWriter:
         chunk_size: int = 1 << 20,
         flush_period_s: float = 1.0,
         fsync: bool = False,
-        split: Split = Split(),  # noqa: B008 (frozen)
+        split: Split = Split(),
         whole: bool = True,
         on_split: Callable[[str], None] | None = None,
     ) -> None:
@@ -128,7 +128,7 @@ class BagWriter:
         self._register(channel)
         self._channels[name] = channel
         self.info.topics.append(channel.info)
-        metadata.write(self._folder, self.info)
+        self._write_metadata()
 
     def write(
         self,
@@ -245,13 +245,18 @@ class BagWriter:
             self.info.files.append(metadata.FileInfo(name))
             for channel in self._channels.values():
                 self._register(channel)
-            metadata.write(self._folder, self.info)
+            self._write_metadata()
         except BaseException:
             if self._folder != self._final:
                 shutil.rmtree(self._folder, ignore_errors=True)
             raise
         if len(self.info.files) > 1 and self._on_split is not None:
             self._on_split(name)
+
+    def _write_metadata(self) -> None:
+        """Keep metadata.yaml ahead of the messages, where a crash would leave the folder behind."""
+        if self._folder == self._final:
+            metadata.write(self._folder, self.info)
 
     def _register(self, channel: _Channel) -> None:
         channel.id = self._file.add_channel(

@@ -59,7 +59,7 @@ def read_table(path: Path) -> tuple[Floats, Floats]:
                 raise InputError(f"{path}: row {n + 2}: {name}: {row[name]!r} is not a number")
     if len(table) < 6:
         raise InputError(f"{path}: {len(table)} points, at least 6 are needed")
-    return table[:, :2], table[:, 2:]
+    return np.ascontiguousarray(table[:, :2]), np.ascontiguousarray(table[:, 2:])
 
 
 def lens_from_chessboard(video: str, pattern: tuple[int, int], square_m: float) -> Lens:

@@ -29,8 +29,8 @@ class TrackerNode(Node):
 
     def __init__(self) -> None:
         super().__init__("tracker")
-        self._parameters = node.Parameters(self, TrackerParameters, _fixed)
-        path = self._parameters.current.cameras
+        self._settings = node.Parameters(self, TrackerParameters, _fixed)
+        path = self._settings.current.cameras
         if not path:
             raise InputError("tracker parameters: cameras: give the YAML file, --ros-args -p cameras:=cameras.yaml")
         self._cameras = read_cameras(path)

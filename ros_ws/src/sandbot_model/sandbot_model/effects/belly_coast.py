@@ -14,7 +14,7 @@ class BellyCoast(Effect):
     source = "friction decay of the speed at touch-down"
     seen_in = "W decay; high omega"
     parameters = (Parameter("mu_b", "1", 0.3, 1.5, 0.7, "friction coefficient of the belly on grains", hard_low=0.02),)
-    spares_first_step = True
+    first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""

@@ -26,7 +26,7 @@ class CarriedMomentum(Effect):
             hard_high=1.5,
         ),
     )
-    spares_first_step = True
+    first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""

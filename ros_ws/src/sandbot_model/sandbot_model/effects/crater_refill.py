@@ -17,7 +17,7 @@ class CraterRefill(Effect):
         Parameter("z_0_m", "m", 0.003, 0.015, 0.008, "depth of a fresh crater", neutral=0.0, hard_low=0.0),
         Parameter("tau_s", "s", 0.05, 0.3, 0.15, "time in which it refills", hard_low=0.01),
     )
-    spares_first_step = True
+    first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""

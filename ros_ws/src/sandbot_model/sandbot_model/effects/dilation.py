@@ -39,7 +39,7 @@ class Dilation(Effect):
             hard_high=0.64,
         ),
     )
-    spares_first_step = True
+    first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""

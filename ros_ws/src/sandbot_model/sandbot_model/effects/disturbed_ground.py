@@ -26,7 +26,7 @@ class DisturbedGround(Effect):
             hard_high=2.0,
         ),
     )
-    spares_first_step = True
+    first_step_differs = True
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""

@@ -1,0 +1,67 @@
+"""v_x(t) against known truth: rms error, honest variance, gaps, a walk that turns into swimming."""
+
+import numpy as np
+import pytest
+
+from sandbot_common.errors import InputError
+from sandbot_tracking.speed import HarmonicSpeed, smooth
+
+T = np.arange(0, 5, 0.01)
+W = 10 * np.pi
+X, V = 0.20 * T - 0.05 * np.cos(W * T) / W, 0.2 + 0.05 * np.sin(W * T)
+
+
+def online(x, noise, omega=W / 2):
+    filter_ = HarmonicSpeed()
+    return np.array([filter_.update(t, value, noise**2, omega) for t, value in zip(T, x, strict=True)]), filter_
+
+
+def test_the_smoother_halves_the_error_of_differences(rng):
+    x = X + 6e-5 * rng.standard_normal(T.size)
+    found = smooth(T, x)
+    error = found.v - V
+    assert np.sqrt(np.mean(error**2)) < 0.55 * np.sqrt(np.mean((np.gradient(x, T) - V) ** 2))
+    assert np.mean(error**2 / found.var) < 2
+
+
+def test_the_clock_locked_filter_beats_the_smoother_without_lag(rng):
+    x = X + 6e-5 * rng.standard_normal(T.size)
+    v, var = online(x, 6e-5)[0][200:].T
+    assert np.sqrt(np.mean((v - V[200:]) ** 2)) < 0.0009
+    assert np.mean((v - V[200:]) ** 2 / var) < 1.5
+    wrong = online(x, 6e-5, omega=1.3 * W / 2)[0][200:, 0]
+    assert np.sqrt(np.mean((wrong - V[200:]) ** 2)) > 0.0018
+
+
+def test_variance_stays_honest_when_walking_turns_into_swimming(rng):
+    change = 250
+    v_true = np.where(np.arange(T.size) < change, V, 0.02)
+    x = np.where(np.arange(T.size) < change, X, X[change] + 0.02 * (T - T[change]))
+    v, var = online(x + 6e-5 * rng.standard_normal(T.size), 6e-5)[0].T
+    off = (v - v_true) ** 2
+    assert var[change + 1 : change + 4].max() > 5 * var[change - 1]
+    assert np.mean(off[change + 2 :] / var[change + 2 :]) < 3
+    assert np.sqrt(off[change + 20 :].mean()) < 0.01
+
+
+def test_gaps_are_nan_and_counted(rng):
+    x = X + 6e-5 * rng.standard_normal(T.size)
+    x[100:110] = np.nan
+    found = smooth(T, x)
+    assert found.gaps == 10
+    assert np.isnan(found.v[100:110]).all()
+    assert np.isfinite(np.delete(found.v, np.s_[100:110])).all()
+    speeds, filter_ = online(x, 6e-5)
+    assert filter_.gaps == 10
+    assert np.isnan(speeds[100:110]).all()
+
+
+def test_bad_input_is_refused():
+    with pytest.raises(InputError, match="grow"):
+        smooth(T[::-1], X)
+    with pytest.raises(InputError, match="at least 8"):
+        smooth(T[:5], X[:5])
+    filter_ = HarmonicSpeed()
+    filter_.update(1.0, 0.0, 1e-9)
+    with pytest.raises(InputError, match="after"):
+        filter_.update(1.0, 0.0, 1e-9)

@@ -1,0 +1,75 @@
+"""Observables of simulated walking (stance x = R sin, with its jumps of speed) and swimming."""
+
+import numpy as np
+import pytest
+
+from sandbot_common.errors import InputError
+from sandbot_tracking.trial import summarise
+
+R, H = 0.0355, 0.025
+
+
+def legs(omega, duration):
+    t = np.arange(-0.2, duration, 0.005)
+    turn = omega * np.maximum(t, 0.0)[:, None]
+    return t, (turn + np.array([0.0] * 3 + [np.pi] * 3)) % (2 * np.pi)
+
+
+def walk(t, omega, ratio):
+    alpha, phase = np.arcsin(ratio / 2), np.maximum(t, 0) * omega / np.pi
+    step = np.floor(phase)
+    theta = np.clip((phase - step) * np.pi - np.pi / 2, -alpha, alpha)
+    return step * ratio * R + R * (np.sin(theta) + np.sin(alpha)), H + R * (np.cos(theta) - np.cos(alpha))
+
+
+def measure(rng, x, z, t, omega, noise=3e-5):
+    x, front, rear = (values + noise * rng.standard_normal(t.size) for values in (x, z, z))
+    return summarise(t, x, front, rear, *legs(omega, t[-1] + 0.1))
+
+
+@pytest.mark.parametrize("omega", [4.0, 16.0, 30.0])
+@pytest.mark.parametrize("ratio", [0.3, 0.9, 1.6])
+def test_walking_is_measured_to_its_stated_accuracy(rng, omega, ratio):
+    t = np.arange(-0.1, max(3.0, 8 * np.pi / omega), 0.01) + rng.uniform(0, 0.01)
+    x, z = walk(t, omega, ratio)
+    summary = measure(rng, x, z, t, omega)
+    assert summary.reason == ""
+    assert summary.speed_m_s == pytest.approx(omega * ratio * R / np.pi, rel=0.002)
+    assert summary.peak_speed_m_s == pytest.approx(R * omega, rel=0.015)
+    assert summary.lift_m == pytest.approx(R * (1 - np.cos(np.arcsin(ratio / 2))), abs=1e-4)
+    assert summary.first_step_m == pytest.approx(ratio * R, abs=2e-4)
+
+
+@pytest.mark.parametrize("omega", [4.0, 30.0])
+def test_swimming_has_no_lift_and_no_false_peak(rng, omega):
+    t = np.arange(-0.1, max(3.0, 8 * np.pi / omega), 0.01)
+    summary = measure(rng, 0.02 * np.maximum(t, 0), np.full(t.size, H), t, omega, 1e-4)
+    assert summary.peak_speed_m_s == pytest.approx(0.02, rel=0.1)
+    assert summary.speed_m_s == pytest.approx(0.02, rel=0.02)
+    assert abs(summary.lift_m) < 5e-5
+
+
+def test_gaps_are_counted_and_do_not_bias(rng):
+    t = np.arange(-0.1, 3.0, 0.01)
+    x, z = walk(t, 16.0, 1.0)
+    x[50:60] = np.nan
+    summary = measure(rng, x, z, t, 16.0)
+    assert summary.gaps == 10
+    assert summary.peak_speed_m_s == pytest.approx(16 * R, rel=0.015)
+
+
+def test_what_cannot_be_measured_is_nan_with_a_reason(rng):
+    t = np.arange(-0.1, 0.5, 0.01)
+    x, z = walk(t, 8.0, 1.0)
+    short = measure(rng, x, z, t, 8.0)
+    assert np.isnan([short.speed_m_s, short.peak_speed_m_s, short.lift_m]).all()
+    assert "period" in short.reason
+    assert short.first_step_m == pytest.approx(R, abs=3e-4)
+    still = summarise(t, x, z, z, t, np.zeros((t.size, 6)))
+    assert np.isnan(still.first_step_m)
+    assert "half a period" in still.reason
+
+
+def test_shapes_that_do_not_fit_are_refused():
+    with pytest.raises(InputError, match="shapes"):
+        summarise(np.arange(5.0), np.zeros(4), np.zeros(5), np.zeros(5), np.arange(5.0), np.zeros((5, 6)))
