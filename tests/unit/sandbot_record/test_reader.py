@@ -84,7 +84,7 @@ def test_columns_refuse(tmp_path):
         bag.columns("/speed/mean", "data")
     with pytest.raises(InputError, match="/lift: .*no plain CDR"):
         bag.columns("/lift", "data")
-    with pytest.raises(InputError, match="position has . values in some"):
+    with pytest.raises(InputError, match="position does not have the same number of values"):
         bag.columns("/leg_states", "position")
 
 

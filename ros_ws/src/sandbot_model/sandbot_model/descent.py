@@ -10,7 +10,7 @@ ENOUGH = 1e-2
 """A step that lowers the deviance by less is the last."""
 STIFFEST = 1e5
 """Damping at which a row is given up."""
-SHIFTS = np.concatenate([[0.0], -(s := np.array([0.002, 0.005, 0.01, 0.018, 0.03, 0.05])), s])
+SHIFTS = np.concatenate([[0.0], -(s := np.array([1, 2, 3.5, 5, 7.5, 10, 13, 16, 20, 25, 32, 40, 50]) * 1e-3), s])
 """Relative shifts of k tried for a better valley."""
 REACHES = np.concatenate([-(r := np.array([0.02, 0.05, 0.1, 0.16, 0.24, 0.36, 0.5])), r])
 """Shifts of an effect's parameter tried, in plausible ranges."""

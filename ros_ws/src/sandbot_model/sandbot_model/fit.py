@@ -18,8 +18,10 @@ from sandbot_model.walking import Inputs, KCurve, Prediction
 
 FIRST_ITERATIONS = 4
 """Steps of a descent before the better half is followed further."""
-HALVING = (5, 1)
+HALVING = (4, 1)
 """How many descents are followed after each."""
+HOPELESS = 1.5
+"""A model so much worse than one with less in it is not polished."""
 FAIL_Z = 3.0
 """Cell means missed by more standard errors than this are listed as failing."""
 AT_BOUND = 1e-3
@@ -63,6 +65,7 @@ class Known:
 
     k_n_per_m: Array
     parameters: Mapping[str, float]
+    deviance: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +106,8 @@ class Fit:
     @property
     def known(self) -> Known:
         """What a larger model may start from."""
-        return Known(self.k_n_per_m, {name: estimate.value for name, estimate in self.parameters.items()})
+        values = {name: estimate.value for name, estimate in self.parameters.items()}
+        return Known(self.k_n_per_m, values, self.deviance)
 
     def predict(self, phi: ArrayLike, omega: ArrayLike, slow_phase_ratio: ArrayLike | None = None) -> Prediction:
         """The observables at other conditions; k is interpolated between levels and held beyond them.
@@ -163,11 +167,15 @@ def best_state(problem: Problem, near: Known | None = None) -> States:
     found = starts(problem, slope_of(problem.cells.level_phi, k_curve), k_curve, also=also)
     states = _halved(problem, _begin(problem, found))
     for _ in range(2):
+        if near is not None and states.deviance[0] > 10 * HOPELESS * near.deviance + 100.0:
+            return states
         more = again(problem, states.theta[0], states.ln_k[0], states.slope[0])
         other = _halved(problem, _begin(problem, more)) if more else states
         if other.deviance[0] > states.deviance[0] - 1.0:
             break
         states = other
+    if near is not None and states.deviance[0] > HOPELESS * near.deviance + 100.0:
+        return states
     for _ in range(3):
         states = descend(problem, problem.states(states.theta, states.ln_k, _slopes(problem, states.ln_k)))
         moved = look_along_theta(problem, look_along_k(problem, states))

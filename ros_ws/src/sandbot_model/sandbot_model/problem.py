@@ -19,7 +19,7 @@ from sandbot_model.chain import Array, Bool
 from sandbot_model.model import Model
 from sandbot_model.walking import Footing, Inputs, KCurve, Params
 
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 NODES = _NODES
 LEAST_SPREAD = 1e-3

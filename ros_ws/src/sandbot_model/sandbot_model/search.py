@@ -24,7 +24,7 @@ APART = 0.15
 """Starts closer than this in every parameter (of its plausible range) are one."""
 MOST = 12
 """Starts that are followed."""
-AGAIN = 20
+AGAIN = 16
 """Points an effect's parameter when looking again."""
 
 
@@ -184,7 +184,7 @@ def _theta(model: Model, unit: Array) -> Array:
 def _samples(model: Model) -> Array:
     """An even sample of the plausible ranges in unit coordinates; v_swim, which a descent finds at once, at its start."""
     free = [i for i, name in enumerate(model.names) if name != "v_swim_m_s"]
-    count = {1: 24, 2: 48, 3: 72}.get(len(free), 96)
+    count = {1: 24, 2: 56, 3: 112}.get(len(free), 144)
     unit = np.tile(_unit(model, np.array([one.start for one in model.parameters])), (count, 1))
     unit[:, free] = _even(count, len(free))
     return unit

@@ -28,7 +28,7 @@ BASES: dict[str, tuple[str, ...]] = {
 V_SWIM_M_S = 0.02
 """Swimming speed of Li09, the same for every φ at ω ≥ 28 rad/s."""
 
-DEPTHS = 64
+DEPTHS = 40
 POLISH = 3
 
 Params = Sequence[Mapping[str, ArrayLike]]

@@ -18,15 +18,11 @@ from sandbot_common.errors import InputError
 from sandbot_record import interfaces
 
 Bytes = NDArray[np.uint8]
-MAX_GROUPS = 64
+_MAX_GROUPS = 64
 _TYPES = {
     "bool": "u1", "byte": "u1", "char": "u1", "octet": "u1", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
     "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "float32": "f4", "float64": "f8",
 }  # fmt: skip
-
-
-class NotUniform(Exception):
-    """The messages do not have the numbers of this field at one place; decode them one by one instead."""
 
 
 @dataclass(frozen=True)
@@ -59,19 +55,20 @@ def layout_of(cdr: bytes | memoryview, type_name: str) -> Layout:
 def gather(rows: Bytes, type_name: str, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
     """The named fields of messages of equal length, ``rows`` (n, length): arrays (n,) or, for array fields, (n, k).
 
-    Raises NotUniform if there are more than ``MAX_GROUPS`` layouts or array lengths differ, InputError on a fault.
+    Raises InputError if a message is not of this type, has no such field or another number of values than the first.
     """
     result: dict[str, NDArray[Any]] = {}
-    left = np.arange(len(rows))
-    for _ in range(MAX_GROUPS):
+    left, groups = np.arange(len(rows)), 0
+    while len(left):
         layout = layout_of(memoryview(np.ascontiguousarray(rows[left[0]])), type_name)
-        structure = rows[left[:, None], layout.structure] if len(left) < len(rows) else rows[:, layout.structure]
-        alike = (structure == structure[0]).all(axis=1)
+        if groups < _MAX_GROUPS:
+            structure = rows[left[:, None], layout.structure] if groups else rows[:, layout.structure]
+            alike = (structure == structure[0]).all(axis=1)
+        else:  # each is different: comparing them all would be quadratic
+            alike = np.arange(len(left)) == 0
         _take(rows, left[alike], layout, names, result)
-        left = left[~alike]
-        if not len(left):
-            return result
-    raise NotUniform
+        left, groups = left[~alike], groups + 1
+    return result
 
 
 def _take(
@@ -89,7 +86,7 @@ def _take(
             shape = (len(rows),) if field.scalar else (len(rows), field.count)
             out[name] = np.empty(shape, field.dtype.newbyteorder("="))
         if not field.scalar and out[name].shape[1] != field.count:
-            raise NotUniform
+            raise InputError(f"field {name} has {field.count} values in some messages, {out[name].shape[1]} in others")
         out[name][which] = values
 
 

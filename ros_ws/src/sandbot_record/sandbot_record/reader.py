@@ -21,7 +21,7 @@ from sandbot_record import columns, foreign, interfaces, mcap_scan, metadata
 from sandbot_record.mcap_scan import Batch, Damage
 
 _KEEP_BYTES = 32 << 20
-"""Bags up to this size are kept in memory once scanned; larger ones are scanned again each time."""
+"""Bags up to this size (uncompressed) stay in memory once scanned; larger ones are scanned again each time."""
 
 FIELD_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
@@ -185,8 +185,7 @@ class Bag:
         ends: list[int] = []
         counts: dict[str, int] = {}
         seen: dict[str, metadata.TopicInfo] = {}
-        if sum(path.stat().st_size for path in self.files) <= _KEEP_BYTES:
-            self._kept = list(self.items())
+        self._kept = self._small()
         for _, item, definitions in self.items():
             self._note(item)
             if isinstance(item, Batch) and len(item.rows):
@@ -204,6 +203,16 @@ class Bag:
         if starts:
             self.start_ns, self.end_ns = min(starts), max(ends)
         self._check_complete()
+
+    def _small(self) -> list[tuple[int, mcap_scan.Item, Definitions]] | None:
+        """Everything in the bag, if that is not much once decompressed."""
+        items, size = [], 0
+        for entry in self.items():
+            size += len(entry[1].data) if isinstance(entry[1], Batch | Attachment) else 0
+            if size > _KEEP_BYTES:
+                return None
+            items.append(entry)
+        return items
 
     def _note(self, item: mcap_scan.Item) -> None:
         if isinstance(item, Damage):
@@ -338,7 +347,7 @@ def _fields(
             if name not in result:
                 result[name] = np.empty((len(lengths), *values.shape[1:]), values.dtype)
             if result[name].shape[1:] != values.shape[1:]:
-                raise InputError(f"field {name} has {values.shape[1]} values in some messages and others elsewhere")
+                raise InputError(f"field {name} does not have the same number of values in all messages")
             result[name][where] = values
     return result
 

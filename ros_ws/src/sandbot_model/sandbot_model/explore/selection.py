@@ -13,8 +13,8 @@ from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
 import yaml
-from sandbot_common.errors import InputError
 
+from sandbot_common.errors import InputError
 from sandbot_model.cells import OBSERVABLES
 from sandbot_model.walking import BASES
 
@@ -72,7 +72,7 @@ def from_query(query: str) -> Selection:
     for key, value in parse_qsl(query.lstrip("?"), keep_blank_values=True):
         match key:
             case "model" | "view" | "observable":
-                found = dataclasses.replace(found, **{key: value})
+                found = dataclasses.replace(found, **{str(key): value})  # type: ignore[arg-type]
             case "effect" if value not in found.effects:
                 found = dataclasses.replace(found, effects=(*found.effects, value))
             case "formula" if value not in found.formulas:
@@ -85,7 +85,9 @@ def from_query(query: str) -> Selection:
             case "effect" | "formula":
                 pass
             case _:
-                raise InputError(f"address: unknown key {key!r}; known: model, view, observable, effect, formula, hold, cell")
+                raise InputError(
+                    f"address: unknown key {key!r}; known: model, view, observable, effect, formula, hold, cell"
+                )
     return _checked(found, "address")
 
 

@@ -4,6 +4,7 @@ Fits run in worker processes and come back as a ``Point`` (plain arrays); the se
 methods may be called from any thread.
 """
 
+import math
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
@@ -11,16 +12,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from sandbot_common.errors import InputError
 
+from sandbot_common.errors import InputError
 from sandbot_model.catalogue import catalogue
 from sandbot_model.cells import Cells, noise_floor
 from sandbot_model.chain import Effect
 from sandbot_model.discover import Discovery, Progress, discover
 from sandbot_model.explore.selection import Selection
-from sandbot_model.fit import Fit, Known, Point, best_state, fitted_at
+from sandbot_model.fit import Fit, Known, Point, fit, fitted_at, slope_of
 from sandbot_model.model import Model, model_of
-from sandbot_model.problem import Problem
 from sandbot_model.report.curves import steps as with_curves
 from sandbot_model.report.view import Step
 
@@ -39,11 +39,19 @@ class Solved:
 
 def solve(model: Model, cells: Cells, near: Known | None) -> Solved:
     """Fit one model; runs in a worker process."""
-    problem = Problem(model, cells, np.ones(len(cells), dtype=bool))
-    state = best_state(problem, near)
-    point = Point(state.theta, state.ln_k, state.slope)
-    found = fitted_at(model, cells, point)
-    return Solved(point, found.rmse_m_s, found.cv_rmse_m_s)
+    found = fit(model, cells, near)
+    return Solved(point_of(found), found.rmse_m_s, found.cv_rmse_m_s)
+
+
+def point_of(found: Fit, by_hand: Mapping[str, float] | None = None) -> Point:
+    """Where a fit lies, with some shared parameters put elsewhere. Raises InputError for one it does not have."""
+    values = {name: estimate.value for name, estimate in found.parameters.items()}
+    for name, value in (by_hand or {}).items():
+        if name not in values:
+            raise InputError(f"parameter {name!r} is not one of {', '.join(values)}")
+        values[name] = value
+    theta = np.array([values[name] for name in found.fitted.names])
+    return Point(theta, np.log(found.k_n_per_m), slope_of(found.level_phi, found.k_n_per_m))
 
 
 class Session:
@@ -80,17 +88,11 @@ class Session:
         fitted = self._step(replace(selection, by_hand=()))
         if not selection.by_hand:
             return fitted
-        model = self.model(selection)
-        theta = fitted.fit.state.theta.copy()
-        for name, value in selection.by_hand:
-            if name not in model.names:
-                raise InputError(f"parameter {name!r} is not one of {', '.join(model.names)}")
-            theta[model.names.index(name)] = value
-        state = fitted.fit.state
-        return with_curves([fitted_at(model, self.cells, Point(theta, state.ln_k, state.slope))])[0]
+        point = point_of(fitted.fit, dict(selection.by_hand))
+        return with_curves([fitted_at(self.model(selection), self.cells, point)])[0]
 
     def ahead(self, selection: Selection) -> None:
-        """Begin to fit every set that is one switch away; what was begun for an earlier one and has not run is dropped."""
+        """Begin to fit every set that is one switch away; what was begun for an earlier one and not run is dropped."""
         wanted = {self._key(one): one for one in self._neighbours(selection)}
         keep = {*wanted, *(self._key(part) for part in _prefixes(selection))}
         with self._lock:
@@ -100,15 +102,13 @@ class Session:
             self._begin(one)
 
     def promises(self, selection: Selection) -> dict[str, tuple[float, float] | None]:
-        """Effect → error (in sample, out of sample) [m/s] if it were switched over; None while not fitted yet."""
+        """Effect → error (in sample, out of sample) [m/s] if switched over; None while not fitted yet, NaN if no fit."""
         found: dict[str, tuple[float, float] | None] = {}
         for one in self._neighbours(selection):
             (name,) = set(one.effects) ^ set(selection.effects)
             with self._lock:
                 future = self._solved.get(self._key(one))
-            ready = future is not None and future.done() and not future.cancelled() and future.exception() is None
-            solved = future.result() if ready and future is not None else None
-            found[name] = (solved.rmse_m_s, solved.cv_rmse_m_s) if solved else None
+            found[name] = _promise(future)
         return found
 
     def suggest(self, selection: Selection, progress: Progress) -> Discovery:
@@ -133,13 +133,16 @@ class Session:
         with self._lock:
             if key in self._steps:
                 return self._steps[key]
-        solved = self._begin(selection).result()
+        try:
+            solved = self._begin(selection).result()
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            raise InputError(f"{' + '.join(selection.effects)}: no fit to these trials: {error}") from error
         step = with_curves([fitted_at(self.model(selection), self.cells, solved.point)])[0]
         with self._lock:
             return self._steps.setdefault(key, step)
 
     def _begin(self, selection: Selection) -> "Future[Solved]":
-        """The fit of a selection, begun if it was not; it starts from the fit without its last effect if that is there."""
+        """The fit of a selection, begun if it was not, from the fit without its last effect if that is there."""
         key = self._key(selection)
         with self._lock:
             parent = self._steps.get(self._key(replace(selection, effects=selection.effects[:-1])))
@@ -154,5 +157,15 @@ class Session:
         return selection.model, frozenset(selection.effects) & set(catalogue), tuple(own)
 
 
+def _promise(future: "Future[Solved] | None") -> tuple[float, float] | None:
+    if future is None or future.cancelled() or not future.done():
+        return None
+    if future.exception() is not None:
+        return math.nan, math.nan
+    return future.result().rmse_m_s, future.result().cv_rmse_m_s
+
+
 def _prefixes(selection: Selection) -> list[Selection]:
-    return [replace(selection, effects=selection.effects[:count], by_hand=()) for count in range(len(selection.effects) + 1)]
+    return [
+        replace(selection, effects=selection.effects[:count], by_hand=()) for count in range(len(selection.effects) + 1)
+    ]

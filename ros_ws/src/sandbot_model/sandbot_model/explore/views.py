@@ -99,7 +99,7 @@ def promise(error: tuple[float, float] | None, switched_on: bool) -> str:
     """What switching an effect over would do to the error of mean speed."""
     if error is None:
         return "…"
-    return f"{'without' if switched_on else 'with'} it: {text.cm_s(error[0])}"
+    return f"{'off' if switched_on else 'on'}: {text.cm_s(error[0])}"
 
 
 def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) -> list[Slider]:

@@ -6,17 +6,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sandbot_common import topics
 from sandbot_common.errors import InputError
-from sandbot_record import table
-from sandbot_record.reader import Bag, is_bag
-from sandbot_record.trials import Trials
-
 from sandbot_model.cells import Cells, Floats
 from sandbot_model.fit import Fit
 from sandbot_model.report.figures import as_json
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
 from sandbot_model.report.view import CM
+from sandbot_record import table
+from sandbot_record.reader import Bag, is_bag
+from sandbot_record.trials import Trials
 
 NEAR_OMEGA = 5e-3
 MAX_POINTS = 1500
@@ -61,7 +61,7 @@ def read(bags: Mapping[str, Path], trial_ids: Sequence[str]) -> tuple[list[Wavef
             continue
         time = (columns.log_time_ns - columns.log_time_ns[0]) / 1e9
         every = max(1, len(time) // MAX_POINTS)
-        found.append(Waveform(trial_id, time[::every], columns.values["twist.twist.linear.x"][::every]))
+        found.append(Waveform(trial_id, time[::every], columns["twist.twist.linear.x"][::every]))
     return found, missing
 
 

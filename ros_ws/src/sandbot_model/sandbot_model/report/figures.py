@@ -1,7 +1,8 @@
 """The figures of report and explorer, as Plotly specs.
 
 Each is a function of plain data (view.py) and a theme; none computes physics beyond the geometry lock, and none reads
-a file. A point's or cell's ``customdata`` ends with the index of its cell, so that a page knows what was clicked. Axes carry the units a person reads (cm, cm/s, rad/s).
+a file. Axes carry the units a person reads (cm, cm/s, rad/s). A point's ``customdata`` ends with the index of its cell,
+so that a page knows what was clicked.
 """
 
 import math

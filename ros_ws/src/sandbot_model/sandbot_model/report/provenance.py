@@ -1,6 +1,6 @@
 """Which trials the analysis used, which it left out and why, and what such data can't show."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Protocol
 
 import numpy as np
@@ -13,7 +13,7 @@ class Trials(Protocol):
     """What is needed of ``sandbot_record.trials.Trials``."""
 
     @property
-    def trial_id(self) -> Sequence[str]: ...  # noqa: D102
+    def trial_id(self) -> Iterable[str]: ...  # noqa: D102
     @property
     def phi(self) -> Floats: ...  # noqa: D102
     @property
@@ -21,7 +21,7 @@ class Trials(Protocol):
     @property
     def speed_m_s(self) -> Floats: ...  # noqa: D102
     @property
-    def status(self) -> Sequence[str]: ...  # noqa: D102
+    def status(self) -> Iterable[str]: ...  # noqa: D102
 
 
 def provenance(trials: Trials, cells: Cells) -> Provenance:

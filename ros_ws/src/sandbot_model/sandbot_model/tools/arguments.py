@@ -7,7 +7,6 @@ from typing import Any
 from sandbot_common.cli import Parser
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_text
-
 from sandbot_model.walking import BASES
 
 

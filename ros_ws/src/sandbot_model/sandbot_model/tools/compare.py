@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 
 from sandbot_common import cli
-from sandbot_record import trials as trials_table
-
 from sandbot_model.catalogue import catalogue
 from sandbot_model.cells import cells_of
 from sandbot_model.compare import compare, geometry_lock, to_json
 from sandbot_model.report import write_comparison
 from sandbot_model.tools import arguments, tables
+from sandbot_record import trials as trials_table
+from sandbot_record.film_strip import film_strip
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -36,4 +36,4 @@ def _compare(argv: Sequence[str]) -> None:
     if args.json is not None:
         arguments.write_json(args.json, to_json(steps))
     if args.html is not None:
-        write_comparison(args.html, steps, trials, title=args.title or args.data[0].stem)
+        write_comparison(args.html, steps, trials, title=args.title or args.data[0].stem, frames=film_strip(args.data[0]))

@@ -3,17 +3,18 @@
 import sys
 from collections.abc import Sequence
 
-from sandbot_common import cli
-from sandbot_common.errors import InputError
-from sandbot_record import trials as trials_table
 from tqdm import tqdm
 
+from sandbot_common import cli
+from sandbot_common.errors import InputError
 from sandbot_model.catalogue import catalogue
 from sandbot_model.cells import cells_of
 from sandbot_model.discover import Discovery, discover
 from sandbot_model.parallel import workers
 from sandbot_model.report import write_report
 from sandbot_model.tools import arguments, tables
+from sandbot_record import trials as trials_table
+from sandbot_record.film_strip import film_strip
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -48,7 +49,7 @@ def _discover(argv: Sequence[str]) -> None:
     if args.json is not None:
         arguments.write_json(args.json, found.to_json())
     if args.html is not None:
-        write_report(args.html, found, trials, title=args.title or args.data[0].stem)
+        write_report(args.html, found, trials, title=args.title or args.data[0].stem, frames=film_strip(args.data[0]))
 
 
 def _print(found: Discovery) -> None:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sandbot_common import cli
-
 from sandbot_model.catalogue import catalogue, describe
 from sandbot_model.tools import arguments
 

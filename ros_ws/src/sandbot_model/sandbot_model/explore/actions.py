@@ -1,0 +1,52 @@
+"""What a control does to the selection: pure, so that it can be tested without a page."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from sandbot_model.explore.selection import Selection
+from sandbot_model.formula import formula_effect
+
+SAME = 1e-9
+
+
+def act(selection: Selection, control: str, value: Any) -> Selection:
+    """The selection after ``control`` was set to ``value``. Raises InputError for a formula that is none."""
+    match control:
+        case "model" | "view" | "observable":
+            changed = replace(selection, **{control: value})
+            return replace(changed, by_hand=()) if control == "model" else changed
+        case "effects":
+            return selection.toggled(value)
+        case "adopt":
+            return replace(selection.toggled(value), by_hand=())
+        case "formula":
+            return with_formula(selection, value)
+        case "release":
+            return replace(selection, by_hand=())
+        case "cell":
+            return replace(selection, cell=value)
+    return selection
+
+
+def with_formula(selection: Selection, text: str) -> Selection:
+    """With the user's formula added and switched on; one of the same name is replaced."""
+    name = formula_effect(text).identifier
+    others = tuple(one for one in selection.formulas if one.split(":")[0].strip() != name)
+    kept = selection.toggled([one for one in selection.effects if one != name])
+    return replace(kept, formulas=(*others, text), effects=(*kept.effects, name))
+
+
+def moved(selection: Selection, shown: Mapping[str, float], sliders: Mapping[str, float]) -> Selection:
+    """With the parameters held whose slider was moved away from the value shown."""
+    for name, value in sliders.items():
+        if name in shown and abs(value - shown[name]) > SAME * max(abs(shown[name]), 1e-6):
+            selection = selection.held(name, value)
+    return selection
+
+
+def clicked_cell(click: Mapping[str, Any] | None) -> int | None:
+    """The cell under a click on any figure, by the end of the point's ``customdata``."""
+    points = (click or {}).get("points") or [{}]
+    data = points[0].get("customdata")
+    return int(data[-1]) if isinstance(data, list) and len(data) == 2 and data[-1] is not None else None

@@ -1,0 +1,298 @@
+"""The page itself: Dash wiring between the controls, the session and the figures. It listens on this host only.
+
+The address is the state: every control changes it, everything shown follows from it, so undo is the browser's own
+"back" and a page can be bookmarked or sent.
+"""
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dash import ALL, Dash, Input, Output, State, ctx, dcc, html, no_update
+from dash.exceptions import PreventUpdate
+
+from sandbot_common.errors import InputError
+from sandbot_model.discover import Discovery
+from sandbot_model.explore import controls, views, waveforms
+from sandbot_model.explore.actions import act, clicked_cell, moved
+from sandbot_model.explore.selection import Selection, from_query, to_query, to_yaml
+from sandbot_model.explore.session import Session
+from sandbot_model.report.content import cells_csv
+from sandbot_model.report.provenance import provenance
+from sandbot_model.report.theme import LIGHT, THEMES
+from sandbot_record.trials import Trials
+
+TRIAL_COLUMNS = ("trial_id", "phi", "omega_rad_s", "speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m", "status")
+SHOW_OUTPUTS = (
+    Output("address", "search"),
+    Output("model", "value"),
+    Output("effects", "value"),
+    Output("effects", "options"),
+    Output("view", "value"),
+    Output("observable", "value"),
+    Output("observable-row", "hidden"),
+    Output("cell", "value"),
+    Output("by-hand", "children"),
+    Output("figure", "figure"),
+    Output("ladder", "figure"),
+    Output("parameters", "children"),
+    Output("trials", "children"),
+    Output("status", "children"),
+    Output("message", "children"),
+)
+
+
+@dataclass
+class Job:
+    """The discovery that is running or has run; one at a time."""
+
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    stage: tuple[str, int, int] = ("the base model", 0, 1)
+    found: Discovery | None = None
+    failed: str = ""
+    running: bool = False
+
+
+class Explorer:
+    """One data set on one page."""
+
+    def __init__(self, session: Session, trials: Trials, data: Sequence[Path], title: str) -> None:
+        self.session, self.trials, self.data, self.title = session, trials, tuple(data), title
+        self.bags = waveforms.bags_of([path for path in data if path.exists()])
+        self.job = Job()
+
+    def app(self) -> Dash:
+        """The Dash application; nothing in it comes from the network."""
+        cells = self.session.cells
+        known = provenance(self.trials, cells)
+        line = (
+            f"{known.used} trials used, {len(known.excluded)} excluded; {len(cells)} conditions over "
+            f"{len(cells.level_phi)} volume fractions"
+        )
+        app = Dash(
+            "sandbot_explorer",
+            title=self.title,
+            update_title="",
+            assets_folder=str(Path(__file__).parent / "assets"),
+            serve_locally=True,
+            suppress_callback_exceptions=True,
+        )
+        app.layout = controls.page(self.title, line, known.notes, cells)
+        self._wire(app)
+        return app
+
+    def show(self, selection: Selection, theme_name: str | None) -> tuple[Any, ...]:
+        """Everything on the page for a selection, in the order of ``SHOW_OUTPUTS``."""
+        theme = THEMES.get(theme_name or "", LIGHT)
+        session = self.session
+        effects = session.catalogue(selection.formulas)
+        shown = views.show(session, selection, theme)
+        session.ahead(selection)
+        parameters = controls.parameter_table(views.parameter_rows(shown.current, effects))
+        return (
+            to_query(selection),
+            selection.model,
+            list(selection.effects),
+            self._options(selection),
+            selection.view,
+            selection.observable,
+            selection.view != "residuals",
+            selection.cell,
+            controls.by_hand(views.sliders(selection, shown.current, effects)),
+            shown.figure,
+            shown.ladder,
+            parameters if selection.view == "parameters" else None,
+            self._trials(selection, shown, theme),
+            shown.status,
+            "",
+        )
+
+    def _options(self, selection: Selection) -> list[dict[str, Any]]:
+        session = self.session
+        promises = session.promises(selection)
+        effects = session.catalogue(selection.formulas)
+        inherent = [name for name in effects if name not in promises]
+        return controls.effect_options(effects, inherent, selection.effects, promises)
+
+    def _trials(self, selection: Selection, shown: views.Shown, theme: Any) -> Any:
+        cells = self.session.cells
+        if selection.cell is None or selection.cell >= len(cells):
+            return None
+        rows = waveforms.trials_of(self.trials, cells, selection.cell)
+        texts = [tuple(_cell(getattr(self.trials, name)[i]) for name in TRIAL_COLUMNS) for i in rows]
+        parts: list[Any] = [controls.trial_table(texts, TRIAL_COLUMNS)]
+        ids = [str(self.trials.trial_id[i]) for i in rows]
+        found, missing = waveforms.read(self.bags, ids)
+        if found:
+            figure = waveforms.figure(found, shown.current.fit, selection.cell, theme)
+            parts.append(html.Div(dcc.Graph(figure=figure, config=controls.GRAPH), className="plot"))
+            parts.append(html.P("Bags: " + ", ".join(str(self.bags[one.trial_id]) for one in found), className="soft"))
+        return [*parts, *(html.P(line, className="soft") for line in missing)]
+
+    def _selected(self, selection: Selection, formula: str | None, sliders: dict[str, float], click: Any) -> Selection:
+        """The selection after the control that fired."""
+        control = ctx.triggered_id
+        if isinstance(control, dict):
+            shown = self.session.shown(selection).fit.parameters
+            return moved(selection, {name: one.value for name, one in shown.items()}, sliders)
+        if control == "figure":
+            return act(selection, "cell", clicked_cell(click))
+        if control in ("add", "formula"):
+            return act(selection, "formula", formula or "")
+        if control == "adopt":
+            found = self.job.found
+            return act(selection, "adopt", found.verdict.effects) if found else selection
+        value = ctx.triggered[0]["value"] if ctx.triggered else None
+        return act(selection, str(control), value)
+
+    def _wire(self, app: Dash) -> None:
+        controls_in = ("model", "effects", "view", "observable", "cell")
+        app.callback(
+            *SHOW_OUTPUTS,
+            Input("address", "search"),
+            Input("theme", "data"),
+            *(Input(name, "value") for name in controls_in),
+            Input("figure", "clickData"),
+            *(Input(name, "n_clicks") for name in ("add", "release", "adopt")),
+            Input("formula", "n_submit"),
+            Input({"by_hand": ALL}, "value"),
+            State("formula", "value"),
+            State({"by_hand": ALL}, "id"),
+        )(self.on_change)
+        app.callback(
+            Output("effects", "options", allow_duplicate=True),
+            Input("promise-clock", "n_intervals"),
+            State("address", "search"),
+            State("effects", "options"),
+            prevent_initial_call=True,
+        )(self.on_promise_clock)
+        app.callback(
+            Output("download", "data"),
+            Input("save", "n_clicks"),
+            Input("save-csv", "n_clicks"),
+            State("address", "search"),
+            prevent_initial_call=True,
+        )(self.on_save)
+        app.callback(
+            Output("suggestion", "children"),
+            Output("suggest-clock", "disabled"),
+            Output("adopt", "hidden"),
+            Input("suggest", "n_clicks"),
+            Input("suggest-clock", "n_intervals"),
+            State("address", "search"),
+            prevent_initial_call=True,
+        )(self.on_suggest)
+        app.clientside_callback(
+            "window.dash_clientside.explore.theme", Output("theme", "data"), Input("address", "pathname")
+        )
+        app.clientside_callback(
+            "window.dash_clientside.explore.undo",
+            Output("undone", "data"),
+            Input("undo", "n_clicks"),
+            prevent_initial_call=True,
+        )
+
+    def on_change(self, search: str | None, theme: str | None, *rest: Any) -> tuple[Any, ...]:
+        """A control was used or the address has changed."""
+        if theme is None:
+            raise PreventUpdate
+        values, formula, ids = rest[-3:]
+        sliders = {one["by_hand"].replace("/", "."): value for one, value in zip(ids, values, strict=True)}
+        try:
+            before = from_query(search or "")
+            if ctx.triggered_id in (None, "address", "theme"):
+                return self.show(before, theme)
+            after = self._after(before, formula, sliders)
+            if after == before:
+                raise PreventUpdate
+            return self.show(after, theme)
+        except InputError as error:
+            return (*(no_update for _ in SHOW_OUTPUTS[:-1]), str(error))
+
+    def _after(self, selection: Selection, formula: str | None, sliders: dict[str, float]) -> Selection:
+        """The selection after the control that fired."""
+        control, value = ctx.triggered_id, ctx.triggered[0]["value"]
+        if isinstance(control, dict):
+            shown = self.session.shown(selection).fit.parameters
+            return moved(selection, {name: one.value for name, one in shown.items()}, sliders)
+        match control:
+            case "figure":
+                return act(selection, "cell", clicked_cell(value))
+            case "add" | "formula":
+                return act(selection, "formula", formula or "")
+            case "adopt":
+                found = self.job.found
+                return act(selection, "adopt", found.verdict.effects) if found else selection
+        return act(selection, str(control), value)
+
+    def on_promise_clock(self, _tick: int, search: str | None, shown: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        """Fits made ahead have come in: show what each switch would bring."""
+        if not any("…" in str(option["label"]) for option in shown):
+            raise PreventUpdate
+        try:
+            return self._options(from_query(search or ""))
+        except InputError:
+            raise PreventUpdate from None
+
+    def on_save(self, _yaml: int, _csv: int, search: str | None) -> dict[str, Any]:
+        """The selection as YAML, or the cells as CSV, to the browser's downloads."""
+        try:
+            selection = from_query(search or "")
+            if ctx.triggered_id == "save-csv":
+                return {"content": cells_csv(self.session.ladder(selection)), "filename": "cells.csv"}
+            return {"content": self.saved(selection), "filename": "selection.yaml"}
+        except InputError:
+            raise PreventUpdate from None
+
+    def on_suggest(self, _clicks: int, _tick: int, search: str | None) -> tuple[Any, bool, bool]:
+        """Start discovery, or say how far it is: (what is shown, clock stopped, no button to adopt it)."""
+        job = self.job
+        if ctx.triggered_id == "suggest":
+            try:
+                self.begin(from_query(search or ""))
+            except InputError as error:
+                return html.P(str(error)), True, True
+        if job.running:
+            return controls.progress(*job.stage), False, True
+        if job.found is None:
+            return html.P(job.failed), True, True
+        return controls.suggestion(job.found), True, not job.found.verdict.effects
+
+    def saved(self, selection: Selection) -> str:
+        """The selection as YAML with the numbers it gives."""
+        fit = self.session.shown(selection).fit
+        result = {
+            "rmse_m_s": fit.rmse_m_s,
+            "cv_rmse_m_s": fit.cv_rmse_m_s,
+            "noise_floor_m_s": self.session.noise_floor_m_s,
+        }
+        return to_yaml(selection, [str(path) for path in self.data], result)
+
+    def begin(self, selection: Selection) -> None:
+        """Start a discovery in a thread of its own, unless one is running."""
+        job = self.job
+        with job.lock:
+            if job.running:
+                return
+            job.running, job.found, job.failed, job.stage = True, None, "", ("the base model", 0, 1)
+
+        def heard(stage: str, done: int, total: int) -> None:
+            job.stage = (stage, done, total)
+
+        def run() -> None:
+            try:
+                job.found = self.session.suggest(selection, heard)
+            except (InputError, ArithmeticError, ValueError) as error:
+                job.failed = f"No suggestion: {error}"
+            finally:
+                job.running = False
+
+        threading.Thread(target=run, name="suggest", daemon=True).start()
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}" if value == value else "–"
+    return str(value)

@@ -1,0 +1,225 @@
+"""The page's parts: what stands where, with a name for each control. No fit and no figure is made here."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from dash import dcc, html
+
+from sandbot_model.cells import OBSERVABLES, Cells
+from sandbot_model.chain import Effect
+from sandbot_model.discover import Discovery
+from sandbot_model.explore.views import TITLES, Slider, promise
+from sandbot_model.report import text
+from sandbot_model.report.view import NAMES, PEOPLE_UNITS, bands, readable
+from sandbot_model.walking import BASES
+
+GRAPH = {
+    "displaylogo": False,
+    "responsive": True,
+    "modeBarButtons": [["toImage"], ["zoom2d", "pan2d", "resetScale2d"]],
+    "toImageButtonOptions": {"format": "svg"},
+}
+FORMULA_EXAMPLE = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
+
+
+def page(title: str, data_line: str, notes: Sequence[str], cells: Cells) -> html.Div:
+    """The whole page, controls first in reading order, figures beside them."""
+    return html.Div(
+        [
+            dcc.Location(id="address", refresh=False),
+            dcc.Store(id="theme", data=None),
+            dcc.Store(id="undone"),
+            dcc.Interval(id="promise-clock", interval=1000),
+            dcc.Interval(id="suggest-clock", interval=500, disabled=True),
+            dcc.Download(id="download"),
+            html.Header(
+                [
+                    html.H1(title),
+                    html.P(data_line, className="soft"),
+                    html.P(id="status", role="status", className="status"),
+                    html.P(id="message", role="alert", className="message"),
+                    *(html.P(line, className="caution") for line in notes),
+                ]
+            ),
+            html.Div([_controls(), _figures(cells)], className="columns"),
+        ],
+        className="page",
+    )
+
+
+def effect_options(
+    effects: Mapping[str, Effect], inherent: Sequence[str], on: Sequence[str], promises: Mapping[str, Any]
+) -> list[dict[str, Any]]:
+    """One option for each effect: name, what switching it over would do, stage and formula."""
+    options = []
+    for name, effect in effects.items():
+        if name in inherent:
+            continue
+        label = html.Span(
+            [
+                html.Span(readable(name), className="effect"),
+                html.Span(promise(promises.get(name), name in on), className="promise"),
+                html.Small(f"{effect.stage}: {effect.formula}"),
+            ]
+        )
+        options.append({"value": name, "label": label, "title": effect.seen_in})
+    return options
+
+
+def by_hand(sliders: Sequence[Slider]) -> list[Any]:
+    """A labelled slider for each parameter of the model shown."""
+    return [
+        html.Div(
+            [
+                html.Label([one.words, html.Strong(" held" if one.held else "")], htmlFor=f"hand-{one.name}"),
+                dcc.Slider(
+                    one.low,
+                    one.high,
+                    value=one.value,
+                    step=(one.high - one.low) / 400 or None,
+                    marks=None,
+                    updatemode="mouseup",
+                    tooltip={"placement": "bottom"},
+                    id={"by_hand": one.name.replace(".", "/")},
+                ),
+            ],
+            className="slider",
+        )
+        for one in sliders
+    ]
+
+
+def parameter_table(rows: Sequence[tuple[str, str, str]]) -> html.Table:
+    """Fitted values with errors and units."""
+    return _table("Fitted values ± standard error", ("parameter", "value", "unit"), rows)
+
+
+def trial_table(rows: Sequence[tuple[str, ...]], head: Sequence[str]) -> html.Table:
+    """The trials of one cell."""
+    return _table("Trials of this condition", head, rows)
+
+
+def suggestion(found: Discovery) -> list[Any]:
+    """Verdict, candidates and next trials of a discovery, with a button that switches its effects on."""
+    verdict = found.verdict
+    named = " + ".join(map(readable, verdict.effects))
+    parts: list[Any] = [
+        html.P([html.Strong(f"{verdict.status.capitalize()}{f': {named}' if named else ''}. "), verdict.because]),
+        _table(
+            "Best single effects",
+            ("effect", "ΔBIC", "out of sample"),
+            [(readable(c.effect), text.number(c.delta_bic), text.cm_s(c.cv_rmse_m_s)) for c in found.candidates[:5]],
+        ),
+    ]
+    if found.next_trials:
+        rows = [
+            (f"{t.phi:.3f}", f"{t.omega_rad_s:.4g}", NAMES[t.observable], f"{t.expected_gap_sd:.1f} s.d.")
+            for t in found.next_trials
+        ]
+        parts.append(_table("Next trials", ("φ", "ω (rad/s)", "watch", "expected gap"), rows))
+    return parts
+
+
+def progress(stage: str, done: int, total: int) -> list[Any]:
+    """How far a discovery is."""
+    return [html.Label(f"Trying {stage}: {done} of {total}"), html.Progress(value=str(done), max=str(max(total, 1)))]
+
+
+def _controls() -> html.Form:
+    return html.Form(
+        [
+            html.Fieldset(
+                [
+                    html.Legend("Base model"),
+                    dcc.RadioItems(list(BASES), "simple", id="model", inline=True),
+                ]
+            ),
+            html.Div(
+                [
+                    html.Button(
+                        "Suggest", id="suggest", type="button", n_clicks=0, title="run discovery on these trials"
+                    ),
+                    html.Button("Undo", id="undo", type="button", n_clicks=0),
+                    html.Button("Save YAML", id="save", type="button", n_clicks=0),
+                    html.Button("Save CSV", id="save-csv", type="button", n_clicks=0),
+                ],
+                className="buttons",
+            ),
+            html.Div(
+                [
+                    html.Div(id="suggestion", role="status"),
+                    html.Button("Switch these on", id="adopt", type="button", n_clicks=0, hidden=True),
+                ]
+            ),
+            html.Fieldset(
+                [
+                    html.Legend("Effects, and the error of mean speed with each switched"),
+                    dcc.Checklist([], [], id="effects", className="effects"),
+                ]
+            ),
+            html.Details(
+                [
+                    html.Summary("Your own effect"),
+                    html.Label("name: stage: formula; parameter [unit] in low..high", htmlFor="formula"),
+                    dcc.Input(id="formula", type="text", placeholder=FORMULA_EXAMPLE, debounce=False, n_submit=0),
+                    html.Button("Add and fit", id="add", type="button", n_clicks=0),
+                ]
+            ),
+            html.Details(
+                [
+                    html.Summary("Values by hand"),
+                    html.P("k(φ) stays as fitted.", className="soft"),
+                    html.Div(id="by-hand"),
+                    html.Button("Fit all again", id="release", type="button", n_clicks=0),
+                ]
+            ),
+        ],
+        className="controls",
+    )
+
+
+def _figures(cells: Cells) -> html.Main:
+    labels = _cell_labels(cells)
+    return html.Main(
+        [
+            dcc.RadioItems(
+                [{"value": view, "label": title} for view, title in TITLES.items()],
+                "speed", id="view", inline=True, className="tabs",
+            ),
+            html.Div(
+                dcc.RadioItems(
+                    [{"value": name, "label": f"{NAMES[name]} ({PEOPLE_UNITS[name]})"} for name in OBSERVABLES],
+                    "speed", id="observable", inline=True, className="tabs small",
+                ),
+                id="observable-row",
+            ),
+            html.Div(dcc.Graph(id="figure", config=GRAPH), className="plot"),
+            html.Div(id="parameters"),
+            html.H2("Error as effects are added"),
+            html.Div(dcc.Graph(id="ladder", config=GRAPH), className="plot"),
+            html.H2("Trials behind a point"),
+            html.Label("Click a point or a cell of the map, or choose a condition", htmlFor="cell"),
+            dcc.Dropdown(
+                [{"value": i, "label": label} for i, label in enumerate(labels)], None, id="cell", clearable=True
+            ),
+            html.Div(id="trials"),
+        ]
+    )  # fmt: skip
+
+
+def _cell_labels(cells: Cells) -> list[str]:
+    labels = [""] * len(cells)
+    for band in bands(cells):
+        for i in band.cells:
+            labels[int(i)] = f"{band.label}, ω {cells.omega[i]:.4g} rad/s"
+    return labels
+
+
+def _table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> html.Table:
+    return html.Table(
+        [
+            html.Caption(caption),
+            html.Thead(html.Tr([html.Th(one, scope="col") for one in head])),
+            html.Tbody([html.Tr([html.Td(cell) for cell in row]) for row in rows]),
+        ]
+    )

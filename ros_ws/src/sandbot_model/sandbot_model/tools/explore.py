@@ -1,0 +1,70 @@
+"""explore: one page on this host to compare model and trials, switch effects on and watch the error fall."""
+
+import logging
+import multiprocessing
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+from werkzeug.serving import make_server
+
+from sandbot_common import cli
+from sandbot_common.errors import InputError
+from sandbot_common.files import read_yaml
+from sandbot_model.cells import cells_of
+from sandbot_model.explore.app import Explorer
+from sandbot_model.explore.selection import from_mapping, to_query
+from sandbot_model.explore.session import Session
+from sandbot_record import trials as trials_table
+
+HOST = "127.0.0.1"
+"""The page runs formulas and reads files for whoever opens it: it is for this host only."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line."""
+    return cli.run(_explore, argv)
+
+
+def _explore(argv: Sequence[str]) -> None:
+    parser = cli.Parser(prog="explore", description=__doc__)
+    parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
+    parser.add_argument("--port", type=int, default=8050, help="port on this host (default: 8050; 0: any free one)")
+    parser.add_argument(
+        "--effects-from", type=Path, action="append", default=[], metavar="FILE.py", help="your own effects"
+    )
+    parser.add_argument("--selection", type=Path, metavar="FILE.yaml", help="open in the state saved with 'Save YAML'")
+    parser.add_argument("--workers", type=int, default=min(4, os.cpu_count() or 1), help="processes that fit ahead")
+    parser.add_argument("--title", default=None, help="title of the page (default: the name of DATA)")
+    args = parser.parse_args(argv)
+    if not 0 <= args.port <= 65535:
+        raise InputError(f"--port {args.port} is not between 0 and 65535")
+    if args.workers < 1:
+        raise InputError(f"--workers {args.workers}: at least one is needed")
+    query = to_query(from_mapping(read_yaml(args.selection), str(args.selection))) if args.selection else ""
+    trials = trials_table.read(args.data)
+    cells = cells_of(trials)
+    # Workers are forked before the server has threads; they see a user's effects as they are.
+    with ProcessPoolExecutor(args.workers, mp_context=multiprocessing.get_context("fork")) as workers:
+        session = Session(cells, workers, effect_files=args.effects_from)
+        session.catalogue()
+        workers.submit(os.getpid).result()
+        explorer = Explorer(session, trials, args.data, args.title or args.data[0].resolve().stem)
+        _serve(explorer, args.port, query)
+
+
+def _serve(explorer: Explorer, port: int, query: str) -> None:
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)
+    try:
+        server = make_server(HOST, port, explorer.app().server, threaded=True)
+    except OSError as error:
+        raise InputError(f"--port {port}: {error.strerror}; another explorer may be running, try --port 0") from None
+    except SystemExit:
+        raise InputError(f"--port {port} is in use; another explorer may be running, try --port 0") from None
+    print(f"explore: http://{HOST}:{server.server_port}/{query}  (Ctrl-C ends it)", flush=True)
+    server.serve_forever()
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

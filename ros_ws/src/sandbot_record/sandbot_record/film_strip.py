@@ -1,0 +1,89 @@
+"""A strip of tracked video out of a bag: the kept lateral frames with the tracked marks drawn on them."""
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from sandbot_common import messages, topics
+from sandbot_common.errors import InputError
+from sandbot_common.files import load_yaml
+from sandbot_record import metadata
+from sandbot_record.reader import FIELD_STAMP, Bag
+from sandbot_record.table import bags_in
+from sandbot_tracking.calibration import Camera, cameras_from_mapping
+
+Strip = list[tuple[bytes, str]]
+"""(JPEG bytes, caption) of each frame."""
+
+SCALE = 1.5
+"""Frames are enlarged before the marks are drawn, so that a mark is thinner than the disc it marks."""
+ROWS_KEPT = (0.45, 0.75)
+"""The part of the frame's height in which the robot walks."""
+_MARKS = {topics.FRONT_AXLE: (0, 165, 255), topics.REAR_AXLE: (255, 170, 0)}
+_POINT = ("point.x", "point.y", "point.z")
+
+
+def film_strip(data: Path, count: int = 4) -> Strip:
+    """``count`` frames over one steady step of the first bag in ``data`` that kept its lateral frames; else none."""
+    bags = bags_in(data) if data.is_dir() else []
+    for path in bags:
+        # metadata.yaml tells without reading the bag whether frames were kept.
+        info = metadata.read(path) if path.is_dir() else None
+        if info is not None and any(topic.name == topics.LATERAL_JPEG.name and topic.count for topic in info.topics):
+            bag = Bag.open(path)
+            if "cameras.yaml" in bag.attachments:
+                return _strip(bag, count)
+    return []
+
+
+def _strip(bag: Bag, count: int) -> Strip:
+    try:
+        content = load_yaml(bag.attachments["cameras.yaml"].decode())
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f"{bag.path}: attachment cameras.yaml: {error}") from None
+    camera = cameras_from_mapping(content, f"{bag.path}: cameras.yaml")["lateral"]
+    led = bag.columns(topics.SYNC_LED.name, "stamp.sec", "stamp.nanosec")
+    start_ns = int(led["stamp.sec"][0]) * 1_000_000_000 + int(led["stamp.nanosec"][0])
+    marks = {topic: bag.columns(topic.name, *_POINT, *FIELD_STAMP) for topic in _MARKS}
+    frames = [message.decode() for message in bag.messages([topics.LATERAL_JPEG.name])]
+    stamps = np.array([messages.nanoseconds(frame.header.stamp) for frame in frames])
+    wanted = [int(np.argmin(np.abs(stamps - t))) for t in _moments(marks[topics.FRONT_AXLE], start_ns, count)]
+    return [
+        (
+            _drawn(np.asarray(frames[i].data, dtype=np.uint8), camera, marks, int(stamps[i])),
+            f"t = {(stamps[i] - start_ns) * 1e-9:.2f} s ({bag.path.name}, lateral camera)",
+        )
+        for i in wanted
+    ]
+
+
+def _moments(axle: Any, start_ns: int, count: int) -> NDArray[np.float64]:
+    """Instants through one rise and fall of the axle, about the highest one after the first second."""
+    stamps, height = axle.stamp_ns, np.nan_to_num(axle["point.z"])
+    steady = stamps > start_ns + 400_000_000
+    if not steady.any():
+        steady = stamps > start_ns
+    top = int(stamps[steady][np.argmax(height[steady])])
+    return np.asarray(top + 1e9 * np.linspace(-0.06, 0.06, count))
+
+
+def _drawn(jpeg: NDArray[np.uint8], camera: Camera, marks: dict[topics.Topic, Any], stamp_ns: int) -> bytes:
+    grey = cv2.imdecode(jpeg, cv2.IMREAD_GRAYSCALE)
+    picture = cv2.cvtColor(
+        cv2.resize(grey, None, fx=SCALE, fy=SCALE, interpolation=cv2.INTER_CUBIC), cv2.COLOR_GRAY2BGR
+    )
+    for topic, colour in _MARKS.items():
+        columns = marks[topic]
+        nearest = int(np.argmin(np.abs(columns.stamp_ns - stamp_ns)))
+        xyz = np.array([[columns[name][nearest] for name in _POINT]])
+        if np.isfinite(xyz).all():
+            u, v = (SCALE * (camera.to_pixels(xyz)[0] + 0.5) - 0.5).round().astype(int).tolist()
+            cv2.drawMarker(picture, (u, v), colour, cv2.MARKER_CROSS, 22, 1, cv2.LINE_AA)
+            cv2.circle(picture, (u, v), 13, colour, 1, cv2.LINE_AA)
+    top, bottom = (int(share * len(picture)) for share in ROWS_KEPT)
+    encoded = cv2.imencode(".jpg", picture[top:bottom], [cv2.IMWRITE_JPEG_QUALITY, 85])[1]
+    return bytes(encoded.tobytes())

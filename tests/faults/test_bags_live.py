@@ -1,0 +1,235 @@
+"""The recorder as a process over DDS: nothing lost, killed at any moment, on a full disk, started and stopped."""
+
+import contextlib
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import Reader
+
+from sandbot_record.reader import FIELD_STAMP, Bag
+from sandbot_record.recover import recover
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(300)]
+
+PUBLISHER = """
+import signal, sys, time
+import numpy as np, rclpy
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Range
+from sandbot_common import messages, topics
+from sandbot_common.node import publisher
+rclpy.init()
+node = Node("source")
+legs, trial = publisher(node, topics.LEG_STATES), publisher(node, topics.TRIAL)
+image = publisher(node, topics.DORSAL_IMAGE)
+weak = node.create_publisher(Range, "/bed/height", QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
+trial.publish(messages.string('{"trial_id": "t1"}'))
+frame = np.arange(480 * 640, dtype=np.uint8).reshape(480, 640)
+rate, wait_for, count = float(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+while legs.get_subscription_count() < wait_for or (wait_for and weak.get_subscription_count() < wait_for):
+    time.sleep(0.02)
+print("go", flush=True)
+start, zero = time.monotonic(), np.zeros(6)
+for i in range(count):
+    legs.publish(messages.joint_state(time.time_ns(), topics.LEGS, zero + i, zero, zero))
+    if i % 20 == 0:
+        weak.publish(messages.range_(i, 0.1, 0.0, 1.0, "bed"))
+        if len(sys.argv) > 4:
+            image.publish(messages.image(i, "dorsal", frame))
+    time.sleep(max(0.0, start + (i + 1) / rate - time.monotonic()))
+print("done", flush=True)
+time.sleep(1.0)
+"""
+
+
+@pytest.fixture(autouse=True)
+def domain(monkeypatch):
+    """A ROS domain of our own, so that other tests are not heard."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
+
+
+@contextlib.contextmanager
+def process(*command, **options):
+    with subprocess.Popen([sys.executable, *map(str, command)], stdout=subprocess.PIPE, text=True, **options) as started:
+        try:
+            yield started
+        finally:
+            started.kill()
+
+
+def recorder(*arguments, **options):
+    return process("-m", "sandbot_record.tools.record", *arguments, **options)
+
+
+def publisher(rate, wait_for, count, *more):
+    return process("-c", PUBLISHER, rate, wait_for, count, *more)
+
+
+def until(started: subprocess.Popen, beginning: str) -> str:
+    for line in started.stdout:
+        if line.startswith(beginning):
+            return line
+    raise AssertionError(f"no line {beginning!r}; exit code {started.wait()}")
+
+
+def test_records_everything_and_matches_the_publishers_qos(tmp_path):
+    names = ("/leg_states", "/trial", "/bed/height", "/speed")
+    with recorder(*names, "--out", tmp_path / "b") as record, publisher(500, 1, 1500) as source:
+        until(record, "recording to")
+        until(source, "done")
+        record.send_signal(signal.SIGINT)
+        last = record.stdout.read()
+        assert record.wait(20) == 0
+    assert "0 lost" in last
+    bag = Bag.open(tmp_path / "b")
+    legs = bag.columns("/leg_states", "position", *FIELD_STAMP)
+    assert legs["position"][:, 0].tolist() == list(range(1500))
+    # Published after it was stamped, received after it was published.
+    assert (legs.stamp_ns <= legs.publish_time_ns).all()
+    assert (legs.publish_time_ns <= legs.log_time_ns).all()
+    assert bag.topics["/trial"].count == 1  # latched, published before the recorder was there
+    assert bag.topics["/bed/height"].count == 75  # best effort
+    with Reader(tmp_path / "b") as reader:
+        assert reader.message_count == sum(1 for _ in reader.messages()) == bag.count
+    assert bag.provenance["recording"]["exit_status"] == "ok"
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, "service"])
+def test_stops_cleanly(tmp_path, how):
+    with recorder("--all", "--images", "jpeg", "--out", tmp_path / "b") as record, publisher(200, 1, 400, "i") as source:
+        until(record, "recording to")
+        until(source, "done")
+        if how == "service":
+            call("/recorder/stop")
+        else:
+            record.send_signal(how)
+        assert record.wait(20) == 0
+    bag = Bag.open(tmp_path / "b")
+    assert bag.topics["/leg_states"].count == 400
+    assert bag.topics["/camera/dorsal/image_raw/compressed"].count == 20
+    assert "/camera/dorsal/image_raw" not in bag.topics
+
+
+def call(service: str) -> None:
+    code = """
+import sys, rclpy
+from std_srvs.srv import Trigger
+rclpy.init()
+node = rclpy.create_node("caller")
+client = node.create_client(Trigger, sys.argv[1])
+assert client.wait_for_service(10)
+future = client.call_async(Trigger.Request())
+rclpy.spin_until_future_complete(node, future, timeout_sec=10)
+assert future.result().success
+"""
+    subprocess.run([sys.executable, "-c", code, service], check=True, timeout=60)
+
+
+def test_killed_at_twenty_moments_all_but_the_last_second_comes_back(tmp_path):
+    draw = random.Random(9)
+    with publisher(1000, 0, 200_000) as source:
+        until(source, "go")
+        for batch in range(5):
+            bags = [tmp_path / f"b{batch}{n}" for n in range(4)]
+            with contextlib.ExitStack() as stack:
+                running = [stack.enter_context(recorder("/leg_states", "--out", bag)) for bag in bags]
+                for one in running:
+                    until(one, "recording to")
+                time.sleep(1.0)  # within the first second there may be nothing yet to bring back
+                for one, bag in zip(running, bags, strict=True):
+                    time.sleep(draw.uniform(0.1, 1.2))
+                    killed_ns = time.time_ns()
+                    one.kill()
+                    one.wait()
+                    check_recovered(bag, killed_ns)
+
+
+def check_recovered(bag: Path, killed_ns: int) -> None:
+    target = bag.with_name(f"{bag.name}-recovered")
+    recover(bag, target)
+    legs = Bag.open(target).columns("/leg_states", "position", *FIELD_STAMP)
+    numbers = legs["position"][:, 0]
+    assert (np.diff(numbers) == 1).all()
+    assert killed_ns - legs.log_time_ns[-1] < 1_000_000_000
+    with Reader(target) as reader:
+        assert sum(1 for _ in reader.messages()) == reader.message_count == len(numbers)
+    shutil.rmtree(bag)
+
+
+def test_a_full_disk_closes_the_bag_and_says_so(tmp_path):
+    limit = 400_000
+
+    def small_files():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    with (
+        recorder("/leg_states", "--out", tmp_path / "b", preexec_fn=small_files) as record,
+        publisher(500, 1, 4000) as source,
+    ):
+        until(source, "go")
+        last = record.stdout.read()
+        assert record.wait(60) == 1
+    assert "File too large" in last
+    bag = Bag.open(tmp_path / "b")
+    numbers = bag.columns("/leg_states", "position")["position"][:, 0]
+    assert (np.diff(numbers) == 1).all()
+    assert len(numbers) > 500
+    assert "File too large" in bag.provenance["recording"]["exit_status"]
+    with Reader(tmp_path / "b") as reader:
+        assert sum(1 for _ in reader.messages()) == reader.message_count == len(numbers)
+
+
+def test_replayed_is_what_was_recorded(tmp_path):
+    with recorder("/leg_states", "--out", tmp_path / "a") as record, publisher(200, 1, 600) as source:
+        until(record, "recording to")
+        until(source, "done")
+        record.send_signal(signal.SIGINT)
+        assert record.wait(20) == 0
+    arguments = (tmp_path / "a", "--start", 1, "--rate", 2, "--clock", "--remap", "/leg_states:=/again")
+    with recorder("--all", "--out", tmp_path / "b") as record:
+        until(record, "recording to")
+        with process("-m", "sandbot_record.tools.replay", *arguments) as replay:
+            line = until(replay, "replayed")
+            assert replay.wait(20) == 0
+        record.send_signal(signal.SIGINT)
+        assert record.wait(20) == 0
+    first, second = Bag.open(tmp_path / "a"), Bag.open(tmp_path / "b")
+    again = second.columns("/again", "position")
+    numbers = again["position"][:, 0].astype(int)
+    assert (np.diff(numbers) == 1).all()
+    assert numbers[-1] == 599
+    assert abs(numbers[0] - 200) < 20
+    original = first.columns("/leg_states").log_time_ns
+    played = (again.log_time_ns[-1] - again.log_time_ns[0]) * 2
+    assert played == pytest.approx(original[-1] - original[numbers[0]], rel=0.05)
+    assert second.topics["/clock"].count > 50
+    assert "late by" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ((), "nothing to record"),
+        (("leg states",), "not a topic name"),
+        (("--regex", "("), "not a regular expression"),
+        (("/x", "--duration", "-1"), "not a number from 0 up"),
+        (("/x", "--min-free", "1e11"), "MiB free"),
+        (("/x", "--frob"), "unknown option --frob"),
+    ],
+)
+def test_record_refuses_in_one_line(tmp_path, arguments, complaint):
+    command = [sys.executable, "-m", "sandbot_record.tools.record", *arguments, "--out", str(tmp_path / "b")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert complaint in done.stderr
+    assert done.stderr.count("\n") == 1
