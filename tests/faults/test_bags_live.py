@@ -36,8 +36,9 @@ weak = node.create_publisher(Range, "/bed/height", QoSProfile(depth=10, reliabil
 trial.publish(messages.string('{"trial_id": "t1"}'))
 frame = np.arange(480 * 640, dtype=np.uint8).reshape(480, 640)
 rate, wait_for, count = float(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
-while legs.get_subscription_count() < wait_for or (wait_for and weak.get_subscription_count() < wait_for):
+while legs.get_subscription_count() < wait_for:
     time.sleep(0.02)
+time.sleep(0.5 * wait_for)  # the other topics are matched in the same moment, give or take
 print("go", flush=True)
 start, zero = time.monotonic(), np.zeros(6)
 for i in range(count):
@@ -54,8 +55,8 @@ time.sleep(1.0)
 
 @pytest.fixture(autouse=True)
 def domain(monkeypatch):
-    """A ROS domain of our own, so that other tests are not heard."""
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 100))
+    """A ROS domain of our own, so that other tests are not heard; above 101 its ports would be anybody's."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
 
 
 @contextlib.contextmanager
@@ -178,7 +179,7 @@ def test_a_full_disk_closes_the_bag_and_says_so(tmp_path):
     ):
         until(source, "go")
         last = record.stdout.read()
-        assert record.wait(60) == 1
+        assert record.wait(20) == 1
     assert "File too large" in last
     bag = Bag.open(tmp_path / "b")
     numbers = bag.columns("/leg_states", "position")["position"][:, 0]

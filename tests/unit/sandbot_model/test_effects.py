@@ -11,7 +11,9 @@ from sandbot_model.walking import Inputs, KCurve, Walker
 
 OMEGA = np.array([4.0, 12.0, 20.0, 30.0])
 K = np.array([172.0, 190.0, 205.0, 225.0])[:, None]
-INPUTS = Inputs(K, OMEGA, 0.4, 0.62, 0.02, 0.389, k_of_phi=KCurve(np.array([0.58, 0.6, 0.633]), np.array([170.0, 205, 220])))
+INPUTS = Inputs(
+    K, OMEGA, 0.4, 0.62, 0.02, 0.389, k_of_phi=KCurve(np.array([0.58, 0.6, 0.633]), np.array([170.0, 205, 220]))
+)
 BASE = Walker().predict(INPUTS).observables
 SPREAD_ONLY = {"phi_nonuniformity"}
 """Acts on the average over φ, not on a single prediction."""
@@ -62,7 +64,9 @@ def test_slow_phase_speed_vanishes_for_uniform_rotation():
     effect = next(one for one in CATALOGUE if one.identifier == "slow_phase_speed")
     uniform = Inputs(K, OMEGA, 0.4)
     np.testing.assert_allclose(
-        Walker((effect,)).predict(uniform, [{"rho": 1.0}]).observables, Walker().predict(uniform).observables, atol=1e-12
+        Walker((effect,)).predict(uniform, [{"rho": 1.0}]).observables,
+        Walker().predict(uniform).observables,
+        atol=1e-12,
     )
 
 
@@ -76,7 +80,20 @@ def test_any_set_composes_to_finite_observables(which):
     assert (found.lift_m >= 0).all()
 
 
-COMMUTING = [e for e in CATALOGUE if e.identifier not in {"crater_refill", "exact_leg_arc", "depth_nonlinearity", "resistive_force_theory", "finite_depth", "unequal_leg_load", "bed_slope"}]
+COMMUTING = [
+    e
+    for e in CATALOGUE
+    if e.identifier
+    not in {
+        "crater_refill",
+        "exact_leg_arc",
+        "depth_nonlinearity",
+        "resistive_force_theory",
+        "finite_depth",
+        "unequal_leg_load",
+        "bed_slope",
+    }
+]
 
 
 @settings(max_examples=40, deadline=None)
@@ -94,7 +111,10 @@ def test_disturbed_ground_spares_the_first_step_and_collapses_the_rest():
     effect = CATALOGUE[0]
     assert effect.identifier == "disturbed_ground"
     inputs = Inputs(220.0, 24.0, 0.4)
-    undisturbed, found = Walker().predict(inputs), Walker((effect,)).predict(inputs, [{"k_l_n_per_m": 170.0, "s_c": 1.05}])
+    undisturbed, found = (
+        Walker().predict(inputs),
+        Walker((effect,)).predict(inputs, [{"k_l_n_per_m": 170.0, "s_c": 1.05}]),
+    )
     assert not found.walking
     assert float(found.first_step_m) == float(undisturbed.first_step_m)
     assert 24 * float(found.first_step_m) / np.pi == pytest.approx(0.26, abs=0.005)

@@ -138,7 +138,11 @@ def test_lift_and_step_keep_the_geometry_lock(k, omega, delta_t):
 
 
 @settings(max_examples=30)
-@given(k=st.floats(165, 400), omega=st.floats(1, 30), names=st.sets(st.sampled_from(sorted(EFFECTS)), min_size=1, max_size=3))
+@given(
+    k=st.floats(165, 400),
+    omega=st.floats(1, 30),
+    names=st.sets(st.sampled_from(sorted(EFFECTS)), min_size=1, max_size=3),
+)
 def test_the_depth_found_is_the_first_that_holds(k, omega, names):
     """Against a scan of the margin on a fine grid, for any set of effects."""
     effects = tuple(effect for name, effect in EFFECTS.items() if name in names)

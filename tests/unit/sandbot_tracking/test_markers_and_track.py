@@ -6,7 +6,7 @@ import pytest
 from sandbot_common.errors import InputError
 from sandbot_tracking.led import LedEdge
 from sandbot_tracking.markers import Appearance, detect, locate
-from sandbot_tracking.pairing import Pairing
+from sandbot_tracking.pairing import PATIENCE, Pairing
 from sandbot_tracking.track import MarkerTracker
 
 
@@ -120,5 +120,5 @@ def test_frames_of_one_instant_are_paired_and_late_ones_dropped():
     assert pairing.add(2, "dorsal", "d2") == []
     assert pairing.add(2, "lateral", "l2") == [(1, {"dorsal": "d1"}), (2, {"dorsal": "d2", "lateral": "l2"})]
     assert pairing.add(1, "lateral", "l1") == []
-    given = [instant for n in range(3, 9) for instant in pairing.add(n, "dorsal", n)]
+    given = [instant for n in range(3, 3 + PATIENCE + 3) for instant in pairing.add(n, "dorsal", n)]
     assert [stamp for stamp, _ in given] == [3, 4, 5]

@@ -40,13 +40,22 @@ def test_walking_is_measured_to_its_stated_accuracy(rng, omega, ratio):
     assert summary.first_step_m == pytest.approx(ratio * R, abs=2e-4)
 
 
-@pytest.mark.parametrize("omega", [4.0, 30.0])
+@pytest.mark.parametrize("omega", [4.0, 24.0, 30.0])
 def test_swimming_has_no_lift_and_no_false_peak(rng, omega):
     t = np.arange(-0.1, max(3.0, 8 * np.pi / omega), 0.01)
     summary = measure(rng, 0.02 * np.maximum(t, 0), np.full(t.size, H), t, omega, 1e-4)
     assert summary.peak_speed_m_s == pytest.approx(0.02, rel=0.1)
     assert summary.speed_m_s == pytest.approx(0.02, rel=0.02)
     assert abs(summary.lift_m) < 5e-5
+
+
+def test_swimming_of_a_short_trial_has_no_false_peak():
+    # 13.09 frames a step: neighbours in phase are neighbours in time, so they share their step's error of rest.
+    t = np.arange(-0.1, 1.95, 0.01)
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        summary = measure(rng, 0.03 * np.maximum(t, 0), np.full(t.size, H), t, 24.0)
+        assert summary.peak_speed_m_s == pytest.approx(0.03, rel=0.1)
 
 
 def test_gaps_are_counted_and_do_not_bias(rng):

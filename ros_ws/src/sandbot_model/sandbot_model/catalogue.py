@@ -7,7 +7,6 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from sandbot_common.errors import InputError
-
 from sandbot_model.chain import STAGES, Effect
 from sandbot_model.effects import CATALOGUE
 from sandbot_model.formula import formula_effect
@@ -75,7 +74,14 @@ def describe(effects: Mapping[str, Effect]) -> list[dict[str, object]]:
             "stage": effect.stage,
             "formula": effect.formula,
             "parameters": [
-                {"name": one.name, "unit": one.unit, "low": one.low, "high": one.high, "start": one.start, "doc": one.doc}
+                {
+                    "name": one.name,
+                    "unit": one.unit,
+                    "low": one.low,
+                    "high": one.high,
+                    "start": one.start,
+                    "doc": one.doc,
+                }
                 for one in effect.parameters
             ],
             "seen_in": effect.seen_in,

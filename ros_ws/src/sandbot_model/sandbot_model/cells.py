@@ -9,8 +9,8 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from sandbot_common.errors import InputError
 
+from sandbot_common.errors import InputError
 from sandbot_model.levels import phi_levels, same_within
 from sandbot_model.noise import pure_error
 
@@ -122,6 +122,9 @@ class Cells:
         return len(self.omega)
 
 
+USUAL_NOISE = (5e-3, 5e-4, 1e-2, 1.5e-3)
+"""Standard deviation of one trial [SI] that weighs observables against each other where nothing was replicated."""
+
 OMEGA_TOLERANCE = 5e-3
 """Leg frequencies closer than this (relative) are the same condition."""
 
@@ -141,7 +144,9 @@ def cells_of(trials: Trials) -> Cells:
     usable = np.isfinite(phi) & np.isfinite(omega) & (omega > 0) & np.isfinite(values).any(axis=-1)
     usable &= np.isin(status, ["", "ok"])
     if not usable.any():
-        raise InputError(f"none of {len(phi)} trials can be used: phi, omega_rad_s and speed_m_s of an ok trial are needed")
+        raise InputError(
+            f"none of {len(phi)} trials can be used: phi, omega_rad_s and speed_m_s of an ok trial are needed"
+        )
     gait = np.asarray([str(one) for one in trials.gait])[usable]
     for row in np.flatnonzero(usable):
         if not peak_is_resolved(str(trials.gait[row]), float(omega[row])):
@@ -168,7 +173,11 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
     with np.errstate(invalid="ignore", divide="ignore"):
         root = np.sqrt(np.where(count > 0, count, np.nan).astype(float))
         spread = np.where(count > 1, np.sqrt(_squares(values - mean[cell], cell, cells) / (count - 1)), np.nan)
-    covariance = error.covariance / root[:, :, None] / root[:, None, :]
+    variance = np.diagonal(error.covariance, axis1=1, axis2=2)
+    # Without any replicates pure error is unknown: weights are then the usual ones, and nothing can be tested.
+    unknown = ~np.isfinite(variance)
+    scale = np.where(unknown[:, :, None] | unknown[:, None, :], np.diag(np.square(USUAL_NOISE)), error.covariance)
+    covariance = scale / root[:, :, None] / root[:, None, :]
     names = tuple(str(gaits[index]) for index in keys[1])
     return Cells(
         phi=average(phi),

@@ -10,8 +10,10 @@ ENOUGH = 1e-2
 """A step that lowers the deviance by less is the last."""
 STIFFEST = 1e5
 """Damping at which a row is given up."""
-SHIFTS = np.concatenate([[0.0], -(s := np.array([1, 2, 3.5, 5, 7.5, 10, 13, 16, 20, 25, 32, 40, 50]) * 1e-3), s])
+SHIFTS = np.concatenate([[0.0], -(s := np.array([1, 2.5, 5, 9, 15, 25, 40]) * 1e-3), s])
 """Relative shifts of k tried for a better valley."""
+ACROSS = np.geomspace(0.78, 1.28, 40)
+"""k over the median of all levels."""
 REACHES = np.concatenate([-(r := np.array([0.02, 0.05, 0.1, 0.16, 0.24, 0.36, 0.5])), r])
 """Shifts of an effect's parameter tried, in plausible ranges."""
 
@@ -36,10 +38,11 @@ def descend(problem: Problem, states: States, iterations: int = ITERATIONS) -> S
 
 
 def look_along_k(problem: Problem, state: States) -> States:
-    """Shift every k by itself and keep what helps: given θ the levels do not know of each other. One row."""
-    count = len(SHIFTS)
-    ln_k = state.ln_k + np.log1p(SHIFTS)[:, None]
-    tried = problem.states(np.repeat(state.theta, count, axis=0), ln_k, state.slope)
+    """Try other k's for every level, near its own and across the range of all: given θ the levels do not meet. One row."""
+    near = state.ln_k + np.log1p(SHIFTS)[:, None]
+    across = np.median(state.ln_k) + np.log(ACROSS)[:, None] + np.zeros_like(state.ln_k)
+    ln_k = np.concatenate([near, across])
+    tried = problem.states(np.repeat(state.theta, len(ln_k), axis=0), ln_k, state.slope)
     value = np.add.reduceat(tried.cell_deviance, _level_starts(problem), axis=1)
     best = np.where(value.min(axis=0) < value[0] - ENOUGH, value.argmin(axis=0), 0)
     if not best.any():

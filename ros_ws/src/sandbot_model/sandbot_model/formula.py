@@ -11,8 +11,8 @@ from typing import Any
 
 import asteval
 import numpy as np
-from sandbot_common.errors import InputError
 
+from sandbot_common.errors import InputError
 from sandbot_model.chain import STAGES, Chain, Effect, Parameter, Values
 
 MAIN = {"clock": "omega", "strength": "k", "balance": "force", "step": "step", "speed": "kept"}
@@ -56,11 +56,11 @@ class _Formula(Effect):
     source = "given on the command line"
     seen_in = "-"
 
-    def __init__(self, name: str, stage: str, quantity: str, expression: str, parameters: tuple[Parameter, ...]) -> None:
+    def __init__(
+        self, name: str, stage: str, quantity: str, expression: str, parameters: tuple[Parameter, ...]
+    ) -> None:
         # An effect's description is a class attribute elsewhere; here each instance is its own kind.
-        self.__dict__.update(
-            identifier=name, stage=stage, formula=f"{quantity} -> {expression}", parameters=parameters
-        )
+        self.__dict__.update(identifier=name, stage=stage, formula=f"{quantity} -> {expression}", parameters=parameters)
         self._quantity, self._expression = quantity, expression
         self.readable = _readable(stage)
         self._interpreter: asteval.Interpreter | None = None

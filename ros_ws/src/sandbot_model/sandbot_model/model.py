@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from sandbot_common.errors import InputError
 
+from sandbot_common.errors import InputError
 from sandbot_model.chain import Array, Effect, Parameter
 from sandbot_model.robot import Robot
 from sandbot_model.walking import BASES, V_SWIM_M_S, Params, Walker
@@ -51,7 +51,10 @@ class Model:
         """Names of the shared parameters, in order."""
         replaced = {name for effect in self.walker.effects for name in effect.replaces}
         own = [one.name for one in BASE_PARAMETERS if one.name not in replaced]
-        return (*own, *(f"{effect.identifier}.{one.name}" for effect in self.walker.effects for one in effect.parameters))
+        return (
+            *own,
+            *(f"{effect.identifier}.{one.name}" for effect in self.walker.effects for one in effect.parameters),
+        )
 
     def arguments(self, theta: Array) -> tuple[Array, Array, Params]:
         """Δt, v_swim and the effects' parameters from values ``(..., parameters)`` in the order of ``names``."""
@@ -63,9 +66,7 @@ class Model:
         return values["delta_t_s"], values.get("v_swim_m_s", np.asarray(V_SWIM_M_S)), params
 
 
-def model_of(
-    base: str, effects: Sequence[str], catalogue: Mapping[str, Effect], robot: Robot | None = None
-) -> Model:
+def model_of(base: str, effects: Sequence[str], catalogue: Mapping[str, Effect], robot: Robot | None = None) -> Model:
     """The model named. Raises InputError for an unknown base or effect, or an effect the base has already."""
     if base not in BASES:
         raise InputError(f"model {base!r} is not one of {', '.join(BASES)}")

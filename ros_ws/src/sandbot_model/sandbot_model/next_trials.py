@@ -48,7 +48,9 @@ def _best_of_pair(one: Fit, other: Fit) -> list[NextTrial]:
     phi = cells.level_phi
     first, second = (fit.predict(phi[:, None], omega[None, :]).observables for fit in (one, other))
     noise = np.where(np.isfinite(cells.noise), cells.noise, np.inf)
-    gap = np.abs(first - second) / np.sqrt(noise**2 + _edge_variance(one, phi, omega) + _edge_variance(other, phi, omega))
+    gap = np.abs(first - second) / np.sqrt(
+        noise**2 + _edge_variance(one, phi, omega) + _edge_variance(other, phi, omega)
+    )
     separates = (" + ".join(one.effects) or "base", " + ".join(other.effects) or "base")
     trials = []
     for flat in np.argsort(-gap, axis=None)[: 4 * MOST]:

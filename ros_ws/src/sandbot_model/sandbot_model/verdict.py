@@ -46,20 +46,30 @@ def judge(fits: Mapping[tuple[str, ...], Fit]) -> Verdict:
     """The verdict on all sets tried."""
     base = fits[()]
     if base.lack_of_fit_p != base.lack_of_fit_p:
-        return Verdict("unexplained", (), (), "no cell has replicates, so pure error is unknown and nothing can be tested")
+        return Verdict(
+            "unexplained", (), (), "no cell has replicates, so pure error is unknown and nothing can be tested"
+        )
     helpful = [key for key in fits if len(key) == 1 and worth(fits, key, ())]
     if passes(base) and not helpful:
-        return Verdict("adequate", (), (), f"the {base.model} model misses the cell means by no more than replicates scatter {_p(base)}")
+        return Verdict(
+            "adequate",
+            (),
+            (),
+            f"the {base.model} model misses the cell means by no more than replicates scatter {_p(base)}",
+        )
     good = [one for key, one in fits.items() if key and passes(one) and _all_needed(fits, key)]
     if not good:
         return _unexplained(fits)
     best = min(good, key=lambda one: one.bic)
-    rivals = sorted(
-        (one for one in good if one.bic - best.bic < CLEARLY and one is not best), key=lambda one: one.bic
-    )
+    rivals = sorted((one for one in good if one.bic - best.bic < CLEARLY and one is not best), key=lambda one: one.bic)
     if rivals:
         sets = tuple(one.effects for one in (best, *rivals))
-        return Verdict("ambiguous", best.effects, sets, f"{len(sets)} sets explain the data equally well: {'; '.join(map(_name, sets))}")
+        return Verdict(
+            "ambiguous",
+            best.effects,
+            sets,
+            f"{len(sets)} sets explain the data equally well: {'; '.join(map(_name, sets))}",
+        )
     return Verdict("identified", best.effects, (best.effects,), _because(fits, best))
 
 
@@ -90,7 +100,12 @@ def _unexplained(fits: Mapping[tuple[str, ...], Fit]) -> Verdict:
             f"ω {worst.omega_rad_s:.3g} rad/s by {abs(worst.z):.1f} standard errors"
         )
     named = f"the best set, {_name(best.effects)}," if best.effects else "the base model"
-    return Verdict("unexplained", (), (), f"no set of catalogue effects passes the lack-of-fit test: {named} still fails {_p(best)}{where}")
+    return Verdict(
+        "unexplained",
+        (),
+        (),
+        f"no set of catalogue effects passes the lack-of-fit test: {named} still fails {_p(best)}{where}",
+    )
 
 
 def _name(effects: tuple[str, ...]) -> str:

@@ -60,7 +60,7 @@ def peak_slope(t_s: Floats, x_m: Floats, edges_s: Floats, rest_m: Floats) -> flo
     # Each step's own length is taken off in proportion: what is left is the shape, scaled by the mean length.
     part = (x - rest_m[step]) - (length - mean) * _progress(number % 1.0, x - rest_m[step], length)
     folded = fold(number % 1.0, part, mean)
-    line = _fit(folded, 0.5, 0.5, degree=1)
+    line = _whole(folded, degree=1)
     if line is not None:
         return line.slope / seconds
     best = _best(folded, lambda fit: fit.slope - 5 * fit.slope_se)
@@ -71,7 +71,7 @@ def peak_height(t_s: Floats, z_m: Floats, edges_s: Floats) -> float:
     """Largest z of the folded step, median over the steps [m]; the plain mean if the folded curve is flat."""
     number, z = _inside(t_s, z_m, edges_s)
     folded = fold(number % 1.0, z, 0.0)
-    flat = _fit(folded, 0.5, 0.5, degree=0)
+    flat = _whole(folded, degree=0)
     if flat is not None:
         return flat.level
     top = _best(folded, lambda fit: fit.level - 5 * fit.level_se).level
@@ -160,6 +160,28 @@ def _fit(folded: Folded, centre: float, half: float, degree: int) -> _Fit | None
     covariance = covariance * noise**2
     slope, slope_se = (solution[1] / half, np.sqrt(covariance[1, 1]) / half) if degree else (0.0, 0.0)
     return _Fit(float(slope), float(solution[0]), float(slope_se), float(np.sqrt(covariance[0, 0])))
+
+
+def _whole(folded: Folded, degree: int) -> _Fit | None:
+    """A line or a constant over the whole step; None if the step has a shape.
+
+    Lack of fit against pure error: a mean over a twelfth of the step must lie off by less than 3.5 of its standard
+    deviations, taken from the scatter within the twelfths. That scatter holds the errors of rest positions, which all
+    frames of a step share; the noise between neighbours in phase may not.
+    """
+    u = 2 * folded.phase - 1
+    design = u[:, None] ** np.arange(degree + 1)
+    covariance = np.linalg.inv(design.T @ design)
+    solution = covariance @ (design.T @ folded.value)
+    residual = folded.value - design @ solution
+    part = np.minimum((6 * (u + 1)).astype(int), 11)
+    count = np.maximum(np.bincount(part, minlength=12), 1)
+    mean = np.bincount(part, residual, 12) / count
+    scatter = float(np.sum((residual - mean[part]) ** 2)) / max(u.size - 12, 1)
+    if (np.abs(mean) * np.sqrt(count) > 3.5 * max(np.sqrt(scatter), 1e-7)).any():
+        return None
+    slope, slope_se = (2 * solution[1], 2 * np.sqrt(scatter * covariance[1, 1])) if degree else (0.0, 0.0)
+    return _Fit(float(slope), float(solution[0]), float(slope_se), float(np.sqrt(scatter * covariance[0, 0])))
 
 
 def _distinct(u: Floats) -> int:

@@ -7,8 +7,8 @@ T = TypeVar("T")
 
 PATIENCE = 100
 """Instants that may wait for a partner before the oldest goes on without. After a stall of a busy machine one camera's
-backlog is delivered before the other's, so a second's worth must be able to wait; a frame really lost costs no waiting, for
-the next complete instant sends the ones before it on."""
+backlog is delivered before the other's, so a second's worth must be able to wait; a frame really lost costs no
+waiting, for the next complete instant sends the ones before it on."""
 
 
 class Pairing(Generic[T]):

@@ -103,8 +103,9 @@ def suggestion(found: Discovery) -> list[Any]:
     """Verdict, candidates and next trials of a discovery, with a button that switches its effects on."""
     verdict = found.verdict
     named = " + ".join(map(readable, verdict.effects))
+    because = verdict.because[:1].upper() + verdict.because[1:]
     parts: list[Any] = [
-        html.P([html.Strong(f"{verdict.status.capitalize()}{f': {named}' if named else ''}. "), verdict.because]),
+        html.P([html.Strong(f"{verdict.status.capitalize()}{f': {named}' if named else ''}. "), because]),
         _table(
             "Best single effects",
             ("effect", "ΔBIC", "out of sample"),
@@ -193,7 +194,7 @@ def _figures(cells: Cells) -> html.Main:
                 ),
                 id="observable-row",
             ),
-            html.Div(dcc.Graph(id="figure", config=GRAPH), className="plot"),
+            html.Div(dcc.Graph(id="figure", config=GRAPH), className="plot", id="figure-box"),
             html.Div(id="parameters"),
             html.H2("Error as effects are added"),
             html.Div(dcc.Graph(id="ladder", config=GRAPH), className="plot"),

@@ -102,7 +102,7 @@ class Session:
             self._begin(one)
 
     def promises(self, selection: Selection) -> dict[str, tuple[float, float] | None]:
-        """Effect → error (in sample, out of sample) [m/s] if switched over; None while not fitted yet, NaN if no fit."""
+        """Effect → error (in sample, out of sample) [m/s] if switched over; None: not fitted yet, NaN: no fit."""
         found: dict[str, tuple[float, float] | None] = {}
         for one in self._neighbours(selection):
             (name,) = set(one.effects) ^ set(selection.effects)
@@ -134,21 +134,38 @@ class Session:
             if key in self._steps:
                 return self._steps[key]
         try:
-            solved = self._begin(selection).result()
+            solved = self._wanted_now(selection)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise InputError(f"{' + '.join(selection.effects)}: no fit to these trials: {error}") from error
         step = with_curves([fitted_at(self.model(selection), self.cells, solved.point)])[0]
         with self._lock:
             return self._steps.setdefault(key, step)
 
+    def _wanted_now(self, selection: Selection) -> Solved:
+        """The fit of a selection; one that still waits for a worker is made here and now."""
+        future = self._begin(selection)
+        if not future.cancel():
+            return future.result()
+        solved = solve(self.model(selection), self.cells, self._near(selection))
+        made: Future[Solved] = Future()
+        made.set_result(solved)
+        with self._lock:
+            self._solved[self._key(selection)] = made
+        return solved
+
+    def _near(self, selection: Selection) -> Known | None:
+        """What the fit without the last effect found, if it is there."""
+        with self._lock:
+            parent = self._steps.get(self._key(replace(selection, effects=selection.effects[:-1])))
+        return parent.fit.known if parent and selection.effects else None
+
     def _begin(self, selection: Selection) -> "Future[Solved]":
         """The fit of a selection, begun if it was not, from the fit without its last effect if that is there."""
         key = self._key(selection)
         with self._lock:
-            parent = self._steps.get(self._key(replace(selection, effects=selection.effects[:-1])))
             if key not in self._solved:
-                near = parent.fit.known if parent and selection.effects else None
-                self._solved[key] = self._workers.submit(solve, self.model(selection), self.cells, near)
+                model, near = self.model(selection), self._near(selection)
+                self._solved[key] = self._workers.submit(solve, model, self.cells, near)
             return self._solved[key]
 
     def _key(self, selection: Selection) -> Key:

@@ -223,7 +223,7 @@ def _lock_figure(cells: Cells) -> Figure:
         caption="A leg of radius R = 3.55 cm that lifts its axle by Δz advances by s = 2√(Δz(2R − Δz)), whatever the "
         "ground. Points along the curve: the legs hold, and only how deep they sink changes. Points off the curve: "
         "speed is lost or won after the legs hold (slip, drag, overlap of stances, coasting). Open grey: the robot "
-        "swims (lift below 1 mm).",
+        "swims (no lift beyond noise).",
         draw=lambda theme: [figures.geometry_lock(cells, theme)],
     )
 

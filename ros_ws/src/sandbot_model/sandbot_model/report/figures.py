@@ -11,10 +11,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_model.cells import WALKING_LIFT_M, Cells, Floats
+from sandbot_model.cells import Cells, Floats
 from sandbot_model.fit import Fit
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
-from sandbot_model.report.view import CM, NAMES, Step, bands, frequencies, measured, readable, residual_z, scatter
+from sandbot_model.report.view import (
+    CM,
+    NAMES,
+    Step,
+    bands,
+    frequencies,
+    measured,
+    readable,
+    residual_z,
+    scatter,
+    walks,
+)
 
 Z_FAIL = 3.0
 """Marked on the colour bar of residual maps; which cells fail is the fit's own list."""
@@ -206,8 +217,8 @@ def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
             "x": as_json(CM * grid), "y": as_json(CM * lock_curve(grid)), "line": {"color": theme.ink, "width": 1.5},
         }
     ]  # fmt: skip
-    walks = lift > CM * WALKING_LIFT_M
-    swims = ~walks & np.isfinite(lift)
+    walking = walks(cells)
+    swims = ~walking & np.isfinite(lift)
     if swims.any():
         faint = {"color": theme.faint, "size": 5, "symbol": "circle-open"}
         data.append(
@@ -218,7 +229,7 @@ def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
         )  # fmt: skip
     colours = theme.phi_colours(len(cells.level_phi))
     for band in bands(cells):
-        at = band.cells[walks[band.cells]]
+        at = band.cells[walking[band.cells]]
         if not at.size:
             continue
         colour = colours[band.level]

@@ -6,19 +6,17 @@ Li09 Fig. 2b, 2c (ω_c and peak speed against φ), Fig. 3d (s/R against ω), Fig
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sandbot_model.cells import WALKING_LIFT_M, WALKING_SPEED_M_S, Cells, Floats
+from sandbot_model.cells import Cells, Floats
 from sandbot_model.fit import Fit
 from sandbot_model.report.figures import as_json, model_name
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
-from sandbot_model.report.view import CM, Step, bands, measured, scatter
+from sandbot_model.report.view import CM, Step, bands, measured, scatter, walks
 from sandbot_model.walking import Inputs, KCurve
 
 PHI_POINTS = 60
 OMEGA_POINTS = 160
 DEPTH_POINTS = 120
-MILLI = 1000.0
 
 
 @dataclass(frozen=True)
@@ -28,12 +26,6 @@ class Collapse:
     last_walking_rad_s: Floats = field(metadata={"doc": "largest measured ω at which the robot still walks; NaN: none"})
     first_swimming_rad_s: Floats = field(metadata={"doc": "smallest measured ω above it at which it swims; NaN: none"})
     peak_speed_m_s: Floats = field(metadata={"doc": "largest mean speed over ω"})
-
-
-def walks(cells: Cells) -> NDArray[np.bool_]:
-    """Whether the robot walks in each cell, (n,): it lifts its body, or where lift is unknown it is clearly fast."""
-    lift = measured(cells, "lift")
-    return np.where(np.isfinite(lift), lift > WALKING_LIFT_M, measured(cells, "speed") > WALKING_SPEED_M_S)
 
 
 def collapse(cells: Cells) -> Collapse:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_model.cells import OBSERVABLES, OMEGA_TOLERANCE, Cells, Floats
+from sandbot_model.cells import OBSERVABLES, OMEGA_TOLERANCE, WALKING_LIFT_M, WALKING_SPEED_M_S, Cells, Floats
 from sandbot_model.fit import Fit
 from sandbot_model.levels import same_within
 
@@ -17,6 +17,9 @@ CM = 100.0
 
 NAMES = {"speed": "mean speed", "lift": "body lift", "peak_speed": "peak speed", "first_step": "first step"}
 """What a person calls an observable."""
+
+CLEARLY_SEM = 3.0
+"""Standard errors of a cell's lift above which it is no noise."""
 
 PEOPLE_UNITS = {"speed": "cm/s", "lift": "cm", "peak_speed": "cm/s", "first_step": "cm"}
 
@@ -93,6 +96,15 @@ def scatter(cells: Cells, observable: str) -> Floats:
     column = OBSERVABLES.index(observable)
     own = cells.sd[:, column]
     return np.where(np.isfinite(own), own, cells.noise[column])
+
+
+def walks(cells: Cells) -> NDArray[np.bool_]:
+    """Whether the robot walks in each cell, (n,): its lift is clearly above nothing, or, where lift was not measured,
+    it is clearly faster than swimming.
+    """
+    lift, sem = cells.mean[:, 1], cells.sem[:, 1]
+    clear = np.maximum(WALKING_LIFT_M, CLEARLY_SEM * np.nan_to_num(sem))
+    return np.where(np.isfinite(lift), np.nan_to_num(lift) > clear, measured(cells, "speed") > WALKING_SPEED_M_S)
 
 
 def residual_z(fit: Fit, observable: str) -> Floats:

@@ -13,7 +13,12 @@ from sandbot_model.walking import BASES
 def add_catalogue(parser: Parser) -> None:
     """Where effects come from beside the catalogue."""
     parser.add_argument(
-        "--effects-from", type=Path, action="append", default=[], metavar="FILE.py", help="your own effects: subclasses of sandbot_model.chain.Effect"
+        "--effects-from",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE.py",
+        help="your own effects: subclasses of sandbot_model.chain.Effect",
     )
     parser.add_argument(
         "--effect",

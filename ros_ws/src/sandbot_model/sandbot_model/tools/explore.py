@@ -21,6 +21,9 @@ from sandbot_record import trials as trials_table
 HOST = "127.0.0.1"
 """The page runs formulas and reads files for whoever opens it: it is for this host only."""
 
+NICE = 15
+"""Fits made ahead give way to the page."""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line."""
@@ -46,7 +49,8 @@ def _explore(argv: Sequence[str]) -> None:
     trials = trials_table.read(args.data)
     cells = cells_of(trials)
     # Workers are forked before the server has threads; they see a user's effects as they are.
-    with ProcessPoolExecutor(args.workers, mp_context=multiprocessing.get_context("fork")) as workers:
+    fork = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(args.workers, mp_context=fork, initializer=os.nice, initargs=(NICE,)) as workers:
         session = Session(cells, workers, effect_files=args.effects_from)
         session.catalogue()
         workers.submit(os.getpid).result()

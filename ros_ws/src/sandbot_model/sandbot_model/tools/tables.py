@@ -17,7 +17,10 @@ def table(rows: Sequence[Sequence[str]]) -> str:
     """Rows of text in columns, the first left, the others right; the first row is underlined."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
-        "  ".join(cell.ljust(width) if column == 0 else cell.rjust(width) for column, (cell, width) in enumerate(zip(row, widths, strict=True)))
+        "  ".join(
+            cell.ljust(width) if column == 0 else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
         for row in rows
     ]
     return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
@@ -36,7 +39,13 @@ def data_line(fit: Fit) -> str:
 def ladder(steps: Sequence[Fit]) -> str:
     """Each step's error per observable, in and out of sample, over the noise floor."""
     measured = [name for name in OBSERVABLES if name in steps[0].cells.observables]
-    head = ["model", *(f"{name} [{READER_UNIT[name]}]" for name in measured), "out of sample: speed", "lack of fit p", "cells failing"]
+    head = [
+        "model",
+        *(f"{name} [{READER_UNIT[name]}]" for name in measured),
+        "out of sample: speed",
+        "lack of fit p",
+        "cells failing",
+    ]
     rows = [head]
     for step in steps:
         name = f"{step.model}" if not step.effects else "+ " + " + ".join(step.effects)
@@ -59,7 +68,13 @@ def parameters(fit: Fit) -> str:
     """Shared parameters and k(φ) with standard errors (SI units, as their names say)."""
     rows = [["parameter", "value", "± stderr", ""]]
     for name, (value, stderr) in fit.parameters.items():
-        flag = "at its bound" if name in fit.at_bounds else "outside its plausible range" if name in fit.implausible else ""
+        flag = (
+            "at its bound"
+            if name in fit.at_bounds
+            else "outside its plausible range"
+            if name in fit.implausible
+            else ""
+        )
         rows.append([name, f"{value:.4g}", f"{stderr:.2g}", flag])
     for phi, k, stderr in zip(fit.level_phi, fit.k_n_per_m, fit.k_stderr_n_per_m, strict=True):
         rows.append([f"k_n_per_m at phi {phi:.4f}", f"{k:.1f}", f"{stderr:.2g}", ""])
@@ -95,7 +110,14 @@ def candidates(discovery: Discovery, most: int = 10) -> str:
     rows = [["effect", "stage", "Δχ²", "ΔBIC", "out of sample [cm/s]", "weight"]]
     for one in discovery.candidates[:most]:
         rows.append(
-            [one.effect, one.stage, f"{one.delta_chi2:+.1f}", f"{one.delta_bic:+.1f}", f"{CM * one.cv_rmse_m_s:.3f}", f"{one.weight:.3g}"]
+            [
+                one.effect,
+                one.stage,
+                f"{one.delta_chi2:+.1f}",
+                f"{one.delta_bic:+.1f}",
+                f"{CM * one.cv_rmse_m_s:.3f}",
+                f"{one.weight:.3g}",
+            ]
         )
     return table(rows)
 
@@ -105,6 +127,13 @@ def next_trials(discovery: Discovery) -> str:
     rows = [["phi", "omega [rad/s]", "look at", "separates", "expected gap [sd]", "replicates"]]
     for one in discovery.next_trials:
         rows.append(
-            [f"{one.phi:.4f}", f"{one.omega_rad_s:.4g}", one.observable, " | ".join(one.separates), f"{one.expected_gap_sd:.1f}", str(one.replicates)]
+            [
+                f"{one.phi:.4f}",
+                f"{one.omega_rad_s:.4g}",
+                one.observable,
+                " | ".join(one.separates),
+                f"{one.expected_gap_sd:.1f}",
+                str(one.replicates),
+            ]
         )
     return table(rows)
