@@ -61,7 +61,9 @@ def domain(monkeypatch):
 
 @contextlib.contextmanager
 def process(*command, **options):
-    with subprocess.Popen([sys.executable, *map(str, command)], stdout=subprocess.PIPE, text=True, **options) as started:
+    with subprocess.Popen(
+        [sys.executable, *map(str, command)], stdout=subprocess.PIPE, text=True, **options
+    ) as started:
         try:
             yield started
         finally:
@@ -107,7 +109,10 @@ def test_records_everything_and_matches_the_publishers_qos(tmp_path):
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, "service"])
 def test_stops_cleanly(tmp_path, how):
-    with recorder("--all", "--images", "jpeg", "--out", tmp_path / "b") as record, publisher(200, 1, 400, "i") as source:
+    with (
+        recorder("--all", "--images", "jpeg", "--out", tmp_path / "b") as record,
+        publisher(200, 1, 400, "i") as source,
+    ):
         until(record, "recording to")
         until(source, "done")
         if how == "service":

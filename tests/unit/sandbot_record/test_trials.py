@@ -31,7 +31,9 @@ def test_three_columns_are_enough(tmp_path):
 
 
 def test_foreign_columns_blank_lines_and_a_mark_at_the_start_do_no_harm(tmp_path):
-    text = "\ufeff" + GOOD.replace("speed_m_s", "speed_m_s,remark").replace("0.21", "0.21,x").replace("0.25", "0.25,\n,,,")
+    text = "\ufeff" + GOOD.replace("speed_m_s", "speed_m_s,remark").replace("0.21", "0.21,x").replace(
+        "0.25", "0.25,\n,,,"
+    )
     assert read(write(tmp_path, text)).speed_m_s.tolist() == [0.21, 0.25]
 
 
@@ -65,7 +67,10 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
         (GOOD + "0.6,-8,0.2\n", "row 4, column omega_rad_s: -8 is out of range"),
         (GOOD + "0.6,8,21\n", "row 4, column speed_m_s: 21 is out of range"),
         ("phi,phi_sd,omega_rad_s,speed_m_s\n0.6,-0.1,8,0.2\n", "row 2, column phi_sd: -0.1 is negative"),
-        ("trial_id,phi,omega_rad_s,speed_m_s\na,.6,8,.2\na,.6,8,.2\n", "row 3, column trial_id: trial id 'a' is there twice"),
+        (
+            "trial_id,phi,omega_rad_s,speed_m_s\na,.6,8,.2\na,.6,8,.2\n",
+            "row 3, column trial_id: trial id 'a' is there twice",
+        ),
         ("phi,omega_rad_s,speed_m_s,status\n0.6,8,,failed\n", "no usable trial among 1: row2 has status 'failed'"),
         ('phi,omega_rad_s,speed_m_s\n"0.6,8,0.2\n', "not a CSV"),
     ],
@@ -130,7 +135,7 @@ def test_not_measured_is_an_empty_cell(tmp_path):
 
 
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.binary(max_size=200) | st.text("phi,omega_rd.speed\n\"0123456789-;\r\t e", max_size=200).map(str.encode))
+@given(st.binary(max_size=200) | st.text('phi,omega_rd.speed\n"0123456789-;\r\t e', max_size=200).map(str.encode))
 def test_any_file_is_a_table_or_one_line(tmp_path, content):
     path = tmp_path / "t.csv"
     path.write_bytes(content)

@@ -18,7 +18,9 @@ def mcap_messages(bag: Path) -> list[tuple[str, int, bytes]]:
     found = []
     for file in sorted(bag.glob("*.mcap")):
         with file.open("rb") as stream:
-            found += [(c.topic, m.log_time, m.data) for _, c, m in make_reader(stream, validate_crcs=True).iter_messages()]
+            found += [
+                (c.topic, m.log_time, m.data) for _, c, m in make_reader(stream, validate_crcs=True).iter_messages()
+            ]
         with file.open("rb") as stream:  # the other reader checks the data section and every record in order
             assert sum(1 for _ in NonSeekingReader(stream, validate_crcs=True).iter_messages()) > 0
     return found

@@ -3,9 +3,7 @@
 Everything after this works on cells, so its cost does not grow with the number of trials.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +11,7 @@ from numpy.typing import NDArray
 from sandbot_common.errors import InputError
 from sandbot_model.levels import phi_levels, same_within
 from sandbot_model.noise import pure_error
+from sandbot_record.trials import Trials
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -70,25 +69,6 @@ def peak_is_resolved(gait: str, omega: float) -> bool:
     return (STANCE_END - slow_end) / swing >= FRAMES_OF_A_PEAK * FRAME_S
 
 
-class Trials(Protocol):
-    """What is needed of ``sandbot_record.trials.Trials``: columns of equal length, NaN where not measured."""
-
-    @property
-    def phi(self) -> Floats: ...  # noqa: D102
-    @property
-    def omega_rad_s(self) -> Floats: ...  # noqa: D102
-    @property
-    def gait(self) -> Sequence[str]: ...  # noqa: D102
-    @property
-    def speed_m_s(self) -> Floats: ...  # noqa: D102
-    @property
-    def lift_m(self) -> Floats: ...  # noqa: D102
-    @property
-    def peak_speed_m_s(self) -> Floats: ...  # noqa: D102
-    @property
-    def first_step_m(self) -> Floats: ...  # noqa: D102
-
-
 @dataclass(frozen=True, eq=False)
 class Cells:
     """Cells sorted by φ level, then ω. All arrays over cells have length n; the last axis is ``OBSERVABLES``."""
@@ -140,7 +120,7 @@ def cells_of(trials: Trials) -> Cells:
     """
     phi, omega = np.asarray(trials.phi, dtype=float), np.asarray(trials.omega_rad_s, dtype=float)
     values = np.stack([np.asarray(getattr(trials, column), dtype=float) for column in COLUMNS], axis=-1)
-    status = np.asarray([str(one) for one in getattr(trials, "status", [""] * len(phi))])
+    status = np.asarray([str(one) for one in trials.status])
     usable = np.isfinite(phi) & np.isfinite(omega) & (omega > 0) & np.isfinite(values).any(axis=-1)
     usable &= np.isin(status, ["", "ok"])
     if not usable.any():
@@ -149,7 +129,7 @@ def cells_of(trials: Trials) -> Cells:
         )
     gait = np.asarray([str(one) for one in trials.gait])[usable]
     for row in np.flatnonzero(usable):
-        if not peak_is_resolved(str(trials.gait[row]), float(omega[row])):
+        if not peak_is_resolved(str(trials.gait[int(row)]), float(omega[row])):
             values[row, 2] = np.nan
     return _gather(phi[usable], omega[usable], gait, values[usable], excluded=int((~usable).sum()))
 

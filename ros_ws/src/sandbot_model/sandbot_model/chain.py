@@ -19,6 +19,7 @@ from sandbot_model.robot import Robot
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 HORIZONTAL_STRENGTH = 146e3
 """α_x [N/m³], so that F_x is 4 N at 3.9 cm (physics §6)."""

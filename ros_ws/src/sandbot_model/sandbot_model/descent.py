@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sandbot_model.chain import Array
+from sandbot_model.chain import Array, Ints
 from sandbot_model.problem import Problem, States
 
 ITERATIONS = 30
@@ -107,7 +107,7 @@ def _moved(problem: Problem, states: States, damping: Array) -> States:
     return problem.states(theta, states.ln_k + np.clip(step[:, count:], -0.2, 0.2), states.slope)
 
 
-def _put(states: States, at: Array, some: States) -> States:
+def _put(states: States, at: Ints, some: States) -> States:
     if len(at) == len(states.theta):
         return some
     index = np.zeros(len(states.theta), dtype=np.int64)
@@ -127,5 +127,5 @@ def _following(problem: Problem, state: States, index: int) -> Array:
     return -pull / np.maximum(weight, 1e-9)
 
 
-def _level_starts(problem: Problem) -> Array:
+def _level_starts(problem: Problem) -> Ints:
     return np.unique(problem.cells.level, return_index=True)[1]

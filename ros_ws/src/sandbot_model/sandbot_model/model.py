@@ -8,7 +8,7 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_model.chain import Array, Effect, Parameter
-from sandbot_model.robot import Robot
+from sandbot_model.robot import SANDBOT, Robot
 from sandbot_model.walking import BASES, V_SWIM_M_S, Params, Walker
 
 BASE_PARAMETERS = (
@@ -26,7 +26,7 @@ class Model:
     base: str
     effects: tuple[Effect, ...]
     catalogue: Mapping[str, Effect]
-    robot: Robot = Robot()
+    robot: Robot = SANDBOT
 
     @cached_property
     def identifiers(self) -> tuple[str, ...]:
@@ -78,4 +78,4 @@ def model_of(base: str, effects: Sequence[str], catalogue: Mapping[str, Effect],
         if list(effects).count(name) > 1:
             raise InputError(f"effect {name!r} is named twice")
     chosen = set(effects)
-    return Model(base, tuple(e for n, e in catalogue.items() if n in chosen), catalogue, robot or Robot())
+    return Model(base, tuple(e for n, e in catalogue.items() if n in chosen), catalogue, robot or SANDBOT)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -75,5 +75,5 @@ def _edge_variance(fit: Fit, phi: Array, omega: Array) -> Array:
 def _finer(omega: Array) -> Array:
     if len(omega) < 2:
         return omega
-    steps = [np.linspace(a, b, FINER + 1, endpoint=False) for a, b in zip(omega[:-1], omega[1:], strict=True)]
+    steps = [np.linspace(a, b, FINER + 1, endpoint=False) for a, b in pairwise(omega)]
     return np.round(np.concatenate([*steps, omega[-1:]]), 2)

@@ -71,7 +71,7 @@ def _pool(square: Floats, dof: Ints, omega: Floats, everywhere: Floats) -> tuple
     # Where a cell scatters beyond the pool it is taken at its own, never at less.
     mine = np.divide(sums, dof, out=np.zeros_like(sums), where=dof > 0)
     spread = np.sqrt(np.where(keep[:, None], pooled, np.maximum(mine, pooled)))
-    return spread[:, :, None] * spread[:, None, :] * correlation, ~keep
+    return np.asarray(spread[:, :, None] * spread[:, None, :] * correlation), ~keep
 
 
 def _constant(sums: Floats, dof: Ints) -> Floats:

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from sandbot_model.cells import Cells
-from sandbot_model.chain import Array, Bool
+from sandbot_model.chain import Array, Bool, Ints
 from sandbot_model.model import Model
 from sandbot_model.walking import Footing, Inputs, KCurve, Params
 
@@ -48,7 +48,7 @@ class States:
         """χ² plus what the mixture's wider variance costs, -2 ln likelihood up to a constant ``(rows,)``."""
         return np.asarray(self.cell_deviance.sum(axis=1))
 
-    def take(self, rows: Array) -> "States":
+    def take(self, rows: Ints) -> "States":
         """Some of the rows."""
         arrays = {name: value[rows] for name, value in vars(self).items() if name != "footing"}
         return States(footing=Footing(*(value[rows] for value in vars(self.footing).values())), **arrays)

@@ -32,3 +32,7 @@ class Robot:
     def critical_k_n_per_m(self) -> float:
         """The stiffness that just carries the weight at the deepest depth, mg/(2R - h)."""
         return self.mass_per_leg_kg * self.gravity_m_s2 / self.deepest_m
+
+
+SANDBOT = Robot()
+"""The robot of Li09."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sandbot_model.chain import Array, Bool, Chain, Effect, through
-from sandbot_model.robot import Robot
+from sandbot_model.robot import SANDBOT, Robot
 
 BASES: dict[str, tuple[str, ...]] = {
     "simple": (),
@@ -82,6 +82,7 @@ class KCurve:
     inner: int = 0
 
     def __call__(self, phi: Array) -> Array:
+        """k at these volume fractions."""
         rows = self.k_n_per_m.shape[:-1]
         if not rows:
             return np.asarray(np.interp(phi, self.phi, self.k_n_per_m))
@@ -107,7 +108,7 @@ class Walker:
     """A robot with a set of effects."""
 
     effects: tuple[Effect, ...] = ()
-    robot: Robot = Robot()
+    robot: Robot = SANDBOT
 
     @cached_property
     def remembers(self) -> bool:
@@ -189,7 +190,7 @@ class Walker:
             )
             low, high = np.where(above, low, depth), np.where(above, depth, high)
         depth = _secant(low, high, margin_low, margin_high)
-        return np.where(walking, depth, self.robot.deepest_m), walking
+        return np.where(walking, depth, self.robot.deepest_m), np.asarray(walking)
 
 
 def _secant(low: Array, high: Array, margin_low: Array, margin_high: Array) -> Array:

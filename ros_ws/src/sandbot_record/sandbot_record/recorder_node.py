@@ -4,6 +4,7 @@ Messages are taken from DDS in a thread of our own with a wait set, not through 
 sequence number come with the bytes (the events executor of these wheels can't deliver them), and it costs the least CPU.
 """
 
+import json
 import re
 import threading
 import time
@@ -23,6 +24,7 @@ from std_srvs.srv import SetBool, Trigger
 from sandbot_common import messages, topics
 from sandbot_common.node import Health, run
 from sandbot_record import frames, interfaces, metadata
+from sandbot_record.mcap_writer import LIBRARY
 from sandbot_record.recording import Received, Recording
 
 NOTE = topics.Topic("/recorder/note", "std_msgs/msg/String")
@@ -127,6 +129,7 @@ class Recorder(Node):
     def __init__(self, selection: Selection, recording: Recording, say: Callable[[str], None] = print) -> None:
         super().__init__("recorder")
         self._selection, self._recording, self._say = selection, recording, say
+        self._trial = b""
         self._receiver = _Receiver(self.context, self._deliver)
         self._by_name: dict[str, _Source] = {}
         self._refused: set[str] = set()
@@ -146,12 +149,14 @@ class Recorder(Node):
         self._receiver.close()
         for source in self._by_name.values():
             source.handle.destroy_when_not_in_use()
-        self._recording.close()
+        self._recording.close(_provenance(self._trial))
 
     def _deliver(self, source: _Source, data: bytes, info: Mapping[str, int]) -> None:
         received = info["received_timestamp"] or time.time_ns()
         published = info["source_timestamp"] or received
         message = Received(source.name, data, received, published, info["publication_sequence_number"] or 0)
+        if source.name == topics.TRIAL.name:
+            self._trial = data
         self._recording.put(message, sole_publisher=source.publishers == 1)
 
     def _look_around(self) -> None:
@@ -245,6 +250,19 @@ class Recorder(Node):
         self._recording.paused = request.data
         response.success, response.message = True, "paused" if request.data else "recording"
         return response
+
+
+def _provenance(trial: bytes) -> dict[str, dict[str, str]]:
+    """The metadata record ``trial`` from the last message on /trial; none if there was none or it is not JSON."""
+    try:
+        text = interfaces.decode(trial, topics.TRIAL.type).data
+        plan = json.loads(text)
+    except ValueError:  # InputError and JSONDecodeError
+        return {}
+    if not isinstance(plan, dict):
+        return {}
+    values = {"id": str(plan.get("trial_id", "")), "parameters": text, "start": str(plan.get("start", ""))}
+    return {"trial": {**values, "clock": "live", "software": LIBRARY}}
 
 
 def _fits(source: _Source, publishers: Sequence[TopicEndpointInfo]) -> bool:

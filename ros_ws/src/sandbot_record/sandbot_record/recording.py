@@ -62,11 +62,11 @@ class Recording:
         self,
         writer: BagWriter,
         *,
-        limits: Limits = Limits(),  # noqa: B008 (frozen)
+        limits: Limits = Limits(),
         images: str = "raw",
         monotonic_s: Callable[[], float],
         free_bytes: Callable[[Path], int] = lambda folder: shutil.disk_usage(folder).free,
-        flush_period_s: float = 0.5,
+        flush_period_s: float = 0.25,
     ) -> None:
         self._writer, self._limits, self._images = writer, limits, images
         self._monotonic_s, self._free_bytes, self._flush_period_s = monotonic_s, free_bytes, flush_period_s
@@ -126,7 +126,7 @@ class Recording:
         self._wake.set()
 
     def close(self, metadata: Mapping[str, Mapping[str, str]] | None = None) -> None:
-        """Write what is queued, then counts and ``metadata`` records, and close the bag. A second call has no effect."""
+        """Write what is queued, then counts and ``metadata`` records (with exit_status), and close the bag. A second call has no effect."""
         if self._closed:
             return
         self._closed = True
@@ -135,14 +135,20 @@ class Recording:
         self._thread.join()
         if not self.failed:
             try:
-                for name, values in (metadata or {}).items():
+                for name, values in self._records(metadata).items():
                     self._writer.metadata(name, values)
-                self._writer.metadata("recording", self.summary())
                 self._writer.close()
                 return
             except OSError as error:
                 self._fail(f"{error.strerror}: {self._writer.path}")
-        self._writer.close_short({"recording": self.summary()})
+        self._writer.close_short(self._records(metadata))
+
+    def _records(self, metadata: Mapping[str, Mapping[str, str]] | None) -> dict[str, Mapping[str, str]]:
+        """The metadata records of the end; the trial ended well if the recording did."""
+        records: dict[str, Mapping[str, str]] = {"recording": self.summary()}
+        for name, values in (metadata or {}).items():
+            records[name] = {"exit_status": self.reason or "ok", **values}
+        return records
 
     def summary(self) -> dict[str, str]:
         """Counts and losses by topic, and how it ended."""

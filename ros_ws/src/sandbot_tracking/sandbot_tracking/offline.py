@@ -1,6 +1,7 @@
 """Frames of both cameras to landmarks and speed: the one core behind the live node, the batch campaign and
 track_video."""
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -17,6 +18,8 @@ from sandbot_tracking.trial import AXLE_REST_M
 Floats = NDArray[np.float64]
 
 AXLE_DISTANCE_M = 0.20
+REMEMBERED = 4000
+"""Leg angles kept at least: several turns of the slowest gait at 1 kHz."""
 UNKNOWN_LIFT_M = 0.01
 """Standard deviation of the lift where no lateral camera measures it."""
 
@@ -73,6 +76,9 @@ class LegClock:
         self._last = angle
         self._t.append(t_s)
         self._advance.append((self._advance[-1] if self._advance else 0.0) + step)
+        if len(self._t) > 2 * REMEMBERED:
+            # A node runs all day; nobody looks further back than the last turn.
+            del self._t[:REMEMBERED], self._advance[:REMEMBERED]
 
     def advance_rad(self) -> float:
         """How far the legs have turned, from the first angle on."""
@@ -80,11 +86,11 @@ class LegClock:
 
     def omega_rad_s(self, t_s: float) -> float | None:
         """Mean rate over the last whole turn up to ``t_s``; over what there is before; None while they stand."""
-        end = int(np.searchsorted(self._t, t_s + 1e-9))
+        end = bisect_left(self._t, t_s + 1e-9)
         if end < 2:
             return None
         now, then = self._advance[end - 1], max(self._advance[end - 1] - 2 * np.pi, self._advance[0])
-        first = int(np.searchsorted(self._advance[:end], then, side="right")) - 1
+        first = bisect_right(self._advance, then, 0, end) - 1
         turned, took = now - self._advance[first], self._t[end - 1] - self._t[first]
         stood = self._advance[end - 1] - self._advance[max(0, end - 11)] < 1e-3
         return None if stood or turned < 0.3 else turned / took
@@ -104,6 +110,7 @@ class OfflineTracker:
         looks: Appearance | None = None,
         gates: Gates | None = None,
         omega_rad_s: float | None = None,
+        keep: bool = True,
     ) -> None:
         if "dorsal" not in cameras:
             raise InputError(f"cameras {', '.join(cameras) or 'none'}: a dorsal one is needed")
@@ -120,6 +127,7 @@ class OfflineTracker:
             names = ("rear_axle", "front_axle") if self._front else ("front_axle", "rear_axle")
             self._axles = MarkerTracker(names, looks, gates, abs(float(x[1] - x[0])), _led(self._lateral))
         self._v_x, self._v_z = HarmonicSpeed(), HarmonicSpeed()
+        self._keep = keep
         self._samples: list[Sample] = []
 
     @staticmethod
@@ -146,7 +154,8 @@ class OfflineTracker:
         v_x, v_var_x = self._v_x.update(t_s, com[0], var_x, omega)
         v_z, v_var_z = self._v_z.update(t_s, z, var_z, omega)
         sample = Sample(t_s, com, front, rear, v_x, v_var_x, v_z, v_var_z)
-        self._samples.append(sample)
+        if self._keep:
+            self._samples.append(sample)
         return sample
 
     def _axle_heights(self, frame: Frame | None) -> tuple[Floats, Floats, float, float]:

@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from ament_index_python.packages import get_package_share_directory
 from rclpy.node import Node
 
 from sandbot_common import messages, node, topics
@@ -21,7 +23,7 @@ from sandbot_tracking.period import PeriodMeans
 class TrackerParameters:
     """What the tracker needs to know."""
 
-    cameras: str = parameter("", doc="YAML file of the calibrated cameras (dorsal, lateral)")
+    cameras: str = parameter("", doc="YAML file of the calibrated cameras (dorsal, lateral); empty: the project's own")
 
 
 class TrackerNode(Node):
@@ -30,10 +32,7 @@ class TrackerNode(Node):
     def __init__(self) -> None:
         super().__init__("tracker")
         self._settings = node.Parameters(self, TrackerParameters, _fixed)
-        path = self._settings.current.cameras
-        if not path:
-            raise InputError("tracker parameters: cameras: give the YAML file, --ros-args -p cameras:=cameras.yaml")
-        self._cameras = read_cameras(path)
+        self._cameras = read_cameras(self._settings.current.cameras or _own_cameras())
         self._publish = {
             name: node.publisher(self, topic)
             for name, topic in (
@@ -51,7 +50,7 @@ class TrackerNode(Node):
         self._health = node.Health(self, self._values)
 
     def _begin(self) -> None:
-        self._tracker = OfflineTracker(self._cameras)
+        self._tracker = OfflineTracker(self._cameras, keep=False)
         self._pairing: Pairing[Frame] = Pairing(("dorsal", "lateral") if "lateral" in self._cameras else ("dorsal",))
         self._means = PeriodMeans()
 
@@ -98,6 +97,11 @@ class TrackerNode(Node):
             for what in ("frames", "missing", "lost", "reacquired", "ambiguous"):
                 values[f"{camera}_{what}"] = getattr(counts, what)
         return values
+
+
+def _own_cameras() -> Path:
+    # Found by name in the overlay, as any ROS package's share: this room does not import bringup.
+    return Path(get_package_share_directory("sandbot_bringup")) / "config" / "cameras.yaml"
 
 
 def _fixed(_: TrackerParameters) -> None:

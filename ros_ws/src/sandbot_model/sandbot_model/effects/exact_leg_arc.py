@@ -14,7 +14,7 @@ class ExactLegArc(Effect):
     source = "Li09, full model; physics §3"
     seen_in = "v, L; d > 3.5 cm"
 
-    def apply(self, chain: Chain, p: Values) -> None:
+    def apply(self, chain: Chain, p: Values) -> None:  # noqa: ARG002
         """Set what the formula says."""
         robot = chain.robot
         radius = robot.leg_radius_m

@@ -12,6 +12,6 @@ class ExactVerticalAcceleration(Effect):
     source = "Li09, full model; physics §3"
     seen_in = "v, L at high omega"
 
-    def apply(self, chain: Chain, p: Values) -> None:
+    def apply(self, chain: Chain, p: Values) -> None:  # noqa: ARG002
         """Set what the formula says."""
         chain.lift_ratio = chain.lift_ratio * chain.chord / (2 * chain.robot.leg_radius_m)

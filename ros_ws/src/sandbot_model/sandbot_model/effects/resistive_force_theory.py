@@ -20,7 +20,7 @@ class ResistiveForceTheory(Effect):
     source = "Li, Zhang & Goldman 2013, generic coefficients"
     seen_in = "d, T; loose ground"
 
-    def apply(self, chain: Chain, p: Values) -> None:
+    def apply(self, chain: Chain, p: Values) -> None:  # noqa: ARG002
         """Set what the formula says."""
         robot = chain.robot
         depths, shape = _shape(robot)

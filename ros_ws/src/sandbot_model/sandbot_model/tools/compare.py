@@ -39,3 +39,7 @@ def _compare(argv: Sequence[str]) -> None:
         write_comparison(
             args.html, steps, trials, title=args.title or args.data[0].stem, frames=film_strip(args.data[0])
         )
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -64,3 +64,7 @@ def _print(found: Discovery) -> None:
     verdict = found.verdict
     named = f": {' + '.join(verdict.effects)}" if verdict.status in ("identified", "ambiguous") else ""
     print(f"verdict: {verdict.status}{named} - {verdict.because}")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

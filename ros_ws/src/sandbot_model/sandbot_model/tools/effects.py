@@ -26,3 +26,7 @@ def _effects(argv: Sequence[str]) -> None:
         print(f"    seen in {effect.seen_in} ({effect.source})")
     if args.json is not None:
         arguments.write_json(args.json, {"schema": "sandbot.effects/1", "effects": describe(effects)})
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
