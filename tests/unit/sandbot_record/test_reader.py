@@ -78,11 +78,11 @@ def test_columns_refuse(tmp_path):
     bag = Bag.open(tmp_path / "b")
     with pytest.raises(InputError, match="no topic /none; there are: /landmarks/com"):
         bag.columns("/none", "data")
-    with pytest.raises(InputError, match="no numeric field 'point.w'; there are: .*point.x"):
+    with pytest.raises(InputError, match=r"no numeric field 'point.w'; there are: .*point.x"):
         bag.columns("/landmarks/com", "point.w")
     with pytest.raises(InputError, match="/speed/mean: 4 bytes are too short"):
         bag.columns("/speed/mean", "data")
-    with pytest.raises(InputError, match="/lift: .*no plain CDR"):
+    with pytest.raises(InputError, match=r"/lift: .*no plain CDR"):
         bag.columns("/lift", "data")
     with pytest.raises(InputError, match="position does not have the same number of values"):
         bag.columns("/leg_states", "position")
@@ -209,13 +209,13 @@ def test_bags_of_rosbags(tmp_path, storage, mode, version):
 def test_no_bag(tmp_path):
     with pytest.raises(InputError, match="no such bag"):
         Bag.open(tmp_path / "none")
-    with pytest.raises(InputError, match="not a bag: no metadata.yaml"):
+    with pytest.raises(InputError, match=r"not a bag: no metadata.yaml"):
         Bag.open(tmp_path)
     (tmp_path / "x.txt").write_text("x")
     with pytest.raises(InputError, match="not a bag: neither"):
         Bag.open(tmp_path / "x.txt")
     (tmp_path / "x.db3").write_bytes(b"not sqlite")
-    with pytest.raises(InputError, match="rosbags can't read x.db3"):
+    with pytest.raises(InputError, match=r"rosbags can't read x.db3"):
         Bag.open(tmp_path / "x.db3")
 
 
@@ -230,7 +230,7 @@ def test_an_unfinished_bag_names_recover(tmp_path):
     bag = bags.legs_bag(tmp_path / "b")
     file = bag / "b_0.mcap"
     file.write_bytes(file.read_bytes()[:-100])
-    with pytest.raises(InputError, match="unfinished.*ros2 run sandbot_record recover"):
+    with pytest.raises(InputError, match=r"unfinished.*ros2 run sandbot_record recover"):
         Bag.open(bag)
     assert not Bag.open(bag, strict=False).complete
 

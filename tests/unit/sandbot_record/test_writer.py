@@ -74,9 +74,13 @@ def test_an_existing_bag_is_not_overwritten(tmp_path):
 
 
 def test_an_interrupted_whole_bag_leaves_nothing(tmp_path):
-    with pytest.raises(RuntimeError), BagWriter(tmp_path / "b") as writer:
-        writer.write(topics.LEG_STATES, bags.joint_state(0, 0), 1)
-        raise RuntimeError
+    def interrupted():
+        with BagWriter(tmp_path / "b") as writer:
+            writer.write(topics.LEG_STATES, bags.joint_state(0, 0), 1)
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        interrupted()
     assert list(tmp_path.iterdir()) == []
 
 

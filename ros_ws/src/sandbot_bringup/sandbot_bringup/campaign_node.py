@@ -68,6 +68,7 @@ class Operator(Node):
         self._leg_time_ns: int | None = None
         self._motion_start_ns: int | None = None
         self._speed_ns = 0
+        self._moving = False
         subscription(self, topics.BED_PHI, self._on_phi)
         subscription(self, topics.BED_STATUS, self._on_bed)
         subscription(self, topics.LEG_STATES, self._on_legs)
@@ -142,6 +143,9 @@ class Operator(Node):
         if not self._wait(lambda: (self._leg_time_ns or 0) >= end_ns, duration_s + CALL_S):
             raise TrialFailed("the legs stopped reporting during the trial (/leg_states)")
         self._call("/clock/stop")
+        # Until the legs report rest, late reports of this trial could be taken for the start of the next.
+        if not self._wait(lambda: not self._moving, CALL_S):
+            raise TrialFailed("the legs did not report rest after /clock/stop (/leg_states)")
         # The frames of the last milliseconds are still on their way through the tracker.
         self._wait(lambda: self._speed_ns >= end_ns, DRAIN_S)
 
@@ -186,7 +190,8 @@ class Operator(Node):
 
     def _on_legs(self, message: Any) -> None:
         self._leg_time_ns = messages.nanoseconds(message.header.stamp)
-        if self._motion_start_ns is None and any(rate != 0.0 for rate in message.velocity):
+        self._moving = any(rate != 0.0 for rate in message.velocity)
+        if self._motion_start_ns is None and self._moving:
             self._motion_start_ns = self._leg_time_ns
 
     def _on_speed(self, message: Any) -> None:

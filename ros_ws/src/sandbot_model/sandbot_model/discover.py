@@ -13,7 +13,7 @@ import numpy as np
 
 from sandbot_model.cells import Cells, noise_floor
 from sandbot_model.chain import Effect
-from sandbot_model.fit import Fit, Known, Point, best_state, fitted_at
+from sandbot_model.fit import Fit, Known, Point, best_state, fitted_at, nearby_state
 from sandbot_model.model import Model, model_of
 from sandbot_model.next_trials import NextTrial, next_trials
 from sandbot_model.problem import Problem
@@ -179,12 +179,11 @@ class _Search:
         tasks = []
         for one in sets:
             parents = [self.fits[key] for key in combinations(one, len(one) - 1) if key in self.fits] if one else []
-            known = min(parents, key=lambda parent: parent.deviance).known if parents else near
-            tasks.append((self._model(one), self.cells, known))
-        for done, (one, (model, _, _), point) in enumerate(
-            zip(sets, tasks, self.fit_all(_solve, tasks), strict=True), start=1
-        ):
-            self.fits[one] = fitted_at(model, self.cells, point)
+            parent = min(parents, key=lambda parent: parent.deviance, default=None)
+            known = parent.known if parent is not None else near
+            tasks.append((self._model(one), self.cells, known, parent is not None and passes(parent)))
+        for done, (one, task, point) in enumerate(zip(sets, tasks, self.fit_all(_solve, tasks), strict=True), start=1):
+            self.fits[one] = fitted_at(task[0], self.cells, point)
             self.progress(stage, done, len(sets))
 
     def _model(self, names: tuple[str, ...]) -> Model:
@@ -195,9 +194,10 @@ class _Search:
         return tuple(name for name in self.effects if name in wanted)
 
 
-def _solve(task: tuple[Model, Cells, Known | None]) -> Point:
-    model, cells, near = task
-    state = best_state(Problem(model, cells), near)
+def _solve(task: tuple[Model, Cells, Known | None, bool]) -> Point:
+    model, cells, near, nearby = task
+    problem = Problem(model, cells)
+    state = nearby_state(problem, near) if nearby and near is not None else best_state(problem, near)
     return Point(state.theta[0], state.ln_k[0], state.slope[0])
 
 

@@ -185,6 +185,18 @@ def best_state(problem: Problem, near: Known | None = None) -> States:
     return states
 
 
+def nearby_state(problem: Problem, near: Known) -> States:
+    """The best minimum close to a smaller model that fits already: what is added can only be a small change."""
+    theta = _inherited(problem.model, near)
+    ln_k = np.repeat(np.log(near.k_n_per_m)[None], len(theta), axis=0)
+    low, high = bounds(problem)
+    begin = problem.states(np.clip(theta, low, high), ln_k, _slopes(problem, ln_k))
+    # Its k's have had time to follow the new effect before the rows are compared.
+    found = descend(problem, begin, 2 * FIRST_ITERATIONS)
+    best = found.take(np.argsort(found.deviance)[:1])
+    return descend(problem, look_along_theta(problem, look_along_k(problem, best)))
+
+
 def _begin(problem: Problem, found: Sequence[Start]) -> States:
     low, high = bounds(problem)
     ln_k = np.array([one.ln_k for one in found])
@@ -217,11 +229,12 @@ def _inherited(model: Model, near: Known) -> Array:
     for index, name in enumerate(model.names):
         if name in near.parameters:
             starts_at[index] = near.parameters[name]
-    mild = starts_at.copy()
+    mild, strong = starts_at.copy(), starts_at.copy()
     for index, (name, one) in enumerate(zip(model.names, model.parameters, strict=True)):
-        if name not in near.parameters and one.neutral is not None:
-            mild[index] = one.neutral + 0.15 * (one.start - one.neutral)
-    return np.stack([starts_at, mild])
+        if name not in near.parameters:
+            mild[index] = one.start if one.neutral is None else one.neutral + 0.15 * (one.start - one.neutral)
+            strong[index] = one.low + 0.85 * (one.high - one.low)
+    return np.stack([starts_at, mild, strong])
 
 
 def summary(problem: Problem, state: States) -> Fit:

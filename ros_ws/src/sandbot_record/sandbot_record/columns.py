@@ -1,8 +1,8 @@
 """Equal-length messages of one topic as numpy columns, many at a time.
 
 CDR puts the same field of the same type at the same place as long as the strings and array lengths before it stay the
-same. So one message is walked with its type's definition, and where every other message agrees with it in all bytes that
-are not numbers, the numbers of all are taken out at once, as a view. Messages that differ (another frame name, another
+same. So one message is walked with its type's definition, and where every other message agrees with it in all strings
+and lengths, the numbers of all are taken out at once, as a view. Messages that differ (another frame name, another
 number of joints) form a group of their own.
 """
 
@@ -60,7 +60,7 @@ def gather(rows: Bytes, type_name: str, names: tuple[str, ...]) -> dict[str, NDA
     result: dict[str, NDArray[Any]] = {}
     left, groups = np.arange(len(rows)), 0
     while len(left):
-        layout = layout_of(memoryview(np.ascontiguousarray(rows[left[0]])), type_name)
+        layout = layout_of(rows[left[0]].tobytes(), type_name)
         if groups < _MAX_GROUPS:
             structure = rows[left[:, None], layout.structure] if groups else rows[:, layout.structure]
             alike = (structure == structure[0]).all(axis=1)

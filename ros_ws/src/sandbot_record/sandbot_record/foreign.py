@@ -25,7 +25,7 @@ def is_foreign(path: Path, info: metadata.BagInfo | None) -> bool:
 
 
 def items(bag: Path, files: list[Path]) -> Iterator[tuple[Batch, "Definitions"]]:
-    """All messages in batches, with the definitions. Raises InputError with rosbags' reason if it can't read the bag."""
+    """All messages in batches, with the definitions. Raises InputError with rosbags' reason if it can't read it."""
     from sandbot_record.reader import Definitions
 
     try:

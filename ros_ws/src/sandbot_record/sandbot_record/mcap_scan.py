@@ -1,7 +1,7 @@
 """One .mcap file read block by block, whole or damaged: what is intact comes out, what is not is named.
 
-Nothing in the file is trusted: every length is checked against the file, every chunk against its CRC, and after damage the
-search goes on at the next place where a chunk's header agrees with itself. MCAP 1.0: https://mcap.dev/spec.
+Nothing in the file is trusted: every length is checked against the file, every chunk against its CRC, and after damage
+the search goes on at the next place where a chunk's header agrees with itself. MCAP 1.0: https://mcap.dev/spec.
 """
 
 import re
@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from io import BytesIO
+from typing import TypeAlias
 
 import lz4.frame
 import numpy as np
@@ -24,7 +25,7 @@ MAGIC = b"\x89MCAP0\r\n"
 CHUNK_LIMIT = 256 << 20
 """Uncompressed bytes; nobody writes larger chunks, so a larger figure is damage (and would eat the memory)."""
 
-Definition = Schema | Channel
+Definition: TypeAlias = Schema | Channel
 _PARSED = {
     Opcode.HEADER: Header,
     Opcode.SCHEMA: Schema,
@@ -73,8 +74,8 @@ class Damage:
 class Batch:
     """The messages of one chunk (or of a run of unchunked ones), in file order; ``rows`` is (n,) of the header fields.
 
-    Message i is ``data[at[i] : at[i] + length[i]]``. ``definitions`` are schemas and channels found among them, ``checked``
-    says that a CRC vouches for the bytes.
+    Message i is ``data[at[i] : at[i] + length[i]]``. ``definitions`` are schemas and channels found among them,
+    ``checked`` says that a CRC vouches for the bytes.
     """
 
     offset: int
@@ -98,7 +99,7 @@ class End:
     offset: int
 
 
-Item = Header | Schema | Channel | Metadata | Attachment | Batch | Damage | End
+Item: TypeAlias = Header | Schema | Channel | Metadata | Attachment | Batch | Damage | End
 
 
 def is_mcap(data: bytes | memoryview) -> bool:
@@ -114,27 +115,22 @@ def finished(data: memoryview) -> bool:
     return footer == struct.pack("<BQ", Opcode.FOOTER, 20)
 
 
-def summary(data: memoryview) -> list[Definition | tuple[int, int]] | None:
-    """Schemas, channels and (channel id, message count) pairs of the summary; None if there is none or its CRC is wrong."""
+def summary(data: memoryview) -> list[Definition] | None:
+    """The summary's schemas and channels; None if there is no summary or its CRC is wrong."""
     if not finished(data):
         return None
     footer_at = len(data) - len(MAGIC) - _FOOTER_BYTES
     start, _, crc = struct.unpack_from("<QQI", data, footer_at + 9)
     if not 0 < start <= footer_at or (crc and zlib.crc32(data[start : footer_at + 25]) != crc):
         return None
-    found: list[Definition | tuple[int, int]] = []
-    counted = False
+    found: list[Definition] = []
     for opcode, at, length in _records(data, start, footer_at):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             record = _parse(opcode, data[at : at + length])
             if not isinstance(record, Schema | Channel):
                 return None
             found.append(record)
-        elif opcode == Opcode.STATISTICS and length >= 46:
-            counted = True
-            pairs = bytes(data[at + 46 : at + length])
-            found += list(struct.iter_unpack("<HQ", pairs[: len(pairs) // 10 * 10]))  # type: ignore[arg-type]
-    return found if counted else None
+    return found
 
 
 def scan(data: memoryview) -> Iterator[Item]:
@@ -314,4 +310,4 @@ def _parse(opcode: int, content: bytes | memoryview) -> Header | Schema | Channe
         record = _PARSED[Opcode(opcode)].read(ReadDataStream(BytesIO(content)))
     except (McapError, struct.error, ValueError, OverflowError, MemoryError):
         return None
-    return record  # type: ignore[no-any-return]
+    return record

@@ -1,8 +1,9 @@
 """One .mcap file, written so that a crash costs what was not flushed and a damaged chunk costs itself.
 
-The records are `mcap`'s; the chunks are put together here because three things are needed that `mcap.writer` does not do:
-schemas and channels stand outside the chunks (a damaged first chunk takes nobody with it), a chunk goes to the file as
-the list of its parts without being copied together, and its CRC grows as the parts come. MCAP 1.0: https://mcap.dev/spec.
+The records are `mcap`'s; the chunks are put together here because three things are needed that `mcap.writer` does not
+do: schemas and channels stand outside the chunks (a damaged first chunk takes nobody with it), a chunk goes to the file
+as the list of its parts without being copied together, and its CRC grows as the parts come. MCAP 1.0:
+https://mcap.dev/spec.
 """
 
 import os
@@ -56,6 +57,7 @@ class McapWriter:
         self._counts: dict[int, int] = defaultdict(int)
         self._chunk_counts: list[dict[int, int]] = []
         self._good = 0
+        self._crc = 0
         self._start_chunk()
         self._write([MAGIC, _record(Header(profile="ros2", library=LIBRARY))])
 
@@ -121,7 +123,7 @@ class McapWriter:
         )
         self._channels.append(channel)
         self._write([_record(channel)])
-        return channel.id
+        return len(self._channels)
 
     def add_message(
         self, channel: int, log_time_ns: int, publish_time_ns: int, data: bytes | memoryview, sequence: int = 0
@@ -183,7 +185,8 @@ class McapWriter:
     def _start_chunk(self) -> None:
         self._parts: list[bytes | memoryview] = []
         self._index: dict[int, list[tuple[int, int]]] = defaultdict(list)
-        self._chunk_bytes, self._crc = 0, 0
+        self._chunk_bytes = 0
+        self._crc = 0
 
     def _finish_chunk(self) -> None:
         if not self._parts:

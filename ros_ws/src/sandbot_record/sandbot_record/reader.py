@@ -44,7 +44,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Columns:
-    """The messages of one topic: times (n,) in ns and the asked numeric fields, (n,) or (n, k), in order of log time."""
+    """The messages of one topic in order of log time: times (n,) in ns and the asked fields, (n,) or (n, k)."""
 
     log_time_ns: NDArray[np.int64]
     publish_time_ns: NDArray[np.int64]
@@ -307,7 +307,7 @@ def _file_items(path: Path, info: metadata.BagInfo | None) -> Iterator[tuple[mca
 
 
 def _trusted(data: memoryview, info: metadata.BagInfo | None) -> Definitions:
-    """Definitions from the most trustworthy place there is: the summary's (it has a CRC), then our own metadata.yaml."""
+    """Definitions from the most trustworthy place there is: the summary (it has a CRC), else our metadata.yaml."""
     definitions = Definitions()
     records = mcap_scan.summary(data) or []
     for kind in (Schema, Channel):

@@ -1,7 +1,7 @@
-"""The recorder's wiring: finds topics and types, subscribes as their publishers offer, hands raw bytes to the recording.
+"""The recorder's wiring: finds topics and types, subscribes as their publishers offer, hands the bytes on.
 
 Messages are taken from DDS in a thread of our own with a wait set, not through an executor: only so do publish time and
-sequence number come with the bytes (the events executor of these wheels can't deliver them), and it costs the least CPU.
+sequence number come with the bytes (the events executor of these wheels can't deliver them), and it costs least CPU.
 """
 
 import json

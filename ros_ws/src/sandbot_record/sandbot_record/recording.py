@@ -56,7 +56,7 @@ class Limits:
 
 
 class Recording:
-    """Owns the writer and its thread. ``stopped`` is set when it ended by itself, ``reason`` says why; empty: all is well."""
+    """Owns the writer and its thread. ``stopped`` is set when it ended by itself; ``reason`` says what went wrong."""
 
     def __init__(
         self,
@@ -126,7 +126,7 @@ class Recording:
         self._wake.set()
 
     def close(self, metadata: Mapping[str, Mapping[str, str]] | None = None) -> None:
-        """Write what is queued, then counts and ``metadata`` records (with exit_status), and close the bag. A second call has no effect."""
+        """Write what is queued, counts and ``metadata`` records (with exit_status); close the bag, once."""
         if self._closed:
             return
         self._closed = True

@@ -1,4 +1,4 @@
-"""A torn or damaged bag into a new, whole one: everything intact comes back, chunk by chunk, and what is lost is named."""
+"""A torn or damaged bag into a new, whole one: everything intact comes back, and what is lost is named."""
 
 from collections import defaultdict
 from dataclasses import dataclass, field

@@ -85,7 +85,8 @@ class Replay(Node):
         if not self._late_ns:
             return f"replayed {self.published} messages"
         median, p99, worst = (value * 1e-6 for value in np.quantile(self._late_ns, (0.5, 0.99, 1.0)))
-        return f"replayed {self.published} messages; late by {median:.3f} ms (median), {p99:.3f} (p99), {worst:.3f} (worst)"
+        late = f"{median:.3f} ms (median), {p99:.3f} (p99), {worst:.3f} (worst)"
+        return f"replayed {self.published} messages; late by {late}"
 
     def key(self, key: str) -> None:
         """What a key of the terminal does."""

@@ -4,6 +4,7 @@ The rows of a campaign are cached in ``.table-cache.json`` beside its trials, by
 version of the row's recipe, so only new or changed bags are read again.
 """
 
+import contextlib
 import hashlib
 import json
 import math
@@ -277,10 +278,9 @@ def _read_cache(folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def _write_cache(folder: Path, rows: dict[str, dict[str, Any]]) -> None:
-    try:
+    # A read-only campaign is read all the same, only not as fast the next time.
+    with contextlib.suppress(OSError):
         files.write_text(folder / CACHE, json.dumps(rows))
-    except OSError:
-        pass  # a read-only campaign is read all the same, only not as fast the next time
 
 
 def _jsonable(row: Row) -> dict[str, Any]:

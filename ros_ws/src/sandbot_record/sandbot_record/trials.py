@@ -6,7 +6,7 @@
 import csv
 import io
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -117,12 +117,11 @@ class Trials:
 
 def from_rows(rows: Sequence[Row]) -> Trials:
     """The table of some rows."""
-    return Trials(
-        **{
-            name: np.array([getattr(row, name) for row in rows], dtype=np.str_ if name in _TEXTS else np.float64)
-            for name in COLUMNS
-        }
-    )
+    columns: dict[str, Any] = {
+        name: np.array([getattr(row, name) for row in rows], dtype=np.str_ if name in _TEXTS else np.float64)
+        for name in COLUMNS
+    }
+    return Trials(**columns)
 
 
 def read(data: Path | str | Sequence[Path | str]) -> Trials:
@@ -138,7 +137,7 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     for path in map(Path, given):
         rows += _read_one(path)
     where = ", ".join(str(path) for path in given[:3]) + (" …" if len(given) > 3 else "")
-    _check_ids(rows, lambda index: where)
+    _check_ids(rows, [where] * len(rows))
     table = from_rows(rows)
     if not table.usable.any():
         raise InputError(f"{where}: no usable trial among {len(rows)}: {_why_unusable(rows)}")
@@ -192,7 +191,7 @@ def _csv_rows(path: Path) -> list[Row]:
         numbers.append(number)
     if not rows:
         raise InputError(f"{path}: no trials: nothing below the header")
-    _check_ids(rows, lambda index: f"{path}: row {numbers[index]}, column trial_id")
+    _check_ids(rows, [f"{path}: row {number}, column trial_id" for number in numbers])
     return rows
 
 
@@ -264,11 +263,11 @@ def _number(where: str, name: str, text: str, *, required: bool) -> float:
     return value
 
 
-def _check_ids(rows: Sequence[Row], where: Callable[[int], str]) -> None:
+def _check_ids(rows: Sequence[Row], where: Sequence[str]) -> None:
     seen: set[str] = set()
-    for index, row in enumerate(rows):
+    for row, place in zip(rows, where, strict=True):
         if row.trial_id in seen:
-            raise InputError(f"{where(index)}: trial id {row.trial_id!r} is there twice; each trial needs its own")
+            raise InputError(f"{place}: trial id {row.trial_id!r} is there twice; each trial needs its own")
         seen.add(row.trial_id)
 
 

@@ -42,16 +42,17 @@ class TrackerNode(Node):
         }  # fmt: skip
         self._latency_ms: list[float] = []
         self._lost_frames = 0
+        self._pairing: Pairing[Frame] = Pairing(("dorsal", "lateral") if "lateral" in self._cameras else ("dorsal",))
         self._begin()
         node.subscription(self, topics.DORSAL_IMAGE, lambda image: self._image("dorsal", image))
         node.subscription(self, topics.LATERAL_IMAGE, lambda image: self._image("lateral", image))
         node.subscription(self, topics.LEG_STATES, self._legs)
-        node.subscription(self, topics.SYNC_LED, lambda _: self._means.restart())
+        node.subscription(self, topics.SYNC_LED, lambda _: self._begin())
         self._health = node.Health(self, self._values)
 
     def _begin(self) -> None:
+        # Each trial's LED edge: the robot has been carried back to the start, so its marks are looked for anew.
         self._tracker = OfflineTracker(self._cameras, keep=False)
-        self._pairing: Pairing[Frame] = Pairing(("dorsal", "lateral") if "lateral" in self._cameras else ("dorsal",))
         self._means = PeriodMeans()
 
     def _image(self, camera: str, image: Any) -> None:

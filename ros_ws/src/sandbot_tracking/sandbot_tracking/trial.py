@@ -23,6 +23,10 @@ AXLE_REST_M = 0.025
 """Axle height with the belly on the surface (Li09): the rest height where none was seen."""
 
 
+SWIMMING_SLACK = 0.8
+"""A swimmer's peak is its mean speed, measured to better than this."""
+
+
 @dataclass(frozen=True)
 class TrialSummary:
     """What one trial measured; NaN where it could not be, and then ``reason`` says why."""
@@ -90,7 +94,7 @@ def summarise(
         steps = steady_steps(t, x, edges, cycles)
         rest = _rest_height(t, z, start_s, steps, rest_height_m)
         try:
-            peak = peak_slope(t, x, steps.edges, steps.x_m)
+            peak = _plausible(peak_slope(t, x, steps.edges, steps.x_m), speed)
         except ValueError as why:
             reasons.append(f"peak speed: {why}")
         try:
@@ -98,6 +102,13 @@ def summarise(
         except ValueError as why:
             reasons.append(f"lift: {why}")
     return TrialSummary(speed, speed_sd, lift, peak, first, frames, gaps, cycles, "; ".join(reasons))
+
+
+def _plausible(peak: float, speed: float) -> float:
+    """The peak, unless the fold missed the arc: no cycle's largest speed is below its mean. Raises ValueError."""
+    if peak < SWIMMING_SLACK * speed:
+        raise ValueError(f"an arc too short to resolve ({peak:.4f} m/s at a mean of {speed:.4f} m/s)")
+    return peak
 
 
 class _NotMeasured(Exception):

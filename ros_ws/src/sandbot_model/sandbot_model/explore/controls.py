@@ -60,7 +60,8 @@ def effect_options(
                 html.Span(readable(name), className="effect"),
                 html.Span(promise(promises.get(name), name in on), className="promise"),
                 html.Small(f"{effect.stage}: {effect.formula}"),
-            ]
+            ],
+            className="effect-line",
         )
         options.append({"value": name, "label": label, "title": effect.seen_in})
     return options

@@ -98,7 +98,7 @@ class Session:
         with self._lock:
             for key in [k for k, future in self._solved.items() if k not in keep and future.cancel()]:
                 del self._solved[key]
-        for one in wanted.values():
+        for one in sorted(wanted.values(), key=self._alone):
             self._begin(one)
 
     def promises(self, selection: Selection) -> dict[str, tuple[float, float] | None]:
@@ -119,6 +119,13 @@ class Session:
     def model(self, selection: Selection) -> Model:
         """The model selected. Raises InputError for an effect that is not known."""
         return model_of(selection.model, selection.effects, self.catalogue(selection.formulas))
+
+    def _alone(self, selection: Selection) -> float:
+        """Error of the last effect by itself [m/s], if that is known: what helps most is likely wanted first."""
+        alone = replace(selection, effects=selection.effects[-1:])
+        with self._lock:
+            promised = _promise(self._solved.get(self._key(alone)))
+        return promised[0] if promised and math.isfinite(promised[0]) else math.inf
 
     def _neighbours(self, selection: Selection) -> Iterator[Selection]:
         inherent = {effect.identifier for effect in self.model(replace(selection, effects=())).walker.effects}

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,8 @@ def bags_of(data: Sequence[Path]) -> dict[str, Path]:
     bags: list[Path] = []
     for path in data:
         bags += [path] if is_bag(path) else table.bags_in(path)
-    return {bag.stem: bag for bag in bags}
+    # Trial names hold dots (phi0.6000_…): only a file has an ending to take off.
+    return {bag.stem if bag.is_file() else bag.name: bag for bag in bags}
 
 
 def trials_of(trials: Trials, cells: Cells, cell: int) -> np.ndarray[Any, np.dtype[np.int64]]:
@@ -49,20 +51,28 @@ def trials_of(trials: Trials, cells: Cells, cell: int) -> np.ndarray[Any, np.dty
 
 def read(bags: Mapping[str, Path], trial_ids: Sequence[str]) -> tuple[list[Waveform], list[str]]:
     """Waveforms of the trials, and one line for each that has none and why."""
+    if not bags:
+        return [], ["These trials come from a table, not from bags: v_x(t) can't be shown."]
     found, missing = [], []
     for trial_id in trial_ids:
         if trial_id not in bags:
-            missing.append(f"{trial_id}: no bag, only a row of a table")
+            missing.append(f"{trial_id}: no bag of that name")
             continue
         try:
-            columns = Bag.open(bags[trial_id]).columns(topics.SPEED.name, "twist.twist.linear.x")
+            found.append(_read_one(trial_id, bags[trial_id]))
         except InputError as error:
             missing.append(f"{trial_id}: {error}")
-            continue
-        time = (columns.log_time_ns - columns.log_time_ns[0]) / 1e9
-        every = max(1, len(time) // MAX_POINTS)
-        found.append(Waveform(trial_id, time[::every], columns["twist.twist.linear.x"][::every]))
     return found, missing
+
+
+@lru_cache(maxsize=64)
+def _read_one(trial_id: str, bag: Path) -> Waveform:
+    columns = Bag.open(bag).columns(topics.SPEED.name, "twist.twist.linear.x")
+    if not len(columns.log_time_ns):
+        raise InputError(f"{bag}: no messages on {topics.SPEED.name}")
+    time = (columns.log_time_ns - columns.log_time_ns[0]) / 1e9
+    every = max(1, len(time) // MAX_POINTS)
+    return Waveform(trial_id, time[::every], columns["twist.twist.linear.x"][::every])
 
 
 def figure(waveforms: Sequence[Waveform], fit: Fit, cell: int, theme: Theme = LIGHT) -> Spec:
