@@ -212,3 +212,26 @@ def test_the_report_draws_without_a_network_and_its_steps_switch(page, folder, t
     page.driver.find_element(By.CSS_SELECTOR, "input[name=step][value='0']").send_keys(Keys.SPACE)
     page.until(lambda: page.driver.execute_script(drawn) == "light 0")
     assert page.complaints() == []
+
+
+def test_a_slider_holds_a_value_and_all_can_be_fitted_again(page, address):
+    page.open(f"{address}?view=parameters")
+    fitted = page.text("status")
+    page.until(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#by-hand [role=slider]"))
+    page.driver.find_element(By.CSS_SELECTOR, "#by-hand [role=slider]").send_keys(Keys.ARROW_LEFT)
+    page.until(lambda: "held by hand" in page.text("status"))
+    assert "hold=delta_t_s" in page.driver.current_url
+    page.press("release")
+    page.until(lambda: page.text("status") == fitted)
+
+
+def test_a_narrow_window_stays_usable(page, address):
+    page.driver.set_window_size(480, 1400)
+    try:
+        page.open(f"{address}?view=residuals")
+        wide = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        assert page.driver.execute_script(wide) <= 0
+        page.choose("effects", "leg_slip")
+        page.until(lambda: "leg slip" in page.text("status"))
+    finally:
+        page.driver.set_window_size(1400, 1400)

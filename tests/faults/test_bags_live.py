@@ -201,7 +201,7 @@ def test_replayed_is_what_was_recorded(tmp_path):
         until(source, "done")
         record.send_signal(signal.SIGINT)
         assert record.wait(20) == 0
-    arguments = (tmp_path / "a", "--start", 1, "--rate", 2, "--clock", "--remap", "/leg_states:=/again")
+    arguments = (tmp_path / "a", "--start", 1, "--rate", 2, "--clock", "--delay", 4, "--remap", "/leg_states:=/again")
     with recorder("--all", "--out", tmp_path / "b") as record:
         until(record, "recording to")
         with process("-m", "sandbot_record.tools.replay", *arguments) as replay:
@@ -217,7 +217,7 @@ def test_replayed_is_what_was_recorded(tmp_path):
     assert abs(numbers[0] - 200) < 20
     original = first.columns("/leg_states").log_time_ns
     played = (again.log_time_ns[-1] - again.log_time_ns[0]) * 2
-    assert played == pytest.approx(original[-1] - original[numbers[0]], rel=0.05)
+    assert played == pytest.approx(original[-1] - original[numbers[0]], rel=0.15)  # the first ones may be late
     assert second.topics["/clock"].count > 50
     assert "late by" in line
 

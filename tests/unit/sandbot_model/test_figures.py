@@ -23,8 +23,8 @@ def made_up_cells(**columns):
     """Two replicates a cell, speed 10 cm/s ± 1 cm/s everywhere unless told otherwise."""
     phi, omega, replicate = (a.ravel() for a in np.meshgrid(PHI, OMEGA, [-1.0, 1.0], indexing="ij"))
     trials = {
-        "phi": phi, "omega_rad_s": omega, "gait": ["UNIFORM"] * len(phi), "speed_m_s": 0.10 + 0.01 * replicate,
-        "lift_m": NONE, "peak_speed_m_s": NONE, "first_step_m": NONE,
+        "phi": phi, "omega_rad_s": omega, "gait": ["UNIFORM"] * len(phi), "status": ["ok"] * len(phi),
+        "speed_m_s": 0.10 + 0.01 * replicate, "lift_m": NONE, "peak_speed_m_s": NONE, "first_step_m": NONE,
     }  # fmt: skip
     return cells_of(SimpleNamespace(**trials | columns))
 

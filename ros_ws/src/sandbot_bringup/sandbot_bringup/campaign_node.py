@@ -29,6 +29,8 @@ CALL_S = 10.0
 BED_S = 600.0
 DRAIN_S = 3.0
 
+_START_THEM = "start the nodes with: ros2 launch sandbot_bringup trackway.launch.py"
+
 
 class TrialFailed(RuntimeError):
     """A trial could not be completed; the campaign goes on with the next one."""
@@ -83,13 +85,18 @@ class Operator(Node):
         self._has_lab = False
 
     def find_nodes(self) -> None:
-        """Wait for clock and bed; InputError naming what is missing."""
+        """Wait for all that a trial needs; InputError naming what is missing."""
         for name in ("/clock/start", "/bed/prepare"):
             if not self._triggers[name].wait_for_service(DISCOVERY_S):
-                raise InputError(
-                    f"no node offers {name}; start them with: ros2 launch sandbot_bringup trackway.launch.py"
-                )
-        self._has_lab = self._triggers["/lab/reset"].wait_for_service(2.0)
+                raise InputError(f"no node offers {name}; {_START_THEM}")
+        for topic in (topics.LEG_STATES.name, topics.COM.name):
+            if not self._wait(lambda topic=topic: self.count_publishers(topic) > 0, DISCOVERY_S):
+                raise InputError(f"no node publishes {topic}; {_START_THEM}")
+        # Whoever reports the legs is the robot: the virtual lab takes a seed and a reset, a real one is carried back.
+        robots = [one.node_name for one in self.get_publishers_info_by_topic(topics.LEG_STATES.name)]
+        self._has_lab = "lab" in robots
+        if self._has_lab and not self._triggers["/lab/reset"].wait_for_service(DISCOVERY_S):
+            raise InputError(f"the virtual lab does not offer /lab/reset; {_START_THEM}")
 
     def run(self, trial: PlannedTrial, folder: CampaignFolder) -> None:
         """One trial from bed preparation to the closed bag; TrialFailed with the reason otherwise."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
+from sandbot_model.adjust import local_slope, reliability
 from sandbot_model.levels import phi_levels, same_within
 from sandbot_model.noise import pure_error
 from sandbot_record.trials import Trials
@@ -82,7 +83,9 @@ class Cells:
     level: Ints = field(metadata={"shape": "(n,)", "doc": "index into level_phi"})
     level_phi: Floats = field(metadata={"shape": "(levels,)", "doc": "mean volume fraction of a level"})
     n: Ints = field(metadata={"shape": "(n, 4)", "doc": "replicates in which the observable was measured"})
-    mean: Floats = field(metadata={"shape": "(n, 4)", "doc": "cell means; NaN where not measured"})
+    mean: Floats = field(
+        metadata={"shape": "(n, 4)", "doc": "cell means brought to the level's φ; NaN where not measured"}
+    )
     sd: Floats = field(metadata={"shape": "(n, 4)", "doc": "replicate scatter of the cell; NaN below two"})
     sem: Floats = field(metadata={"shape": "(n, 4)", "doc": "standard error of the mean, from pooled pure error"})
     noise: Floats = field(metadata={"shape": "(4,)", "doc": "pure error: pooled sd of one trial; NaN if unknown"})
@@ -90,6 +93,7 @@ class Cells:
     pure_error_dof: Ints = field(metadata={"shape": "(4,)", "doc": "degrees of freedom of the pure error"})
     own_scatter: NDArray[np.bool_] = field(metadata={"doc": "(n,), cells taken at their own scatter (see noise)"})
     phi_scatter: float = field(metadata={"doc": "sd of measured φ among replicates: how well the bed meets its target"})
+    phi_reliability: float = field(metadata={"doc": "share ρ of the measured deviation of φ that is real (see adjust)"})
     trials: int
     excluded: int = 0
 
@@ -104,6 +108,11 @@ class Cells:
 
 USUAL_NOISE = (5e-3, 5e-4, 1e-2, 1.5e-3)
 """Standard deviation of one trial [SI] that weighs observables against each other where nothing was replicated."""
+
+ACCURACY = ((0.0, 0.0), (1e-4, 0.0), (0.0, 0.015), (3e-4, 0.0))
+"""How well the tracking measures each observable, (constant [SI], share of the value): an error all replicates share, so
+that they can't show it. Mean speed is a distance over a time and has none to speak of; the rise and the steepest slope of a
+folded curve have, as tests/unit/sandbot_tracking/test_trial.py bounds them on drawn truth."""
 
 OMEGA_TOLERANCE = 5e-3
 """Leg frequencies closer than this (relative) are the same condition."""
@@ -146,9 +155,14 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
         with np.errstate(invalid="ignore"):
             return np.asarray(total / np.bincount(index, known, length))
 
-    mean = np.stack([average(column) for column in values.T], axis=-1)
     count = np.stack([np.bincount(cell, np.isfinite(column), cells) for column in values.T], axis=-1).astype(np.int64)
+    level_phi = average(phi, level, int(level.max()) + 1)
+    mean = np.stack([average(column) for column in values.T], axis=-1)
     walks = np.where(np.isfinite(mean[:, 1]), mean[:, 1] > WALKING_LIFT_M, mean[:, 0] > WALKING_SPEED_M_S)
+    slope = local_slope(mean, keys, level_phi, walks)[cell]
+    rho = reliability(values - mean[cell], slope * (phi - average(phi)[cell])[:, None])
+    values = values - rho * slope * (phi - level_phi[level])[:, None]
+    mean = np.stack([average(column) for column in values.T], axis=-1)
     error = pure_error(values - mean[cell], cell, count, walks, average(omega))
     with np.errstate(invalid="ignore", divide="ignore"):
         root = np.sqrt(np.where(count > 0, count, np.nan).astype(float))
@@ -157,7 +171,7 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
     # Without any replicates pure error is unknown: weights are then the usual ones, and nothing can be tested.
     unknown = ~np.isfinite(variance)
     scale = np.where(unknown[:, :, None] | unknown[:, None, :], np.diag(np.square(USUAL_NOISE)), error.covariance)
-    covariance = scale / root[:, :, None] / root[:, None, :]
+    covariance = scale / root[:, :, None] / root[:, None, :] + _accuracy(mean)
     names = tuple(str(gaits[index]) for index in keys[1])
     return Cells(
         phi=average(phi),
@@ -167,7 +181,8 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
         half_period_angle=np.array([half_period_angle(name) for name in names]),
         thrust_phase=np.array([thrust_phase(name) for name in names]),
         level=keys[0],
-        level_phi=average(phi, level, int(level.max()) + 1),
+        level_phi=level_phi,
+        phi_reliability=rho,
         phi_scatter=_scatter(phi - average(phi)[cell], cells),
         n=count,
         mean=mean,
@@ -180,6 +195,12 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
         trials=len(phi),
         excluded=excluded,
     )
+
+
+def _accuracy(mean: Floats) -> Floats:
+    """Variances ``(n, 4, 4)`` that ``ACCURACY`` adds to the cell means ``mean (n, 4)``."""
+    offset, share = np.array(ACCURACY).T
+    return np.asarray((offset**2 + (share * np.nan_to_num(mean)) ** 2)[:, :, None] * np.eye(len(OBSERVABLES)))
 
 
 def _squares(residual: Floats, cell: Ints, cells: int) -> Floats:

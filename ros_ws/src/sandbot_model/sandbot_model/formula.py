@@ -5,6 +5,7 @@ another one if it says so: ``"brake: balance: extra_force = c*omega; c [N s] in 
 chain, the robot's R, h, w, m, g, the parameters, and numpy functions. asteval evaluates it: no attribute access, no import, no files.
 """
 
+import ast
 import re
 from dataclasses import fields
 from typing import Any
@@ -26,6 +27,12 @@ READABLE = {
     "speed": ("kept",),
 }
 """Quantities that exist from a stage on, in the order in which the chain is filled."""
+
+FUNCTIONS = (
+    *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh"),
+    *("exp", "log", "log10", "sqrt", "abs", "sign", "floor", "minimum", "maximum", "clip", "where", "hypot"),
+)
+"""numpy functions an expression may use."""
 
 FORM = "name: stage: formula; parameter [unit] in low..high; ..."
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -71,8 +78,7 @@ class _Formula(Effect):
     def apply(self, chain: Chain, p: Values) -> None:
         """Evaluate the expression on the chain's arrays."""
         if self._interpreter is None:
-            self._interpreter = asteval.Interpreter(minimal=True, use_numpy=True, builtins_readonly=False)
-            self._parsed = None
+            self._interpreter = _interpreter()
         interpreter = self._interpreter
         robot = chain.robot
         interpreter.symtable.update(
@@ -90,9 +96,18 @@ class _Formula(Effect):
             message = interpreter.error[0].get_error()
             interpreter.error = []
             raise InputError(f"effect {self.identifier}: {' '.join(str(message[1]).split())}")
-        if np.iscomplexobj(value) or value is None:
+        if value is None or not np.issubdtype(np.asarray(value).dtype, np.number) or np.iscomplexobj(value):
             raise InputError(f"effect {self.identifier}: {self._expression!r} gives {value!r}, expected a number")
         setattr(chain, self._quantity, np.asarray(value, dtype=float))
+
+
+def _interpreter() -> asteval.Interpreter:
+    """One that knows the functions below and nothing else: no files, no imports, no loops."""
+    interpreter = asteval.Interpreter(minimal=True, use_numpy=False)
+    for name in list(interpreter.symtable):
+        del interpreter.symtable[name]
+    interpreter.symtable.update({name: getattr(np, name) for name in FUNCTIONS}, pi=np.pi)
+    return interpreter
 
 
 def _readable(stage: str) -> tuple[str, ...]:
@@ -116,6 +131,12 @@ def _checked(effect: _Formula, text: str) -> Effect:
     """Run it once, so that a slip shows before any fit."""
     from sandbot_model.walking import Inputs, Walker
 
+    try:
+        parts = list(ast.walk(ast.parse(effect._expression, mode="eval")))
+    except SyntaxError as error:
+        raise InputError(f"--effect {text!r}: {effect._expression!r} is not an expression: {error.msg}") from None
+    if any(isinstance(part, ast.Attribute | ast.Lambda | ast.Subscript) for part in parts):
+        raise InputError(f"--effect {text!r}: only names, numbers, operators and functions; no '.', '[' or lambda")
     if effect._quantity not in effect.readable:
         raise InputError(
             f"--effect {text!r}: {effect._quantity!r} can't be set at stage {effect.stage}; "

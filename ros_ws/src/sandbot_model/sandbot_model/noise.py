@@ -19,6 +19,10 @@ EXCESS = 1e-3
 walking and swimming a set-point error flips single replicates, and that must not pass as precision."""
 LEAST_FOR_TREND = 12
 """Degrees of freedom from which a trend of scatter with ω is looked for."""
+FEW = 20
+"""Degrees of freedom at which half of an estimated correlation is believed."""
+PRIOR = 2.0
+"""Degrees of freedom the scatter of all cells together counts in each regime."""
 FLOOR = 1e-7
 """Smallest standard deviation [m or m/s] taken seriously: replicates that agree to the last bit prove nothing."""
 
@@ -96,7 +100,9 @@ def _trend(sums: Floats, dof: Ints, omega: Floats, everywhere: Floats) -> Floats
             found[:, column] = everywhere[column]
             continue
         centre = np.average(x, weights=weight)
-        mean = np.maximum(sums[weight > 0, column].sum() / known, FLOOR**2)
+        # A handful of replicates is not trusted by itself: it counts beside a few of the common scatter.
+        mean = (sums[weight > 0, column].sum() + PRIOR * everywhere[column]) / (known + PRIOR)
+        mean = np.maximum(mean, FLOOR**2)
         level, slope = np.log(mean), 0.0
         shape = np.average((x - centre) ** 2, weights=weight)
         if known >= LEAST_FOR_TREND and shape > 1e-3:
@@ -126,6 +132,6 @@ def _correlation(square: Floats, dof: Ints) -> Floats:
     scale = np.sqrt(np.maximum(np.diagonal(pooled), 1e-12))
     correlation = pooled / scale[:, None] / scale[None, :]
     trust = dof.sum(axis=0).max() if len(dof) else 0
-    shrunk = correlation * trust / (trust + 6)
+    shrunk = correlation * trust / (trust + FEW)
     np.fill_diagonal(shrunk, 1.0)
     return np.asarray(shrunk)

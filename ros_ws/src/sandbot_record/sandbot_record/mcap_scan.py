@@ -238,7 +238,41 @@ def _chunk(data: memoryview, at: int, end: int) -> Iterator[Batch | Damage]:
     elif crc and zlib.crc32(content) != crc:
         yield Damage(at, end, "chunk CRC is wrong")
     else:
-        yield from _batch(content, 0, len(content), at, checked=bool(crc))
+        batch = _by_index(content, data, end, at) if crc else None
+        if batch is None:
+            yield from _batch(content, 0, len(content), at, checked=bool(crc))
+        else:
+            yield batch
+
+
+def _by_index(content: bytes | memoryview, data: memoryview, at: int, offset: int) -> Batch | None:
+    """The batch of a chunk whose CRC is right, by the message indexes at ``at``, without a step for each message.
+
+    None unless the indexed messages fill the chunk without a gap: then walking through it is the only way.
+    """
+    found = []
+    for opcode, start, length in _records(data, at, len(data)):
+        if opcode != Opcode.MESSAGE_INDEX or length < 22 or (length - 6) % 16:
+            break
+        found.append(np.frombuffer(data[start + 6 : start + length], dtype="<i8")[1::2])
+    if not found:
+        return None
+    starts = np.sort(np.concatenate(found))
+    if starts[0] != 0 or starts[-1] < 0 or starts[-1] + MESSAGE.itemsize > len(content):
+        return None
+    rows = _headers(content, starts)
+    ends = starts + 9 + rows["length"]
+    tiled = (ends[:-1] == starts[1:]).all() and ends[-1] == len(content)
+    if not tiled or (rows["opcode"] != Opcode.MESSAGE).any() or (rows["length"] < 22).any():
+        return None
+    return Batch(offset, content, rows, starts + MESSAGE.itemsize, rows["length"] - 22, (), checked=True)
+
+
+def _headers(data: bytes | memoryview, starts: NDArray[np.int64]) -> NDArray[np.void]:
+    """The header fields of the message records that begin at ``starts``."""
+    raw = np.frombuffer(data, dtype=np.uint8)
+    rows: NDArray[np.void] = raw[starts[:, None] + np.arange(MESSAGE.itemsize)].reshape(-1).view(MESSAGE)
+    return rows
 
 
 def _decompressed(data: memoryview, compression: str, size: int) -> bytes | memoryview | None:
@@ -297,8 +331,7 @@ def _batch(
             if isinstance(record, Schema | Channel):
                 definitions.append(record)
     at_header = np.array(starts, dtype=np.int64)
-    raw = np.frombuffer(data, dtype=np.uint8)
-    rows = raw[at_header[:, None] + np.arange(MESSAGE.itemsize)].reshape(-1).view(MESSAGE)
+    rows = _headers(data, at_header)
     yield Batch(offset, data, rows, at_header + MESSAGE.itemsize, rows["length"] - 22, tuple(definitions), checked)
     if last != end:
         yield Damage(offset, offset, f"{end - last} bytes of a block are not records")

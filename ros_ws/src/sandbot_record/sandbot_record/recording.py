@@ -39,7 +39,7 @@ class Tally:
     lost: int = 0
     """Gaps in the publisher's sequence: sent, never received."""
     dropped: int = 0
-    """Received, but the queue was full."""
+    """Received, but the queue or the disk was full."""
     sequence: int = 0
 
 
@@ -75,7 +75,8 @@ class Recording:
         self._wake, self._finish = threading.Event(), threading.Event()
         self._lock = threading.Lock()
         self._pending_topics: deque[Callable[[], None]] = deque()
-        self._to_jpeg: set[str] = set()
+        self._written_as: dict[str, str] = {}
+        self._torn = False
         self.tallies: dict[str, Tally] = {}
         self.stopped = threading.Event()
         self.reason = ""
@@ -102,8 +103,8 @@ class Recording:
         self.tallies.setdefault(name, Tally())
         written = name
         if self._images == "jpeg" and type_name == frames.RAW:
-            self._to_jpeg.add(name)
             written, type_name, definition, type_hash = frames.compressed_name(name), frames.JPEG, None, None
+        self._written_as[name] = written
         self._pending_topics.append(
             lambda: self._writer.add_topic(written, type_name, qos=qos, definition=definition, type_hash=type_hash)
         )
@@ -133,7 +134,7 @@ class Recording:
         self._finish.set()
         self._wake.set()
         self._thread.join()
-        if not self.failed:
+        if not self._torn:
             try:
                 for name, values in self._records(metadata).items():
                     self._writer.metadata(name, values)
@@ -141,10 +142,14 @@ class Recording:
                 return
             except OSError as error:
                 self._fail(f"{error.strerror}: {self._writer.path}")
-        self._writer.close_short(self._records(metadata))
+        self._writer.close_short(lambda: self._records(metadata))
 
     def _records(self, metadata: Mapping[str, Mapping[str, str]] | None) -> dict[str, Mapping[str, str]]:
         """The metadata records of the end; the trial ended well if the recording did."""
+        counts = self._writer.counts
+        for name, tally in self.tallies.items():
+            kept = counts.get(self._written_as[name], 0)
+            tally.dropped, tally.written = tally.dropped + tally.written - kept, kept
         records: dict[str, Mapping[str, str]] = {"recording": self.summary()}
         for name, values in (metadata or {}).items():
             records[name] = {"exit_status": self.reason or "ok", **values}
@@ -200,6 +205,7 @@ class Recording:
                 if finish:
                     break
         except OSError as error:
+            self._torn = True
             self._fail(f"{error.strerror}: {self._writer.path}")
         except InputError as error:
             self._fail(str(error))
@@ -216,9 +222,9 @@ class Recording:
             self._write(message)
 
     def _write(self, message: Received) -> None:
-        name, data = message.topic, message.data
-        if name in self._to_jpeg:
-            name, data = frames.compressed_name(name), frames.to_jpeg(data)
+        name, data = self._written_as[message.topic], message.data
+        if name != message.topic:
+            data = frames.to_jpeg(data)
         self._writer.write(name, data, message.log_time_ns, message.publish_time_ns, message.sequence)
         self.tallies[message.topic].written += 1
 

@@ -107,6 +107,7 @@ class Replay(Node):
             rclpy.try_shutdown(context=self.context)
 
     def _play(self) -> None:
+        _ = self._player.timeline[min(self._player.index, len(self._player.timeline) - 1)]  # its block is loaded now
         self._stop.wait(self._options.delay_s)
         while not self._stop.is_set() and not self._player.finished:
             now = time.monotonic_ns()

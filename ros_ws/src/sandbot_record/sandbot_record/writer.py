@@ -148,14 +148,14 @@ class BagWriter:
         if not 0 <= log_time_ns < 1 << 63:
             raise InputError(f"{self._final}: topic {name}: log time {log_time_ns} ns is not a time since 1970")
         self._before(log_time_ns)
-        self._file.add_message(
-            channel.id, log_time_ns, log_time_ns if publish_time_ns is None else publish_time_ns, cdr, sequence
-        )
+        # Counted first: if the disk is full just now, this message is in the chunk that is given up.
         channel.info.count += 1
         current = self.info.files[-1]
         current.start_ns = min(current.start_ns, log_time_ns) if current.count else log_time_ns
         current.end_ns = max(current.end_ns, log_time_ns)
         current.count += 1
+        publish_time_ns = log_time_ns if publish_time_ns is None else publish_time_ns
+        self._file.add_message(channel.id, log_time_ns, publish_time_ns, cdr, sequence)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write an MCAP metadata record, such as ``trial`` with the provenance."""
@@ -185,8 +185,11 @@ class BagWriter:
             self.abandon()
             raise InputError(f"{self._final}: exists already, not overwriting") from None
 
-    def close_short(self, last_records: Mapping[str, Mapping[str, str]] | None = None) -> None:
-        """Close where the disk is full: give up as many of the last chunks as the summary needs room for."""
+    def close_short(self, last_records: Callable[[], Mapping[str, Mapping[str, str]]]) -> None:
+        """Close where the disk is full: give up as many of the last chunks as the summary needs room for.
+
+        ``last_records`` gives the metadata records of the end; it is asked when ``counts`` are those that stay.
+        """
         while True:
             dropped = self._file.drop_last_chunk()
             for channel in self._channels.values():
@@ -194,7 +197,7 @@ class BagWriter:
             current = self.info.files[-1]
             current.count, (current.start_ns, current.end_ns) = self._file.count, self._file.span
             try:
-                for name, values in (last_records or {}).items():
+                for name, values in last_records().items():
                     self.metadata(name, values)
                 self.close()
                 return

@@ -7,7 +7,8 @@ from typing import Any
 from sandbot_model.explore.selection import Selection
 from sandbot_model.formula import formula_effect
 
-SAME = 1e-9
+SAME = 2e-5
+"""Relative change below which a slider has not been moved: it shows five digits."""
 
 
 def act(selection: Selection, control: str, value: Any) -> Selection:

@@ -33,7 +33,7 @@ SHOW_OUTPUTS = (
     Output("view", "value"),
     Output("observable", "value"),
     Output("observable-row", "hidden"),
-    Output("figure-box", "hidden"),
+    Output("parameters-box", "hidden"),
     Output("cell", "value"),
     Output("by-hand", "children"),
     Output("figure", "figure"),
@@ -91,7 +91,7 @@ class Explorer:
         effects = session.catalogue(selection.formulas)
         shown = views.show(session, selection, theme)
         session.ahead(selection)
-        parameters = controls.parameter_table(views.parameter_rows(shown.current, effects))
+        by_hand = selection.view == "parameters"
         return (
             to_query(selection),
             selection.model,
@@ -100,12 +100,13 @@ class Explorer:
             selection.view,
             selection.observable,
             selection.view != "residuals",
-            selection.view == "parameters",
+            selection.view != "parameters",
             selection.cell,
-            controls.by_hand(views.sliders(selection, shown.current, effects)),
+            # Sliders are slow to make and seldom looked at: only with their view.
+            controls.by_hand(views.sliders(selection, shown.current, effects)) if by_hand else [],
             shown.figure,
             shown.ladder,
-            parameters if selection.view == "parameters" else None,
+            controls.parameter_table(views.parameter_rows(selection, shown.current, effects)) if by_hand else None,
             self._trials(selection, shown, theme),
             shown.status,
             "",

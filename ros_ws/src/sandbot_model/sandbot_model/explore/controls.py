@@ -167,14 +167,6 @@ def _controls() -> html.Form:
                     html.Button("Add and fit", id="add", type="button", n_clicks=0),
                 ]
             ),
-            html.Details(
-                [
-                    html.Summary("Values by hand"),
-                    html.P("k(φ) stays as fitted.", className="soft"),
-                    html.Div(id="by-hand"),
-                    html.Button("Fit all again", id="release", type="button", n_clicks=0),
-                ]
-            ),
         ],
         className="controls",
     )
@@ -196,7 +188,17 @@ def _figures(cells: Cells) -> html.Main:
                 id="observable-row",
             ),
             html.Div(dcc.Graph(id="figure", config=GRAPH), className="plot", id="figure-box"),
-            html.Div(id="parameters"),
+            html.Div(
+                [
+                    html.H2("Values by hand"),
+                    html.P("Move a value to see what it does; k(φ) stays as fitted.", className="soft"),
+                    html.Div(id="by-hand"),
+                    html.Button("Fit all again", id="release", type="button", n_clicks=0),
+                    html.Div(id="parameters"),
+                ],
+                id="parameters-box",
+                hidden=True,
+            ),
             html.H2("Error as effects are added"),
             html.Div(dcc.Graph(id="ladder", config=GRAPH), className="plot"),
             html.H2("Trials behind a point"),

@@ -73,7 +73,7 @@ def figure(selection: Selection, base: Step, current: Step, theme: Theme) -> Spe
         "step": lambda: mechanics.step_ratio(current, theme),
         "balance": lambda: mechanics.force_balance(current.fit, cell, theme),
         "lock": lambda: figures.geometry_lock(cells, theme),
-        "parameters": lambda: words("The fitted values are in the table below.", theme),
+        "parameters": lambda: figures.speed(current, base, theme),
     }
     if selection.view == "residuals" and selection.observable not in cells.observables:
         return words(f"{readable(selection.observable).capitalize()} was not measured in these trials.", theme)
@@ -108,7 +108,8 @@ def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) 
     held = dict(selection.by_hand)
     found = []
     for name, parameter in zip(model.names, model.parameters, strict=True):
-        value = held.get(name, current.fit.parameters[name].value)
+        # As many digits as fit beside a slider; ``actions.moved`` knows that much rounding for no move.
+        value = float(f"{held.get(name, current.fit.parameters[name].value):.5g}")
         words, unit = text.described(name, effects.values())
         found.append(
             Slider(
@@ -123,13 +124,14 @@ def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) 
     return found
 
 
-def parameter_rows(current: Step, effects: Mapping[str, Effect]) -> list[tuple[str, str, str]]:
-    """(what, value ± stderr, unit) of every fitted number."""
+def parameter_rows(selection: Selection, current: Step, effects: Mapping[str, Effect]) -> list[tuple[str, str, str]]:
+    """(what, value ± stderr, unit) of every number; those held by hand have no error."""
+    held = dict(selection.by_hand)
     fit = current.fit
     rows = []
     for name, (value, stderr) in fit.parameters.items():
         words, unit = text.described(name, effects.values())
-        rows.append((words, text.with_error(value, stderr), unit))
+        rows.append((words, f"{value:.5g} (held)" if name in held else text.with_error(value, stderr), unit))
     for phi, k, stderr in zip(fit.level_phi, fit.k_n_per_m, fit.k_stderr_n_per_m, strict=True):
         rows.append((f"k at φ = {phi:.3f}, stiffness of the ground under a leg", text.with_error(k, stderr), "N/m"))
     return rows

@@ -1,0 +1,246 @@
+"""Bags: writing and reading beside rosbags and mcap's own tools, and the recorder under live load."""
+
+import os
+import re
+import shutil
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapLibraryWriter
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.rosbag2 import Reader, StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
+
+from sandbot_common import messages, topics
+from sandbot_common.serialization import to_cdr
+from sandbot_record import interfaces
+from sandbot_record.reader import Bag
+from sandbot_record.writer import BagWriter
+
+COUNT, IMAGES = 20_000, 300
+T0 = 1_700_000_000_000_000_000
+LEGS, IMAGE = topics.LEG_STATES, topics.DORSAL_IMAGE
+Load = list[tuple[topics.Topic, bytes, int]]
+
+
+def main() -> str:
+    """The section of the report, in Markdown."""
+    small, large = _load(COUNT, 0), _load(0, IMAGES)
+    with tempfile.TemporaryDirectory() as folder:
+        writing = _writing(Path(folder), small, large)
+        reading = _reading(Path(folder), small)
+    return "\n".join(
+        [
+            "## Bags",
+            "",
+            f"{COUNT} JointState of {len(small[0][1])} B, {IMAGES} images of {len(large[0][1]) / 1e3:.0f} kB; "
+            "medians of 3.",
+            "",
+            "| writer | JointState k/s | images MB/s |",
+            "|---|---|---|",
+            *writing,
+            "",
+            "| reader | JointState k/s |",
+            "|---|---|",
+            *reading,
+            "",
+            live(),
+        ]
+    )
+
+
+def live(rates: tuple[float, ...] = (1, 2, 4, 6), seconds: float = 10.0) -> str:
+    """The recorder under multiples of 1 kHz JointState + 2 × 100 images/s (62 MB/s), as a table."""
+    rows = [
+        "| load | sent | lost on the way | in the bag | recorder's CPU, % of a core |",
+        "|---|---|---|---|---|",
+    ]
+    for rate in rates:
+        with tempfile.TemporaryDirectory() as folder:
+            rows.append(_live(Path(folder), rate, seconds))
+    return "\n".join(rows)
+
+
+def _load(count: int, images: int) -> Load:
+    zero = np.zeros(6)
+    frame = np.random.default_rng(1).integers(0, 255, (480, 640), dtype=np.uint8)
+    load: Load = [
+        (LEGS, to_cdr(messages.joint_state(T0 + i, topics.LEGS, zero + i, zero, zero)), T0 + i) for i in range(count)
+    ]
+    picture = to_cdr(messages.image(T0, "dorsal", frame))
+    return load + [(IMAGE, picture, T0 + i) for i in range(images)]
+
+
+def _ours(path: Path, load: Load, compression: str = "none") -> None:
+    with BagWriter(path, compression=compression) as writer:
+        for topic, data, t_ns in load:
+            writer.write(topic, data, t_ns)
+
+
+def _rosbags(path: Path, load: Load) -> None:
+    with RosbagsWriter(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topic = load[0][0]
+        connection = writer.add_connection(topic.name, topic.type, typestore=interfaces.store())
+        for _, data, t_ns in load:
+            writer.write(connection, t_ns, data)
+
+
+def _library(path: Path, load: Load) -> None:
+    path.mkdir()
+    writer = McapLibraryWriter(str(path / "x.mcap"), compression=CompressionType.NONE)
+    writer.start("ros2")
+    topic = load[0][0]
+    schema = writer.register_schema(topic.type, "ros2msg", interfaces.definition(topic.type).encode())
+    channel = writer.register_channel(topic.name, "cdr", schema)
+    for _, data, t_ns in load:
+        writer.add_message(channel, t_ns, data, t_ns)
+    writer.finish()
+
+
+def _plain(path: Path, load: Load) -> None:
+    with path.open("wb") as file:
+        for _, data, _ in load:
+            file.write(data)
+
+
+def _writing(folder: Path, small: Load, large: Load) -> list[str]:
+    writers: dict[str, Callable[[Path, Load], None]] = {
+        "plain file": _plain,
+        "**sandbot_record**": _ours,
+        "**sandbot_record** lz4": lambda path, load: _ours(path, load, "lz4"),
+        "**sandbot_record** zstd": lambda path, load: _ours(path, load, "zstd"),
+        "mcap": _library,
+        "rosbags": _rosbags,
+    }
+    rows = []
+    for name, write in writers.items():
+        rate = len(small) / _median(lambda write=write: write(_fresh(folder), small)) / 1e3
+        size = sum(len(data) for _, data, _ in large) / 1e6
+        speed = size / _median(lambda write=write: write(_fresh(folder), large))
+        rows.append(f"| {name} | {rate:.0f} | {speed:.0f} |")
+    return rows
+
+
+def _reading(folder: Path, small: Load) -> list[str]:
+    bag = _fresh(folder)
+    _ours(bag, small)
+    (file,) = bag.glob("*.mcap")
+
+    def rosbags_raw(*, decode: bool) -> None:
+        with Reader(bag) as reader:
+            for connection, _, data in reader.messages():
+                if decode:
+                    interfaces.store().deserialize_cdr(data, connection.msgtype)
+
+    def library() -> None:
+        with file.open("rb") as stream:
+            for _ in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+                pass
+
+    readers: dict[str, Callable[[], object]] = {
+        "**sandbot_record**, raw (CRCs checked)": lambda: sum(1 for _ in Bag.open(bag).messages()),
+        "rosbags, raw": lambda: rosbags_raw(decode=False),
+        "**sandbot_record**, columns position, velocity, effort": lambda: Bag.open(bag).columns(
+            LEGS.name, "position", "velocity", "effort"
+        ),
+        "**sandbot_record**, message by message": lambda: [message.decode() for message in Bag.open(bag).messages()],
+        "rosbags, decoded": lambda: rosbags_raw(decode=True),
+        "mcap-ros2-support, decoded": library,
+    }
+    return [f"| {name} | {len(small) / _median(read) / 1e3:.0f} |" for name, read in readers.items()]
+
+
+def _fresh(folder: Path) -> Path:
+    path = folder / "bag"
+    if path.is_dir():
+        shutil.rmtree(path)
+    path.unlink(missing_ok=True)
+    return path
+
+
+def _median(action: Callable[[], object], times: int = 3) -> float:
+    spent = []
+    for _ in range(times):
+        start = time.perf_counter()
+        action()
+        spent.append(time.perf_counter() - start)
+    return statistics.median(spent)
+
+
+def _live(folder: Path, rate: float, seconds: float) -> str:
+    domain = {**os.environ, "ROS_DOMAIN_ID": str(1 + os.getpid() % 100)}
+    names = [LEGS.name, topics.DORSAL_IMAGE.name, topics.LATERAL_IMAGE.name]
+    command = [sys.executable, "-m", "sandbot_record.tools.record", *names, "--out", str(folder / "bag")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=domain) as recorder:
+        assert recorder.stdout is not None
+        for line in recorder.stdout:
+            if line.startswith("recording to"):
+                break
+        before = _cpu_s(recorder.pid)
+        source = subprocess.run(
+            [sys.executable, __file__, "publish", str(rate), str(seconds)],
+            stdout=subprocess.PIPE,
+            text=True,
+            env=domain,
+            check=True,
+        )
+        used = _cpu_s(recorder.pid) - before
+        recorder.send_signal(signal.SIGINT)
+        last = recorder.stdout.read()
+    sent, spent = (float(word) for word in source.stdout.split())
+    held = Bag.open(folder / "bag").count
+    lost = re.search(r"(\d+) lost", last)
+    return f"| ×{rate:g} | {sent:.0f} | {lost.group(1) if lost else '?'} | {held} | {100 * used / spent:.0f} |"
+
+
+def _cpu_s(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _publish(rate: float, seconds: float) -> None:
+    """Publish the live load (a process of its own); print what was sent and how long it took."""
+    import rclpy
+    from rclpy.qos import QoSProfile
+    from sensor_msgs.msg import Image, JointState
+
+    rclpy.init()
+    node = rclpy.create_node("load")
+    legs = node.create_publisher(JointState, LEGS.name, QoSProfile(depth=2000))
+    cameras = [
+        node.create_publisher(Image, name, QoSProfile(depth=200))
+        for name in (topics.DORSAL_IMAGE.name, topics.LATERAL_IMAGE.name)
+    ]
+    state, image = (data for _, data, _ in (*_load(1, 0), *_load(0, 1)))
+    while not all(one.get_subscription_count() for one in (legs, *cameras)):
+        time.sleep(0.02)
+    time.sleep(1.0)
+    start, sent = time.monotonic(), 0
+    for i in range(round(1000 * rate * seconds)):
+        legs.publish(state)
+        sent += 1
+        if i % 10 == 0:
+            for camera in cameras:
+                camera.publish(image)
+            sent += 2
+        if (ahead := start + (i + 1) / (1000 * rate) - time.monotonic()) > 0:
+            time.sleep(ahead)
+    spent = time.monotonic() - start
+    time.sleep(2.0)
+    print(sent, spent)
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["publish"]:
+        _publish(float(sys.argv[2]), float(sys.argv[3]))
+    else:
+        print(main())

@@ -1,0 +1,49 @@
+"""A fixed sample of the hidden worlds (benchmarks/hidden.py runs the big matrix): planted → named, not planted → not."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+
+PATH = Path(__file__).parents[2] / "benchmarks" / "hidden.py"
+SPEC = importlib.util.spec_from_file_location("trackway_hidden_worlds", PATH)
+hidden = importlib.util.module_from_spec(SPEC)
+sys.modules[SPEC.name] = hidden
+SPEC.loader.exec_module(hidden)
+
+BY_NAME = {world.name: world for world in hidden.WORLDS}
+IDENTIFIED = [
+    "disturbed_ground(k_l_n_m=175, s_c=0.95)",
+    "exact_vertical_acceleration()",
+    "stance_overlap(eta=0.1)",
+    "swimming_thrust(a_m_s2=0.32)",
+    "slow_phase_speed(SGCS)",
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", IDENTIFIED)
+def test_a_planted_effect_is_identified(name):
+    found = hidden.run((BY_NAME[name], 5, 2))
+    assert found.first_right, (found.status, found.named)
+    assert found.cv_over_floor < 1.25
+
+
+@pytest.mark.slow
+def test_what_looks_alike_is_named_as_a_class():
+    found = hidden.run((BY_NAME["leg_slip(sigma=0.1)"], 5, 1))
+    assert found.status == "ambiguous"
+    assert frozenset({"leg_slip"}) in found.named
+    assert frozenset({"cable_drag"}) in found.named
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_a_null_world_is_adequate(seed):
+    assert hidden.run((hidden.NULL, seed, 1)).status == "adequate"
+
+
+@pytest.mark.slow
+def test_an_effect_outside_the_catalogue_is_not_identified():
+    assert hidden.run((BY_NAME["x_resonance(loss=0.3, omega_0_rad_s=12, width_rad_s=2)"], 5, 1)).status == "unexplained"

@@ -1,0 +1,112 @@
+import numpy as np
+import pytest
+
+from sandbot_common.errors import InputError
+from sandbot_model.catalogue import catalogue, describe, effects_in
+from sandbot_model.effects import CATALOGUE
+from sandbot_model.formula import formula_effect
+from sandbot_model.walking import Inputs, Walker
+
+OWN = '''
+from sandbot_model.chain import Effect, Parameter
+
+
+class Boost(Effect):
+    """Ground hardens with use."""
+
+    identifier = "boost"
+    stage = "strength"
+    formula = "k -> k (1 + a)"
+    source = "me"
+    seen_in = "v"
+    parameters = (Parameter("a", "1", 0.0, 0.5, 0.1, "gain"),)
+
+    def apply(self, chain, p):
+        chain.k = chain.k * (1 + p["a"])
+'''
+
+
+def test_all_effects_are_described():
+    assert len(describe(catalogue())) == len(CATALOGUE)
+    assert list(catalogue()) == [effect.identifier for effect in CATALOGUE]
+
+
+def test_a_file_adds_an_effect(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(OWN)
+    effects = catalogue([path])
+    boosted = Walker((effects["boost"],)).predict(Inputs(200.0, 8.0, 0.4), [{"a": 0.1}])
+    assert float(boosted.depth_m) == pytest.approx(float(Walker().predict(Inputs(220.0, 8.0, 0.4)).depth_m))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x = 1", "no subclass"),
+        ("def (", "SyntaxError"),
+        ("1 / 0", "ZeroDivisionError"),
+        (OWN.replace('"strength"', '"muscle"'), "stage 'muscle' is not one of"),
+        (OWN.replace('    seen_in = "v"\n', ""), "has no seen_in"),
+        (OWN.replace('"boost"', '"leg_slip"'), "already"),
+    ],
+)
+def test_refuses_files_that_are_no_effect(tmp_path, text, message):
+    path = tmp_path / "mine.py"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message) as raised:
+        catalogue([path])
+    assert "mine.py" in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_refuses_a_missing_file(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        effects_in(tmp_path / "none.py")
+
+
+def test_a_formula_is_an_effect():
+    effect = formula_effect("boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5")
+    assert (effect.identifier, effect.stage) == ("boost", "strength")
+    assert (effect.parameters[0].low, effect.parameters[0].high) == (-5, 5)
+    phi = np.array([0.6, 0.62])
+    found = Walker((effect,)).predict(Inputs(200.0, 8.0, 0.4, phi), [{"a": 5.0}]).depth_m
+    expected = Walker().predict(Inputs(200.0 * (1 + 5 * (phi - 0.6)), 8.0, 0.4)).depth_m
+    np.testing.assert_allclose(found, expected)
+
+
+def test_a_formula_may_set_another_quantity():
+    effect = formula_effect("brake: balance: extra_force = c*omega; c [N s] in 0..0.1")
+    found = Walker((effect,)).predict(Inputs(200.0, 8.0, 0.4), [{"c": 0.05}])
+    assert float(found.depth_m) < float(Walker().predict(Inputs(200.0, 8.0, 0.4)).depth_m)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("boost", "expected 'name: stage: formula"),
+        ("Boost: strength: k", "lower-case"),
+        ("boost: muscle: k", "stage 'muscle'"),
+        ("boost: strength: k*a; a in 5..1", "low must be below high"),
+        ("boost: strength: k*a; a from 1 to 5", "is not 'parameter"),
+        ("boost: strength: k*unknown", "unknown"),
+        ("boost: strength: k*(", "boost"),
+        ("boost: strength: force = k", "can't be set at stage strength"),
+        ("boost: strength: k*phi; phi in 0..1", "choose another name"),
+        ("boost: strength: __import__('os').system('true')", "boost"),
+        ("boost: strength: open('/etc/passwd').read()", "boost"),
+        ("boost: strength: k.__class__.__bases__", "boost"),
+    ],
+)
+def test_refuses_formulas_that_do_not_fit(text, message):
+    with pytest.raises(InputError, match=message) as raised:
+        formula_effect(text)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_formula_effect_travels_between_processes():
+    import pickle
+
+    effect = formula_effect("boost: strength: k*a; a in 0.5..2")
+    effect = pickle.loads(pickle.dumps(effect))
+    found = Walker((effect,)).predict(Inputs(200.0, 8.0, 0.4), [{"a": 1.1}])
+    assert float(found.depth_m) == pytest.approx(float(Walker().predict(Inputs(220.0, 8.0, 0.4)).depth_m))

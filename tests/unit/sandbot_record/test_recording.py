@@ -1,0 +1,142 @@
+import errno
+import os
+import time
+
+import numpy as np
+import pytest
+
+import bags
+from sandbot_common import messages
+from sandbot_common.errors import InputError
+from sandbot_common.serialization import to_cdr
+from sandbot_record import interfaces
+from sandbot_record.reader import Bag
+from sandbot_record.recording import Limits, Received, Recording
+from sandbot_record.writer import BagWriter
+
+KIND = "sensor_msgs/msg/JointState"
+
+
+def recording(path, **options):
+    writer = BagWriter(path, whole=False, flush_period_s=0, chunk_size=20_000)
+    options = {"limits": Limits(min_free=0), "monotonic_s": time.monotonic, **options}
+    made = Recording(writer, **options)
+    made.add_topic("/x", KIND)
+    return made
+
+
+def put(made, indices, sole_publisher=True):
+    for i in indices:
+        made.put(Received("/x", bags.joint_state(i, i), bags.T0 + i, bags.T0 + i - 1, i), sole_publisher=sole_publisher)
+
+
+def test_everything_put_is_in_the_bag(tmp_path):
+    made = recording(tmp_path / "b")
+    put(made, range(1, 301))
+    made.close({"trial": {"id": "t1"}})
+    bag = Bag.open(tmp_path / "b")
+    assert [m.sequence for m in bag.messages()] == list(range(1, 301))
+    assert bag.provenance["trial"] == {"exit_status": "ok", "id": "t1"}
+    assert bag.provenance["recording"]["/x"] == "written 300, lost 0, dropped 0"
+    assert made.last_line().endswith("0 lost")
+
+
+def test_gaps_in_the_sequence_are_counted(tmp_path):
+    made = recording(tmp_path / "b")
+    put(made, [5, 6, 9, 10, 1, 2])  # 7 and 8 are missing; then the publisher was started anew
+    made.close()
+    assert made.lost == 2
+    assert "2 lost (/x 2)" in made.last_line()
+
+
+def test_several_publishers_have_no_common_sequence(tmp_path):
+    made = recording(tmp_path / "b")
+    put(made, [5, 900, 6, 901], sole_publisher=False)
+    made.close()
+    assert made.lost == 0
+
+
+def test_a_full_queue_drops_and_counts(tmp_path):
+    made = recording(tmp_path / "b", limits=Limits(min_free=0, queue_bytes=10))
+    put(made, range(1, 11))
+    made.close()
+    assert (made.written, made.lost) == (0, 10)
+    assert Bag.open(tmp_path / "b").provenance["recording"]["/x"] == "written 0, lost 0, dropped 10"
+
+
+def test_paused_messages_are_neither_written_nor_lost(tmp_path):
+    made = recording(tmp_path / "b")
+    put(made, [1, 2])
+    made.paused = True
+    put(made, [3, 4])
+    made.paused = False
+    put(made, [5])
+    made.close()
+    assert (made.written, made.lost) == (3, 0)
+
+
+def test_stops_when_space_runs_out(tmp_path):
+    free = iter([1000, 1000, 5])
+    made = recording(
+        tmp_path / "b", limits=Limits(min_free=100), free_bytes=lambda _: next(free, 5), flush_period_s=0.01
+    )
+    put(made, range(1, 5))
+    assert made.stopped.wait(10)
+    made.close()
+    assert made.failed
+    assert "--min-free" in made.last_line()
+    assert Bag.open(tmp_path / "b").count == made.written
+
+
+def test_refuses_to_begin_without_space(tmp_path):
+    with pytest.raises(InputError, match="only 0 MiB free"):
+        recording(tmp_path / "b", limits=Limits(min_free=100), free_bytes=lambda _: 5)
+
+
+def test_stops_after_its_duration(tmp_path):
+    made = recording(tmp_path / "b", limits=Limits(min_free=0, duration_s=0.05))
+    assert made.stopped.wait(10)
+    made.close()
+    assert not made.failed
+
+
+@pytest.mark.parametrize("room", [15_000, 30_000, 50_000, 51_000])
+def test_a_full_disk_closes_the_bag_with_what_fitted(tmp_path, monkeypatch, room):
+    real, written = os.writev, [0]
+
+    def writev(fd, parts):
+        size = os.lseek(fd, 0, os.SEEK_CUR)
+        data = b"".join(parts)[: max(0, room - size)]
+        if not data:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        written[0] += len(data)
+        return real(fd, [data])
+
+    monkeypatch.setattr(os, "writev", writev)
+    made = recording(tmp_path / "b")
+    put(made, range(1, 501))
+    made.stopped.wait(0.5)
+    made.close()
+    monkeypatch.undo()
+    assert made.failed
+    assert "No space left on device" in made.last_line()
+    bag = Bag.open(tmp_path / "b")
+    assert bag.complete
+    assert [m.sequence for m in bag.messages()] == list(range(1, bag.count + 1))
+    assert bag.provenance["recording"]["exit_status"].startswith("No space left")
+
+
+def test_images_become_jpeg(tmp_path):
+    pixels = np.tile(np.arange(64, dtype=np.uint8) * 4, (48, 1))
+    writer = BagWriter(tmp_path / "b", whole=False)
+    made = Recording(writer, limits=Limits(min_free=0), images="jpeg", monotonic_s=time.monotonic)
+    made.add_topic("/cam", "sensor_msgs/msg/Image")
+    made.put(Received("/cam", to_cdr(messages.image(7, "cam", pixels)), bags.T0, bags.T0, 1))
+    made.close()
+    import cv2
+
+    (message,) = Bag.open(tmp_path / "b").messages(["/cam/compressed"])
+    image = interfaces.decode(bytes(message.data), message.type)
+    assert image.header.stamp.nanosec == 7
+    decoded = cv2.imdecode(np.asarray(image.data), cv2.IMREAD_GRAYSCALE)
+    assert np.abs(decoded.astype(int) - pixels).max() < 12
