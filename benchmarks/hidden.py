@@ -16,13 +16,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
+
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.world import World
 from sandbot_model.catalogue import catalogue
 from sandbot_model.cells import cells_of
 from sandbot_model.discover import Discovery, discover
 from sandbot_record.trials import Row, Trials, from_rows
-from tqdm import tqdm
 
 PHI = np.linspace(0.58, 0.633, 7).tolist()
 OMEGA = [4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 30.0]
@@ -185,7 +186,8 @@ def report(outcomes: Sequence[Outcome]) -> str:
         "",
     ]
     lines += [
-        "| kind | worlds | adequate | identified: truth | identified: other | ambiguous with truth | ambiguous without | unexplained | as it should |",
+        "| kind | worlds | adequate | identified: truth | identified: other | ambiguous with truth | ambiguous without "
+        "| unexplained | as it should |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for kind in dict.fromkeys(one.world.kind for one in outcomes):

@@ -145,19 +145,27 @@ def test_killed_at_twenty_moments_all_but_the_last_second_comes_back(tmp_path):
     draw = random.Random(9)
     with publisher(1000, 0, 200_000) as source:
         until(source, "go")
-        for batch in range(5):
-            bags = [tmp_path / f"b{batch}{n}" for n in range(4)]
+        for batch in range(10):
+            bags = [tmp_path / f"b{batch}{n}" for n in range(2)]  # more at once would starve on two cores
             with contextlib.ExitStack() as stack:
                 running = [stack.enter_context(recorder("/leg_states", "--out", bag)) for bag in bags]
                 for one in running:
                     until(one, "recording to")
-                time.sleep(1.0)  # within the first second there may be nothing yet to bring back
+                for bag in bags:  # within the first second there may be nothing yet to bring back
+                    wait_for_messages(bag)
                 for one, bag in zip(running, bags, strict=True):
                     time.sleep(draw.uniform(0.1, 1.2))
                     killed_ns = time.time_ns()
                     one.kill()
                     one.wait()
                     check_recovered(bag, killed_ns)
+
+
+def wait_for_messages(bag: Path) -> None:
+    deadline = time.monotonic() + 20
+    while Bag.open(bag, strict=False).count == 0:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
 
 
 def check_recovered(bag: Path, killed_ns: int) -> None:

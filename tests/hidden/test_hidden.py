@@ -1,4 +1,4 @@
-"""A fixed sample of the hidden worlds (benchmarks/hidden.py runs the big matrix): planted → named, not planted → not."""
+"""A fixed sample of hidden worlds (benchmarks/hidden.py runs the matrix): planted → named, not planted → not."""
 
 import importlib.util
 import sys

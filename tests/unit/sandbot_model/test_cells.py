@@ -119,7 +119,7 @@ def test_scatter_that_follows_frequency_is_followed():
 
 def test_known_deviations_of_phi_are_taken_out(drawn):
     """Drawn φ are measured exactly: nearly all of them is real, and the lift scatters less for it."""
-    trials = drawn(levels=7, replicates=6, seed=1, noise=0.3)
+    trials = drawn(levels=7, replicates=6, seed=1, noise=0.1)
     cells = cells_of(trials)
     assert cells.phi_reliability > 0.9
     walking = cells.mean[:, 1] > 3e-3

@@ -1,6 +1,7 @@
 """The explorer without a browser: the selection survives its address and its file, fits are those of ``compare``."""
 
 import shlex
+import socket
 import time
 from concurrent.futures import Executor, Future
 from dataclasses import replace
@@ -17,13 +18,14 @@ from sandbot_model.compare import compare
 from sandbot_model.effects import CATALOGUE
 from sandbot_model.explore import views, waveforms
 from sandbot_model.explore.actions import act, clicked_cell, moved
-from sandbot_model.explore.app import SHOW_OUTPUTS, Explorer
+from sandbot_model.explore.app import SHOW_OUTPUTS, Beside, Explorer
 from sandbot_model.explore.selection import VIEWS, Selection, from_mapping, from_query, to_query, to_yaml
 from sandbot_model.explore.session import Session
 from sandbot_model.model import model_of
 from sandbot_model.report.theme import LIGHT
+from sandbot_model.tools import explore as explore_tool
 from sandbot_model.walking import Inputs
-from sandbot_record.trials import Row, from_rows
+from sandbot_record.trials import Row, from_rows, write_csv
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
 BOOST = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
@@ -319,3 +321,52 @@ def test_a_limit_of_the_data_stands_on_the_page(tmp_path):
     trials = made_up_trials(phis=(0.633,))
     explorer = Explorer(Session(cells_of(trials), Inline()), trials, [tmp_path / "x.csv"], "one phi")
     assert "every trial is at φ = 0.633" in str(explorer.app().layout)
+
+
+def test_a_second_data_set_is_shown_with_the_same_effects(session, trials, tmp_path):
+    other = Session(cells_of(made_up_trials(phis=(0.61, 0.62))), Inline())
+    other.ahead = session.ahead = lambda selection: None
+    explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "first", Beside(other, "the other lab"))
+    values = explorer.show(Selection(effects=("leg_slip",), cell=1), "light")
+    beside = str(values[[o.component_id for o in SHOW_OUTPUTS].index("beside")])
+    assert "the other lab" in beside
+    assert "leg slip" in beside
+
+
+def test_only_this_host_is_answered(session, trials, tmp_path):
+    client = Explorer(session, trials, [tmp_path / "x.csv"], "test").app().server.test_client()
+    assert client.get("/", headers={"Host": "127.0.0.1:8050"}).status_code == 200
+    assert client.get("/", headers={"Host": "elsewhere.example"}).status_code == 403
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--port", "99999"], "--port 99999 is not between 0 and 65535"),
+        (["--workers", "0"], "--workers 0: at least one is needed"),
+        (["--selection", "absent.yaml"], "absent.yaml: no such file"),
+        (["--beside", "absent.csv"], "absent.csv: no such file"),
+    ],
+)
+def test_the_command_line_refuses_in_one_line(arguments, said, trials, tmp_path, capsys, monkeypatch):
+    write_csv(trials, tmp_path / "trials.csv")
+    monkeypatch.chdir(tmp_path)
+    assert explore_tool.main(["trials.csv", *arguments]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+
+
+def test_a_port_in_use_is_said_in_one_line(trials, tmp_path, capsys):
+    write_csv(trials, tmp_path / "trials.csv")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        assert explore_tool.main([str(tmp_path / "trials.csv"), "--port", port, "--workers", "1"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"--port {port}" in line
+
+
+def test_bags_are_known_by_their_whole_name(tmp_path):
+    bag = tmp_path / "trials" / "phi0.6000_w04.000_r01"
+    bag.mkdir(parents=True)
+    (bag / "metadata.yaml").touch()
+    assert waveforms.bags_of([tmp_path]) == {"phi0.6000_w04.000_r01": bag}

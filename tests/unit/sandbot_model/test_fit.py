@@ -28,8 +28,8 @@ def test_recovers_what_was_planted(drawn):
 
 def test_standard_errors_cover_the_truth(drawn):
     pulls = []
-    for seed in range(12):
-        found = fit(model_of("simple", (), EFFECTS), cells_of(drawn(seed=seed, levels=4, omega=(4, 8, 12, 16))))
+    for seed in range(10):
+        found = fit(model_of("simple", (), EFFECTS), cells_of(drawn(seed=seed)))
         pulls.append((found.parameters["delta_t_s"].value - 0.4) / found.parameters["delta_t_s"].stderr)
     assert 0.4 < np.std(pulls) < 2.0
 

@@ -118,7 +118,14 @@ def test_what_the_user_wrote_can_not_become_markup(page):
 
 def test_every_figure_is_there_for_every_step_in_both_themes(page):
     figures = figures_of(page)
-    names = {"speed", "ladder", "lock", *(f"residuals-{n}" for n in ("speed", "lift", "peak_speed", "first_step"))}
+    names = {
+        "speed",
+        "ladder",
+        "lock",
+        "collapse",
+        "step",
+        *(f"residuals-{n}" for n in ("speed", "lift", "peak_speed", "first_step")),
+    }
     assert set(figures) == names
     for name, themes in figures.items():
         assert set(themes) == {"light", "dark"}

@@ -1,8 +1,9 @@
 """Trials brought to the volume fraction of their level.
 
-The bed misses its target by a little and φ is measured after every preparation, so a good part of what replicates scatter
-is known: y - ρ (∂y/∂φ)(φ - φ_level), an analysis of covariance. The slope comes from the cell means of neighbouring levels,
-not from any model; ρ, how much of the measured deviation is real and not the height sensor's noise, from the replicates.
+The bed misses its target by a little and φ is measured after every preparation, so a good part of what replicates
+scatter is known: y - ρ (∂y/∂φ)(φ - φ_level), an analysis of covariance. The slope comes from the cell means of
+neighbouring levels, not from any model; ρ, how much of the measured deviation is real and not the height sensor's
+noise, from the replicates.
 """
 
 import numpy as np
@@ -17,7 +18,7 @@ SIGNIFICANT = 2.0
 
 
 def local_slope(mean: Floats, keys: Ints, level_phi: Floats, walking: Bools) -> Floats:
-    """∂(cell mean)/∂φ ``(cells, 4)`` between the neighbouring levels; 0 where the cell swims or has no walking neighbour.
+    """∂(cell mean)/∂φ ``(cells, 4)`` between neighbouring levels; 0 where the cell swims or no neighbour walks.
 
     ``keys (3, cells)`` are level, gait and frequency index of each cell.
     """
@@ -36,10 +37,10 @@ def local_slope(mean: Floats, keys: Ints, level_phi: Floats, walking: Bools) -> 
 
 def reliability(residual: Floats, expected: Floats) -> float:
     """ρ in [0, 1] from residuals about the cell mean and what the measured φ lets expect, both ``(trials, 4)``."""
-    known = np.isfinite(residual)
-    variance = np.nanmean(np.where(expected != 0, residual, np.nan) ** 2, axis=0) if (expected != 0).any() else None
-    if variance is None:
-        return 0.0
+    known = np.isfinite(residual) & (expected != 0)
+    count = known.sum(axis=0)
+    square = np.where(known, residual, 0.0) ** 2
+    variance = np.divide(square.sum(axis=0), count, out=np.zeros(len(count)), where=count > 0)
     weight = np.where(known & (variance > 0), 1.0 / np.where(variance > 0, variance, 1.0), 0.0)
     information = float(np.sum(weight * expected**2))
     if information <= 0:

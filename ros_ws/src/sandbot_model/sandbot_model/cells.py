@@ -26,7 +26,7 @@ COLUMNS = ("speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m")
 """The columns of the trials table, in the order of ``OBSERVABLES``."""
 
 GAITS = {"SGCS": (1.1, -0.5, 0.45), "HGCS": (0.85, 0.13, 0.56), "UNIFORM": (np.pi, 0.0, 0.5)}
-"""θ_s, θ_0 [rad] and d_c of the clock signal (physics §1). A gait of another name is taken for SGCS, the robot's own."""
+"""θ_s, θ_0 [rad] and d_c of the clock signal (physics §1). A gait of another name is taken for SGCS."""
 
 
 def slow_phase_ratio(gait: str) -> float:
@@ -59,8 +59,8 @@ FRAMES_OF_A_PEAK = 2.5
 def peak_is_resolved(gait: str, omega: float) -> bool:
     """Whether the fastest part of a stance lasts long enough to be seen at 100 frames/s.
 
-    A gait that passes into the fast phase before the leg leaves the ground ends its stance at (2π - θ_s)/(2π(1 - d_c)) ω
-    for (0.75 - θ_e)/that seconds; below two frames the largest v_x(t) is the cameras' and not the robot's.
+    A gait that passes into the fast phase before the leg leaves the ground ends its stance at (2π - θ_s)/(2π(1 -
+    d_c)) ω for (0.75 - θ_e)/that seconds; below two frames the largest v_x(t) is the cameras' and not the robot's.
     """
     theta_s, theta_0, duty = GAITS.get(gait, GAITS["SGCS"])
     slow_end = theta_0 + theta_s / 2
@@ -110,9 +110,9 @@ USUAL_NOISE = (5e-3, 5e-4, 1e-2, 1.5e-3)
 """Standard deviation of one trial [SI] that weighs observables against each other where nothing was replicated."""
 
 ACCURACY = ((0.0, 0.0), (1e-4, 0.0), (0.0, 0.015), (3e-4, 0.0))
-"""How well the tracking measures each observable, (constant [SI], share of the value): an error all replicates share, so
-that they can't show it. Mean speed is a distance over a time and has none to speak of; the rise and the steepest slope of a
-folded curve have, as tests/unit/sandbot_tracking/test_trial.py bounds them on drawn truth."""
+"""How well the tracking measures each observable, (constant [SI], share of the value): an error all replicates share,
+so that they can't show it. Mean speed is a distance over a time and has none to speak of; the rise and the steepest
+slope of a folded curve have, as tests/unit/sandbot_tracking/test_trial.py bounds them on drawn truth."""
 
 OMEGA_TOLERANCE = 5e-3
 """Leg frequencies closer than this (relative) are the same condition."""
@@ -213,7 +213,7 @@ def _scatter(residual: Floats, cells: int) -> float:
 
 
 def noise_floor(cells: Cells) -> dict[str, float]:
-    """Pure error of one trial for each observable: rms scatter of replicates about their cell's mean, flips included."""
+    """Pure error of one trial for each observable: rms scatter of replicates about their mean, flips included."""
     dof = np.maximum(cells.n - 1, 0)
     squares = (dof * np.nan_to_num(cells.sd) ** 2).sum(axis=0)
     total = dof.sum(axis=0)

@@ -2,10 +2,10 @@
 
     clock → strength → balance → step → speed
 
-Everything is a function of one unknown, the depth d of the lowest leg point: the chord s(d) is geometry, and with it the
-ground's strength, the force it gives and the force that is needed. A ``Chain`` holds these quantities on arrays of
-shape ``(..., depths)``; each stage sets its own from what is there, then the effects of that stage change them. An effect
-sees quantities, never another effect, so that any set of them composes.
+Everything is a function of one unknown, the depth d of the lowest leg point: the chord s(d) is geometry, and with it
+the ground's strength, the force it gives and the force that is needed. A ``Chain`` holds these quantities on arrays
+of shape ``(..., depths)``; each stage sets its own from what is there, then the effects of that stage change them. An
+effect sees quantities, never another effect, so that any set of them composes.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -125,6 +125,8 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     first_step_differs: ClassVar[bool] = False
     """True if the effect is another in the first step: virgin ground, standing start (see ``chain.first_step``)."""
+    along_the_track: ClassVar[bool] = False
+    """True if φ varies within a trial (the effect sets ``chain.sigma_phi``): averages are then taken along the way."""
     replaces: ClassVar[tuple[str, ...]] = ()
     """Parameters of the base model that mean nothing once the effect acts."""
 

@@ -38,7 +38,7 @@ def descend(problem: Problem, states: States, iterations: int = ITERATIONS) -> S
 
 
 def look_along_k(problem: Problem, state: States) -> States:
-    """Try other k's for every level, near its own and across the range of all: given θ the levels do not meet. One row."""
+    """Try other k's for every level, near its own and across all: given θ the levels do not meet. One row."""
     near = state.ln_k + np.log1p(SHIFTS)[:, None]
     across = np.median(state.ln_k) + np.log(ACROSS)[:, None] + np.zeros_like(state.ln_k)
     ln_k = np.concatenate([near, across])

@@ -31,7 +31,7 @@ Sets = dict[tuple[str, ...], Fit]
 
 @dataclass(frozen=True)
 class Candidate:
-    """What one effect changes when added to the base model (negative: better), and the weight of the sets that hold it."""
+    """What one effect changes when added to the base model (negative: better), and the weight of sets with it."""
 
     effect: str
     stage: str

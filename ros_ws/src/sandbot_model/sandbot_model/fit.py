@@ -146,7 +146,8 @@ class Fit:
 def fit(model: Model, cells: Cells, near: Known | None = None) -> Fit:
     """The global minimum of the deviance over θ and one k per level.
 
-    ``near`` is what a smaller model has found: its k(φ) is where the search begins, its parameters are tried as a start.
+    ``near`` is what a smaller model has found: its k(φ) is where the search begins, its parameters are tried as a
+    start.
     """
     problem = Problem(model, cells)
     return summary(problem, best_state(problem, near))
@@ -287,9 +288,9 @@ def summary(problem: Problem, state: States) -> Fit:
 def left_out_gap(problem: Problem, state: States, jacobian: Array) -> Array:
     """Measured minus predicted ``(cells, 4)``, each cell by the parameters that fit the others.
 
-    Taking a cell's rows J_c, r_c out of the normal equations moves the minimum by -(JᵀJ - J_cᵀJ_c)⁻¹ J_cᵀ r_c; the model
-    itself is then evaluated there. Where the cell left out is the only one that tells its level's k, k is taken as known to
-    ``K_PRIOR`` from the levels beside it.
+    Taking a cell's rows J_c, r_c out of the normal equations moves the minimum by -(JᵀJ - J_cᵀJ_c)⁻¹ J_cᵀ r_c; the
+    model itself is then evaluated there. Where the cell left out is the only one that tells its level's k, k is taken
+    as known to ``K_PRIOR`` from the levels beside it.
     """
     count, level = state.theta.shape[1], problem.cells.level
     prior = np.zeros(jacobian.shape[1])

@@ -2,7 +2,8 @@
 
 The expression gives the new value of the stage's quantity (``k``, ``force``, ``step``, ``kept`` or ``omega``), or of
 another one if it says so: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"``. Names are quantities of the
-chain, the robot's R, h, w, m, g, the parameters, and numpy functions. asteval evaluates it: no attribute access, no import, no files.
+chain, the robot's R, h, w, m, g, the parameters, and numpy functions. asteval evaluates it: no attribute access, no
+import, no files.
 """
 
 import ast

@@ -45,10 +45,10 @@ def same_within(values: Floats, tolerance: float) -> Ints:
 
 
 def _criterion(squares: float, groups: Ints) -> float:
-    """-2 ln classification likelihood + 2 K ln n: the entropy of the partition keeps one level from being split."""
+    """-2 ln classification likelihood + 3 K ln n: the entropy of the partition keeps one level from being split."""
     n, counts = len(groups), np.bincount(groups)
     scatter = n * np.log(squares / n + SMALLEST_SCATTER**2)
-    return float(scatter - 2 * np.sum(counts * np.log(counts / n)) + 2 * len(counts) * np.log(n))
+    return float(scatter - 2 * np.sum(counts * np.log(counts / n)) + 3 * len(counts) * np.log(n))
 
 
 def _cost(values: Floats, weights: Floats) -> Floats:

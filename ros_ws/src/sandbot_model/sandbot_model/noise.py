@@ -82,15 +82,15 @@ def _constant(sums: Floats, dof: Ints) -> Floats:
     """Pooled variance ``(4,)``, NaN where there are no replicates."""
     total = dof.sum(axis=0)
     pooled = np.divide(sums.sum(axis=0), total, out=np.full(len(total), np.nan), where=total > 0)
-    return np.maximum(pooled, FLOOR**2)
+    return np.asarray(np.maximum(pooled, FLOOR**2))
 
 
 def _trend(sums: Floats, dof: Ints, omega: Floats, everywhere: Floats) -> Floats:
     """Variance of one trial ``(cells, 4)``, a power law in ω fitted by maximum likelihood to the cells' scatter.
 
     A step takes π/ω and a body on faster legs shakes more, so scatter follows ω; s² is a scaled χ² with few degrees of
-    freedom, whose likelihood -dof/2 (η + s²/e^η), η = a + b ln ω, is that of a gamma regression. Few replicates: constant;
-    none: that of the other regime.
+    freedom, whose likelihood -dof/2 (η + s²/e^η), η = a + b ln ω, is that of a gamma regression. Few replicates:
+    constant; none: that of the other regime.
     """
     x = np.log(omega)
     found = np.empty_like(sums)

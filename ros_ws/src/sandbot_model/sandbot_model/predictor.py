@@ -20,7 +20,7 @@ from sandbot_model.walking import BASES, Inputs, KCurve
 
 @dataclass(frozen=True)
 class PredictorParameters:
-    """The model a predictor runs; ``result`` takes all of it from what ``discover --json`` or ``compare --json`` wrote."""
+    """The model a predictor runs; ``result`` takes all from a file of ``discover --json`` or ``compare --json``."""
 
     result: str = parameter("", doc="JSON of discover or compare: use its last step (empty: the parameters below)")
     model: str = parameter("simple", doc="base model", choices=tuple(BASES))

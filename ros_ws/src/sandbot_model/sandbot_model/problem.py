@@ -11,6 +11,7 @@ the mean says little, the mixture's variance says so, and one such cell can't de
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +57,7 @@ class States:
     def where(self, better: Bool, other: "States") -> "States":
         """Rows of ``other`` where ``better (rows,)``, else of these."""
 
-        def pick(mine: Array, its: Array) -> Array:
+        def pick(mine: Any, its: Any) -> Any:
             return np.where(better.reshape(-1, *(1,) * (mine.ndim - 1)), its, mine)
 
         arrays = {n: pick(v, getattr(other, n)) for n, v in vars(self).items() if n != "footing"}
@@ -95,7 +96,7 @@ class Problem:
     @cached_property
     def replicates(self) -> Array:
         """Replicates of a cell ``(cells,)``."""
-        return self.cells.n.max(axis=1).astype(float)
+        return np.asarray(self.cells.n.max(axis=1), dtype=float)
 
     def states(self, theta: Array, ln_k: Array, slope: Array) -> States:
         """Predict all cells and weigh what is missed."""
@@ -105,13 +106,33 @@ class Problem:
         values = self.model.walker.observe(inputs, params, footing).observables
         footing = Footing(*(np.broadcast_to(value, shape) for value in vars(footing).values()))
         values = np.broadcast_to(values, (*shape, 4))
-        predicted = np.einsum("g,rcgi->rci", WEIGHTS, values)
+        predicted, _ = self._average(values)
         covariance, whiten, surprise = self._mixture(values, predicted, footing.walking)
         gap = np.where(self.measured, self.cells.mean - predicted, 0.0)
         residual = np.einsum("rcij,rcj->rci", whiten, gap)
         deviance = np.sum(residual**2, axis=2) + surprise
         slope = np.broadcast_to(slope, ln_k.shape)
         return States(theta, ln_k, slope, footing, predicted, covariance, whiten, residual, deviance)
+
+    def _average(self, values: Array) -> tuple[Array, Array]:
+        """Average over the nodes (axis -2) and the weight of each node's change in it, of the shape of ``values``.
+
+        Trials differ in φ: an average over nodes. Where φ also varies along the track, a trial takes its time where it is
+        slow (harmonic mean of speed), its lift is that of the median step and its peak that of the best one.
+        """
+        weights = np.broadcast_to(WEIGHTS[:, None], values.shape)
+        if not any(effect.along_the_track for effect in self.model.walker.effects):
+            return np.einsum("g,...gi->...i", WEIGHTS, values), weights
+        speed = np.maximum(values[..., 0], 1e-6)
+        mean_speed = 1 / np.einsum("g,...g->...", WEIGHTS, 1 / speed)
+        weights = weights.copy()
+        weights[..., 0] *= (mean_speed[..., None] / speed) ** 2
+        weights[..., 1] = np.arange(len(NODES)) == len(NODES) // 2
+        reached = np.where(np.abs(NODES) < 2, values[..., 2], -np.inf)
+        weights[..., 2] = np.arange(len(NODES)) == reached.argmax(axis=-1)[..., None]
+        average = np.sum(weights * values, axis=-2)
+        average[..., 0] = mean_speed
+        return average, weights
 
     def _mixture(self, values: Array, predicted: Array, walking: Bool) -> tuple[Array, Array, Array]:
         """Covariance, its whitening and ln |V_c|/|V_c0|: wider where the nodes of a cell both walk and swim."""
@@ -170,7 +191,8 @@ class Problem:
         through_depth = np.concatenate(
             [by_depth[..., :3] * sink[..., None], by_depth[..., 3:] * sink_first[..., None]], axis=-1
         )
-        mean = np.einsum("g,prcgi->rcip", WEIGHTS, direct + through_depth)
+        _, weights = self._average(values[-1])
+        mean = np.einsum("rcgi,prcgi->rcip", weights, direct + through_depth)
         return np.asarray(states.whiten @ np.where(self.measured[..., None], mean, 0.0))
 
     def _sinking(self, margin: Array, steps: Array, walking: Bool) -> Array:
@@ -182,7 +204,7 @@ class Problem:
         firm = walking & (stiff > 1e-6)
         return np.where(firm, -slope[:-1] / np.where(firm, stiff, 1.0), 0.0)
 
-    def _inputs(self, theta: Array, ln_k: Array, slope: Array) -> tuple[Inputs, list[dict[str, Array]]]:
+    def _inputs(self, theta: Array, ln_k: Array, slope: Array) -> tuple[Inputs, Params]:
         """Inputs of shape ``(..., cells, nodes)`` for θ ``(..., parameters)`` and ln k ``(..., levels)``."""
         cells = self.cells
         delta_t, v_swim, params = self.model.arguments(theta[..., None, None, :])
@@ -202,7 +224,7 @@ class Problem:
             thrust_phase_rad=cells.thrust_phase[:, None],
             k_of_phi=KCurve(cells.level_phi, level_k, inner=3),
         )
-        return inputs, [dict(one) for one in params]
+        return inputs, params
 
     def spread(self, params: Params, delta_t: Array, phi: Array) -> Array:
         """σ_φ along the track that effects ask for."""

@@ -1,8 +1,9 @@
 """Where to start: a coarse look at all shared parameters, with every k profiled exactly.
 
 The deviance has many minima: where the model swims it is flat, and every cell that crosses a switch makes a step. For
-given shared parameters, though, each level's k is a problem of its own in one dimension. So one table of predictions over
-(θ, k, ω) serves all levels, and between two nodes of the k grid the residual is taken as linear, whose minimum is known:
+given shared parameters, though, each level's k is a problem of its own in one dimension. So one table of predictions
+over (θ, k, ω) serves all levels, and between two nodes of the k grid the residual is taken as linear, whose minimum
+is known:
 
     q(t) = |(1 - t) r_0 + t r_1|²,   t* = (S_00 - S_01)/(S_00 - 2 S_01 + S_11) in [0, 1]
 """
@@ -144,14 +145,19 @@ def _table(problem: Problem, theta: Array, k_grid: Array, slope: Array, k_curve:
 
 
 def _averaged(table: Array, k_grid: Array, sigma_k: Array) -> Array:
-    """The table ``(cells, m, k, 4)`` averaged over k with standard deviations ``(cells, m)``, linear between nodes."""
-    total = np.zeros_like(table)
+    """The table ``(cells, m, k, 4)`` averaged along the track, σ_k ``(cells, m)`` (see ``problem``)."""
+    total, peak = np.zeros_like(table), np.full(table.shape[:-1], -np.inf)
     for node, weight in zip(NODES, WEIGHTS, strict=True):
         wanted = np.clip(k_grid + sigma_k[..., None] * node, k_grid[0], k_grid[-1])
         upper = np.clip(np.searchsorted(k_grid, wanted), 1, len(k_grid) - 1)
         share = ((wanted - k_grid[upper - 1]) / (k_grid[upper] - k_grid[upper - 1]))[..., None]
         below, above = (np.take_along_axis(table, at[..., None], axis=2) for at in (upper - 1, upper))
-        total += weight * ((1 - share) * below + share * above)
+        value = (1 - share) * below + share * above
+        total[..., 0] += weight / np.maximum(value[..., 0], 1e-6)
+        total[..., 3] += weight * value[..., 3]
+        if abs(node) < 2:
+            peak = np.maximum(peak, value[..., 2])
+    total[..., 0], total[..., 1], total[..., 2] = 1 / total[..., 0], table[..., 1], peak
     return total
 
 
@@ -182,7 +188,7 @@ def _theta(model: Model, unit: Array) -> Array:
 
 
 def _samples(model: Model) -> Array:
-    """An even sample of the plausible ranges in unit coordinates; v_swim, which a descent finds at once, at its start."""
+    """An even sample of the plausible ranges in unit coordinates; v_swim, found by any descent, at its start."""
     free = [i for i, name in enumerate(model.names) if name != "v_swim_m_s"]
     count = {1: 24, 2: 56, 3: 112}.get(len(free), 144)
     unit = np.tile(_unit(model, np.array([one.start for one in model.parameters])), (count, 1))

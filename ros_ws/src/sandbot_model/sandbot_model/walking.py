@@ -73,8 +73,8 @@ class Inputs:
 class KCurve:
     """Stiffness [N/m] at any volume fraction, linear between levels and constant beyond them.
 
-    ``k_n_per_m`` is one curve ``(levels,)``, or many ``(*rows, levels)`` for questions of shape ``(*rows, *inner)`` with
-    ``inner`` axes of their own.
+    ``k_n_per_m`` is one curve ``(levels,)``, or many ``(*rows, levels)`` for questions of shape ``(*rows, *inner)``
+    with ``inner`` axes of their own.
     """
 
     phi: Array

@@ -31,8 +31,8 @@ NOTE = topics.Topic("/recorder/note", "std_msgs/msg/String")
 _DEPTH = 2000
 """Deep enough for two seconds of 1 kHz when the CPU is busy; both ends need it (measured)."""
 _LOOK_AROUND_S = 0.1
-_SETTLED = 3
-"""Looks in a row without anything new before "recording to" is said."""
+_SETTLED, _SETTLED_UNHEARD = 3, 10
+"""Looks in a row without anything new before "recording to" is said; more where a wanted topic has no publisher yet."""
 _INTERNAL = ("/rosout", "/parameter_events", "/recorder/")
 _KNOWN = {topic.name: topic for topic in (*topics.ALL, NOTE)}
 
@@ -184,7 +184,10 @@ class Recorder(Node):
         return source.handle.get_publisher_count() < len(publishers)
 
     def _subscribe(self, name: str, type_name: str, publishers: Sequence[TopicEndpointInfo]) -> None:
-        if name in self._refused or (type_name == frames.RAW and self._selection.images == "none"):
+        if name in self._refused:
+            return
+        if type_name == frames.RAW and self._selection.images == "none":
+            self._refuse(name, "raw images are left out (--images none)")
             return
         try:
             kind = messages.message_class(type_name)
@@ -224,7 +227,10 @@ class Recorder(Node):
     def _announce(self, new: bool) -> None:
         self._quiet_looks = 0 if new else self._quiet_looks + 1
         wanted = set(self._selection.names) - self._refused
-        if self._announced or self._quiet_looks < _SETTLED or not wanted <= self._by_name.keys():
+        if self._announced or not wanted <= self._by_name.keys():
+            return
+        unheard = not wanted or any(not self._by_name[name].publishers for name in wanted)
+        if self._quiet_looks < (_SETTLED_UNHEARD if unheard else _SETTLED):
             return
         self._announced = True
         self._say(f"recording to {self._recording.path} ({len(self._by_name) - 1} topics)")

@@ -164,15 +164,16 @@ def to_csv(trials: Trials) -> str:
 
 
 def _read_one(path: Path) -> list[Row]:
-    from sandbot_record import reader, table
+    from sandbot_record.reader import is_bag
+    from sandbot_record.table import campaign, row_from_bag
 
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
-    if path.is_file() and not reader.is_bag(path):
+    if path.is_file() and not is_bag(path):
         return _csv_rows(path)
-    if reader.is_bag(path):
-        return [table.row_from_bag(path)]
-    return table.campaign(path).trials.rows()
+    if is_bag(path):
+        return [row_from_bag(path)]
+    return campaign(path).trials.rows()
 
 
 def _csv_rows(path: Path) -> list[Row]:

@@ -72,6 +72,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]:
+    if options.plan is None:
+        raise InputError("a plan is needed: campaign.yaml, or the folder of a campaign to resume (see campaign --help)")
     resumed = options.plan.is_dir()
     plan = read_plan(options.plan / "campaign.yaml" if resumed else options.plan)
     if options.images is not None:

@@ -6,16 +6,19 @@ from sandbot_model.chain import Chain, Effect, Parameter, Values
 
 
 class PhiNonuniformity(Effect):
-    """What is measured is an average over k(φ); the average is taken after the chain (see ``fit``)."""
+    """The average over k(φ) is taken after the chain (see ``problem``): of 1/v̄, for a robot spends its time where it is slow;
+    the lift is that of the middle step, the peak that of the best."""
 
     identifier = "phi_nonuniformity"
     stage = "strength"
-    formula = "v averaged over phi ~ N(phi, sigma_phi)"
+    formula = "1/v averaged over phi ~ N(phi, sigma_phi)"
     source = "Li09, air flow uniform to 10 %"
     seen_in = "replicate scatter near omega_c"
     parameters = (
         Parameter("sigma_phi", "1", 0.001, 0.004, 0.002, "spread of φ along the track", neutral=0.0, hard_low=0.0),
     )
+
+    along_the_track = True
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""

@@ -6,12 +6,13 @@ The address is the state: every control changes it, everything shown follows fro
 
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from dash import ALL, Dash, Input, Output, State, ctx, dcc, html, no_update
 from dash.exceptions import PreventUpdate
+from flask import request
 
 from sandbot_common.errors import InputError
 from sandbot_model.discover import Discovery
@@ -21,7 +22,7 @@ from sandbot_model.explore.selection import Selection, from_query, to_query, to_
 from sandbot_model.explore.session import Session
 from sandbot_model.report.content import cells_csv
 from sandbot_model.report.provenance import provenance
-from sandbot_model.report.theme import LIGHT, THEMES
+from sandbot_model.report.theme import LIGHT, THEMES, Theme
 from sandbot_record.trials import Trials
 
 TRIAL_COLUMNS = ("trial_id", "phi", "omega_rad_s", "speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m", "status")
@@ -39,6 +40,7 @@ SHOW_OUTPUTS = (
     Output("figure", "figure"),
     Output("ladder", "figure"),
     Output("parameters", "children"),
+    Output("beside", "children"),
     Output("trials", "children"),
     Output("status", "children"),
     Output("message", "children"),
@@ -56,11 +58,22 @@ class Job:
     running: bool = False
 
 
-class Explorer:
-    """One data set on one page."""
+@dataclass(frozen=True)
+class Beside:
+    """A second data set, shown with the same selection: another lab, or the trials before."""
 
-    def __init__(self, session: Session, trials: Trials, data: Sequence[Path], title: str) -> None:
+    session: Session
+    title: str
+
+
+class Explorer:
+    """One data set on one page, another one beside it if there is one."""
+
+    def __init__(
+        self, session: Session, trials: Trials, data: Sequence[Path], title: str, beside: Beside | None = None
+    ) -> None:
         self.session, self.trials, self.data, self.title = session, trials, tuple(data), title
+        self.beside = beside
         self.bags = waveforms.bags_of([path for path in data if path.exists()])
         self.job = Job()
 
@@ -81,6 +94,7 @@ class Explorer:
             suppress_callback_exceptions=True,
         )
         app.layout = controls.page(self.title, line, known.notes, cells)
+        app.server.before_request(_own_host_only)
         self._wire(app)
         return app
 
@@ -107,6 +121,7 @@ class Explorer:
             shown.figure,
             shown.ladder,
             controls.parameter_table(views.parameter_rows(selection, shown.current, effects)) if by_hand else None,
+            self._other(selection, theme),
             self._trials(selection, shown, theme),
             shown.status,
             "",
@@ -119,7 +134,20 @@ class Explorer:
         inherent = [name for name in effects if name not in promises]
         return controls.effect_options(effects, inherent, selection.effects, promises)
 
-    def _trials(self, selection: Selection, shown: views.Shown, theme: Any) -> Any:
+    def _other(self, selection: Selection, theme: Theme) -> Any:
+        """The second data set under the same selection; why not, where it can't be."""
+        if self.beside is None:
+            return None
+        try:
+            # A cell is one of the first data set.
+            shown = views.show(self.beside.session, replace(selection, cell=None), theme)
+        except InputError as error:
+            return [html.H2(self.beside.title), html.P(str(error))]
+        self.beside.session.ahead(selection)
+        figure = html.Div(dcc.Graph(figure=shown.figure, config=controls.GRAPH), className="plot")
+        return [html.H2(self.beside.title), html.P(shown.status), figure]
+
+    def _trials(self, selection: Selection, shown: views.Shown, theme: Theme) -> Any:
         cells = self.session.cells
         if selection.cell is None or selection.cell >= len(cells):
             return None
@@ -293,6 +321,12 @@ class Explorer:
                 job.running = False
 
         threading.Thread(target=run, name="suggest", daemon=True).start()
+
+
+def _own_host_only() -> tuple[str, int] | None:
+    """Refuse a page of another site that had its name point here (DNS rebinding)."""
+    host = request.host.rsplit(":", 1)[0]
+    return None if host in ("127.0.0.1", "localhost") else (f"this page is for this host only, not for {host}", 403)
 
 
 def _cell(value: Any) -> str:

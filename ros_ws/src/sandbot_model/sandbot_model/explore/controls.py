@@ -199,6 +199,7 @@ def _figures(cells: Cells) -> html.Main:
                 id="parameters-box",
                 hidden=True,
             ),
+            html.Div(id="beside"),
             html.H2("Error as effects are added"),
             html.Div(dcc.Graph(id="ladder", config=GRAPH), className="plot"),
             html.H2("Trials behind a point"),

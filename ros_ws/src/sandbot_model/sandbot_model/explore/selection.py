@@ -106,7 +106,8 @@ def to_yaml(selection: Selection, data: Sequence[str], result: Mapping[str, floa
         "by_hand": dict(selection.by_hand),
         "result": {name: float(value) for name, value in result.items()},
     }
-    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=1000)
+    # Escaped: a line separator of Unicode written as it is would come back as a space.
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=False, width=1000)
 
 
 def from_mapping(content: Mapping[str, Any], where: str) -> Selection:

@@ -12,7 +12,7 @@ from sandbot_model import compare
 from sandbot_model.cells import OBSERVABLES, Cells, noise_floor
 from sandbot_model.discover import Discovery
 from sandbot_model.fit import Fit
-from sandbot_model.report import figures, text
+from sandbot_model.report import figures, mechanics, text
 from sandbot_model.report.page import Download, Figure, Page, Section, Table, data_uri
 from sandbot_model.report.view import (
     CM,
@@ -149,6 +149,8 @@ def _figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
             "lock", "The geometry lock: lift against speed", text=_lock_text(cells), figures=(_lock_figure(cells),)
         )
         sections.append(lock)
+    sections.append(Section("collapse", "Where walking collapses", figures=(_collapse_figure(steps),)))
+    sections.append(Section("step", "Step length", figures=(_step_figure(steps),)))
     return sections
 
 
@@ -236,6 +238,26 @@ def _lock_text(cells: Cells) -> tuple[str, ...]:
     return (
         f"Step length from speed over step length from lift: median {np.median(known):.3f} over {known.size} "
         "walking cells (1: nothing lost or won between step and speed).",
+    )
+
+
+def _collapse_figure(steps: tuple[Step, ...]) -> Figure:
+    return Figure(
+        name="collapse",
+        alt="Critical leg frequency, at which walking collapses into swimming, and largest mean speed, both against "
+        "volume fraction, measured and modelled.",
+        caption="Left: walking ends at ω_c; the bar spans from the last ω measured that walks to the first that swims. "
+        "Right: the largest mean speed over the ω measured.",
+        draw=lambda theme: [mechanics.critical(step, theme) for step in steps],
+    )
+
+
+def _step_figure(steps: tuple[Step, ...]) -> Figure:
+    return Figure(
+        name="step",
+        alt="Step length over leg radius against leg frequency, for each volume fraction, measured and modelled.",
+        caption="Step length πv̄/ω over leg radius R. Grey band: s/R from 0.9 to 1, where Li09 saw walking end.",
+        draw=lambda theme: [mechanics.step_ratio(step, theme) for step in steps],
     )
 
 

@@ -4,6 +4,7 @@
   const figures = JSON.parse(document.getElementById("figures").textContent);
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const form = document.getElementById("steps");
+  const PAPER_WIDTH = 690; // px of a portrait page between its margins
   let printing = false;
 
   const chosen = () => (form ? Number(new FormData(form).get("step")) : 0);
@@ -14,7 +15,8 @@
     const drawn = Object.entries(figures).map(([name, themes]) => {
       const perStep = themes[theme];
       const figure = perStep[Math.min(step, perStep.length - 1)];
-      return Plotly.react(`plot-${name}`, figure.data, figure.layout, {
+      const layout = printing ? { ...figure.layout, width: PAPER_WIDTH } : figure.layout;
+      return Plotly.react(`plot-${name}`, figure.data, layout, {
         responsive: true,
         displaylogo: false,
         modeBarButtons: [["toImage"], ["zoom2d", "pan2d", "resetScale2d"]],

@@ -32,7 +32,7 @@ def _compare(argv: Sequence[str]) -> None:
     print(tables.ladder(steps), "\n")
     print(tables.parameters(steps[-1]), "\n")
     print(tables.fails(steps[-1]), "\n")
-    print(tables.lock_line(cells, geometry_lock(cells)))
+    print(tables.lock_line(geometry_lock(cells)))
     if args.json is not None:
         arguments.write_json(args.json, to_json(steps))
     if args.html is not None:

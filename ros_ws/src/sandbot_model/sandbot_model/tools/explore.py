@@ -3,6 +3,7 @@
 import logging
 import multiprocessing
 import os
+import socket
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -13,7 +14,7 @@ from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_model.cells import cells_of
-from sandbot_model.explore.app import Explorer
+from sandbot_model.explore.app import Beside, Explorer
 from sandbot_model.explore.selection import from_mapping, to_query
 from sandbot_model.explore.session import Session
 from sandbot_record import trials as trials_table
@@ -33,6 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _explore(argv: Sequence[str]) -> None:
     parser = cli.Parser(prog="explore", description=__doc__)
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
+    parser.add_argument("--beside", type=Path, metavar="DATA", help="another data set to show with the same effects")
     parser.add_argument("--port", type=int, default=8050, help="port on this host (default: 8050; 0: any free one)")
     parser.add_argument(
         "--effects-from", type=Path, action="append", default=[], metavar="FILE.py", help="your own effects"
@@ -48,25 +50,30 @@ def _explore(argv: Sequence[str]) -> None:
     query = to_query(from_mapping(read_yaml(args.selection), str(args.selection))) if args.selection else ""
     trials = trials_table.read(args.data)
     cells = cells_of(trials)
+    other = cells_of(trials_table.read(args.beside)) if args.beside else None
     # Workers are forked before the server has threads; they see a user's effects as they are.
     fork = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(args.workers, mp_context=fork, initializer=os.nice, initargs=(NICE,)) as workers:
         session = Session(cells, workers, effect_files=args.effects_from)
         session.catalogue()
         workers.submit(os.getpid).result()
-        explorer = Explorer(session, trials, args.data, args.title or args.data[0].resolve().stem)
+        title = args.title or args.data[0].resolve().stem
+        beside = None
+        if other is not None:
+            beside = Beside(Session(other, workers, effect_files=args.effects_from), args.beside.resolve().stem)
+        explorer = Explorer(session, trials, args.data, title, beside)
         _serve(explorer, args.port, query)
 
 
 def _serve(explorer: Explorer, port: int, query: str) -> None:
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     try:
-        server = make_server(HOST, port, explorer.app().server, threaded=True)
+        listening = socket.create_server((HOST, port))
     except OSError as error:
         raise InputError(f"--port {port}: {error.strerror}; another explorer may be running, try --port 0") from None
-    except SystemExit:
-        raise InputError(f"--port {port} is in use; another explorer may be running, try --port 0") from None
-    print(f"explore: http://{HOST}:{server.server_port}/{query}  (Ctrl-C ends it)", flush=True)
+    port = listening.getsockname()[1]
+    server = make_server(HOST, port, explorer.app().server, threaded=True, fd=listening.fileno())
+    print(f"explore: http://{HOST}:{port}/{query}  (Ctrl-C ends it)", flush=True)
     server.serve_forever()
 
 

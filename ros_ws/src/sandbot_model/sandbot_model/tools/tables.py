@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sandbot_model.cells import OBSERVABLES, Cells, noise_floor
+from sandbot_model.cells import OBSERVABLES, noise_floor
 from sandbot_model.chain import Array
 from sandbot_model.discover import Discovery
 from sandbot_model.fit import Fit
@@ -81,7 +81,7 @@ def parameters(fit: Fit) -> str:
     return table(rows)
 
 
-def lock_line(cells: Cells, ratio: Array) -> str:
+def lock_line(ratio: Array) -> str:
     """The geometry lock in one line: it needs no fit."""
     known = np.isfinite(ratio)
     if not known.any():

@@ -1,0 +1,63 @@
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from sandbot_bringup.folder import CampaignFolder, sample_trial
+from sandbot_bringup.plan import Plan, read_plan, trials_of
+from sandbot_bringup.tools.campaign import main
+from sandbot_common.errors import InputError
+
+PLAN = Plan(name="tiny", phi=(0.6, 0.62), omega_rad_s=(8.0, 16.0), replicates=2)
+EXTRA = {"phi": 0.61, "omega_rad_s": 12.0, "replicates": 1}
+
+
+def test_adopted_plan_is_read_back_and_adopted_again(tmp_path: Path) -> None:
+    folder = CampaignFolder(tmp_path / "run")
+    folder.adopt(PLAN)
+    folder.adopt(PLAN)
+    assert read_plan(folder.plan_file) == PLAN
+
+
+def test_plan_may_grow_by_extra_trials_but_not_shrink(tmp_path: Path) -> None:
+    folder = CampaignFolder(tmp_path)
+    folder.adopt(PLAN)
+    grown = dataclasses.replace(PLAN, extra_trials=(EXTRA,))
+    folder.adopt(grown)
+    with pytest.raises(InputError, match="extra_trials"):
+        folder.adopt(PLAN)
+    assert read_plan(folder.plan_file) == grown
+
+
+def test_another_plan_is_refused_and_nothing_changes(tmp_path: Path) -> None:
+    folder = CampaignFolder(tmp_path)
+    folder.adopt(PLAN)
+    before = folder.plan_file.read_bytes()
+    with pytest.raises(InputError, match="seed: 1 there, 2 now"):
+        folder.adopt(dataclasses.replace(PLAN, seed=2))
+    assert folder.plan_file.read_bytes() == before
+
+
+def test_folder_with_other_things_in_it_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"holds no campaign\.yaml"):
+        CampaignFolder(tmp_path).adopt(PLAN)
+    assert [one.name for one in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def test_missing_counts_only_closed_bags(tmp_path: Path) -> None:
+    folder, trials = CampaignFolder(tmp_path), trials_of(PLAN)
+    for trial in trials[:2]:
+        folder.bag(trial).mkdir(parents=True)
+    (folder.bag(trials[0]) / "metadata.yaml").touch()
+    assert folder.missing(trials) == trials[1:]
+
+
+def test_sample_is_the_strongest_ground_at_the_middle_frequency() -> None:
+    sample = sample_trial(PLAN)
+    assert (sample.phi, sample.omega_rad_s, sample.replicate) == (0.62, 16.0, 1)
+
+
+def test_campaign_without_a_plan_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
