@@ -14,34 +14,34 @@ EXTRA = {"phi": 0.61, "omega_rad_s": 12.0, "replicates": 1}
 
 def test_adopted_plan_is_read_back_and_adopted_again(tmp_path: Path) -> None:
     folder = CampaignFolder(tmp_path / "run")
-    folder.adopt(PLAN)
-    folder.adopt(PLAN)
+    folder.adopt(PLAN, {})
+    folder.adopt(PLAN, {})
     assert read_plan(folder.plan_file) == PLAN
 
 
 def test_plan_may_grow_by_extra_trials_but_not_shrink(tmp_path: Path) -> None:
     folder = CampaignFolder(tmp_path)
-    folder.adopt(PLAN)
+    folder.adopt(PLAN, {})
     grown = dataclasses.replace(PLAN, extra_trials=(EXTRA,))
-    folder.adopt(grown)
+    folder.adopt(grown, {})
     with pytest.raises(InputError, match="extra_trials"):
-        folder.adopt(PLAN)
+        folder.adopt(PLAN, {})
     assert read_plan(folder.plan_file) == grown
 
 
 def test_another_plan_is_refused_and_nothing_changes(tmp_path: Path) -> None:
     folder = CampaignFolder(tmp_path)
-    folder.adopt(PLAN)
+    folder.adopt(PLAN, {})
     before = folder.plan_file.read_bytes()
     with pytest.raises(InputError, match="seed: 1 there, 2 now"):
-        folder.adopt(dataclasses.replace(PLAN, seed=2))
+        folder.adopt(dataclasses.replace(PLAN, seed=2), {})
     assert folder.plan_file.read_bytes() == before
 
 
 def test_folder_with_other_things_in_it_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("mine")
     with pytest.raises(InputError, match=r"holds no campaign\.yaml"):
-        CampaignFolder(tmp_path).adopt(PLAN)
+        CampaignFolder(tmp_path).adopt(PLAN, {})
     assert [one.name for one in tmp_path.iterdir()] == ["thesis.txt"]
 
 

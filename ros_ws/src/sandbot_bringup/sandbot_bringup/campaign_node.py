@@ -4,7 +4,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 from tqdm import tqdm
 
-from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.folder import PARTIAL, CampaignFolder
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
 from sandbot_common import messages, topics
@@ -36,7 +36,9 @@ class TrialFailed(RuntimeError):
     """A trial could not be completed; the campaign goes on with the next one."""
 
 
-def run_live(plan: Plan, folder: CampaignFolder, trials: Sequence[PlannedTrial]) -> Sequence[tuple[str, str]]:
+def run_live(
+    plan: Plan, folder: CampaignFolder, files: Mapping[str, str], trials: Sequence[PlannedTrial]
+) -> Sequence[tuple[str, str]]:
     """Run every trial that has no bag yet; returns the failed ones with their reasons.
 
     The nodes must be running (``ros2 launch sandbot_bringup trackway.launch.py``); InputError where they are not.
@@ -47,7 +49,7 @@ def run_live(plan: Plan, folder: CampaignFolder, trials: Sequence[PlannedTrial])
     try:
         operator = Operator(plan)
         operator.find_nodes()
-        folder.adopt(plan)
+        folder.adopt(plan, files)
         for trial in tqdm(folder.missing(trials), unit="trial", desc="campaign"):
             try:
                 operator.run(trial, folder)
@@ -101,7 +103,7 @@ class Operator(Node):
     def run(self, trial: PlannedTrial, folder: CampaignFolder) -> None:
         """One trial from bed preparation to the closed bag; TrialFailed with the reason otherwise."""
         # Recorded aside and renamed when complete: a bag in trials/ is always a whole trial.
-        aside = folder.trials / ".partial" / trial.trial_id
+        aside = folder.trials / PARTIAL / trial.trial_id
         _set_aside_torn(aside)
         self._set_up(trial)
         recorder = _start_recorder(aside)

@@ -15,14 +15,18 @@ def config_folder() -> Path:
     return Path(get_package_share_directory("sandbot_bringup")) / "config"
 
 
-def files_of(plan: Plan, beside: Path) -> dict[str, str]:
-    """robot.yaml and cameras.yaml as text: those the plan names (relative to ``beside``), else the project's own.
+def files_of(plan: Plan, beside: Path, campaign: Path) -> dict[str, str]:
+    """robot.yaml and cameras.yaml as text: the campaign's own once it has begun, else those the plan names (relative
+    to ``beside``), else the project's.
 
     Raises InputError where a file is missing or not YAML.
     """
     files = {}
     for name, given in (("robot.yaml", plan.robot), ("cameras.yaml", plan.cameras)):
         path = beside / given if given else config_folder() / name
+        # A campaign is one experiment: a calibration made later must not slip into its remaining trials.
+        if (campaign / name).exists():
+            path = campaign / name
         read_yaml(path)
         files[name] = path.read_text(encoding="utf-8")
     return files

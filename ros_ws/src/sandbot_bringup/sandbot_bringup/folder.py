@@ -1,13 +1,17 @@
 """The campaign folder: what lies where, and which trials are still to be run."""
 
 import dataclasses
-from collections.abc import Iterable
+import shutil
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from sandbot_bringup.plan import Plan, PlannedTrial, read_plan, to_yaml, trials_of
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_text
+
+PARTIAL = ".partial"
+"""Inside trials/: where a live run records until its trial is complete. Kept whatever happens."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +39,15 @@ class CampaignFolder:
         """Where the bag of ``trial`` goes."""
         return self.trials / trial.trial_id
 
-    def adopt(self, plan: Plan) -> None:
-        """Write the plan, or check it against the one already there.
+    def grown(self, plan: Plan) -> Plan:
+        """The plan with the extra trials this folder has been given since, if it is that plan's folder."""
+        if plan.extra_trials or not self.plan_file.exists():
+            return plan
+        present = read_plan(self.plan_file)
+        return present if dataclasses.replace(present, extra_trials=()) == plan else plan
+
+    def adopt(self, plan: Plan, files: Mapping[str, str]) -> None:
+        """Write the plan and the robot's and cameras' files, or check the plan against the one already there.
 
         A campaign may grow by extra trials; anything else would mix two experiments in one folder (InputError).
         """
@@ -51,7 +62,15 @@ class CampaignFolder:
                 )
         elif self.path.exists() and any(self.path.iterdir()):
             raise InputError(f"{self.path}: exists, is not empty and holds no campaign.yaml; give another --out")
+        for name, text in files.items():
+            write_text(self.path / name, text)
         write_text(self.plan_file, to_yaml(plan))
+
+    def clear_torn(self) -> None:
+        """Remove what a killed batch run left behind: bags that never got their name."""
+        for path in self.trials.glob(".*") if self.trials.is_dir() else ():
+            if path.name != PARTIAL:
+                shutil.rmtree(path)
 
     def missing(self, trials: Iterable[PlannedTrial]) -> list[PlannedTrial]:
         """The trials with no finished bag. A bag gets its name only when it is closed, so its presence is enough."""

@@ -138,17 +138,18 @@ def trials_of(plan: Plan) -> list[PlannedTrial]:
 
 
 def with_next_trials(plan: Plan, path: Path) -> Plan:
-    """The plan extended by the ``next_trials`` of a discovery JSON (schema sandbot.discovery/1)."""
+    """The plan extended by the ``next_trials`` of a discovery JSON (schema sandbot.discovery/1), each only once."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise InputError(f"{path}: not JSON: {error}") from None
     proposed = content.get("next_trials") if isinstance(content, dict) else content
     if not isinstance(proposed, list) or not proposed:
         raise InputError(f"{path}: no next_trials in it; the verdict may need none")
-    extras = list(_conditions(proposed, plan.replicates, str(path)))
+    asked = _conditions(proposed, plan.replicates, str(path))
+    extras = [one for one in asked if one not in plan.extra_trials]
     return dataclasses.replace(plan, extra_trials=(*plan.extra_trials, *extras))
 
 

@@ -13,11 +13,13 @@ import numpy as np
 
 from sandbot_model.cells import Cells, noise_floor
 from sandbot_model.chain import Effect
+from sandbot_model.describe import Description, describe_residual
 from sandbot_model.fit import Fit, Known, Point, best_state, fitted_at, nearby_state
 from sandbot_model.model import Model, model_of
 from sandbot_model.next_trials import NextTrial, next_trials
 from sandbot_model.problem import Problem
 from sandbot_model.robot import Robot
+from sandbot_model.stages import StageTest, stage_tests
 from sandbot_model.verdict import Verdict, judge, passes, worth
 
 SCHEMA = "sandbot.discovery/1"
@@ -53,6 +55,10 @@ class Discovery:
     candidates: tuple[Candidate, ...]
     verdict: Verdict
     next_trials: tuple[NextTrial, ...]
+    stages: tuple[StageTest, ...] = ()
+    """Where in the chain the base model fails."""
+    residual: Description | None = None
+    """If nothing of the catalogue fits: what is left, in the field's terms, as a formula to try."""
     fits: tuple[Fit, ...] = field(default=(), repr=False)
 
     def to_json(self) -> dict[str, Any]:
@@ -72,6 +78,8 @@ class Discovery:
                 "because": self.verdict.because,
             },
             "next_trials": [_plain(trial) for trial in self.next_trials],
+            "stages": [_plain(one) for one in self.stages],
+            "residual": None if self.residual is None else _plain(self.residual),
         }
 
 
@@ -105,6 +113,8 @@ def discover(
         candidates=tuple(search.candidates()),
         verdict=verdict,
         next_trials=tuple(next_trials(contenders)),
+        stages=stage_tests(search.fits[()]),
+        residual=describe_residual(search.fits[()]) if verdict.status == "unexplained" else None,
         fits=tuple(sorted(search.fits.values(), key=lambda one: one.bic)),
     )
 

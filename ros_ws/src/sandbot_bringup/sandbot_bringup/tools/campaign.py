@@ -4,7 +4,7 @@ import argparse
 import dataclasses
 import functools
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from sandbot_bringup.config import config_folder, files_of
@@ -26,17 +26,18 @@ def command(argv: Sequence[str]) -> int:
         print(config_folder())
         return 0
     plan, folder = _plan_and_folder(options)
+    files = files_of(plan, options.plan if options.plan.is_dir() else options.plan.parent, folder.path)
     trials = trials_of(plan)
     if options.dry_run:
         print(describe(plan, trials))
         return 0
     if options.batch:
-        failures = _batch(plan, folder, trials, options)
+        failures = _batch(plan, folder, files, trials, options)
     else:
         # The live runner starts ROS; batch and dry runs must not.
         from sandbot_bringup.campaign_node import run_live
 
-        failures = run_live(plan, folder, trials)
+        failures = run_live(plan, folder, files, trials)
     return _finish(folder, trials, failures)
 
 
@@ -80,9 +81,8 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
         plan = dataclasses.replace(plan, images=options.images)
     path = options.out or (options.plan if resumed else options.plan.parent / plan.name)
     folder = CampaignFolder(path)
+    plan = folder.grown(plan)
     if options.next_trials is not None:
-        if folder.plan_file.exists():
-            plan = read_plan(folder.plan_file)
         plan = with_next_trials(plan, options.next_trials)
     if options.workers < 1:
         raise InputError(f"--workers: {options.workers} is not a number of processes; 1 or more")
@@ -92,13 +92,17 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
 
 
 def _batch(
-    plan: Plan, folder: CampaignFolder, trials: Sequence[PlannedTrial], options: argparse.Namespace
+    plan: Plan,
+    folder: CampaignFolder,
+    files: Mapping[str, str],
+    trials: Sequence[PlannedTrial],
+    options: argparse.Namespace,
 ) -> Sequence[tuple[str, str]]:
     from sandbot_bringup import batch, runner
 
-    files = files_of(plan, options.plan if options.plan.is_dir() else options.plan.parent)
     world = batch.choose_world(folder, options.world, options.hide)
-    folder.adopt(plan)
+    folder.adopt(plan, files)
+    folder.clear_torn()
     batch.seal(folder, world)
     todo = folder.missing(trials)
     if len(todo) < len(trials):

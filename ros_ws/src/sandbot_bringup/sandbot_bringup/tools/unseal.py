@@ -52,10 +52,12 @@ def _cm_s(speed_m_s: float | None) -> str:
 def _read(path: Path) -> dict[str, Any]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; make it with: discover FOLDER --json {path}") from None
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}; make it with: discover FOLDER --json {path}") from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise InputError(f"{path}: not JSON: {error}") from None
     if not isinstance(content, dict) or content.get("schema") != "sandbot.discovery/1":
         raise InputError(f"{path}: not a discovery of schema sandbot.discovery/1")
+    if missing := [key for key in ("verdict", "steps", "noise_floor_m_s") if key not in content or content[key] == []]:
+        raise InputError(f"{path}: a discovery without {missing[0]!r}")
     return content

@@ -55,12 +55,16 @@ def _discover(argv: Sequence[str]) -> None:
 def _print(found: Discovery) -> None:
     print(tables.data_line(found.steps[0]), "\n")
     print(tables.ladder(found.steps), "\n")
+    if found.stages:
+        print(tables.stages(found), "\n")
     if found.candidates:
         print(tables.candidates(found), "\n")
     print(tables.parameters(found.steps[-1]), "\n")
     print(tables.fails(found.steps[-1]), "\n")
     if found.next_trials:
         print(tables.next_trials(found), "\n")
+    if found.residual is not None:
+        print(f"what is left: {found.residual.sentence}\ntry: --effect '{found.residual.formula}'\n")
     verdict = found.verdict
     named = f": {' + '.join(verdict.effects)}" if verdict.status in ("identified", "ambiguous") else ""
     print(f"verdict: {verdict.status}{named} - {verdict.because}")

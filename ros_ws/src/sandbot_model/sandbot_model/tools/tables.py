@@ -122,6 +122,14 @@ def candidates(discovery: Discovery, most: int = 10) -> str:
     return table(rows)
 
 
+def stages(discovery: Discovery) -> str:
+    """Where in the chain the base model fails."""
+    rows = [["stage", "connects", "cells", "χ²", "p", "missed"]]
+    for one in discovery.stages:
+        rows.append([one.stage, one.connects, str(one.cells), f"{one.chi2:.0f}", f"{one.p:.2g}", str(len(one.missed))])
+    return table(rows)
+
+
 def next_trials(discovery: Discovery) -> str:
     """What to measure next."""
     rows = [["phi", "omega [rad/s]", "look at", "separates", "expected gap [sd]", "replicates"]]

@@ -1,0 +1,128 @@
+"""The explorer in Chromium: from click to updated figure, and from address to first page."""
+
+import os
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from selenium import webdriver
+from selenium.webdriver.support.ui import WebDriverWait
+
+from sandbot_model.catalogue import catalogue
+from sandbot_model.model import model_of
+from sandbot_model.walking import Inputs
+from sandbot_record.trials import Row, from_rows, write_csv
+
+TOGGLES = 50
+NAMES = ("disturbed_ground", "leg_slip", "stance_overlap", "cable_drag", "cohesion")
+PATIENCE_S = 180
+READY = """return /error/.test(document.getElementById('status')?.innerText ?? '')
+    && !!document.querySelector('#figure .main-svg')"""
+TOGGLE = """
+const [name, done] = arguments;
+const status = document.getElementById("status"), before = status.innerText;
+const plot = document.querySelector("#figure .js-plotly-plot");
+const start = performance.now();
+plot.on("plotly_afterplot", function drawn() {
+  if (status.innerText === before) return;
+  plot.removeListener("plotly_afterplot", drawn);
+  done(performance.now() - start);
+});
+document.querySelector(`#effects input[value='${name}']`).closest("label").click();
+"""
+
+
+def main() -> str:
+    """Markdown with what was measured."""
+    sizes = {147: (7, 7, 3), 5040: (12, 20, 21)}
+    with tempfile.TemporaryDirectory() as folder:
+        pages, toggles, busy = [], [], os.getloadavg()[0]
+        for count, shape in sizes.items():
+            table = Path(folder) / f"{count}.csv"
+            made_up_trials(table, *shape)
+            first, clicks = measure(table, TOGGLES if count == 147 else 0)
+            pages.append(f"| first page, {count:,} trials | {first:.2f} s |")
+            toggles += clicks
+    clicks = sorted(toggles)
+    p95 = clicks[int(0.95 * len(clicks)) - 1]
+    rows = [
+        f"| click to updated figure, median of {len(clicks)} | {statistics.median(clicks):.0f} ms |",
+        f"| click to updated figure, 95th percentile | {p95:.0f} ms |",
+        *pages,
+    ]
+    head = ["## Explorer in Chromium", "", "| what | measured |", "|---|---|"]
+    note = f"Fits made ahead have come in before the clicks. Load of the machine at the start: {busy:.1f}."
+    return "\n".join([*head, *rows, "", note])
+
+
+def measure(table: Path, toggles: int) -> tuple[float, list[float]]:
+    """Seconds to the first page, and milliseconds of each click."""
+    command = [sys.executable, "-m", "sandbot_model.tools.explore", str(table), "--port", "0"]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    driver = chromium()
+    try:
+        assert server.stdout is not None
+        address = re.search(r"http://\S+/", server.stdout.readline())
+        assert address is not None, "the explorer did not start"
+        wait = WebDriverWait(driver, PATIENCE_S, poll_frequency=0.02)
+        start = time.perf_counter()
+        driver.get(address[0])
+        wait.until(lambda d: d.execute_script(READY))
+        first = time.perf_counter() - start
+        if toggles:
+            wait.until(lambda d: "…" not in d.execute_script("return document.getElementById('effects').innerText"))
+        # Each effect on and off again, so that every click goes to a set that is fitted.
+        clicks = [driver.execute_async_script(TOGGLE, NAMES[i // 2 % len(NAMES)]) for i in range(toggles)]
+        return first, clicks
+    finally:
+        driver.quit()
+        server.terminate()
+        server.wait()
+
+
+def chromium() -> webdriver.Chrome:
+    """A browser without a window."""
+    options = webdriver.ChromeOptions()
+    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-background-networking"):
+        options.add_argument(argument)
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService("/usr/bin/chromedriver"))
+    driver.set_script_timeout(PATIENCE_S)
+    return driver
+
+
+def made_up_trials(path: Path, levels: int, frequencies: int, replicates: int) -> None:
+    """A table of the model itself with disturbed ground and noise."""
+    rng = np.random.default_rng(5)
+    grid = np.meshgrid(
+        np.linspace(0.58, 0.633, levels), np.linspace(4, 28, frequencies).round(1), range(replicates), indexing="ij"
+    )
+    phi, omega, replicate = (axis.ravel() for axis in grid)
+    walker = model_of("simple", ("disturbed_ground",), catalogue()).walker
+    inputs = Inputs(np.interp(phi, [0.58, 0.60, 0.633], [168, 185, 220]), omega, 0.4, phi)
+    values = walker.predict(inputs, [{"k_l_n_per_m": 172.0, "s_c": 0.95}]).observables
+    values = values + rng.normal(0, 1, values.shape) * [0.005, 0.0002, 0.008, 0.002]
+    measured = phi + rng.normal(0, 3e-4, phi.shape)
+    rows = [
+        Row(
+            trial_id=f"t{i:05d}",
+            phi=float(measured[i]),
+            omega_rad_s=float(omega[i]),
+            gait="UNIFORM",
+            replicate=float(replicate[i]),
+            speed_m_s=float(values[i, 0]),
+            lift_m=float(values[i, 1]),
+            peak_speed_m_s=float(values[i, 2]),
+            first_step_m=float(values[i, 3]),
+        )
+        for i in range(len(phi))
+    ]
+    write_csv(from_rows(rows), path)
+
+
+if __name__ == "__main__":
+    print(main())
