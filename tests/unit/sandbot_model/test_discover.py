@@ -53,6 +53,7 @@ def test_twins_are_ambiguous(drawn):
     found = discover(cells_of(drawn(("leg_slip",), seed=7)), FEW, max_effects=1)
     assert found.verdict.status == "ambiguous"
     assert {("leg_slip",), ("cable_drag",)} <= set(found.verdict.alternatives)
+    assert "another kind is needed" in found.verdict.because
 
 
 def test_what_is_not_in_the_catalogue_is_unexplained(drawn):

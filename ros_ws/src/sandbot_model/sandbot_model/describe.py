@@ -65,7 +65,8 @@ def describe_residual(fit: Fit) -> Description | None:
     target = ratio[usable] / error[usable]
     columns = {name: values[usable] / error[usable] for name, (_, _, values) in terms.items()}
     whole = float(target @ target)
-    best, chosen, coefficients = whole, (), np.zeros(0)
+    chosen: tuple[str, ...] = ()
+    best, coefficients = whole, np.zeros(0)
     for size in range(1, MOST_TERMS + 1):
         trials = [(names, *_regress(target, [columns[n] for n in names])) for names in combinations(columns, size)]
         names, chi2, values = min(trials, key=lambda one: one[1])

@@ -5,7 +5,7 @@ fitted to its global minimum and judged against the replicates. ``verdict`` draw
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
 
@@ -19,12 +19,17 @@ from sandbot_model.model import Model, model_of
 from sandbot_model.next_trials import NextTrial, next_trials
 from sandbot_model.problem import Problem
 from sandbot_model.robot import Robot
+from sandbot_model.stability import win_shares
 from sandbot_model.stages import StageTest, stage_tests
-from sandbot_model.verdict import Verdict, judge, passes, worth
+from sandbot_model.verdict import Verdict, judge, passes, sound, worth
 
 SCHEMA = "sandbot.discovery/1"
 SURVIVORS = 9
 """Single effects that go into every pair among themselves."""
+TELLING_SD = 0.5
+"""Expected gap, in standard deviations of one trial, from which more trials are worth while."""
+LEADING = 8
+"""Sets compared in the bootstrap."""
 LEADERS = 3
 """Sets that are tried with one more effect of the whole catalogue."""
 
@@ -55,6 +60,8 @@ class Discovery:
     candidates: tuple[Candidate, ...]
     verdict: Verdict
     next_trials: tuple[NextTrial, ...]
+    stability: float = float("nan")
+    """Share of bootstrap draws in which the named set, or one of its alternatives, is best among the leading sets."""
     stages: tuple[StageTest, ...] = ()
     """Where in the chain the base model fails."""
     residual: Description | None = None
@@ -78,6 +85,7 @@ class Discovery:
                 "because": self.verdict.because,
             },
             "next_trials": [_plain(trial) for trial in self.next_trials],
+            "stability": _number(self.stability),
             "stages": [_plain(one) for one in self.stages],
             "residual": None if self.residual is None else _plain(self.residual),
         }
@@ -104,6 +112,9 @@ def discover(
     ladder = search.ladder(verdict)
     contenders = [search.fits[one] for one in (verdict.alternatives or ((),))]
     floor = noise_floor(cells)
+    trials = next_trials(contenders)
+    if verdict.status == "ambiguous":
+        verdict = replace(verdict, because=f"{verdict.because}; {_split(trials)}")
     return Discovery(
         model=base,
         cells=cells,
@@ -112,11 +123,32 @@ def discover(
         steps=tuple(ladder),
         candidates=tuple(search.candidates()),
         verdict=verdict,
-        next_trials=tuple(next_trials(contenders)),
+        next_trials=tuple(trials),
+        stability=_stability(search.fits, verdict),
         stages=stage_tests(search.fits[()]),
         residual=describe_residual(search.fits[()]) if verdict.status == "unexplained" else None,
         fits=tuple(sorted(search.fits.values(), key=lambda one: one.bic)),
     )
+
+
+def _split(trials: Sequence[NextTrial]) -> str:
+    """What would tell the alternatives apart."""
+    telling = [trial for trial in trials if trial.expected_gap_sd > TELLING_SD]
+    if not telling:
+        return "no trial within this range of φ and ω tells them apart by these observables: another kind is needed"
+    best = telling[0]
+    return (
+        f"most telling: {best.observable} at φ {best.phi:.3f}, ω {best.omega_rad_s:.3g} rad/s "
+        f"({best.expected_gap_sd:.1f} standard deviations of a trial)"
+    )
+
+
+def _stability(fits: Sets, verdict: Verdict) -> float:
+    named = verdict.alternatives or ((),)
+    leading = sorted((one for one in fits.values() if sound(one)), key=lambda one: one.bic)[:LEADING]
+    leading += [fits[one] for one in named if fits[one] not in leading]
+    shares = win_shares(leading, np.random.default_rng(0))
+    return sum(share for fit, share in zip(leading, shares, strict=True) if fit.effects in named)
 
 
 class _Search:

@@ -117,8 +117,8 @@ class Problem:
     def _average(self, values: Array) -> tuple[Array, Array]:
         """Average over the nodes (axis -2) and the weight of each node's change in it, of the shape of ``values``.
 
-        Trials differ in φ: an average over nodes. Where φ also varies along the track, a trial takes its time where it is
-        slow (harmonic mean of speed), its lift is that of the median step and its peak that of the best one.
+        Trials differ in φ: an average over nodes. Where φ also varies along the track, a trial takes its time where it
+        is slow (harmonic mean of speed), its lift is that of the median step and its peak that of the best one.
         """
         weights = np.broadcast_to(WEIGHTS[:, None], values.shape)
         if not any(effect.along_the_track for effect in self.model.walker.effects):

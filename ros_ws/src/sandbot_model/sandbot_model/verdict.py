@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from sandbot_model.fit import Fit
+from sandbot_model.stages import stage_tests
 
 LACK_OF_FIT = 5e-3
 """A model is refused where pure error alone would miss by as much less often than this."""
@@ -107,6 +108,9 @@ def _unexplained(fits: Mapping[tuple[str, ...], Fit]) -> Verdict:
             f"; {len(fails)} cell means are still missed, the worst {worst.observable} at φ {worst.phi:.3f}, "
             f"ω {worst.omega_rad_s:.3g} rad/s by {abs(worst.z):.1f} standard errors"
         )
+    if tests := [one for one in stage_tests(best) if one.missed]:
+        worst_stage = min(tests, key=lambda one: one.p)
+        where += f"; in the chain, {worst_stage.stage} ({worst_stage.connects}) fails most, p = {worst_stage.p:.1g}"
     named = f"the best set, {_name(best.effects)}," if best.effects else "the base model"
     return Verdict(
         "unexplained",

@@ -6,8 +6,10 @@ from sandbot_model.chain import Chain, Effect, Parameter, Values
 
 
 class PhiNonuniformity(Effect):
-    """The average over k(φ) is taken after the chain (see ``problem``): of 1/v̄, for a robot spends its time where it is slow;
-    the lift is that of the middle step, the peak that of the best."""
+    """The average over k(φ) is taken after the chain (see ``problem``).
+
+    Of 1/v̄, for a robot spends its time where it is slow; the lift is the middle step's, the peak the best one's.
+    """
 
     identifier = "phi_nonuniformity"
     stage = "strength"

@@ -67,6 +67,7 @@ def _print(found: Discovery) -> None:
         print(f"what is left: {found.residual.sentence}\ntry: --effect '{found.residual.formula}'\n")
     verdict = found.verdict
     named = f": {' + '.join(verdict.effects)}" if verdict.status in ("identified", "ambiguous") else ""
+    print(f"stability: best in {100 * found.stability:.0f} % of bootstrap draws")
     print(f"verdict: {verdict.status}{named} - {verdict.because}")
 
 

@@ -3,9 +3,13 @@
 import logging
 import multiprocessing
 import os
+import signal
 import socket
-from collections.abc import Sequence
+import threading
+import time
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 from werkzeug.serving import make_server
@@ -51,11 +55,10 @@ def _explore(argv: Sequence[str]) -> None:
     trials = trials_table.read(args.data)
     cells = cells_of(trials)
     other = cells_of(trials_table.read(args.beside)) if args.beside else None
-    # Workers are forked before the server has threads; they see a user's effects as they are.
-    fork = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(args.workers, mp_context=fork, initializer=os.nice, initargs=(NICE,)) as workers:
+    with _fitters(args.workers) as workers:
         session = Session(cells, workers, effect_files=args.effects_from)
         session.catalogue()
+        # Forked here, before the server has threads; they see a user's effects as they are.
         workers.submit(os.getpid).result()
         title = args.title or args.data[0].resolve().stem
         beside = None
@@ -63,6 +66,33 @@ def _explore(argv: Sequence[str]) -> None:
             beside = Beside(Session(other, workers, effect_files=args.effects_from), args.beside.resolve().stem)
         explorer = Explorer(session, trials, args.data, title, beside)
         _serve(explorer, args.port, query)
+
+
+@contextmanager
+def _fitters(count: int) -> Iterator[ProcessPoolExecutor]:
+    """Worker processes that give way to the page and end with it, whatever they are at."""
+    fork = multiprocessing.get_context("fork")
+    workers = ProcessPoolExecutor(count, mp_context=fork, initializer=_in_worker, initargs=(os.getpid(),))
+    # Ended from outside (a launcher, a test) is ended all the same: through the same door as Ctrl-C.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield workers
+    finally:
+        workers.shutdown(wait=False, cancel_futures=True)
+
+
+def _in_worker(parent: int) -> None:
+    """Ctrl-C is the page's to answer; a worker goes when its page has gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    os.nice(NICE)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(0)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _serve(explorer: Explorer, port: int, query: str) -> None:

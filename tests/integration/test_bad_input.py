@@ -1,0 +1,305 @@
+"""Bad input to any command: exit code 2, one line that says what is wrong and where, and nothing written."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from sandbot_bringup.tools import campaign, unseal
+from sandbot_model.tools import compare, discover, effects
+from sandbot_record.tools import info, recover, table
+from sandbot_record.writer import BagWriter
+from sandbot_tracking import calibrate, track_video
+
+PLAN = "name: small\ngait: UNIFORM\nphi: [0.6, 0.633]\nomega_rad_s: [8, 20]\nreplicates: 1\n"
+
+HEADER = "phi,omega_rad_s,speed_m_s\n"
+GOOD = HEADER + "0.633,16,0.203\n0.633,16,0.198\n"
+
+CAMERAS = """dorsal: {width: 640, height: 480, fx: 900.0, fy: 900.0, cx: 319.5, cy: 239.5,
+  distortion: [0.0, 0.0, 0.0, 0.0, 0.0], position_m: [0.3, 0.0, 1.5],
+  rotation: [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]], plane: {normal: z, offset_m: 0.05}}
+"""
+
+POINTS = "u_px,v_px,x_m,y_m,z_m\n" + "".join(f"{10 * n},{20 * n},0.{n},0.1,0.2\n" for n in range(1, 8))
+
+DISCOVERY = '{"schema": "sandbot.discovery/1", "verdict": {}, "steps": []}'
+
+
+def empty_bag(path: Path) -> None:
+    BagWriter(path).close()
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command line in a folder with ``files``; the one line on stderr must contain all ``words``."""
+
+    name: str
+    tool: ModuleType
+    line: str
+    words: tuple[str, ...]
+    files: dict[str, str | bytes | Callable[[Path], None]]
+
+    def argv(self, folder: Path) -> list[str]:
+        """The arguments; ``@`` stands for the folder, and ``_`` for a space within one argument."""
+        return [word.replace("@", str(folder)).replace("_~_", " ") for word in self.line.split()]
+
+
+def case(name, tool, line, *words, **files):
+    return Case(name, tool, line, words, {key.replace("__", "."): content for key, content in files.items()})
+
+
+def plan_case(name, change, *words):
+    return case(
+        f"plan-{name}", campaign, "@/plan.yaml --out @/out --batch", "plan.yaml", *words, plan__yaml=PLAN + change
+    )
+
+
+def csv_case(name, text, *words, tool=compare):
+    return case(f"csv-{name}", tool, "@/trials.csv --json @/out.json", "trials.csv", *words, trials__csv=text)
+
+
+def world_case(name, text, *words):
+    line = "@/plan.yaml --out @/out --batch --world @/world.yaml"
+    return case(f"world-{name}", campaign, line, "world.yaml", *words, plan__yaml=PLAN, world__yaml=text)
+
+
+def formula_case(name, formula, *words):
+    line = f"--json @/out.json --effect {formula.replace(' ', '_~_')}"
+    return case(f"formula-{name}", effects, line, "--effect", *words)
+
+
+def effects_file_case(name, text, *words):
+    line = "--json @/out.json --effects-from @/mine.py"
+    return case(f"effects-file-{name}", effects, line, "mine.py", *words, mine__py=text)
+
+
+PLANS = [
+    plan_case("unknown-key", "phy: [0.6]\n", "phy", "phi"),
+    plan_case("nan", "periods: .nan\n", "periods", "nan"),
+    plan_case("infinite", "min_duration_s: .inf\n", "min_duration_s", "inf"),
+    plan_case("out-of-range", "standing_s: -1\n", "standing_s", "-1"),
+    plan_case("text-for-a-number", "seed: many\n", "seed", "many"),
+    plan_case("unknown-gait", "gait_parameters: {duty: 0.5}\n", "gait_parameters", "UNIFORM"),
+    plan_case("unknown-bed-key", "bed: {puls: 3}\n", "bed", "puls"),
+    plan_case("extra-trial-out-of-range", "extra_trials: [{phi: 0.9, omega_rad_s: 8}]\n", "extra_trials[0]", "0.9"),
+    plan_case("not-yaml", "phi: [0.6\n"),
+    plan_case("no-such-cameras", "cameras: mine.yaml\n"),
+    case("plan-missing", campaign, "@/nowhere.yaml --out @/out --batch", "nowhere.yaml", "no such file"),
+    case("plan-not-given", campaign, "--batch", "plan"),
+    case("plan-of-a-folder-without-one", campaign, "@ --batch", "campaign.yaml", "no such file"),
+    case("plan-empty", campaign, "@/plan.yaml --out @/out --batch", "plan.yaml", plan__yaml=""),
+    case("no-workers", campaign, "@/plan.yaml --out @/out --batch --workers 0", "--workers", "0", plan__yaml=PLAN),
+    case("seed-no-number", campaign, "@/plan.yaml --out @/out --batch --hide x", "--hide", "x", plan__yaml=PLAN),
+    case("world-of-a-live-lab", campaign, "@/plan.yaml --out @/out --hide 3", "--hide", "--batch", plan__yaml=PLAN),
+    case("unknown-option", campaign, "@/plan.yaml --bach", "--bach", plan__yaml=PLAN),
+    case(
+        "next-trials-missing",
+        campaign,
+        "@/plan.yaml --out @/out --batch --plan @/found.json",
+        "found.json",
+        "no such file",
+        plan__yaml=PLAN,
+    ),
+    case(
+        "out-is-no-campaign",
+        campaign,
+        "@/plan.yaml --out @ --batch",
+        "exists",
+        "campaign.yaml",
+        plan__yaml=PLAN,
+        keep__txt="a note",
+    ),
+]
+
+WORLDS = [
+    world_case("unknown-effect", "effects: {ghost: {}}\n", "effects", "ghost"),
+    world_case("unknown-parameter", "effects: {leg_slip: {sgma: 0.1}}\n", "leg_slip", "sgma"),
+    world_case("unknown-key", "noize: {}\n", "noize", "noise"),
+    world_case("nan", "delta_t_s: .nan\n", "delta_t_s", "nan"),
+    world_case("out-of-range", "delta_t_s: -0.4\n", "delta_t_s", "-0.4"),
+    case(
+        "world-missing",
+        campaign,
+        "@/plan.yaml --out @/out --batch --world @/world.yaml",
+        "world.yaml",
+        "no such file",
+        plan__yaml=PLAN,
+    ),
+]
+
+TABLES = [
+    csv_case("missing-column", "phi,omega_rad_s\n0.6,8\n", "row 1", "speed_m_s"),
+    csv_case("other-units", "phi,omega_rad_s,speed_cm_s\n0.6,8,20\n", "speed_cm_s", "100"),
+    csv_case("empty", "", "empty", "phi"),
+    csv_case("only-a-header", HEADER, "no trials"),
+    csv_case("nan-phi", GOOD + "nan,16,0.2\n", "row 4", "column phi", "nan"),
+    csv_case("text-for-a-number", GOOD + "0.6,fast,0.2\n", "row 4", "column omega_rad_s", "fast"),
+    csv_case("percent", GOOD + "63.3,16,0.2\n", "row 4", "column phi", "63.3", "100"),
+    csv_case("short-row", GOOD + "0.6,16\n", "row 4", "2 values"),
+    csv_case("not-text", b"\xff\xfe\x00\x80", "not a text file"),
+    csv_case("one-row", HEADER + "0.633,16,0.203\n", tool=discover),
+    case("csv-missing", compare, "@/trials.csv --json @/out.json", "trials.csv", "no such file"),
+    case("table-of-a-bad-csv", table, "@/a.csv --out @/out.csv", "a.csv", "row 2", "phi", a__csv=HEADER + "x,8,0.1\n"),
+    case("table-of-nothing", table, "@/nowhere --out @/out.csv", "nowhere", "no such file"),
+    case("table-of-an-empty-bag", table, "@/bag --out @/out.csv", "bag", bag=empty_bag),
+    case("table-of-no-campaign", table, "@ --out @/out.csv", "@", note__txt="hello"),
+    case("compare-no-campaign", compare, "@ --json @/out.json", "@", note__txt="hello"),
+    case("compare-an-empty-bag", compare, "@/bag --json @/out.json", "bag", bag=empty_bag),
+    case("discover-negative-size", discover, "@/t.csv --max-effects -1", "--max-effects", t__csv=GOOD),
+]
+
+EFFECTS = [
+    case("unknown-effect", compare, "@/t.csv --effects ghost --json @/out.json", "ghost", "leg_slip", t__csv=GOOD),
+    effects_file_case("syntax", "class Boost(:\n", "SyntaxError"),
+    effects_file_case("raises", "1 / 0\n", "ZeroDivisionError"),
+    effects_file_case("without-effect", "x = 1\n", "Effect"),
+    case("effects-file-missing", effects, "--effects-from @/mine.py", "mine.py", "no such file"),
+    formula_case("syntax", "boost: strength: k*(1 + a*; a [1] in -5..5", "boost"),
+    formula_case("unknown-stage", "boost: strenth: k*(1 + a); a [1] in -5..5", "strenth", "strength"),
+    formula_case("unknown-name", "boost: strength: k*(1 + a*ghost); a [1] in -5..5", "ghost"),
+    formula_case("no-parameter", "boost", "boost"),
+    formula_case("empty-range", "boost: strength: k*(1 + a); a [1] in 5..-5", "a"),
+]
+
+BAGS = [
+    case("info-missing", info, "@/nowhere", "nowhere", "no such file"),
+    case("info-no-bag", info, "@/bag.mcap", "bag.mcap", bag__mcap="hello"),
+    case("info-no-campaign", info, "@", "@", note__txt="hello"),
+    case("recover-missing", recover, "@/nowhere @/new", "nowhere", "no such file"),
+    case("recover-onto-a-bag", recover, "@/bag @/other", "other", "exists", bag=empty_bag, other=empty_bag),
+    case("recover-onto-itself", recover, "@/bag @/bag", "bag", "exists", bag=empty_bag),
+    case("recover-one-argument", recover, "@/bag", "NEW_BAG", bag=empty_bag),
+]
+
+VIDEOS = [
+    case("video-missing", track_video, "@/top.mp4 --cameras @/c.yaml", "top.mp4", "no such", c__yaml=CAMERAS),
+    case(
+        "video-unreadable",
+        track_video,
+        "@/top.mp4 --cameras @/c.yaml",
+        "top.mp4",
+        "readable",
+        c__yaml=CAMERAS,
+        top__mp4="hello",
+    ),
+    case("video-no-omega", track_video, "@/t.mp4 --cameras @/c.yaml --omega nan", "--omega", "nan", c__yaml=CAMERAS),
+    case("cameras-missing", track_video, "@/t.mp4 --cameras @/c.yaml", "c.yaml", "no such file", t__mp4="hello"),
+    case("cameras-without-lateral", track_video, "@/a @/b --cameras @/c.yaml", "lateral", c__yaml=CAMERAS),
+    case(
+        "cameras-nan",
+        track_video,
+        "@/a --cameras @/c.yaml",
+        "c.yaml",
+        "dorsal",
+        "fx",
+        "nan",
+        c__yaml=CAMERAS.replace("fx: 900.0", "fx: .nan"),
+    ),
+]
+
+
+def points_case(name, text, *words):
+    line = "@/p.csv --name dorsal --plane 0.05 --out @/out.yaml"
+    return case(f"points-{name}", calibrate, line, "p.csv", *words, p__csv=text)
+
+
+POINT_TABLES = [
+    case("points-missing", calibrate, "@/p.csv --name dorsal --plane 0 --out @/out.yaml", "p.csv", "no such"),
+    points_case("missing-column", POINTS.replace("z_m", "z_mm"), "z_m"),
+    points_case("text", POINTS + "left,1,1,1,1\n", "row 9", "u_px", "left"),
+    points_case("nan", POINTS + "1,1,nan,1,1\n", "row 9", "x_m", "nan"),
+    points_case("too-few", "".join(POINTS.splitlines(keepends=True)[:4]), "3 points", "6"),
+    case(
+        "points-in-a-line",
+        calibrate,
+        "@/p.csv --name dorsal --plane 0.05 --out @/out.yaml",
+        "plane",
+        p__csv=POINTS,
+    ),
+    case(
+        "chessboard-unreadable",
+        calibrate,
+        "@/p.csv --name dorsal --plane 0 --out @/out.yaml --chessboard @/b.mp4",
+        "b.mp4",
+        p__csv=POINTS,
+        b__mp4="hello",
+    ),
+]
+
+SEALS = [
+    case("unseal-no-discovery", unseal, "@", "discovery.json", "no such file", campaign__yaml=PLAN),
+    case("unseal-missing", unseal, "@/nowhere", "nowhere", "no such file"),
+    case("unseal-not-json", unseal, "@", "discovery.json", "not JSON", discovery__json="{"),
+    case("unseal-other-schema", unseal, "@", "discovery.json", "sandbot.discovery/1", discovery__json="{}"),
+    case("unseal-no-truth", unseal, "@", "world.yaml", "no such file", discovery__json=DISCOVERY, campaign__yaml=PLAN),
+    case(
+        "unseal-hollow-discovery",
+        unseal,
+        "@",
+        "discovery.json",
+        discovery__json=DISCOVERY,
+        campaign__yaml=PLAN,
+        **{"truth/world__yaml": "schema: sandbot.world/1\n"},
+    ),
+]
+
+CASES = [*PLANS, *WORLDS, *TABLES, *EFFECTS, *BAGS, *VIDEOS, *POINT_TABLES, *SEALS]
+
+
+def fill(folder: Path, files) -> None:
+    for name, content in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if callable(content):
+            content(path)
+        else:
+            path.write_bytes(content if isinstance(content, bytes) else content.encode())
+
+
+def snapshot(folder: Path) -> dict[str, bytes | None]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")
+    }
+
+
+@pytest.fixture
+def run(monkeypatch, capfd):
+    """Run a tool by its name and return its exit code and what it wrote to the real stdout and stderr."""
+
+    def _run(tool: ModuleType, argv: list[str]) -> tuple[int, str, str]:
+        name = tool.__name__.rpartition(".")[2]
+        monkeypatch.setattr("sys.argv", [f"/somewhere/{name}", *argv])
+        code = import_module(tool.__name__).main(argv)
+        out, err = capfd.readouterr()
+        return code, out, err
+
+    return _run
+
+
+@pytest.mark.parametrize("given", CASES, ids=lambda given: given.name)
+def test_one_line_says_what_is_wrong_and_nothing_is_written(given, tmp_path, run):
+    fill(tmp_path, given.files)
+    before = snapshot(tmp_path)
+    code, out, err = run(given.tool, given.argv(tmp_path))
+    name = given.tool.__name__.rpartition(".")[2]
+    assert (code, out) == (2, ""), err
+    assert err.count("\n") == 1
+    assert err.endswith("\n")
+    assert err.startswith(f"{name}: error: ")
+    missing = [word for word in given.words if word.replace("@", str(tmp_path)) not in err]
+    assert not missing, err
+    assert snapshot(tmp_path) == before
+
+
+def test_good_input_passes_the_same_gate(tmp_path, run):
+    # The negative control of the cases above: the files they spoil are good as they stand.
+    fill(tmp_path, {"plan.yaml": PLAN, "t.csv": GOOD + "0.6,8,0.12\n0.6,8,0.13\n", "bag": empty_bag})
+    assert run(campaign, [str(tmp_path / "plan.yaml"), "--dry-run"])[0] == 0
+    assert run(table, [str(tmp_path / "t.csv"), "--out", str(tmp_path / "out.csv")])[0] == 0
+    assert run(info, [str(tmp_path / "bag")])[0] == 0
+    assert run(effects, ["--effect", "boost: strength: k*(1 + a*(phi-0.6)); a [1] in -5..5"])[0] == 0
+    assert run(recover, [str(tmp_path / "bag"), str(tmp_path / "new")])[0] == 0
