@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +93,7 @@ class Operator(Node):
             if not self._triggers[name].wait_for_service(DISCOVERY_S):
                 raise InputError(f"no node offers {name}; {_START_THEM}")
         for topic in (topics.LEG_STATES.name, topics.COM.name):
-            if not self._wait(lambda topic=topic: self.count_publishers(topic) > 0, DISCOVERY_S):
+            if not self._wait(partial(self._is_published, topic), DISCOVERY_S):
                 raise InputError(f"no node publishes {topic}; {_START_THEM}")
         # Whoever reports the legs is the robot: the virtual lab takes a seed and a reset, a real one is carried back.
         robots = [one.node_name for one in self.get_publishers_info_by_topic(topics.LEG_STATES.name)]
@@ -157,6 +158,9 @@ class Operator(Node):
             raise TrialFailed("the legs did not report rest after /clock/stop (/leg_states)")
         # The frames of the last milliseconds are still on their way through the tracker.
         self._wait(lambda: self._speed_ns >= end_ns, DRAIN_S)
+
+    def _is_published(self, topic: str) -> bool:
+        return bool(self.count_publishers(topic))
 
     def _make_safe(self) -> None:
         for name in ("/clock/stop", "/bed/abort"):
