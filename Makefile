@@ -55,10 +55,7 @@ browser:
 
 # Re-pin every wheel from requirements.in.
 lock:
-	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
-	.venv-lock/bin/python -m pip install --quiet -r requirements.in
-	.venv-lock/bin/python -m pip freeze --all | grep -v -E '^pip==' > requirements.lock
-	rm -rf .venv-lock
+	$(PYTHON) tools/lock.py
 
 clean:
 	rm -rf .venv ros_ws/build ros_ws/install ros_ws/log runs

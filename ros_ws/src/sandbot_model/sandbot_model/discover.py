@@ -30,6 +30,8 @@ TELLING_SD = 0.5
 """Expected gap, in standard deviations of one trial, from which more trials are worth while."""
 LEADING = 8
 """Sets compared in the bootstrap."""
+REFINED = 8
+"""Larger sets that get a global search after a first look."""
 LEADERS = 3
 """Sets that are tried with one more effect of the whole catalogue."""
 
@@ -217,16 +219,37 @@ class _Search:
         return [one for one in sorted(wanted) if len(one) == size and one not in self.fits]
 
     def _try(self, stage: str, sets: Sequence[tuple[str, ...]]) -> None:
-        near = self.fits[()].known if () in self.fits else None
+        """Fit sets: near what a smaller set has found where that fits already, globally elsewhere.
+
+        Sets of two and more are first looked at near their best smaller set, then the best of them globally.
+        """
+        quick = [one for one in sets if len(one) > 1 or self._parent_passes(one)]
+        self._fit(stage, [one for one in sets if one not in quick], nearby=False)
+        self._fit(stage, quick, nearby=True)
+        hopeful = [one for one in quick if not self._parent_passes(one)]
+        hopeful.sort(key=lambda one: self.fits[one].deviance)
+        self._fit(f"{stage}, closer", hopeful[:REFINED], nearby=False)
+
+    def _fit(self, stage: str, sets: Sequence[tuple[str, ...]], *, nearby: bool) -> None:
         tasks = []
         for one in sets:
-            parents = [self.fits[key] for key in combinations(one, len(one) - 1) if key in self.fits] if one else []
-            parent = min(parents, key=lambda parent: parent.deviance, default=None)
-            known = parent.known if parent is not None else near
-            tasks.append((self._model(one), self.cells, known, parent is not None and passes(parent)))
+            parent = self._parent(one)
+            known = None if parent is None else parent.known
+            tasks.append((self._model(one), self.cells, known, nearby))
         for done, (one, task, point) in enumerate(zip(sets, tasks, self.fit_all(_solve, tasks), strict=True), start=1):
-            self.fits[one] = fitted_at(task[0], self.cells, point)
+            found = fitted_at(task[0], self.cells, point)
+            if one not in self.fits or found.deviance < self.fits[one].deviance:
+                self.fits[one] = found
             self.progress(stage, done, len(sets))
+
+    def _parent(self, one: tuple[str, ...]) -> Fit | None:
+        """The best set with one effect less that has been fitted, or the base model's fit."""
+        parents = [self.fits[key] for key in combinations(one, len(one) - 1) if key in self.fits] if one else []
+        return min(parents, key=lambda parent: parent.deviance, default=self.fits.get(()))
+
+    def _parent_passes(self, one: tuple[str, ...]) -> bool:
+        parent = self._parent(one)
+        return parent is not None and one != () and passes(parent)
 
     def _model(self, names: tuple[str, ...]) -> Model:
         return model_of(self.base, names, self.effects, self.robot)
