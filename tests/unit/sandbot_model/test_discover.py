@@ -95,24 +95,34 @@ def test_compare_on_the_command_line(table, tmp_path, capsys):
     assert steps[1]["rmse_m_s"] < steps[0]["rmse_m_s"]
 
 
+OWN = """
+from sandbot_model.chain import Effect, Parameter
+
+
+class Hardening(Effect):
+    identifier = "hardening"
+    stage = "strength"
+    formula = "k -> k (1 + a omega)"
+    source = "test"
+    seen_in = "v"
+    parameters = (Parameter("a", "s", 0.0, 0.05, 0.01, "gain"),)
+
+    def apply(self, chain, p):
+        chain.k = chain.k * (1 + p["a"] * chain.omega)
+"""
+
+
 def test_discover_on_the_command_line(table, tmp_path, capsys):
-    out = tmp_path / "out.json"
-    arguments = [
-        str(table),
-        "--max-effects",
-        "1",
-        "--workers",
-        "1",
-        "--json",
-        str(out),
-        "--html",
-        str(tmp_path / "r.html"),
-    ]
+    """With a formula and a file of one's own, in two processes."""
+    out, own = tmp_path / "out.json", tmp_path / "own.py"
+    own.write_text(OWN)
+    arguments = [str(table), "--max-effects", "1", "--workers", "2", "--json", str(out)]
+    arguments += ["--html", str(tmp_path / "r.html"), "--effects-from", str(own)]
     arguments += ["--effect", "loss: speed: kept*(1 - a*omega/20); a [1] in 0..0.3"]
     assert discover_tool.main(arguments) == 0
     assert "verdict:" in capsys.readouterr().out
     content = json.loads(out.read_text())
-    assert "loss" in [one["effect"] for one in content["candidates"]]
+    assert {"loss", "hardening"} <= {one["effect"] for one in content["candidates"]}
     assert (tmp_path / "r.html").stat().st_size > 1000
 
 

@@ -1,9 +1,12 @@
 """Observables of simulated walking (stance x = R sin, with its jumps of speed) and swimming."""
 
+import math
+
 import numpy as np
 import pytest
 
 from sandbot_common.errors import InputError
+from sandbot_tracking import trial
 from sandbot_tracking.trial import summarise
 
 R, H = 0.0355, 0.025
@@ -82,3 +85,22 @@ def test_what_cannot_be_measured_is_nan_with_a_reason(rng):
 def test_shapes_that_do_not_fit_are_refused():
     with pytest.raises(InputError, match="shapes"):
         summarise(np.arange(5.0), np.zeros(4), np.zeros(5), np.zeros(5), np.arange(5.0), np.zeros((5, 6)))
+
+
+@pytest.mark.parametrize(
+    ("peak", "speed", "lift", "resolved"),
+    [
+        (0.57, 0.2, 0.006, True),
+        (0.14, 0.007, 0.0003, True),
+        (0.0302, 0.03, 0.0, True),
+        (0.46, 0.0195, 0.0, False),
+        (-0.0007, 0.0108, 0.0003, False),
+        (0.57, 0.2, math.nan, True),
+    ],
+)
+def test_a_peak_is_kept_only_where_the_body_can_have_reached_it(peak, speed, lift, resolved):
+    if resolved:
+        assert trial._plausible(peak, speed, lift) == peak
+    else:
+        with pytest.raises(ValueError, match="m/s at a mean of"):
+            trial._plausible(peak, speed, lift)

@@ -17,6 +17,7 @@ from sandbot_model.describe import Description, describe_residual
 from sandbot_model.fit import Fit, Known, Point, best_state, fitted_at, nearby_state
 from sandbot_model.model import Model, model_of
 from sandbot_model.next_trials import NextTrial, next_trials
+from sandbot_model.parallel import Map
 from sandbot_model.problem import Problem
 from sandbot_model.robot import Robot
 from sandbot_model.stability import win_shares
@@ -93,7 +94,6 @@ class Discovery:
         }
 
 
-Map = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 Progress = Callable[[str, int, int], None]
 
 

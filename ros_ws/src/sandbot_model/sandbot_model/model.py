@@ -12,7 +12,7 @@ from sandbot_model.robot import SANDBOT, Robot
 from sandbot_model.walking import BASES, V_SWIM_M_S, Params, Walker
 
 BASE_PARAMETERS = (
-    Parameter("delta_t_s", "s", 0.05, 2.0, 0.4, "time in which the body is brought to leg speed", hard_low=0.02),
+    Parameter("delta_t_s", "s", 0.1, 1.2, 0.4, "time in which the body is brought to leg speed", hard_low=0.02),
     Parameter("v_swim_m_s", "m/s", 0.0, 0.05, V_SWIM_M_S, "swimming speed, the same everywhere", hard_low=0.0),
 )
 """Shared by all φ levels. Li09 gives v_swim ≈ 2 cm/s; it is fitted, lest a robot that swims a little faster be

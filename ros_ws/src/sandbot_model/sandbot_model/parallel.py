@@ -1,18 +1,17 @@
-"""Many fits at once: in this process, in worker processes, or on a Dask cluster."""
+"""Many fits at once: in this process or in worker processes."""
 
 import multiprocessing
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Any
 
-T = TypeVar("T")
-R = TypeVar("R")
-Map = Callable[[Callable[[T], R], Sequence[T]], Iterable[R]]
+Map = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
+"""What ``map`` does, in order."""
 
 
 @contextmanager
-def workers(count: int) -> Iterator[Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]]:
+def workers(count: int) -> Iterator[Map]:
     """A ``map`` that keeps the order; ``count`` 1 stays in this process."""
     if count <= 1:
         yield map

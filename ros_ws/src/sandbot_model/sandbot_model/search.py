@@ -25,7 +25,9 @@ APART = 0.15
 """Starts closer than this in every parameter (of its plausible range) are one."""
 MOST = 12
 """Starts that are followed."""
-AGAIN = 16
+NEAR_DELTA_T = 1.45
+"""Factor about Δt within which to look again."""
+AGAIN = 24
 """Points an effect's parameter when looking again."""
 
 
@@ -52,16 +54,20 @@ def starts(problem: Problem, slope: Array, k_curve: Array, also: Array | None = 
 
 
 def again(problem: Problem, theta: Array, ln_k: Array, slope: Array) -> list[Start]:
-    """Starts with Δt and v_swim as found ``(parameters,)`` and the effects' parameters anywhere in their ranges.
+    """Starts with Δt near what was found (θ ``(parameters,)``) and the effects' parameters anywhere in their ranges.
 
-    A switch leaves its mark in a narrow range of its parameters that a wide sample sees only where Δt is right already.
+    A switch leaves its mark in a narrow range of its parameters that a wide sample sees only where Δt is nearly right.
     """
     model = problem.model
-    effects = [i for i, name in enumerate(model.names) if "." in name]
-    if not effects:
+    at = [i for i, name in enumerate(model.names) if "." in name]
+    if not at:
         return []
-    unit = np.repeat(_unit(model, theta)[None], AGAIN * len(effects), axis=0)
-    unit[:, effects] = _even(len(unit), len(effects))
+    unit = np.repeat(_unit(model, theta)[None], AGAIN * (len(at) + 1), axis=0)
+    sample = _even(len(unit), len(at) + 1)
+    unit[:, at] = sample[:, :-1]
+    low, high = search_box(model)
+    clock = model.names.index("delta_t_s")
+    unit[:, clock] += np.log(NEAR_DELTA_T) * (2 * sample[:, -1] - 1) / (high - low)[clock]
     k = np.exp(ln_k)
     k_grid = _closer(k, model.robot.critical_k_n_per_m * np.geomspace(*K_RANGE, K_GRID))
     return _distinct(model, _try(problem, unit, slope, k, k_grid), MOST // 2)

@@ -7,6 +7,7 @@ then adds the place.
 """
 
 import csv
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -176,4 +177,6 @@ def _lens(given: Any, pixels: Floats, points: Floats, size: tuple[int, int]) -> 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line."""
+    # FFmpeg writes its own line about a bad file; read once, when the first video is opened.
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     return cli.run(command, argv)

@@ -1,6 +1,7 @@
 """Track marker videos: CSV of landmarks and speed, one row a frame, and a line with the trial's observables."""
 
 import csv
+import os
 from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
@@ -111,4 +112,6 @@ def line(summary: TrialSummary) -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line."""
+    # FFmpeg writes its own line about a bad file; read once, when the first video is opened.
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     return cli.run(command, argv)

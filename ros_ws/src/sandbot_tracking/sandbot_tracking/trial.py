@@ -26,6 +26,9 @@ AXLE_REST_M = 0.025
 SWIMMING_SLACK = 0.8
 """A swimmer's peak is its mean speed, measured to better than this."""
 
+NO_LIFT_M, FAR_ABOVE = 1e-4, 4.0
+"""A body that rises less than this is not carried by its legs; a peak so many times the mean would need it to be."""
+
 
 @dataclass(frozen=True)
 class TrialSummary:
@@ -94,20 +97,25 @@ def summarise(
         steps = steady_steps(t, x, edges, cycles)
         rest = _rest_height(t, z, start_s, steps, rest_height_m)
         try:
-            peak = _plausible(peak_slope(t, x, steps.edges, steps.x_m), speed)
-        except ValueError as why:
-            reasons.append(f"peak speed: {why}")
-        try:
             lift = peak_height(t, z - rest, steps.edges)
         except ValueError as why:
             reasons.append(f"lift: {why}")
+        try:
+            peak = _plausible(peak_slope(t, x, steps.edges, steps.x_m), speed, lift)
+        except ValueError as why:
+            reasons.append(f"peak speed: {why}")
     return TrialSummary(speed, speed_sd, lift, peak, first, frames, gaps, cycles, "; ".join(reasons))
 
 
-def _plausible(peak: float, speed: float) -> float:
-    """The peak, unless the fold missed the arc: no cycle's largest speed is below its mean. Raises ValueError."""
+def _plausible(peak: float, speed: float, lift: float) -> float:
+    """The peak, unless the fold missed the arc or saw one that is not there. Raises ValueError.
+
+    No cycle's largest speed is below its mean, and legs that carry the body far above its mean speed lift it as well.
+    """
     if peak < SWIMMING_SLACK * speed:
         raise ValueError(f"an arc too short to resolve ({peak:.4f} m/s at a mean of {speed:.4f} m/s)")
+    if lift < NO_LIFT_M and peak > FAR_ABOVE * speed:
+        raise ValueError(f"{peak:.4f} m/s at a mean of {speed:.4f} m/s without any rise of the body")
     return peak
 
 
