@@ -215,6 +215,7 @@ VIDEOS = [
         c__yaml=CAMERAS,
         top__mp4="hello",
     ),
+    case("video-no-start", track_video, "@/t.mp4 --cameras @/c.yaml --start nan", "--start", "nan", c__yaml=CAMERAS),
     case("video-no-omega", track_video, "@/t.mp4 --cameras @/c.yaml --omega nan", "--omega", "nan", c__yaml=CAMERAS),
     case("cameras-missing", track_video, "@/t.mp4 --cameras @/c.yaml", "c.yaml", "no such file", t__mp4="hello"),
     case("cameras-without-lateral", track_video, "@/a @/b --cameras @/c.yaml", "lateral", c__yaml=CAMERAS),
@@ -277,7 +278,46 @@ SEALS = [
     ),
 ]
 
-CASES = [*PLANS, *WORLDS, *TABLES, *EFFECTS, *BAGS, *VIDEOS, *POINT_TABLES, *SEALS]
+GOOD_POINTS = "u_px,v_px,x_m,y_m,z_m\n" + "".join(
+    # Pixels of CAMERAS' dorsal camera.
+    f"{319.5 + 900 * (x - 0.3) / (1.5 - z)},{239.5 - 900 * y / (1.5 - z)},{x},{y},{z}\n"
+    for x, y, z in (
+        (0, 0, 0),
+        (0.6, 0, 0),
+        (0, 0.2, 0.1),
+        (0.6, 0.2, 0),
+        (0.3, -0.2, 0.2),
+        (0.1, -0.1, 0.3),
+        (0.5, 0.1, 0),
+    )
+)
+
+
+def lens_case(name, line, *words, **files):
+    command = f"@/p.csv --name dorsal --plane 0.05 {line}"
+    return case(f"calibrate-{name}", calibrate, command, *words, p__csv=GOOD_POINTS, **files)
+
+
+LENSES = [
+    lens_case("size", "--out @/o.yaml --size -5 3", "--size", "-5"),
+    lens_case("pattern", "--out @/o.yaml --pattern 1 1", "--pattern", "1 1"),
+    lens_case("square", "--out @/o.yaml --square nan", "--square", "nan"),
+    lens_case("onto-another-yaml", "--out @/o.yaml", "o.yaml", "lateral", "3", o__yaml="lateral: 3\n"),
+]
+
+# Where a result can't go is told before the work is done.
+OUTPUTS = [
+    case("json-is-a-folder", compare, "@/t.csv --json @", "--json", "@", "folder", t__csv=GOOD),
+    case("html-is-a-folder", compare, "@/t.csv --json @/o.json --html @", "--html", "@", "folder", t__csv=GOOD),
+    case("json-below-a-file", discover, "@/t.csv --json @/t.csv/o.json", "--json", "@/t.csv", t__csv=GOOD),
+    case("effects-json-is-a-folder", effects, "--json @", "--json", "@", "folder"),
+    case("table-is-a-folder", table, "@/t.csv --out @", "@", "can't be written", t__csv=GOOD),
+    case("table-below-a-file", table, "@/t.csv --out @/t.csv/o", "@/t.csv/o", "can't be written", t__csv=GOOD),
+    case("table-no-workers", table, "@/t.csv --workers 0 --out @/o.csv", "--workers", "0", t__csv=GOOD),
+    lens_case("below-a-file", "--out @/p.csv/o.yaml", "@/p.csv/o.yaml", "can't be written"),
+]
+
+CASES = [*PLANS, *WORLDS, *TABLES, *EFFECTS, *BAGS, *VIDEOS, *POINT_TABLES, *LENSES, *OUTPUTS, *SEALS]
 
 
 def fill(folder: Path, files) -> None:
@@ -325,10 +365,15 @@ def test_one_line_says_what_is_wrong_and_nothing_is_written(given, tmp_path, run
 
 def test_good_input_passes_the_same_gate(tmp_path, run):
     # The negative control of the cases above: the files they spoil are good as they stand.
-    fill(tmp_path, {"plan.yaml": PLAN, "t.csv": GOOD + "0.6,8,0.12\n0.6,8,0.13\n", "bag": small_bag})
+    fill(
+        tmp_path,
+        {"plan.yaml": PLAN, "t.csv": GOOD + "0.6,8,0.12\n0.6,8,0.13\n", "bag": small_bag, "p.csv": GOOD_POINTS},
+    )
     assert run(campaign, [str(tmp_path / "plan.yaml"), "--dry-run"])[0] == 0
     assert run(table, [str(tmp_path / "t.csv"), "--out", str(tmp_path / "out.csv")])[0] == 0
     assert run(info, [str(tmp_path / "bag")])[0] == 0
+    points = ["--name", "dorsal", "--plane", "0.05", "--out", str(tmp_path / "c.yaml")]
+    assert run(calibrate, [str(tmp_path / "p.csv"), *points])[0] == 0
     assert run(effects, ["--effect", "boost: strength: k*(1 + a*(phi-0.6)); a [1] in -5..5"])[0] == 0
     assert run(recover, [str(tmp_path / "bag"), str(tmp_path / "new")])[0] == 0
 
@@ -354,7 +399,9 @@ def test_one_row_is_a_table_but_shows_nothing(tmp_path, run):
     # Not bad input: the verdict is never forced, and says why it can't be more.
     fill(tmp_path, {"t.csv": HEADER + "0.633,16,0.203\n"})
     found = tmp_path / "found.json"
-    code, out, _ = run(discover, [str(tmp_path / "t.csv"), "--json", str(found), "--workers", "1"])
+    code, out, _ = run(
+        discover, [str(tmp_path / "t.csv"), "--json", str(found), "--workers", "1", "--max-effects", "0"]
+    )
     verdict = json.loads(found.read_text())["verdict"]
     assert (code, verdict["status"], verdict["effects"]) == (0, "unexplained", [])
     assert "no cell has replicates" in out

@@ -150,17 +150,39 @@ def command(argv: Sequence[str]) -> int:
     if given.chessboard and given.intrinsics:
         raise InputError("--chessboard and --intrinsics both give the lens: choose one")
     size = (int(given.size[0]), int(given.size[1]))
+    _check(given, size)
+    content = _entries(given.out)
     pixels, points = read_table(given.table)
     lens = _lens(given, pixels, points, size)
     position, rotation = place(pixels, points, lens)
     plane = {"normal": "z" if given.name == "dorsal" else "y", "offset_m": given.plane}
     found = entry(lens, position, rotation, size, plane)
     camera = camera_from_mapping(found, str(given.table))
-    content = read_yaml(given.out) if given.out.exists() else {}
     kept = {key: value for key, value in content.get(given.name, {}).items() if key not in found}
-    write_text(given.out, yaml.safe_dump({**content, given.name: {**found, **kept}}, sort_keys=False))
+    try:
+        write_text(given.out, yaml.safe_dump({**content, given.name: {**found, **kept}}, sort_keys=False))
+    except OSError as error:
+        raise InputError(f"{given.out}: can't be written: {error.strerror}") from None
     print(f"{given.out}: {given.name}, reprojection error {reprojection_px(camera, pixels, points):.3f} px rms")
     return 0
+
+
+def _check(given: Any, size: tuple[int, int]) -> None:
+    if min(size) < 1:
+        raise InputError(f"--size {size[0]} {size[1]}: width and height are 1 or more pixels")
+    if min(given.pattern) < 3:
+        raise InputError(f"--pattern {given.pattern[0]} {given.pattern[1]}: 3 or more inner corners each way")
+    if not 0 < given.square < 10:
+        raise InputError(f"--square {given.square}: the side of a square in m, above 0")
+
+
+def _entries(path: Path) -> dict[str, Any]:
+    """The cameras already in the file to change."""
+    content = dict(read_yaml(path)) if path.exists() else {}
+    for name, values in content.items():
+        if not isinstance(values, dict):
+            raise InputError(f"{path}: {name}: expected the entry of a camera, got {values!r}")
+    return content
 
 
 def _lens(given: Any, pixels: Floats, points: Floats, size: tuple[int, int]) -> Lens:

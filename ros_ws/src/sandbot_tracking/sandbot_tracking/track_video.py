@@ -34,6 +34,8 @@ def command(argv: Sequence[str]) -> int:
     given = parser.parse_args(argv)
     if given.omega is not None and not 0.1 <= given.omega <= 200:
         raise InputError(f"--omega {given.omega}: 0.1 to 200 rad/s")
+    if given.start is not None and not np.isfinite(given.start):
+        raise InputError(f"--start {given.start} is not a time in s")
     cameras = read_cameras(given.cameras)
     wanted = ("dorsal", "lateral") if given.lateral else ("dorsal",)
     for name in wanted:
@@ -47,7 +49,10 @@ def command(argv: Sequence[str]) -> int:
     except InputError as error:
         raise InputError(f"{given.dorsal}: centre-of-mass marker: {error}") from None
     out = given.out or Path(given.dorsal).with_suffix(".csv")
-    write(out, tracker, speed)
+    try:
+        write(out, tracker, speed)
+    except OSError as error:
+        raise InputError(f"{out}: can't be written: {error.strerror}") from None
     gone = int(np.isnan(marks.com[:, 0]).sum())
     print(f"{out}: {marks.t_s.size} frames, {gone} without the centre of mass, start at {start_s:.3f} s")
     if given.omega is not None:

@@ -1,6 +1,9 @@
 """Arguments that compare, discover and effects share."""
 
+import argparse
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -33,14 +36,31 @@ def add_data(parser: Parser) -> None:
     """What to read and what to write."""
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
     parser.add_argument("--model", choices=tuple(BASES), default="simple", help="base model (default: simple)")
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write the result as JSON")
-    parser.add_argument("--html", type=Path, metavar="OUT", help="write a self-contained report")
+    parser.add_argument("--json", type=output, metavar="OUT", help="write the result as JSON")
+    parser.add_argument("--html", type=output, metavar="OUT", help="write a self-contained report")
     parser.add_argument("--title", default=None, help="title of the report (default: the name of DATA)")
+
+
+def output(text: str) -> Path:
+    """A file to write, as an argparse type: what can't be one is refused before minutes of fitting, not after."""
+    path = Path(text)
+    if path.is_dir():
+        raise argparse.ArgumentTypeError(f"{path} is a folder, a file is needed")
+    if above := [one for one in path.parents if one.exists() and not one.is_dir()]:
+        raise argparse.ArgumentTypeError(f"{path}: {above[0]} is not a folder")
+    return path
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """A disk that refuses ``path`` is bad input."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{path}: can't be written: {error.strerror}") from None
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
     """Write JSON, whole or not at all."""
-    try:
+    with writing(path):
         write_text(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
-    except OSError as error:
-        raise InputError(f"{path}: can't be written: {error.strerror}") from None

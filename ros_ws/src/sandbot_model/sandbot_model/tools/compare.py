@@ -36,9 +36,9 @@ def _compare(argv: Sequence[str]) -> None:
     if args.json is not None:
         arguments.write_json(args.json, to_json(steps))
     if args.html is not None:
-        write_comparison(
-            args.html, steps, trials, title=args.title or args.data[0].stem, frames=film_strip(args.data[0])
-        )
+        frames = film_strip(args.data[0])
+        with arguments.writing(args.html):
+            write_comparison(args.html, steps, trials, title=args.title or args.data[0].stem, frames=frames)
 
 
 if __name__ == "__main__":

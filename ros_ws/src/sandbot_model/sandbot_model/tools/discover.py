@@ -49,7 +49,9 @@ def _discover(argv: Sequence[str]) -> None:
     if args.json is not None:
         arguments.write_json(args.json, found.to_json())
     if args.html is not None:
-        write_report(args.html, found, trials, title=args.title or args.data[0].stem, frames=film_strip(args.data[0]))
+        frames = film_strip(args.data[0])
+        with arguments.writing(args.html):
+            write_report(args.html, found, trials, title=args.title or args.data[0].stem, frames=frames)
 
 
 def _print(found: Discovery) -> None:

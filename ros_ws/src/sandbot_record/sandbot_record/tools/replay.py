@@ -29,6 +29,8 @@ def _replay(argv: Sequence[str]) -> int:
     options, ros_arguments = parser.parse_known_args(argv)
     if ros_arguments and ros_arguments[0] != "--ros-args":
         raise InputError(f"unknown option {ros_arguments[0]} (see replay --help)")
+    if not 0 <= options.delay < 1e6:
+        raise InputError(f"--delay: {options.delay} is not a number of seconds from 0 up")
     timeline = Timeline(Bag.open(options.bag), options.topics)
     player = Player(timeline, rate=options.rate, loop=options.loop, start_s=options.start, until_s=options.until)
     remap = dict(_pair(text) for text in options.remap)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sandbot_common import cli
+from sandbot_common.errors import InputError
 from sandbot_record import reader, table, trials
 
 
@@ -20,6 +21,8 @@ def _table(argv: Sequence[str]) -> None:
     )
     parser.add_argument("--workers", type=int, help="processes (default: one a CPU)")
     options = parser.parse_args(argv)
+    if options.workers is not None and options.workers < 1:
+        raise InputError(f"--workers {options.workers}: at least one is needed")
     skipped: tuple[str, ...] = ()
     out = options.out
     first = options.data[0]
@@ -32,7 +35,10 @@ def _table(argv: Sequence[str]) -> None:
     if out is None:
         print(trials.to_csv(rows), end="")
     else:
-        trials.write_csv(rows, out)
+        try:
+            trials.write_csv(rows, out)
+        except OSError as error:
+            raise InputError(f"{out}: can't be written: {error.strerror}") from None
         print(f"{out}: {len(rows)} trials, {rows.excluded} of them not usable, {len(skipped)} bags skipped")
     for row in rows.select(rows.status != trials.OK).rows():
         print(f"not usable: {row.trial_id}: {row.status}")
