@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import yaml
 from selenium import webdriver
@@ -72,8 +73,11 @@ def address(folder):
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     line = server.stdout.readline()
     yield re.search(r"http://127\.0\.0\.1:\d+/", line)[0]
+    workers = psutil.Process(server.pid).children()
     server.send_signal(signal.SIGINT)
     assert server.wait(20) == 0
+    assert workers
+    assert psutil.wait_procs(workers, timeout=10)[1] == []
     server.stdout.close()
 
 

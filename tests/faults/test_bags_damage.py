@@ -6,6 +6,7 @@ import shutil
 import time
 from pathlib import Path
 
+import bags
 import numpy as np
 import pytest
 from mcap.reader import NonSeekingReader, make_reader
@@ -13,7 +14,6 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapLibraryWriter
 from rosbags.rosbag2 import Reader
 
-import bags
 from sandbot_common.errors import InputError
 from sandbot_record import interfaces, mcap_scan, metadata, table
 from sandbot_record.playback import Timeline

@@ -59,7 +59,7 @@ class Case:
     files: dict[str, str | bytes | Callable[[Path], None]]
 
     def argv(self, folder: Path) -> list[str]:
-        """The arguments; ``@`` stands for the folder, and ``_`` for a space within one argument."""
+        """The arguments; ``@`` stands for the folder, ``_~_`` for a space within one argument."""
         return [word.replace("@", str(folder)).replace("_~_", " ") for word in self.line.split()]
 
 
@@ -106,7 +106,7 @@ PLANS = [
         "plan-unknown-bed-key",
         campaign,
         "@/plan.yaml --out @/out --batch",
-        "plan small: bed",
+        "bed: unknown key",
         "puls",
         plan__yaml=PLAN + "bed: {puls: 3}\n",
     ),

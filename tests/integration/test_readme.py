@@ -17,7 +17,7 @@ from sandbot_model.walking import Inputs, Walker
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
-# Every executable of the design, by package.
+# Every executable of the design, and unseal, which opens the virtual lab's truth.
 EXECUTABLES = {
     "sandbot_clock": ("clock",),
     "sandbot_bed": ("bed",),
@@ -134,6 +134,8 @@ def test_each_command_line_of_the_readme_names_an_executable_and_its_options(hel
     assert len(RUNS) > 4
     for package, name, arguments in RUNS:
         assert (package, name) in ALL
+        if name in NODES:
+            continue
         text = help_of(package, name)
         for option in re.findall(r"--[a-z-]+", arguments):
             assert f"{option} " in text or f"{option}\n" in text or f"{option}]" in text, (name, option)
@@ -204,8 +206,8 @@ def test_the_effect_as_a_formula_is_the_one_in_python(run, table, boost_file):
     run("sandbot_model", "compare", table, "--effects", "boost", "--effect", formula)
     (written,) = effects_in(boost_file)
 
-    def speed(*effects, a=2.0):
-        inputs = Inputs(200.0, 10.0, 0.4, 0.62)
+    def speed(*effects, a=0.5):
+        inputs = Inputs(200.0, 15.0, 0.4, 0.62)
         return float(Walker(effects).predict(inputs, [{"a": a}] * len(effects)).speed_m_s)
 
     assert speed(formula_effect(formula)) == pytest.approx(speed(written), rel=1e-9)

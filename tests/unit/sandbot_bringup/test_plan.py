@@ -46,7 +46,7 @@ def test_a_trials_seed_does_not_depend_on_the_others():
 def test_a_bad_plan_is_refused_in_one_line_that_names_key_and_value(change, message):
     with pytest.raises(InputError, match=message) as caught:
         plan_of({**GOOD, **change}, "plan.yaml")
-    assert str(caught.value).startswith(("plan.yaml", "plan a"))
+    assert str(caught.value).startswith("plan.yaml")
     assert "\n" not in str(caught.value)
 
 

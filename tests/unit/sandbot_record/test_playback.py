@@ -1,6 +1,6 @@
+import bags
 import pytest
 
-import bags
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.serialization import to_cdr

@@ -2,10 +2,10 @@ import errno
 import os
 import time
 
+import bags
 import numpy as np
 import pytest
 
-import bags
 from sandbot_common import messages
 from sandbot_common.errors import InputError
 from sandbot_common.serialization import to_cdr

@@ -60,6 +60,8 @@ class CampaignFolder:
                     f"{self.path}: holds campaign {present.name!r} with another plan ({_difference(present, plan)}); "
                     "give another --out, or resume it with its own campaign.yaml"
                 )
+        elif blocking := next((one for one in (self.path, *self.path.parents) if one.is_file()), None):
+            raise InputError(f"{self.path}: {blocking} is a file; give another --out")
         elif self.path.exists() and any(self.path.iterdir()):
             raise InputError(f"{self.path}: exists, is not empty and holds no campaign.yaml; give another --out")
         for name, text in files.items():

@@ -108,9 +108,10 @@ def plan_of(mapping: Mapping[str, Any], where: str) -> Plan:
         raise InputError(f"{where}: gait_parameters are given but gait is {plan.gait}; set gait: CUSTOM")
     for index, extra in enumerate(plan.extra_trials):
         from_mapping(ExtraTrials, extra, f"{where}: extra_trials[{index}]")
-    # Building them checks the nested mappings now, before anything moves.
-    assert plan.clock_gait is not None
-    assert plan.bed_protocol is not None
+    # The nested mappings are checked now, before anything moves.
+    if plan.gait == "CUSTOM":
+        from_mapping(Gait, plan.gait_parameters, f"{where}: gait_parameters")
+    from_mapping(ProtocolParameters, plan.bed, f"{where}: bed")
     return plan
 
 

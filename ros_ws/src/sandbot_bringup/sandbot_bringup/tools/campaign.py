@@ -86,6 +86,8 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
         plan = with_next_trials(plan, options.next_trials)
     if options.workers < 1:
         raise InputError(f"--workers: {options.workers} is not a number of processes; 1 or more")
+    if options.hide is not None and options.hide < 0:
+        raise InputError(f"--hide: {options.hide} is not a seed; 0 or more")
     if not options.batch and (options.world or options.hide is not None):
         raise InputError("--world and --hide set up the virtual lab of --batch; a live lab has its own world parameter")
     return plan, folder

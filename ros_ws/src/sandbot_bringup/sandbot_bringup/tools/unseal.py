@@ -25,9 +25,14 @@ def command(argv: Sequence[str]) -> int:
     parser.add_argument("--discovery", type=Path, help="what discover --json wrote (default: FOLDER/discovery.json)")
     options = parser.parse_args(argv)
     folder = CampaignFolder(options.folder)
-    discovery = _read(options.discovery or options.folder / "discovery.json")
-    agreement = judge(truth_of(read_world(folder.truth), read_plan(folder.plan_file)), discovery["verdict"])
-    print(summary(discovery))
+    path = options.discovery or options.folder / "discovery.json"
+    discovery = _read(path)
+    try:
+        found = summary(discovery)
+        agreement = judge(truth_of(read_world(folder.truth), read_plan(folder.plan_file)), discovery["verdict"])
+    except (KeyError, TypeError, AttributeError, IndexError) as error:
+        raise InputError(f"{path}: not a whole discovery of schema sandbot.discovery/1: {error!r}") from None
+    print(found)
     print(f"truth:   {'agrees' if agreement.agrees else 'DISAGREES'}: {agreement.line}")
     return 0 if agreement.agrees else 1
 
@@ -58,6 +63,4 @@ def _read(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: not JSON: {error}") from None
     if not isinstance(content, dict) or content.get("schema") != "sandbot.discovery/1":
         raise InputError(f"{path}: not a discovery of schema sandbot.discovery/1")
-    if missing := [key for key in ("verdict", "steps", "noise_floor_m_s") if key not in content or content[key] == []]:
-        raise InputError(f"{path}: a discovery without {missing[0]!r}")
     return content

@@ -10,7 +10,7 @@ class DisturbedGround(Effect):
 
     identifier = "disturbed_ground"
     stage = "strength"
-    formula = "k -> k - (k - k_L) clip((s_c R - s)/(0.1 R), 0, 1)"
+    formula = "k -> k - max(k - k_L, 0) clip((s_c R - s)/(0.1 R), 0, 1)"
     source = "Li09, transition at s/R = 0.9-1"
     seen_in = "v collapse with a normal first step; phi > .6, omega > omega_c"
     parameters = (
