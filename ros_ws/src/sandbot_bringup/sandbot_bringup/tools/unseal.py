@@ -63,4 +63,6 @@ def _read(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: not JSON: {error}") from None
     if not isinstance(content, dict) or content.get("schema") != "sandbot.discovery/1":
         raise InputError(f"{path}: not a discovery of schema sandbot.discovery/1")
+    if not content.get("steps"):
+        raise InputError(f"{path}: a discovery with no steps")
     return content
