@@ -1,5 +1,6 @@
 """Pick the command, run it, and turn what goes wrong into a line and an exit code."""
 
+import io
 import os
 import shutil
 import sys
@@ -26,6 +27,9 @@ _IGNORED = ("--use-python-default-buffering",)
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit code."""
     arguments = [one for one in (sys.argv[1:] if argv is None else argv) if one not in _IGNORED]
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # As the real one under a terminal: a message is seen when it comes, also through a pipe.
+        sys.stdout.reconfigure(line_buffering=True)
     try:
         return _dispatch(arguments)
     except NotCovered as error:

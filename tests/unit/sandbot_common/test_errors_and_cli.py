@@ -1,3 +1,7 @@
+import os
+import subprocess
+import sys
+
 import pytest
 
 from sandbot_common.cli import BAD_INPUT, INTERRUPTED, Parser, run
@@ -39,3 +43,13 @@ def test_parser_complains_in_one_line():
     parser.add_argument("--rate", type=float)
     with pytest.raises(InputError, match=r"invalid float value: 'fast' \(see table --help\)"):
         parser.parse_args(["--rate", "fast"])
+
+
+def test_a_line_is_seen_through_a_pipe_when_it_is_said():
+    code = "from sandbot_common import cli; cli.run(lambda _: print('said') or input() and 0, [])"
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    with subprocess.Popen(
+        [sys.executable, "-c", code], env=environment, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout.readline() == "said\n"
+        process.communicate("done\n", timeout=10)

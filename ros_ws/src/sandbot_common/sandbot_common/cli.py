@@ -1,6 +1,7 @@
 """Command lines with one manner: 0 on success, 2 with one line on bad input, 130 on Ctrl-C."""
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -23,6 +24,7 @@ class Parser(argparse.ArgumentParser):
 def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | None = None) -> int:
     """Run ``command`` on the arguments and return the exit code; only InputError and Ctrl-C are caught."""
     name = os.path.basename(sys.argv[0])
+    speak_line_by_line()
     try:
         return command(sys.argv[1:] if argv is None else argv) or 0
     except InputError as error:
@@ -35,3 +37,9 @@ def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | No
         # The reader of our output (head, less) has gone: not an error of ours.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+
+
+def speak_line_by_line() -> None:
+    """Let each line be seen when it is said, also through a pipe: other programs wait for "recording to …"."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)
