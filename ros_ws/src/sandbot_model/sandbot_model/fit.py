@@ -20,6 +20,8 @@ FIRST_ITERATIONS = 4
 """Steps of a descent before the better half is followed further."""
 HALVING = (4, 1)
 """How many descents are followed after each."""
+BASE_STARTS = 5
+"""Starts of the base model that are followed to their end."""
 HOPELESS = 1.5
 """A model so much worse than one with less in it is not polished."""
 FAIL_Z = 3.0
@@ -177,6 +179,16 @@ def best_state(problem: Problem, near: Known | None = None) -> States:
         states = other
     if near is not None and states.deviance[0] > HOPELESS * near.deviance + 100.0:
         return states
+    if near is None:
+        # What everything else is measured against: several descents are followed to their end.
+        first = _begin(problem, found[:BASE_STARTS])
+        ends = [_settled(problem, first.take(np.array([row]))) for row in range(len(first.theta))]
+        states = min([_settled(problem, states), *ends], key=lambda one: one.deviance[0])
+    return _settled(problem, states)
+
+
+def _settled(problem: Problem, states: States) -> States:
+    """Descend and look around in turns until nothing is gained. One row."""
     for _ in range(3):
         states = descend(problem, problem.states(states.theta, states.ln_k, _slopes(problem, states.ln_k)))
         moved = look_along_theta(problem, look_along_k(problem, states))
