@@ -37,10 +37,14 @@ def effects_in(path: Path) -> list[Effect]:
     module = importlib.util.module_from_spec(spec)
     # Workers find its classes by name.
     sys.modules[spec.name] = module
+    # The folder is the user's: no __pycache__ is left in it.
+    usual, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(f"{path}: {type(error).__name__}: {' '.join(str(error).split())}") from error
+    finally:
+        sys.dont_write_bytecode = usual
     classes = [one for one in vars(module).values() if isinstance(one, type) and one.__module__ == module.__name__]
     found = [_made(one, str(path)) for one in classes if issubclass(one, Effect)]
     if not found:
