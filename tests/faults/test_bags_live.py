@@ -173,8 +173,8 @@ def check_recovered(bag: Path, killed_ns: int) -> None:
     recover(bag, target)
     legs = Bag.open(target).columns("/leg_states", "position", *FIELD_STAMP)
     numbers = legs["position"][:, 0]
-    # In order and none twice. What DDS drops on a machine busy with other tests never reached the recorder: a chunk lost
-    # in the kill would be a thousand messages, a tenth of a second of stall is a hundred.
+    # In order and none twice. What DDS drops on a machine busy with other tests never reached the recorder: a chunk
+    # lost in the kill would be a thousand messages, a tenth of a second of stall is a hundred.
     assert (np.diff(numbers) >= 1).all()
     assert np.diff(numbers).max() < 300
     assert killed_ns - legs.log_time_ns[-1] < 1_000_000_000
