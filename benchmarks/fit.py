@@ -1,13 +1,11 @@
 """Cold fits of 7 k's and one Δt to 147 speeds: who reaches the global optimum, and how long it takes.
 
-    python benchmarks/fit.py [--fits 40]
-
 Peers get the same model (walking.Walker) as a function of (Δt, k_1 … k_7) and a random start in the range of Li09; ours
 starts from nothing. Both are timed in this run, one thread each.
 """
 
-import argparse
 import time
+import warnings
 from collections.abc import Callable
 
 import lmfit
@@ -27,6 +25,7 @@ PHI = np.linspace(0.58, 0.633, 7)
 OMEGA = np.array([4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 30.0])
 K = np.interp(PHI, [0.58, 0.6, 0.633], [170.0, 205.0, 220.0])
 NOISE_M_S = 0.005
+FITS = 40
 WITHIN = 1.01
 
 
@@ -82,11 +81,9 @@ def polished(measured: Floats, delta_t: float, k: Floats) -> float:
     return best
 
 
-def main() -> None:
-    """Print a markdown table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--fits", type=int, default=40)
-    args = parser.parse_args()
+def main() -> str:
+    """The section of the report, in Markdown."""
+    warnings.simplefilter("ignore", OptimizeWarning)
     methods: dict[str, Callable[[Floats, np.random.Generator], tuple[float, Floats]]] = {
         "curve_fit": with_curve_fit,
         "lmfit": with_lmfit,
@@ -95,7 +92,7 @@ def main() -> None:
     seconds: dict[str, list[float]] = {name: [] for name in methods}
     squares: dict[str, list[float]] = {name: [] for name in methods}
     least: list[float] = []
-    for seed in range(args.fits):
+    for seed in range(FITS):
         rng = np.random.default_rng(seed)
         measured = speeds(0.4, K) + rng.normal(0.0, NOISE_M_S, 147)
         for name, method in methods.items():
@@ -107,14 +104,8 @@ def main() -> None:
             seconds[name].append(time.perf_counter() - began)
             squares[name].append(polished(measured, *found))
         least.append(min([polished(measured, 0.4, K), *(squares[name][-1] for name in methods)]))
-    print("| method | ms (median) | within 1 % of the best sum of squares |\n|---|---|---|")
+    lines = ["# Cold fits", "", "| method | ms (median) | within 1 % of the best sum of squares |", "|---|---|---|"]
     for name in methods:
         share = np.mean(np.array(squares[name]) <= WITHIN * np.array(least))
-        print(f"| {name} | {1e3 * np.median(seconds[name]):.1f} | {100 * share:.0f} % |")
-
-
-if __name__ == "__main__":
-    import warnings
-
-    warnings.simplefilter("ignore", OptimizeWarning)
-    main()
+        lines.append(f"| {name} | {1e3 * np.median(seconds[name]):.1f} | {100 * share:.0f} % |")
+    return "\n".join(lines)

@@ -1,18 +1,14 @@
-"""Hidden worlds: the virtual lab plants an effect, the analysis must name it. Writes benchmarks/hidden.md.
-
-    python benchmarks/hidden.py [--seeds 3] [--null 100] [--max-effects 3] [--workers 2] [--only NAME ...]
+"""Hidden worlds: the virtual lab plants an effect, the analysis must name it.
 
 Truth stays here: ``discover`` gets the trials table and nothing else.
 """
 
-import argparse
 import statistics
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,6 +21,7 @@ from sandbot_model.cells import cells_of
 from sandbot_model.discover import Discovery, discover
 from sandbot_record.trials import Row, Trials, from_rows
 
+SEEDS, NULLS, MAX_EFFECTS = 1, 100, 3
 PHI = np.linspace(0.58, 0.633, 7).tolist()
 OMEGA = [4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 30.0]
 SOFT = {"k_knots_n_m": (110.0, 132.0, 142.0)}
@@ -222,24 +219,9 @@ def _said(one: Outcome) -> str:
     return f"{one.status}: {sets}" if one.named else one.status
 
 
-def main() -> None:
-    """Run the matrix."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--null", type=int, default=100)
-    parser.add_argument("--max-effects", type=int, default=3)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--only", nargs="*", default=None, help="beginnings of world names")
-    parser.add_argument("--out", type=Path, default=Path(__file__).with_name("hidden.md"))
-    args = parser.parse_args()
-    chosen = [w for w in WORLDS if args.only is None or any(w.name.startswith(name) for name in args.only)]
-    tasks = [(world, seed, args.max_effects) for seed in range(args.seeds) for world in chosen]
-    tasks += [(NULL, 1000 + seed, args.max_effects) for seed in range(args.null)]
-    with ProcessPoolExecutor(args.workers) as pool:
-        outcomes = list(tqdm(pool.map(run, tasks), total=len(tasks)))
-    args.out.write_text(report(outcomes), encoding="utf-8")
-    print(report(outcomes))
-
-
-if __name__ == "__main__":
-    main()
+def main() -> str:
+    """Run the matrix; the section of the report, in Markdown."""
+    tasks = [(world, seed, MAX_EFFECTS) for seed in range(SEEDS) for world in WORLDS]
+    tasks += [(NULL, 1000 + seed, MAX_EFFECTS) for seed in range(NULLS)]
+    with ProcessPoolExecutor() as pool:
+        return report(list(tqdm(pool.map(run, tasks), total=len(tasks))))

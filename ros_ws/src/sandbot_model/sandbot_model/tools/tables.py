@@ -1,6 +1,6 @@
 """Plain-text tables of fits, in a reader's units (cm, cm/s)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -61,6 +61,15 @@ def ladder(steps: Sequence[Fit]) -> str:
         )
     floor = noise_floor(steps[0].cells)
     rows.append(["noise floor", *(f"{CM * floor[one]:.3f}" for one in measured), f"{CM * floor['speed']:.3f}", "", ""])
+    return table(rows)
+
+
+def bootstrap(fit: Fit, drawn: Mapping[str, float], draws: int) -> str:
+    """Standard errors of the fit's Jacobian beside those of a bootstrap over trials."""
+    rows = [["parameter", "value", "± stderr", f"± bootstrap, {draws} draws"]]
+    ks = {f"k[{i}]": pair for i, pair in enumerate(zip(fit.k_n_per_m, fit.k_stderr_n_per_m, strict=True))}
+    known = {**fit.parameters, **ks}
+    rows += [[name, *(f"{one:.4g}" for one in known[name]), f"{stderr:.2g}"] for name, stderr in drawn.items()]
     return table(rows)
 
 

@@ -1,0 +1,58 @@
+"""Standard errors by a bootstrap over trials: what another draw of the replicates would have given.
+
+Trials are drawn with replacement within their cell (Efron & Tibshirani 1993, ch. 6), so that every condition stays in.
+"""
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_common.errors import InputError
+from sandbot_model.cells import OMEGA_TOLERANCE, Cells, cells_of
+from sandbot_model.fit import Fit
+from sandbot_model.levels import phi_levels, same_within
+from sandbot_record.trials import Trials
+
+Floats = NDArray[np.float64]
+
+
+def bootstrap(
+    trials: Trials,
+    refit: Callable[[Cells], Fit],
+    draws: int,
+    rng: np.random.Generator,
+    each: Callable[[Iterable[int]], Iterable[int]] = iter,
+) -> dict[str, float]:
+    """Standard error of every parameter, and of k at each level as ``k[i]``, from ``draws`` refits.
+
+    ``each`` wraps the counting of the draws, as a progress bar does. Draws of n trials from n vary by (n - 1)/n less
+    than new trials would; the result is corrected for it. Raises InputError if draws < 2 or no cell has replicates.
+    """
+    if draws < 2:
+        raise InputError(f"--bootstrap: {draws} draws tell no spread; 2 or more")
+    trials = trials.select(trials.usable)
+    groups = _cells(trials)
+    sizes = [len(group) for group in groups]
+    if max(sizes) < 2:
+        raise InputError("--bootstrap: no condition has replicates to draw from")
+    found: list[dict[str, float]] = []
+    for _ in each(range(draws)):
+        drawn = np.concatenate([rng.choice(group, len(group)) for group in groups])
+        fit = refit(cells_of(trials.select(drawn)))
+        ks = {f"k[{i}]": float(k) for i, k in enumerate(fit.k_n_per_m)}
+        found.append({name: estimate.value for name, estimate in fit.parameters.items()} | ks)
+    size = float(np.mean([size for size in sizes if size > 1]))
+    names = [name for name in found[0] if all(name in one for one in found)]
+    spread = np.std([[one[name] for name in names] for one in found], axis=0, ddof=1)
+    return dict(zip(names, (spread * np.sqrt(size / (size - 1))).tolist(), strict=True))
+
+
+def _cells(trials: Trials) -> list[NDArray[np.int64]]:
+    """Indices of the trials of each cell."""
+    gait = np.unique(np.asarray(trials.gait, dtype=str), return_inverse=True)[1]
+    phi = np.asarray(trials.phi, dtype=float)
+    omega = np.asarray(trials.omega_rad_s, dtype=float)
+    key = np.stack([phi_levels(phi), gait, same_within(omega, OMEGA_TOLERANCE)])
+    cell = np.unique(key, axis=1, return_inverse=True)[1].ravel()
+    return [np.flatnonzero(cell == one) for one in range(int(cell.max()) + 1)]
