@@ -49,7 +49,8 @@ def test_live_row_equals_batch_row_and_speed_is_seen_live(tmp_path, start):
     # How fast frames are rendered is the machine's affair (100 Hz on a quiet one); that they are 10 ms apart is ours.
     averages = [float(line.split(":")[1]) for line in rate.lines if line.startswith("average rate")]
     assert max(averages) > 50
-    stamps = Bag.open(tmp_path / "live" / "trials" / PLAN_TRIAL).columns(topics.SPEED.name, *FIELD_STAMP).stamp_ns
+    bag = Bag.open(tmp_path / "live" / "trials" / PLAN_TRIAL)
+    stamps = bag.columns(topics.SPEED.name, *FIELD_STAMP).stamp_ns
     assert np.median(np.diff(stamps)) == 10_000_000
     assert not (np.diff(stamps) % 10_000_000).any()
 
@@ -60,3 +61,6 @@ def test_live_row_equals_batch_row_and_speed_is_seen_live(tmp_path, start):
         assert float(other["lift_m"]) == pytest.approx(float(one["lift_m"]), abs=3e-4)
         assert float(other["peak_speed_m_s"]) == pytest.approx(float(one["peak_speed_m_s"]), rel=0.02)
         assert float(other["first_step_m"]) == pytest.approx(float(one["first_step_m"]), abs=1e-3)
+    told = bag.provenance["trial"]
+    known = ("id", "plan", "parameters", "software_version", "commit", "start", "clock", "exit_status")
+    assert [name for name in known if not told.get(name)] == []

@@ -1,5 +1,6 @@
 """Run a campaign live over the real nodes: prepare the bed, record, start the clock, stop, next trial."""
 
+import math
 import signal
 import subprocess
 import sys
@@ -30,6 +31,7 @@ CALL_S = 10.0
 BED_S = 600.0
 DRAIN_S = 3.0
 
+_UNNAMED = "_NODE_NAME_UNKNOWN_"
 _START_THEM = "start the nodes with: ros2 launch sandbot_bringup trackway.launch.py"
 
 
@@ -70,6 +72,7 @@ class Operator(Node):
         self._trial = publisher(self, topics.TRIAL)
         self._phi: float | None = None
         self._bed_stage = ""
+        self._bed_height_m = math.nan
         self._leg_time_ns: int | None = None
         self._motion_start_ns: int | None = None
         self._speed_ns = 0
@@ -95,9 +98,14 @@ class Operator(Node):
         for topic in (topics.LEG_STATES.name, topics.COM.name):
             if not self._wait(partial(self._is_published, topic), DISCOVERY_S):
                 raise InputError(f"no node publishes {topic}; {_START_THEM}")
+        # Seeing its service is not enough: a preparation fails at once while the bed has not heard its height sensor.
+        if not self._wait(lambda: math.isfinite(self._bed_height_m), DISCOVERY_S):
+            raise InputError(f"the bed node has no reading on {topics.BED_HEIGHT.name}; {_START_THEM}")
         # Whoever reports the legs is the robot: the virtual lab takes a seed and a reset, a real one is carried back.
-        robots = [one.node_name for one in self.get_publishers_info_by_topic(topics.LEG_STATES.name)]
-        self._has_lab = "lab" in robots
+        # A publisher can be seen before the name of its node is: guessing then would leave the seed unset.
+        if not self._wait(lambda: _UNNAMED not in self._robots(), DISCOVERY_S):
+            raise InputError(f"the node that publishes {topics.LEG_STATES.name} does not tell its name; {_START_THEM}")
+        self._has_lab = "lab" in self._robots()
         if self._has_lab and not self._triggers["/lab/reset"].wait_for_service(DISCOVERY_S):
             raise InputError(f"the virtual lab does not offer /lab/reset; {_START_THEM}")
 
@@ -159,6 +167,9 @@ class Operator(Node):
         # The frames of the last milliseconds are still on their way through the tracker.
         self._wait(lambda: self._speed_ns >= end_ns, DRAIN_S)
 
+    def _robots(self) -> list[str]:
+        return [str(one.node_name) for one in self.get_publishers_info_by_topic(topics.LEG_STATES.name)]
+
     def _is_published(self, topic: str) -> bool:
         return bool(self.count_publishers(topic))
 
@@ -200,6 +211,7 @@ class Operator(Node):
     def _on_bed(self, message: Any) -> None:
         values = {pair.key: pair.value for status in message.status for pair in status.values}
         self._bed_stage = values.get("stage", self._bed_stage)
+        self._bed_height_m = float(values.get("height_m", math.nan))
 
     def _on_legs(self, message: Any) -> None:
         self._leg_time_ns = messages.nanoseconds(message.header.stamp)

@@ -21,6 +21,8 @@ def trial_message(plan: Plan, trial: PlannedTrial, start_ns: int) -> str:
             "gait": plan.gait,
             "replicate": trial.replicate,
             "seed": trial.seed,
+            "software_version": version("sandbot_bringup"),
+            "commit": commit(),
             "start": datetime.fromtimestamp(start_ns / 1e9, UTC).isoformat(),
         }
     )

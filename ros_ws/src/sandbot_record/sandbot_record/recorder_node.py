@@ -267,8 +267,9 @@ def _provenance(trial: bytes) -> dict[str, dict[str, str]]:
         return {}
     if not isinstance(plan, dict):
         return {}
-    values = {"id": str(plan.get("trial_id", "")), "parameters": text, "start": str(plan.get("start", ""))}
-    return {"trial": {**values, "clock": "live", "software": LIBRARY}}
+    said = {"id": "trial_id", "plan": "campaign", **{key: key for key in ("software_version", "commit", "start")}}
+    values = {key: str(plan.get(name, "")) for key, name in said.items()}
+    return {"trial": {**values, "parameters": text, "clock": "live", "recorder": LIBRARY}}
 
 
 def _fits(source: _Source, publishers: Sequence[TopicEndpointInfo]) -> bool:
