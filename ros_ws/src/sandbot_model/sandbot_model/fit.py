@@ -80,6 +80,8 @@ class Fit:
     level_phi: Array
     k_n_per_m: Array
     k_stderr_n_per_m: Array
+    covariance: Array = field(repr=False)
+    """Of the shared parameters, in the order of ``parameters``, and the levels' ln k; what can't be told is 0."""
     cells: Cells
     predicted: Array
     residual_z: Array
@@ -116,7 +118,37 @@ class Fit:
 
         ``slow_phase_ratio`` is β of the gait, by default that of the trials.
         """
-        at = np.asarray(phi, dtype=float)
+        return self._predict(self.state.theta[0], self.state.ln_k[0], phi, omega, slow_phase_ratio)
+
+    def uncertainty(self, phi: ArrayLike, omega: ArrayLike, slow_phase_ratio: ArrayLike | None = None) -> Array:
+        """Standard deviation ``(..., 4)`` of what ``predict`` says, from not knowing θ and k exactly.
+
+        Along each principal axis of the parameters' covariance the prediction is made one standard deviation to
+        either side, √Σ_i ((y_i+ - y_i-)/2)²: beside a switch, where a slope would say nothing, this sees the switch.
+        """
+        low, high = bounds(self.problem)
+        here = np.concatenate([self.state.theta[0], self.state.ln_k[0]])
+        count = len(low)
+        variance, axes = np.linalg.eigh(self.covariance)
+        total = np.zeros(())
+        for size, axis in zip(np.sqrt(np.maximum(variance, 0.0)), axes.T, strict=True):
+            if size == 0.0:
+                continue
+            ends = [here + sign * size * axis for sign in (-1.0, 1.0)]
+            sides = [
+                self._predict(np.clip(end[:count], low, high), end[count:], phi, omega, slow_phase_ratio).observables
+                for end in ends
+            ]
+            total = total + (0.5 * (sides[1] - sides[0])) ** 2
+        shape = np.broadcast_shapes(
+            np.shape(phi), np.shape(omega), () if slow_phase_ratio is None else np.shape(slow_phase_ratio)
+        )
+        return np.asarray(np.broadcast_to(np.sqrt(total), (*shape, 4)))
+
+    def _predict(
+        self, theta: Array, ln_k: Array, phi: ArrayLike, omega: ArrayLike, slow_phase_ratio: ArrayLike | None
+    ) -> Prediction:
+        at, k = np.asarray(phi, dtype=float), np.exp(ln_k)
         cells = self.cells
         beta = cells.slow_phase_ratio[0] if slow_phase_ratio is None else slow_phase_ratio
         # The clock's other angles go with β; a β of no gait in the data is that of uniform rotation.
@@ -128,9 +160,9 @@ class Fit:
         }
         uniform = (np.pi / 2, np.pi / 2)
         angle, phase = np.vectorize(lambda ratio: clock.get(round(ratio, 9), uniform), otypes=[float, float])(beta)
-        delta_t, v_swim, params = self.fitted.arguments(self.state.theta[0])
+        delta_t, v_swim, params = self.fitted.arguments(theta)
         inputs = Inputs(
-            k_n_per_m=np.interp(at, self.level_phi, self.k_n_per_m),
+            k_n_per_m=np.interp(at, self.level_phi, k),
             omega_rad_s=omega,
             delta_t_s=delta_t,
             phi=at,
@@ -138,7 +170,7 @@ class Fit:
             slow_phase_ratio=beta,
             half_period_angle_rad=angle,
             thrust_phase_rad=phase,
-            k_of_phi=KCurve(self.level_phi, self.k_n_per_m),
+            k_of_phi=KCurve(self.level_phi, k),
         )
         shape = np.broadcast_shapes(np.shape(at), np.shape(omega), np.shape(beta))
         found = self.fitted.walker.predict(inputs, params)
@@ -255,8 +287,11 @@ def summary(problem: Problem, state: States) -> Fit:
     cells, model = problem.cells, problem.model
     jacobian = full_jacobian(problem, state)[0]
     normal = jacobian.T @ jacobian
-    stderr = np.sqrt(np.maximum(np.diag(np.linalg.pinv(normal, rcond=1e-12, hermitian=True)), 0.0))
-    stderr[np.diag(normal) < 1e-12] = np.nan
+    covariance = np.linalg.pinv(normal, rcond=1e-12, hermitian=True)
+    stderr = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    untold = np.diag(normal) < 1e-12
+    stderr[untold] = np.nan
+    covariance[untold] = covariance[:, untold] = 0.0
     theta, k, predicted = state.theta[0], np.exp(state.ln_k[0]), state.predicted[0]
     values, unknowns = int(problem.measured.sum()), len(theta) + len(k)
     gap = np.where(problem.measured, cells.mean - predicted, np.nan)
@@ -275,6 +310,7 @@ def summary(problem: Problem, state: States) -> Fit:
         level_phi=cells.level_phi,
         k_n_per_m=k,
         k_stderr_n_per_m=k * stderr[len(theta) :],
+        covariance=covariance,
         cells=cells,
         predicted=predicted,
         residual_z=z,
