@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import Reader
 
+from sandbot_record.playback import Timeline
 from sandbot_record.reader import FIELD_STAMP, Bag
 from sandbot_record.recover import recover
 
@@ -46,6 +47,7 @@ for i in range(count):
     if i % 20 == 0:
         weak.publish(messages.range_(i, 0.1, 0.0, 1.0, "bed"))
         if len(sys.argv) > 4:
+            frame[0, :4] = np.frombuffer(i.to_bytes(4, "little"), np.uint8)
             image.publish(messages.image(i, "dorsal", frame))
     time.sleep(max(0.0, start + (i + 1) / rate - time.monotonic()))
 print("done", flush=True)
@@ -181,6 +183,68 @@ def check_recovered(bag: Path, killed_ns: int) -> None:
     with Reader(target) as reader:
         assert sum(1 for _ in reader.messages()) == reader.message_count == len(numbers)
     shutil.rmtree(bag)
+
+
+IMAGES = "/camera/dorsal/image_raw"
+
+
+def frame_numbers(bag: Path) -> list[int]:
+    """The numbers drawn into the frames; each must be the one its stamp says."""
+    found = []
+    timeline = Timeline(Bag.open(bag), [IMAGES])
+    for index in range(len(timeline)):
+        message = timeline[index].decode()
+        found.append(int.from_bytes(message.data[:4].tobytes(), "little"))
+        assert found[-1] == message.header.stamp.nanosec
+    return found
+
+
+@pytest.mark.parametrize("codec", ["rawvideo", "ffv1"])
+def test_frames_in_a_video_are_all_there_and_outlive_a_kill(tmp_path, codec):
+    video = ("--images", "video", "--video-codec", codec)
+    names = ("/leg_states", IMAGES)
+    with recorder(*names, *video, "--out", tmp_path / "a") as record, publisher(400, 1, 1200, "i") as source:
+        until(record, "recording to")
+        until(source, "done")
+        record.send_signal(signal.SIGINT)
+        assert "0 lost" in record.stdout.read()
+        assert record.wait(20) == 0
+    assert frame_numbers(tmp_path / "a") == list(range(0, 1200, 20))
+    draw = random.Random(4)
+    with publisher(400, 0, 100_000, "i") as source:
+        until(source, "go")
+        for number in range(3):
+            bag = tmp_path / f"k{number}"
+            with recorder(*names, *video, "--out", bag) as record:
+                until(record, "recording to")
+                wait_for_messages(bag)
+                time.sleep(draw.uniform(0.5, 1.5))
+                killed_ns = time.time_ns()
+                record.kill()
+            recover(bag, tmp_path / f"r{number}")
+            frames = frame_numbers(tmp_path / f"r{number}")
+            assert (np.diff(frames) == 20).all()
+            last = Timeline(Bag.open(tmp_path / f"r{number}"), [IMAGES]).times_ns[-1]
+            assert killed_ns - last < 1_000_000_000
+
+
+def test_a_video_that_no_longer_fits_stops_the_recording_and_says_so(tmp_path):
+    limit = 20_000_000
+
+    def small_files():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    command = ("/leg_states", IMAGES, "--images", "video", "--out", tmp_path / "b")
+    with recorder(*command, preexec_fn=small_files) as record, publisher(1000, 1, 8000, "i") as source:
+        until(source, "go")
+        last = record.stdout.read()
+        assert record.wait(20) == 1
+    assert "the video no longer grows" in last
+    assert Bag.open(tmp_path / "b").topics["/leg_states"].count > 500
+    recover(tmp_path / "b", tmp_path / "r")
+    frames = frame_numbers(tmp_path / "r")
+    assert len(frames) >= limit // (480 * 640) - 2
+    assert (np.diff(frames) == 20).all()
 
 
 def test_a_full_disk_closes_the_bag_and_says_so(tmp_path):

@@ -12,6 +12,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"cluster": ["dask", "distributed"]},
     zip_safe=True,
     maintainer="trackway maintainers",
     maintainer_email="maintainers@trackway.example",

@@ -48,7 +48,7 @@ def test_the_noise_scale_is_the_scatter():
 
 def test_a_trial_too_short_for_an_observable_gives_nan():
     t_s, angles, rates = (values[:100] for values in setpoints(4.0))
-    short = readings(simulate(QUIET, 0.62, t_s, angles, rates, 0), 4.0)
+    short = readings(simulate(QUIET, 0.62, t_s, angles, rates, 0))
     assert np.isnan([short.speed_m_s, short.lift_m, short.peak_speed_m_s, short.first_step_m]).all()
 
 

@@ -9,6 +9,7 @@ from sandbot_model.catalogue import catalogue
 from sandbot_model.cells import cells_of
 from sandbot_model.fit import fit
 from sandbot_model.model import model_of
+from sandbot_model.parallel import workers
 from sandbot_model.walking import Inputs
 from sandbot_record.trials import Row, from_rows
 
@@ -33,7 +34,7 @@ def table(replicates):
 def test_it_agrees_with_the_jacobian_within_a_factor_of_two():
     trials = table(5)
     best = fit(MODEL, cells_of(trials))
-    drawn = bootstrap(trials, lambda cells: fit(MODEL, cells, best.known), 30, np.random.default_rng(1))
+    drawn = bootstrap(trials, MODEL, 30, near=best.known, seed=1)
     assert drawn["delta_t_s"] == pytest.approx(best.parameters["delta_t_s"].stderr, rel=1.0)
     assert drawn["delta_t_s"] > 0.4 * best.parameters["delta_t_s"].stderr
     assert drawn["k[1]"] == pytest.approx(best.k_stderr_n_per_m[1], rel=1.0)
@@ -42,4 +43,12 @@ def test_it_agrees_with_the_jacobian_within_a_factor_of_two():
 @pytest.mark.parametrize(("replicates", "draws", "message"), [(1, 10, "no condition has replicates"), (3, 1, "2 or")])
 def test_it_refuses_what_tells_no_spread(replicates, draws, message):
     with pytest.raises(InputError, match=message):
-        bootstrap(table(replicates), lambda cells: fit(MODEL, cells), draws, np.random.default_rng(1))
+        bootstrap(table(replicates), MODEL, draws)
+
+
+def test_the_result_does_not_depend_on_who_fits():
+    trials = table(3)
+    alone = bootstrap(trials, MODEL, 5)
+    with workers(2) as fit_all:
+        assert bootstrap(trials, MODEL, 5, fit_all=fit_all) == alone
+    assert bootstrap(trials, MODEL, 5, seed=1) != alone

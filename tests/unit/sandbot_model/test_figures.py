@@ -34,6 +34,7 @@ def made_up_step(cells, z=None, fails=(), effects=()):
     table = np.zeros((len(cells), 4)) if z is None else z
     fit = SimpleNamespace(
         cells=cells, effects=effects, model="simple", residual_z=table, fails=fails, rmse_m_s=0.02, cv_rmse_m_s=0.03,
+        uncertainty=lambda phi, omega, beta: np.full((*np.broadcast_shapes(phi.shape, omega.shape), 4), 0.01),
     )  # fmt: skip
     return Step(fit, grid, np.full((len(bands(cells)), len(grid)), 0.10))
 
@@ -63,7 +64,7 @@ def test_speed_is_drawn_in_cm_per_s_with_the_replicates_scatter():
     for trace in drawn:
         assert trace["x"] == OMEGA.tolist()
         assert trace["y"] == pytest.approx([10.0] * len(OMEGA))
-        assert trace["error_y"]["array"] == pytest.approx([np.sqrt(2)] * len(OMEGA))
+        assert trace["error_y"]["array"] == pytest.approx([np.sqrt(2)] * len(OMEGA), rel=1e-5)
     assert spec["layout"]["yaxis"]["title"]["text"] == "speed (cm/s)"
     assert spec["layout"]["xaxis3"]["title"]["text"] == "ω (rad/s)"
 

@@ -124,13 +124,15 @@ def test_every_figure_is_there_for_every_step_in_both_themes(page):
         "lock",
         "collapse",
         "step",
+        "balance",
         *(f"residuals-{n}" for n in ("speed", "lift", "peak_speed", "first_step")),
     }
     assert set(figures) == names
     for name, themes in figures.items():
         assert set(themes) == {"light", "dark"}
         assert {len(specs) for specs in themes.values()} == ({1} if name == "lock" else {2})
-        assert f'id="plot-{name}" role="img" aria-label="' in page
+        assert f'id="plot-{name}" role="img" aria-labelledby="says-{name}"' in page
+        assert f'id="says-{name}"' in page
 
 
 def test_parameters_have_units_and_errors(page, fits):

@@ -21,8 +21,9 @@ from sandbot_lab.bed import LabBed
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.robot import Trace, simulate
 from sandbot_lab.world import World, draw_world, null_world, read_world, write_world
-from sandbot_tracking.calibration import cameras_from_mapping
+from sandbot_tracking.calibration import Camera, cameras_from_mapping
 from sandbot_tracking.offline import OfflineTracker
+from sandbot_tracking.period import PeriodMeans
 
 Floats = NDArray[np.float64]
 
@@ -91,27 +92,45 @@ def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
     bag.legs(topics.LEG_SETPOINTS, t_s, angles, rates, np.zeros_like(angles))
     bag.legs(topics.LEG_STATES, t_s, trace.leg_angle_rad, trace.leg_rate_rad_s, trace.leg_effort_n_m)
 
-    tracker = OfflineTracker(cameras_from_mapping(setup.cameras, "cameras"))
+    cameras = cameras_from_mapping(setup.cameras, "cameras")
+    tracker = OfflineTracker(cameras)
     for t, angle in zip(t_s, trace.leg_angle_rad, strict=True):
         tracker.legs(float(t), angle)
-    _film(setup, trial, trace, tracker, bag)
+    _film(setup, trial, trace, tracker, cameras, bag)
     path = setup.folder.bag(trial)
     files = {**setup.files, "campaign.yaml": to_yaml(plan)}
     bag.write(path, trial_metadata(plan, trial, start_ns, "simulated", "ok"), files)
     return path
 
 
-def _film(setup: Setup, trial: PlannedTrial, trace: Trace, tracker: OfflineTracker, bag: TrialBag) -> None:
+def _film(
+    setup: Setup,
+    trial: PlannedTrial,
+    trace: Trace,
+    tracker: OfflineTracker,
+    cameras: Mapping[str, Camera],
+    bag: TrialBag,
+) -> None:
     """Render and track both cameras from before the legs start until after they stop; keep frames if asked."""
     views = {
         name: LabCamera(name, setup.cameras[name], seed=trial.seed)  # type: ignore[arg-type]
         for name in ("dorsal", "lateral")
     }
     kept = setup.images(trial)
+    means = PeriodMeans()
+    advance = np.mean(np.unwrap(trace.leg_angle_rad, axis=0) - trace.leg_angle_rad[0], axis=1)
     first = -round(setup.plan.standing_s * FRAME_RATE_HZ)
     last = int((trace.t_s[-1] + DRAIN_S) * FRAME_RATE_HZ)
-    for t_s in np.arange(first, last + 1) / FRAME_RATE_HZ:
+    for number in range(first, last + 1):
+        t_s = number / FRAME_RATE_HZ
         frames = {name: view.film(trace, t_s, 0.0 <= t_s < LED_ON_S) for name, view in views.items()}
-        bag.sample(tracker.update(float(t_s), frames["dorsal"], frames["lateral"]))
+        sample = tracker.update(t_s, frames["dorsal"], frames["lateral"])
+        bag.sample(sample)
+        height_m = float(sample.front_axle[2] + sample.rear_axle[2]) / 2
+        turned = float(np.interp(t_s, trace.t_s, advance))
+        if t_s >= 0.0 and (done := means.update(t_s, sample.com[0], height_m, turned)) is not None:
+            bag.period(t_s, done)
         for name, pixels in frames.items():
-            bag.frame(name, float(t_s), pixels, kept)
+            bag.frame(name, t_s, pixels, kept)
+            if kept != "none" or number == first:
+                bag.camera(name, t_s, cameras[name])

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,15 +12,18 @@ from sandbot_bed.status import status_message
 from sandbot_common import messages, topics
 from sandbot_common.serialization import to_cdr
 from sandbot_common.topics import Topic
+from sandbot_record.frames import encode_jpeg
 from sandbot_record.writer import BagWriter
+from sandbot_tracking.calibration import Camera
 from sandbot_tracking.offline import Sample
+from sandbot_tracking.period import PeriodMean
 
 Floats = NDArray[np.float64]
 
-JPEG_QUALITY = 90
 HEIGHT_PERIOD_S = 0.1
 _RAW = {"dorsal": topics.DORSAL_IMAGE, "lateral": topics.LATERAL_IMAGE}
 _JPEG = {"dorsal": topics.DORSAL_JPEG, "lateral": topics.LATERAL_JPEG}
+_INFO = {"dorsal": topics.DORSAL_INFO, "lateral": topics.LATERAL_INFO}
 
 
 class TrialBag:
@@ -60,8 +62,12 @@ class TrialBag:
         if kept == "raw":
             self.add(_RAW[camera], stamp, messages.image(stamp, camera, pixels))
         elif kept == "jpeg":
-            data = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
-            self.add(_JPEG[camera], stamp, messages.jpeg(stamp, camera, data))
+            self.add(_JPEG[camera], stamp, messages.jpeg(stamp, camera, encode_jpeg(pixels)))
+
+    def camera(self, name: str, t_s: float, camera: Camera) -> None:
+        """What a camera sees with."""
+        stamp, size = self._at(t_s), (camera.width, camera.height)
+        self.add(_INFO[name], stamp, messages.camera_info(stamp, name, size, camera.matrix, camera.distortion))
 
     def bed(self, t_s: float, command: Command) -> None:
         """One step of the bed's preparation: status and blower where they change, the height ten times a second."""
@@ -85,6 +91,11 @@ class TrialBag:
         self.add(topics.FRONT_AXLE, stamp, messages.point(stamp, sample.front_axle))
         self.add(topics.REAR_AXLE, stamp, messages.point(stamp, sample.rear_axle))
         self.add(topics.SPEED, stamp, messages.twist(stamp, sample.v_x, sample.v_z, sample.var_x, sample.var_z))
+
+    def period(self, t_s: float, mean: PeriodMean) -> None:
+        """Mean speed and lift of the leg period that ended just now, as the tracker node publishes them."""
+        self.add(topics.SPEED_MEAN, self._at(t_s), messages.float64(mean.speed_m_s))
+        self.add(topics.LIFT, self._at(t_s), messages.float64(mean.lift_m))
 
     def write(self, path: Path, metadata: Mapping[str, str], attachments: Mapping[str, str]) -> None:
         """Write the bag under its name, whole or not at all."""

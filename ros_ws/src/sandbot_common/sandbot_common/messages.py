@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PointStamped, TwistWithCovarianceStamped
 from numpy.typing import NDArray
-from sensor_msgs.msg import CompressedImage, Image, JointState, Range
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState, Range
 from std_msgs.msg import Float64, Header, String
 
 from sandbot_common.topics import FRAME
@@ -99,6 +99,22 @@ def jpeg(t_ns: int, frame_id: str, data: bytes) -> CompressedImage:
     message = CompressedImage(header=header(t_ns, frame_id), format="mono8; jpeg compressed mono8")
     message.data.frombytes(data)
     return message
+
+
+def camera_info(
+    t_ns: int, frame_id: str, size: tuple[int, int], matrix: Floats, distortion: Sequence[float]
+) -> CameraInfo:
+    """A camera's size (width, height) [px], matrix K (3, 3) and plumb-bob distortion k1, k2, p1, p2, k3."""
+    return CameraInfo(
+        header=header(t_ns, frame_id),
+        width=size[0],
+        height=size[1],
+        distortion_model="plumb_bob",
+        d=list(distortion),
+        k=matrix.ravel().tolist(),
+        r=np.eye(3).ravel().tolist(),
+        p=np.column_stack([matrix, np.zeros(3)]).ravel().tolist(),
+    )
 
 
 def pixels(message: Image) -> NDArray[np.uint8]:

@@ -88,7 +88,7 @@ def direct_trials(
                     "omega_rad_s": float(omega),
                     "gait": gait,
                     "replicate": replicate,
-                    **_read(trace, omega, errors, rng),
+                    **_read(trace, errors, rng),
                     "status": "ok",
                 }
                 rows.append({name: row[name] for name in COLUMNS})
@@ -105,27 +105,30 @@ class Readings:
     first_step_m: float
 
 
-def readings(trace: Trace, omega_rad_s: float) -> Readings:
-    """Speed over whole periods after the first, median rise a step, median peak a period, advance in [0, π/ω]."""
-    period = 2 * pi / omega_rad_s
-    start, end = trace.t_s[0], trace.t_s[-1]
-    whole = int((end - start) / period + 1e-9)
-    first = trace.x_m[0], _at(trace, trace.x_m, start + period / 2)
-    first_step = first[1] - first[0] if end >= start + period / 2 else nan
+def readings(trace: Trace) -> Readings:
+    """Speed over whole periods after the first, median rise a step, median peak a period, advance in the first step.
+
+    A step is a half period of the legs as they really turn, which may be slower than told: their mean angle grows by π.
+    """
+    turned = trace.leg_angle_rad.mean(axis=1) - trace.leg_angle_rad[0].mean()
+    steps = int(turned[-1] / pi + 1e-9)
+    edges = np.interp(pi * np.arange(steps + 1), np.maximum.accumulate(turned), trace.t_s)
+    first_step = _at(trace, trace.x_m, edges[1]) - trace.x_m[0] if steps else nan
+    whole = steps // 2
     if whole < 2:
         return Readings(nan, nan, nan, float(first_step))
-    steady = start + period, start + whole * period
-    travelled = _at(trace, trace.x_m, steady[1]) - _at(trace, trace.x_m, steady[0])
+    steady = edges[2 : 2 * whole + 1]
+    travelled = _at(trace, trace.x_m, steady[-1]) - _at(trace, trace.x_m, steady[0])
     return Readings(
-        speed_m_s=travelled / (steady[1] - steady[0]),
-        lift_m=_largest(trace, trace.z_m, steady, period / 2) - float(trace.z_m[0]),
-        peak_speed_m_s=_largest(trace, trace.v_x_m_s, steady, period),
+        speed_m_s=travelled / float(steady[-1] - steady[0]),
+        lift_m=_largest(trace, trace.z_m, steady) - float(trace.z_m[0]),
+        peak_speed_m_s=_largest(trace, trace.v_x_m_s, steady[::2]),
         first_step_m=float(first_step),
     )
 
 
-def _read(trace: Trace, omega: float, errors: ReadingErrors, rng: np.random.Generator) -> dict[str, float]:
-    truth, chance = readings(trace, omega), rng.standard_normal(4).tolist()
+def _read(trace: Trace, errors: ReadingErrors, rng: np.random.Generator) -> dict[str, float]:
+    truth, chance = readings(trace), rng.standard_normal(4).tolist()
     return {
         "speed_m_s": truth.speed_m_s + errors.speed_m_s * chance[0],
         "speed_sd_m_s": errors.speed_m_s,
@@ -140,8 +143,7 @@ def _at(trace: Trace, values: Floats, t_s: float) -> float:
     return float(np.interp(t_s, trace.t_s, values))
 
 
-def _largest(trace: Trace, values: Floats, between: tuple[float, float], piece_s: float) -> float:
-    """Median over pieces (steps or periods) of the largest value in each."""
-    pieces = round((between[1] - between[0]) / piece_s)
-    edges = np.searchsorted(trace.t_s, between[0] + piece_s * np.arange(pieces + 1))
+def _largest(trace: Trace, values: Floats, edges_s: Floats) -> float:
+    """Median over pieces (steps or periods) between edges [s] of the largest value in each."""
+    edges = np.searchsorted(trace.t_s, edges_s)
     return float(np.median([values[low:high].max() for low, high in itertools.pairwise(edges)]))

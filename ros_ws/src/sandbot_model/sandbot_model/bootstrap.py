@@ -3,31 +3,40 @@
 Trials are drawn with replacement within their cell (Efron & Tibshirani 1993, ch. 6), so that every condition stays in.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
-from sandbot_model.cells import OMEGA_TOLERANCE, Cells, cells_of
-from sandbot_model.fit import Fit
+from sandbot_model.cells import OMEGA_TOLERANCE, cells_of
+from sandbot_model.fit import Known, fit
 from sandbot_model.levels import phi_levels, same_within
+from sandbot_model.model import Model
+from sandbot_model.parallel import Map
 from sandbot_record.trials import Trials
 
-Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Values = dict[str, float]
 
 
 def bootstrap(
     trials: Trials,
-    refit: Callable[[Cells], Fit],
+    model: Model,
     draws: int,
-    rng: np.random.Generator,
-    each: Callable[[Iterable[int]], Iterable[int]] = iter,
-) -> dict[str, float]:
+    *,
+    near: Known | None = None,
+    seed: int = 0,
+    fit_all: Map = map,
+    each: Callable[[Iterable[Values]], Iterable[Values]] = iter,
+) -> Values:
     """Standard error of every parameter, and of k at each level as ``k[i]``, from ``draws`` refits.
 
-    ``each`` wraps the counting of the draws, as a progress bar does. Draws of n trials from n vary by (n - 1)/n less
-    than new trials would; the result is corrected for it. Raises InputError if draws < 2 or no cell has replicates.
+    ``near`` is where the fits begin, ``fit_all`` maps them (see ``parallel``) and ``each`` wraps what comes in, as a
+    progress bar does. Every draw has a seed of its own: the result does not depend on who fits. Draws of n trials from
+    n vary by (n - 1)/n less than new trials would; the result is corrected for it. Raises InputError if draws < 2 or no
+    cell has replicates.
     """
     if draws < 2:
         raise InputError(f"--bootstrap: {draws} draws tell no spread; 2 or more")
@@ -36,19 +45,26 @@ def bootstrap(
     sizes = [len(group) for group in groups]
     if max(sizes) < 2:
         raise InputError("--bootstrap: no condition has replicates to draw from")
-    found: list[dict[str, float]] = []
-    for _ in each(range(draws)):
-        drawn = np.concatenate([rng.choice(group, len(group)) for group in groups])
-        fit = refit(cells_of(trials.select(drawn)))
-        ks = {f"k[{i}]": float(k) for i, k in enumerate(fit.k_n_per_m)}
-        found.append({name: estimate.value for name, estimate in fit.parameters.items()} | ks)
+    redraw = partial(_redraw, trials, groups, model, near)
+    found = list(each(fit_all(redraw, np.random.SeedSequence(seed).spawn(draws))))
     size = float(np.mean([size for size in sizes if size > 1]))
     names = [name for name in found[0] if all(name in one for one in found)]
     spread = np.std([[one[name] for name in names] for one in found], axis=0, ddof=1)
     return dict(zip(names, (spread * np.sqrt(size / (size - 1))).tolist(), strict=True))
 
 
-def _cells(trials: Trials) -> list[NDArray[np.int64]]:
+def _redraw(
+    trials: Trials, groups: Sequence[Ints], model: Model, near: Known | None, seed: np.random.SeedSequence
+) -> Values:
+    """The parameters fitted to one draw."""
+    rng = np.random.default_rng(seed)
+    drawn = np.concatenate([rng.choice(group, len(group)) for group in groups])
+    best = fit(model, cells_of(trials.select(drawn)), near)
+    ks = {f"k[{i}]": float(k) for i, k in enumerate(best.k_n_per_m)}
+    return {name: estimate.value for name, estimate in best.parameters.items()} | ks
+
+
+def _cells(trials: Trials) -> list[Ints]:
     """Indices of the trials of each cell."""
     gait = np.unique(np.asarray(trials.gait, dtype=str), return_inverse=True)[1]
     phi = np.asarray(trials.phi, dtype=float)

@@ -13,6 +13,8 @@ from sandbot_model.formula import formula_effect
 
 GROUP = "sandbot_model.effects"
 """Entry-point group: each entry names an Effect subclass."""
+USER_MODULE = "sandbot_user_effects_"
+"""How the modules of users' files are named; no other process can import them."""
 
 
 def catalogue(files: Sequence[Path] = (), formulas: Sequence[str] = ()) -> dict[str, Effect]:
@@ -31,7 +33,7 @@ def effects_in(path: Path) -> list[Effect]:
     """One instance of each Effect subclass defined in a Python file."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    spec = importlib.util.spec_from_file_location(f"sandbot_user_effects_{path.stem}", path)
+    spec = importlib.util.spec_from_file_location(f"{USER_MODULE}{path.stem}", path)
     if spec is None or spec.loader is None:
         raise InputError(f"{path}: not a Python file")
     module = importlib.util.module_from_spec(spec)

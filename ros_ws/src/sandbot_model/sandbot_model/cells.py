@@ -3,7 +3,7 @@
 Everything after this works on cells, so its cost does not grow with the number of trials.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,6 +105,18 @@ class Cells:
     def __len__(self) -> int:
         return len(self.omega)
 
+    def without(self, cell: int) -> "Cells":
+        """All cells but one; the levels stay, even if one of them is empty then."""
+        keep = np.arange(len(self)) != cell
+        each = {one.name: getattr(self, one.name) for one in fields(self)}
+        shorter = {
+            name: values[keep] for name, values in each.items() if isinstance(values, np.ndarray) and name not in WHOLE
+        }
+        return replace(self, gait=tuple(gait for gait, kept in zip(self.gait, keep, strict=True) if kept), **shorter)
+
+
+WHOLE = ("level_phi", "noise", "pure_error_dof")
+"""Arrays of ``Cells`` that are not over cells."""
 
 USUAL_NOISE = (5e-3, 5e-4, 1e-2, 1.5e-3)
 """Standard deviation of one trial [SI] that weighs observables against each other where nothing was replicated."""
@@ -213,9 +225,8 @@ def _scatter(residual: Floats, cells: int) -> float:
 
 
 def noise_floor(cells: Cells) -> dict[str, float]:
-    """Pure error of one trial for each observable: rms scatter of replicates about their mean, flips included."""
-    dof = np.maximum(cells.n - 1, 0)
-    squares = (dof * np.nan_to_num(cells.sd) ** 2).sum(axis=0)
-    total = dof.sum(axis=0)
-    with np.errstate(invalid="ignore"):
-        return dict(zip(OBSERVABLES, np.sqrt(squares / total).tolist(), strict=True))
+    """Pure error of one trial for each observable: rms scatter of replicates about their mean [SI].
+
+    Cells where some replicates walk and others swim scatter between two values, not about one; they are not in.
+    """
+    return dict(zip(OBSERVABLES, cells.noise.tolist(), strict=True))

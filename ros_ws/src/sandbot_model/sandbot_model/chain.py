@@ -5,7 +5,8 @@
 Everything is a function of one unknown, the depth d of the lowest leg point: the chord s(d) is geometry, and with it
 the ground's strength, the force it gives and the force that is needed. A ``Chain`` holds these quantities on arrays
 of shape ``(..., depths)``; each stage sets its own from what is there, then the effects of that stage change them. An
-effect sees quantities, never another effect, so that any set of them composes.
+effect sees quantities, never another effect, so that any set of them composes. Step and speed are filled first: as
+functions of d they cost nothing, and what the feet meet depends on how far apart they fall.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -67,7 +68,7 @@ class Chain:
     mass: Array = field(init=False, metadata={"unit": "kg", "doc": "mass to carry"})
     added_mass: Array = field(init=False, metadata={"unit": "kg", "doc": "mass to accelerate beside it"})
     gravity: Array = field(init=False, metadata={"unit": "m/s²", "doc": "g across the bed"})
-    # speed
+    # speed (before strength as well)
     kept: Array = field(init=False, metadata={"unit": "1", "doc": "share of the step that becomes advance"})
     peak_ratio: Array = field(init=False, metadata={"unit": "1", "doc": "largest v_x(t) over leg speed"})
 
@@ -155,7 +156,10 @@ def through(chain: Chain, effects: Active) -> Chain:
     chain.thrust_time = np.pi / (2 * chain.omega)
     chain.chord = chord(robot, chain.depth)
     chain.step = chain.chord
+    chain.kept = np.ones(())
     act("step")
+    # What of a step becomes advance is known before what it costs: the next foot falls an advance further on.
+    act("speed")
 
     chain.penetration = chain.depth
     chain.sigma_phi = np.zeros(())
@@ -168,9 +172,6 @@ def through(chain: Chain, effects: Active) -> Chain:
     chain.mass, chain.added_mass = np.asarray(robot.mass_per_leg_kg), np.zeros(())
     chain.gravity = np.asarray(robot.gravity_m_s2)
     act("balance")
-
-    chain.kept = np.ones(())
-    act("speed")
     return chain
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import f as f_distribution
 
 from sandbot_model.cells import OBSERVABLES, Cells
-from sandbot_model.chain import Array
+from sandbot_model.chain import Array, Bool, Ints
 from sandbot_model.descent import bounds, descend, full_jacobian, look_along_k, look_along_theta
 from sandbot_model.model import Model
 from sandbot_model.problem import Problem, States
@@ -30,6 +30,12 @@ AT_BOUND = 1e-3
 PLAUSIBLE_SIGMAS = 3.0
 K_PRIOR = 0.03
 """How well k is known from neighbouring levels, relative."""
+EDGE = 1.25
+"""A cell whose mean scatters so much wider by chance of walking or swimming than by pure error is on the edge."""
+FAR = 2.0
+"""Standard errors of a cell mean beyond which leaving it out is more than a linear step."""
+CV_MOST = 100.0
+"""Most that one cell counts in ``cv_deviance``: what only it could tell is not held against a set without end."""
 K_PER_PHI = 5.0
 """dk/dφ over k where a single level can't tell: 50 N/m over 0.05 at 200 N/m (Li09)."""
 
@@ -87,9 +93,14 @@ class Fit:
     residual_z: Array
     fails: tuple[Fail, ...]
     rmse_m_s: float
-    """Speed: rms over trials of measured minus model, so that a perfect model reaches the noise floor."""
+    """Speed: rms over trials of measured minus model, so that a perfect model reaches the noise floor. Cells where
+    the robot walks or swims by chance, in the replicates or by the model, have no value to be near and are not in."""
     cv_rmse_m_s: float
-    """The same with every cell predicted by a fit to all others."""
+    """The same with every cell predicted by a fit to all others, where those can tell it (``cv_cells``)."""
+    cv_deviance: float
+    """Deviance of all cells, each predicted by a fit to all others, as one score of how well the set foretells."""
+    cv_cells: int
+    """Cells that ``cv_rmse_m_s`` is made of."""
     rmse: Mapping[str, float]
     cv_rmse: Mapping[str, float]
     chi2: float
@@ -194,6 +205,15 @@ def fitted_at(model: Model, cells: Cells, point: Point) -> Fit:
 
 
 def best_state(problem: Problem, near: Known | None = None) -> States:
+    """The least deviance found anywhere; with more in the model not above that of ``near``, if one nests the other."""
+    found = _search(problem, near)
+    if near is None or found.deviance[0] <= near.deviance:
+        return found
+    close = nearby_state(problem, near)
+    return close if close.deviance[0] < found.deviance[0] else found
+
+
+def _search(problem: Problem, near: Known | None) -> States:
     """Coarse search, descent from many starts of which ever fewer are followed, a look around, descent. One row."""
     levels = len(problem.cells.level_phi)
     critical = problem.model.robot.critical_k_n_per_m
@@ -274,12 +294,13 @@ def _inherited(model: Model, near: Known) -> Array:
     for index, name in enumerate(model.names):
         if name in near.parameters:
             starts_at[index] = near.parameters[name]
-    mild, strong = starts_at.copy(), starts_at.copy()
+    none, mild, strong = starts_at.copy(), starts_at.copy(), starts_at.copy()
     for index, (name, one) in enumerate(zip(model.names, model.parameters, strict=True)):
         if name not in near.parameters:
+            none[index] = one.start if one.neutral is None else one.neutral
             mild[index] = one.start if one.neutral is None else one.neutral + 0.15 * (one.start - one.neutral)
             strong[index] = one.low + 0.85 * (one.high - one.low)
-    return np.stack([starts_at, mild, strong])
+    return np.stack([starts_at, none, mild, strong])
 
 
 def summary(problem: Problem, state: States) -> Fit:
@@ -297,8 +318,11 @@ def summary(problem: Problem, state: States) -> Fit:
     gap = np.where(problem.measured, cells.mean - predicted, np.nan)
     z = gap / np.sqrt(np.diagonal(state.covariance[0], axis1=1, axis2=2))
     chi2, deviance = float(np.sum(state.residual**2)), float(state.deviance[0])
-    rmse = _rms(cells, gap)
-    cv_rmse = _rms(cells, left_out_gap(problem, state, jacobian))
+    firm = _firm(problem, problem.widening(state.covariance[0]))
+    left = left_out(problem, state, jacobian)
+    foretold = firm & left.told
+    rmse = _rms(cells, np.where(firm[:, None], gap, np.nan))
+    cv_rmse = _rms(cells, np.where(foretold[:, None], left.gap, np.nan))
     estimates = {
         name: Estimate(float(value), float(error))
         for name, value, error in zip(model.names, theta, stderr, strict=False)
@@ -317,6 +341,8 @@ def summary(problem: Problem, state: States) -> Fit:
         fails=_fails(cells, gap, z),
         rmse_m_s=rmse["speed"],
         cv_rmse_m_s=cv_rmse["speed"],
+        cv_deviance=left.deviance,
+        cv_cells=int(foretold.sum()),
         rmse=rmse,
         cv_rmse=cv_rmse,
         chi2=chi2,
@@ -333,12 +359,21 @@ def summary(problem: Problem, state: States) -> Fit:
     )
 
 
-def left_out_gap(problem: Problem, state: States, jacobian: Array) -> Array:
-    """Measured minus predicted ``(cells, 4)``, each cell by the parameters that fit the others.
+class LeftOut(NamedTuple):
+    """Cells predicted by the others: measured minus predicted ``(cells, 4)`` and whether they can tell ``(cells,)``."""
+
+    gap: Array
+    told: Bool
+    deviance: float
+
+
+def left_out(problem: Problem, state: States, jacobian: Array) -> LeftOut:
+    """Each cell by the parameters that fit the others.
 
     Taking a cell's rows J_c, r_c out of the normal equations moves the minimum by -(JᵀJ - J_cᵀJ_c)⁻¹ J_cᵀ r_c; the
-    model itself is then evaluated there. Where the cell left out is the only one that tells its level's k, k is taken
-    as known to ``K_PRIOR`` from the levels beside it.
+    model itself is then evaluated there. A cell whose prediction moves far is fitted again without it. Where the cell
+    left out alone tells its level's k, k is taken as known to ``K_PRIOR`` from the levels beside it. A
+    cell is told if the others know it as well as its own replicates do, and whether it walks does not hang on itself.
     """
     count, level = state.theta.shape[1], problem.cells.level
     prior = np.zeros(jacobian.shape[1])
@@ -346,14 +381,47 @@ def left_out_gap(problem: Problem, state: States, jacobian: Array) -> Array:
     blocks = jacobian.reshape(len(level), 4, -1)
     normal = jacobian.T @ jacobian + np.diag(prior) - np.einsum("cip,ciq->cpq", blocks, blocks)
     scale = np.sqrt(np.maximum(np.diag(jacobian.T @ jacobian) + prior, 1e-12))
-    pull = np.einsum("cip,ci->cp", blocks, state.residual[0])
-    ridge = normal / scale[:, None] / scale[None, :] + 1e-9 * np.eye(len(scale))
-    move = -np.linalg.solve(ridge, (pull / scale)[..., None])[..., 0] / scale
+    inverse = np.linalg.inv(normal / scale[:, None] / scale[None, :] + 1e-9 * np.eye(len(scale)))
+    inverse = inverse / scale[:, None] / scale[None, :]
+    move = -np.einsum("cpq,ciq,ci->cp", inverse, blocks, state.residual[0])
     low, high = bounds(problem)
     theta = np.clip(state.theta + move[:, :count], low, high)
     ln_k = state.ln_k + np.clip(move[:, count:], -3 * K_PRIOR, 3 * K_PRIOR)
-    predicted = problem.each_by_its_own(theta, ln_k, state.slope)
-    return np.where(problem.measured, problem.cells.mean - predicted, np.nan)
+    found = problem.each_by_its_own(theta, ln_k, state.slope)
+    far = _moved_far(problem, state, found.predicted)
+    if len(far):
+        for cell in far:
+            theta[cell], ln_k[cell] = _fit_without(problem, cell, state, theta[cell], ln_k[cell])
+        found = problem.each_by_its_own(theta, ln_k, state.slope)
+    # The first row of L turns whitened slopes into those of speed.
+    slope = np.einsum("ci,cip->cp", np.linalg.inv(state.whiten[0])[:, 0, :], blocks)
+    unsure = np.sqrt(np.einsum("cp,cpq,cq->c", slope, inverse, slope))
+    gap = np.where(problem.measured, problem.cells.mean - found.predicted, np.nan)
+    as_before = found.walks == (state.footing.walking[0].mean(axis=1) > 0.5)
+    told = (unsure < np.sqrt(problem.covariance[:, 0, 0])) & as_before & _firm(problem, found.widening)
+    return LeftOut(gap, told, float(np.minimum(found.deviance, CV_MOST).sum()))
+
+
+def _moved_far(problem: Problem, state: States, predicted: Array) -> Ints:
+    """Cells where a linear step can't be trusted; none for a model that is far off anyway."""
+    if state.deviance[0] > HOPELESS * problem.measured.sum():
+        return np.zeros(0, dtype=np.int64)
+    move = np.abs(predicted - state.predicted[0])[:, 0]
+    return np.flatnonzero(move > FAR * np.sqrt(problem.covariance[:, 0, 0]))
+
+
+def _fit_without(problem: Problem, cell: int, state: States, theta: Array, ln_k: Array) -> tuple[Array, Array]:
+    """θ and ln k that fit all cells but one, the better of what is found from the linear step and from the fit."""
+    fewer = Problem(problem.model, problem.cells.without(cell))
+    begin = fewer.states(np.stack([theta, state.theta[0]]), np.stack([ln_k, state.ln_k[0]]), state.slope)
+    found = descend(fewer, begin)
+    best = int(found.deviance.argmin())
+    return found.theta[best], found.ln_k[best]
+
+
+def _firm(problem: Problem, widening: Array) -> Bool:
+    """Cells where neither the replicates nor the model walk or swim by chance."""
+    return ~problem.cells.own_scatter & (widening < EDGE)
 
 
 def _rms(cells: Cells, gap: Array) -> dict[str, float]:

@@ -23,9 +23,9 @@ MAIN = {"clock": "omega", "strength": "k", "balance": "force", "step": "step", "
 READABLE = {
     "clock": ("k", "omega", "phi", "delta_t", "v_swim", "depth", "slow_phase_ratio"),
     "step": ("leg_speed", "peak_ratio", "chord", "step"),
+    "speed": ("kept",),
     "strength": ("penetration", "sigma_phi"),
     "balance": ("force", "extra_force", "delta_v", "lift_ratio", "mass", "added_mass", "gravity"),
-    "speed": ("kept",),
 }
 """Quantities that exist from a stage on, in the order in which the chain is filled."""
 

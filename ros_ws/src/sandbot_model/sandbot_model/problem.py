@@ -11,7 +11,7 @@ the mean says little, the mixture's variance says so, and one such cell can't de
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,8 @@ LEAST_SPREAD = 1e-3
 STEP = 1e-5
 """Relative step of the derivatives."""
 DEPTH_STEP_M = 1e-8
+STEPS = 10
+"""Steps over which a trial averages what varies along the track; about as many as four periods have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,16 @@ class States:
         arrays = {n: pick(v, getattr(other, n)) for n, v in vars(self).items() if n != "footing"}
         feet = [pick(m, i) for m, i in zip(vars(self.footing).values(), vars(other.footing).values(), strict=True)]
         return States(footing=Footing(*feet), **arrays)
+
+
+class OneByOne(NamedTuple):
+    """Of every cell by parameters of its own: prediction ``(cells, 4)``, and ``(cells,)`` each widening, deviance and
+    whether it walks."""
+
+    predicted: Array
+    widening: Array
+    deviance: Array
+    walks: Bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +119,8 @@ class Problem:
         footing = Footing(*(np.broadcast_to(value, shape) for value in vars(footing).values()))
         values = np.broadcast_to(values, (*shape, 4))
         predicted, _ = self._average(values)
-        covariance, whiten, surprise = self._mixture(values, predicted, footing.walking)
+        share = self._share_between_trials(inputs, params)
+        covariance, whiten, surprise = self._mixture(values, predicted, footing.walking, share)
         gap = np.where(self.measured, self.cells.mean - predicted, 0.0)
         residual = np.einsum("rcij,rcj->rci", whiten, gap)
         deviance = np.sum(residual**2, axis=2) + surprise
@@ -117,24 +130,37 @@ class Problem:
     def _average(self, values: Array) -> tuple[Array, Array]:
         """Average over the nodes (axis -2) and the weight of each node's change in it, of the shape of ``values``.
 
-        Trials differ in φ: an average over nodes. Where φ also varies along the track, a trial takes its time where it
-        is slow (harmonic mean of speed), its lift is that of the median step and its peak that of the best one.
+        Trials differ in φ: an average over nodes. Where φ also varies along the track, a trial's lift is that of the
+        median step and its peak that of the best one; its speed is the average still, as every step takes as long.
         """
         weights = np.broadcast_to(WEIGHTS[:, None], values.shape)
-        if not any(effect.along_the_track for effect in self.model.walker.effects):
+        if not self._along_the_track:
             return np.einsum("g,...gi->...i", WEIGHTS, values), weights
-        speed = np.maximum(values[..., 0], 1e-6)
-        mean_speed = 1 / np.einsum("g,...g->...", WEIGHTS, 1 / speed)
         weights = weights.copy()
-        weights[..., 0] *= (mean_speed[..., None] / speed) ** 2
         weights[..., 1] = np.arange(len(NODES)) == len(NODES) // 2
         reached = np.where(np.abs(NODES) < 2, values[..., 2], -np.inf)
         weights[..., 2] = np.arange(len(NODES)) == reached.argmax(axis=-1)[..., None]
-        average = np.sum(weights * values, axis=-2)
-        average[..., 0] = mean_speed
-        return average, weights
+        return np.sum(weights * values, axis=-2), weights
 
-    def _mixture(self, values: Array, predicted: Array, walking: Bool) -> tuple[Array, Array, Array]:
+    @cached_property
+    def _along_the_track(self) -> bool:
+        return any(effect.along_the_track for effect in self.model.walker.effects)
+
+    def _share_between_trials(self, inputs: Inputs, params: Params) -> Array:
+        """Standard deviation over trials as a share of that over steps, ``(rows or 1, cells or 1, 4)``.
+
+        What varies along the track a trial averages over its steps; only the first step is one of a kind, and the
+        best of all steps is a matter of chance as it was.
+        """
+        if not self._along_the_track:
+            return np.ones((1, 1, 4))
+        track = np.asarray(self.spread(params, np.asarray(inputs.delta_t_s), np.asarray(inputs.phi)))[..., 0]
+        between = self.cells.phi_scatter**2
+        averaged = np.sqrt((between + track**2 / STEPS) / np.maximum(between + track**2, 1e-18))
+        one = np.ones_like(averaged)
+        return np.stack([averaged, averaged, one, one], axis=-1)
+
+    def _mixture(self, values: Array, predicted: Array, walking: Bool, share: Array) -> tuple[Array, Array, Array]:
         """Covariance, its whitening and ln |V_c|/|V_c0|: wider where the nodes of a cell both walk and swim."""
         rows = len(values)
         covariance = np.broadcast_to(self.covariance, (rows, *self.covariance.shape))
@@ -144,7 +170,8 @@ class Problem:
         if not len(row):
             return covariance, whiten, surprise
         covariance, whiten = covariance.copy(), whiten.copy()
-        off = values[row, cell] - predicted[row, cell, None, :]
+        share = np.broadcast_to(share, (rows, len(self.cells), 4))[row, cell, None, :]
+        off = share * (values[row, cell] - predicted[row, cell, None, :])
         extra = np.einsum("g,sgi,sgj->sij", WEIGHTS, off, off) / self.replicates[cell, None, None]
         both = self.measured[cell, :, None] & self.measured[cell, None, :]
         wider = covariance[row, cell] + np.where(both, extra, 0.0)
@@ -153,10 +180,20 @@ class Problem:
         surprise[row, cell] = 2 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1) - self.log_det[cell]
         return covariance, whiten, surprise
 
-    def each_by_its_own(self, theta: Array, ln_k: Array, slope: Array) -> Array:
-        """Predictions ``(cells, 4)``, cell i with row i of θ ``(cells, parameters)`` and ln k ``(cells, levels)``."""
+    def each_by_its_own(self, theta: Array, ln_k: Array, slope: Array) -> OneByOne:
+        """What is predicted for cell i with row i of θ ``(cells, parameters)`` and ln k ``(cells, levels)``."""
         states = self.states(theta, ln_k, slope)
-        return states.predicted[np.arange(len(self.cells)), np.arange(len(self.cells))]
+        at = np.arange(len(self.cells))
+        return OneByOne(
+            states.predicted[at, at],
+            self.widening(states.covariance[at, at]),
+            states.cell_deviance[at, at],
+            states.footing.walking[at, at].mean(axis=1) > 0.5,
+        )
+
+    def widening(self, covariance: Array) -> Array:
+        """How much wider a cell mean's speed scatters than by pure error ``(cells,)``; above 1 beside a switch."""
+        return np.asarray(np.sqrt(covariance[:, 0, 0] / self.covariance[:, 0, 0]))
 
     def jacobian(self, states: States) -> Array:
         """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``; the last column is the level's ln k.

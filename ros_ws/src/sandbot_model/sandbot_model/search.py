@@ -159,11 +159,10 @@ def _averaged(table: Array, k_grid: Array, sigma_k: Array) -> Array:
         share = ((wanted - k_grid[upper - 1]) / (k_grid[upper] - k_grid[upper - 1]))[..., None]
         below, above = (np.take_along_axis(table, at[..., None], axis=2) for at in (upper - 1, upper))
         value = (1 - share) * below + share * above
-        total[..., 0] += weight / np.maximum(value[..., 0], 1e-6)
-        total[..., 3] += weight * value[..., 3]
+        total += weight * value
         if abs(node) < 2:
             peak = np.maximum(peak, value[..., 2])
-    total[..., 0], total[..., 1], total[..., 2] = 1 / total[..., 0], table[..., 1], peak
+    total[..., 1], total[..., 2] = table[..., 1], peak
     return total
 
 

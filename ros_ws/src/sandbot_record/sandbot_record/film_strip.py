@@ -1,5 +1,6 @@
 """A strip of tracked video out of a bag: the kept lateral frames with the tracked marks drawn on them."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import load_yaml
-from sandbot_record import metadata
+from sandbot_record import frames, metadata, video
+from sandbot_record.frames import Pixels
+from sandbot_record.playback import Timeline
 from sandbot_record.reader import FIELD_STAMP, Bag
 from sandbot_record.table import bags_in
 from sandbot_tracking.calibration import Camera, cameras_from_mapping
@@ -24,6 +27,8 @@ SCALE = 1.5
 ROWS_KEPT = (0.45, 0.75)
 """The part of the frame's height in which the robot walks."""
 _MARKS = {topics.FRONT_AXLE: (0, 165, 255), topics.REAR_AXLE: (255, 170, 0)}
+_RAW = topics.LATERAL_IMAGE.name
+_FRAMES = (topics.LATERAL_JPEG.name, _RAW, video.index_name(_RAW))
 _POINT = ("point.x", "point.y", "point.z")
 
 
@@ -33,7 +38,7 @@ def film_strip(data: Path, count: int = 4) -> Strip:
     for path in bags:
         # metadata.yaml tells without reading the bag whether frames were kept.
         info = metadata.read(path) if path.is_dir() else None
-        if info is not None and any(topic.name == topics.LATERAL_JPEG.name and topic.count for topic in info.topics):
+        if info is not None and any(topic.name in _FRAMES and topic.count for topic in info.topics):
             bag = Bag.open(path)
             if "cameras.yaml" in bag.attachments:
                 return _strip(bag, count)
@@ -49,16 +54,27 @@ def _strip(bag: Bag, count: int) -> Strip:
     led = bag.columns(topics.SYNC_LED.name, "stamp.sec", "stamp.nanosec")
     start_ns = int(led["stamp.sec"][0]) * 1_000_000_000 + int(led["stamp.nanosec"][0])
     marks = {topic: bag.columns(topic.name, *_POINT, *FIELD_STAMP) for topic in _MARKS}
-    frames = [message.decode() for message in bag.messages([topics.LATERAL_JPEG.name])]
-    stamps = np.array([messages.nanoseconds(frame.header.stamp) for frame in frames])
+    stamps, picture = _frames(bag)
     wanted = [int(np.argmin(np.abs(stamps - t))) for t in _moments(marks[topics.FRONT_AXLE], start_ns, count)]
     return [
         (
-            _drawn(np.asarray(frames[i].data, dtype=np.uint8), camera, marks, int(stamps[i])),
+            _drawn(picture(i), camera, marks, int(stamps[i])),
             f"t = {(stamps[i] - start_ns) * 1e-9:.2f} s ({bag.path.name}, lateral camera)",
         )
         for i in wanted
     ]
+
+
+def _frames(bag: Bag) -> tuple[NDArray[np.int64], Callable[[int], Pixels]]:
+    """Stamps (n,) [ns] of the lateral frames, and how to get frame i in grey."""
+    if topics.LATERAL_JPEG.name in bag.topics:
+        kept = [message.decode() for message in bag.messages([topics.LATERAL_JPEG.name])]
+        stamps = np.array([messages.nanoseconds(frame.header.stamp) for frame in kept], dtype=np.int64)
+        return stamps, lambda i: np.asarray(cv2.imdecode(kept[i].data, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
+    timeline = Timeline(bag, [_RAW])
+    named = next(name for name in (_RAW, video.index_name(_RAW)) if name in bag.topics)
+    stamps = bag.columns(named, *FIELD_STAMP).stamp_ns
+    return stamps, lambda i: frames.pixels_of(timeline[i].data, "grey")[1]
 
 
 def _moments(axle: Any, start_ns: int, count: int) -> NDArray[np.float64]:
@@ -71,8 +87,7 @@ def _moments(axle: Any, start_ns: int, count: int) -> NDArray[np.float64]:
     return np.asarray(top + 1e9 * np.linspace(-0.06, 0.06, count))
 
 
-def _drawn(jpeg: NDArray[np.uint8], camera: Camera, marks: dict[topics.Topic, Any], stamp_ns: int) -> bytes:
-    grey = cv2.imdecode(jpeg, cv2.IMREAD_GRAYSCALE)
+def _drawn(grey: Pixels, camera: Camera, marks: dict[topics.Topic, Any], stamp_ns: int) -> bytes:
     picture = cv2.cvtColor(
         cv2.resize(grey, None, fx=SCALE, fy=SCALE, interpolation=cv2.INTER_CUBIC), cv2.COLOR_GRAY2BGR
     )

@@ -2,29 +2,39 @@
 
 from bisect import bisect_left
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
-from sandbot_record import foreign, mcap_scan, reader
+from sandbot_record import foreign, frames, mcap_scan, metadata, reader, video
 from sandbot_record.mcap_scan import Batch
 from sandbot_record.reader import Bag, Message
+from sandbot_record.video import VideoFrames
 
 SECOND_NS = 1_000_000_000
 _KEPT_BLOCKS = 16
 
 
 class Timeline:
-    """The messages of some topics of a bag in order of log time; only an index and a few blocks are held in memory."""
+    """The messages of some topics of a bag in order of log time; only an index and a few blocks are held in memory.
 
-    def __init__(self, bag: Bag, topics: Collection[str] | None = None) -> None:
-        if topics is not None and (unknown := [name for name in topics if name not in bag.topics]):
-            raise InputError(f"{bag.path}: no topic {unknown[0]}; there are: {', '.join(bag.topics)}")
-        self.topics = {name: info for name, info in bag.topics.items() if topics is None or name in topics}
-        self._names = list(self.topics)
+    Frames that were recorded as video come as the raw images they were, on their own topic; with ``decode_jpeg`` JPEG
+    messages do, too.
+    """
+
+    def __init__(self, bag: Bag, topics: Collection[str] | None = None, *, decode_jpeg: bool = False) -> None:
+        shown = {name: _shown(info, decode_jpeg=decode_jpeg) for name, info in bag.topics.items()}
+        there = [info.name for info in shown.values()]
+        if topics is not None and (unknown := [name for name in topics if name not in there]):
+            raise InputError(f"{bag.path}: no topic {unknown[0]}; there are: {', '.join(there)}")
+        wanted = {name: info for name, info in shown.items() if topics is None or info.name in topics}
+        self.topics = {info.name: info for info in wanted.values()}
+        self._names = list(wanted)
+        self._shown = list(wanted.values())
+        self._videos = {shown[name].name: VideoFrames(file) for name, file in bag.videos.items()}
         # What rosbags reads can't be fetched block by block, so it is kept.
         self._kept: list[Batch] | None = [] if foreign.is_foreign(bag.files[0], bag.info) else None
         self._files = [] if self._kept is not None else [reader.mapped(path) for path in bag.files]
@@ -43,17 +53,24 @@ class Timeline:
         return len(self.times_ns)
 
     def __getitem__(self, index: int) -> Message:
+        """Message ``index``; raises InputError if it is a frame that its video does not hold."""
         batch = self._load(int(self._block[index]))
         row = int(self._row[index])
-        name = self._names[self._topic[index]]
+        topic = self._shown[self._topic[index]]
         fields = batch.rows[row]
+        data = batch.payload(row)
+        if (film := self._videos.get(topic.name)) is not None:
+            place = video.place(data)
+            data = memoryview(frames.to_image(place.header, film.frame(place)))
+        elif topic.name != self._names[self._topic[index]]:
+            data = memoryview(frames.from_jpeg(data))
         return Message(
-            name,
-            self.topics[name].type,
+            topic.name,
+            topic.type,
             int(fields["log_time_ns"]),
             int(fields["publish_time_ns"]),
             int(fields["sequence"]),
-            batch.payload(row),
+            data,
         )
 
     def _batch(self, block: int) -> Batch:
@@ -66,7 +83,7 @@ class Timeline:
             number = {
                 channel: self._names.index(info.name)
                 for channel, info in definitions.topics.items()
-                if info.name in self.topics
+                if info.name in self._names
             }
             rows = np.flatnonzero(np.isin(batch.rows["channel"], list(number)))
             if not len(rows):
@@ -80,6 +97,12 @@ class Timeline:
             if self._kept is not None:
                 self._kept.append(batch)
         return tuple(np.concatenate(column) for column in columns)
+
+
+def _shown(info: metadata.TopicInfo, *, decode_jpeg: bool) -> metadata.TopicInfo:
+    """The topic as it is played: the image topic for the index of its video, and for its JPEG if asked."""
+    image = video.image_topic(info) or (frames.raw_name(info.name, info.type) if decode_jpeg else None)
+    return info if image is None else replace(info, name=image, type=frames.RAW, hash="")
 
 
 @dataclass
@@ -174,7 +197,10 @@ class Player:
         return self._anchor[0] + round(ahead / self._rate)
 
     def step(self, now_ns: int) -> Message | None:
-        """The next message if it is due by ``now_ns``; begins a new round at the end of a loop."""
+        """The next message if it is due by ``now_ns``; begins a new round at the end of a loop.
+
+        Raises InputError where the next one is a frame its video does not hold; the step after goes on behind it.
+        """
         if self.paused:
             return None
         if self._anchor is None:
@@ -185,9 +211,8 @@ class Player:
         due = self.due_ns()
         if due is None or due > now_ns:
             return None
-        message = self.timeline[self.index]
         self.index += 1
-        return message
+        return self.timeline[self.index - 1]
 
     def _hold(self, now_ns: int) -> None:
         self._position_ns = self.position_ns(now_ns)

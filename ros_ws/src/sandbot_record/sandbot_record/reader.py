@@ -17,7 +17,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
-from sandbot_record import columns, foreign, interfaces, mcap_scan, metadata
+from sandbot_record import columns, foreign, interfaces, mcap_scan, metadata, video
 from sandbot_record.mcap_scan import Batch, Damage
 
 _KEEP_BYTES = 32 << 20
@@ -159,6 +159,13 @@ class Bag:
             return Columns(log, publish, values)
         return Columns(log[order], publish[order], {name: value[order] for name, value in values.items()})
 
+    @property
+    def videos(self) -> dict[str, Path]:
+        """The video file of each frame index topic (``sandbot_record.video``)."""
+        folder = self.path if self.path.is_dir() else self.path.parent
+        found = {name: video.image_topic(topic) for name, topic in self.topics.items()}
+        return {name: folder / video.file_name(image) for name, image in found.items() if image is not None}
+
     def batches(self) -> Iterator[tuple[Batch, Definitions]]:
         """The intact blocks of all files with the definitions known by then."""
         for _, batch, definitions in self.blocks():
@@ -203,6 +210,11 @@ class Bag:
         if starts:
             self.start_ns, self.end_ns = min(starts), max(ends)
         self._check_complete()
+        self.problems += [
+            f"{file.name} is missing, the frames of {name}"
+            for name, file in self.videos.items()
+            if self.topics[name].count and not file.is_file()
+        ]
 
     def _small(self) -> list[tuple[int, mcap_scan.Item, Definitions]] | None:
         """Everything in the bag, if that is not much once decompressed."""

@@ -15,7 +15,8 @@ from typing import NamedTuple
 from rosbags.interfaces import Qos
 
 from sandbot_common.errors import InputError
-from sandbot_record import frames
+from sandbot_record import frames, video
+from sandbot_record.video import VideoFile
 from sandbot_record.writer import BagWriter
 
 SECOND_NS = 1_000_000_000
@@ -64,11 +65,12 @@ class Recording:
         *,
         limits: Limits = Limits(),
         images: str = "raw",
+        codec: str = "rawvideo",
         monotonic_s: Callable[[], float],
         free_bytes: Callable[[Path], int] = lambda folder: shutil.disk_usage(folder).free,
         flush_period_s: float = 0.25,
     ) -> None:
-        self._writer, self._limits, self._images = writer, limits, images
+        self._writer, self._limits, self._images, self._codec = writer, limits, images, codec
         self._monotonic_s, self._free_bytes, self._flush_period_s = monotonic_s, free_bytes, flush_period_s
         self._queue: deque[Received] = deque()
         self._queued_bytes = 0
@@ -76,6 +78,8 @@ class Recording:
         self._lock = threading.Lock()
         self._pending_topics: deque[Callable[[], None]] = deque()
         self._written_as: dict[str, str] = {}
+        self._convert: dict[str, Callable[[bytes], bytes]] = {}
+        self._videos: list[VideoFile] = []
         self._torn = False
         self.tallies: dict[str, Tally] = {}
         self.stopped = threading.Event()
@@ -102,13 +106,24 @@ class Recording:
         """Have the writer's thread register a topic before any of its messages."""
         self.tallies.setdefault(name, Tally())
         written = name
-        if self._images == "jpeg" and type_name == frames.RAW:
-            written, type_name, definition, type_hash = frames.compressed_name(name), frames.JPEG, None, None
+        if type_name == frames.RAW and self._images != "raw":
+            written, type_name = self._keep_frames(name)
+            definition = type_hash = None
         self._written_as[name] = written
         self._pending_topics.append(
             lambda: self._writer.add_topic(written, type_name, qos=qos, definition=definition, type_hash=type_hash)
         )
         self._wake.set()
+
+    def _keep_frames(self, name: str) -> tuple[str, str]:
+        """Have a topic's images written as JPEG or video; the topic and type that then stand in the bag."""
+        if self._images == "jpeg":
+            self._convert[name] = frames.to_jpeg
+            return frames.compressed_name(name), frames.JPEG
+        file = VideoFile(self._writer.folder / video.file_name(name), self._codec)
+        self._videos.append(file)
+        self._convert[name] = file.add
+        return video.index_name(name), video.INDEX
 
     def put(self, message: Received, *, sole_publisher: bool = True) -> None:
         """Take a message; never blocks on the disk."""
@@ -134,6 +149,8 @@ class Recording:
         self._finish.set()
         self._wake.set()
         self._thread.join()
+        for file in self._videos:
+            file.close()
         if not self._torn:
             try:
                 for name, values in self._records(metadata).items():
@@ -199,6 +216,8 @@ class Recording:
                 if now - flushed >= self._flush_period_s:
                     flushed = now
                     self._writer.flush()
+                    for file in self._videos:
+                        file.check()
                     self._check_free()
                 if self._limits.duration_s and now - start >= self._limits.duration_s:
                     self.stopped.set()
@@ -223,8 +242,8 @@ class Recording:
 
     def _write(self, message: Received) -> None:
         name, data = self._written_as[message.topic], message.data
-        if name != message.topic:
-            data = frames.to_jpeg(data)
+        if (convert := self._convert.get(message.topic)) is not None:
+            data = convert(data)
         self._writer.write(name, data, message.log_time_ns, message.publish_time_ns, message.sequence)
         self.tallies[message.topic].written += 1
 

@@ -1,6 +1,7 @@
 """A torn or damaged bag into a new, whole one: everything intact comes back, and what is lost is named."""
 
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,6 +13,7 @@ from sandbot_record import interfaces, mcap_scan
 from sandbot_record.mcap_scan import Batch, Damage
 from sandbot_record.metadata import TopicInfo
 from sandbot_record.reader import Bag, Definitions, mapped
+from sandbot_record.video import Transfer
 from sandbot_record.writer import BagWriter
 
 RECORD = "recovery"
@@ -67,10 +69,11 @@ def recover(source: Path, target: Path) -> Recovery:
         raise InputError(f"{source}: no message can be brought back: {reason}")
     result = Recovery()
     with BagWriter(target) as writer:
+        films = {name: Transfer(file, writer.folder) for name, file in bag.videos.items()}
         last_ns = bag.start_ns
         for file, item, definitions in bag.items():
             if isinstance(item, Batch):
-                _copy(item, definitions, bag, writer, result)
+                _copy(item, definitions, bag, writer, films, result)
                 last_ns = int(item.rows["log_time_ns"][-1]) if len(item.rows) else last_ns
             elif isinstance(item, Damage):
                 _account(item, definitions, result, f"{bag.files[file].name}", last_ns)
@@ -78,6 +81,8 @@ def recover(source: Path, target: Path) -> Recovery:
                 writer.metadata(item.name, item.metadata)
             elif isinstance(item, Attachment):
                 writer.attach(item.name, item.data, item.media_type)
+        for film in films.values():
+            film.close()
         for topic in bag.topics.values():
             _add(topic, None, bag, writer)
         result.counts = writer.counts
@@ -90,7 +95,14 @@ def recover(source: Path, target: Path) -> Recovery:
     return result
 
 
-def _copy(batch: Batch, definitions: Definitions, bag: Bag, writer: BagWriter, result: Recovery) -> None:
+def _copy(
+    batch: Batch,
+    definitions: Definitions,
+    bag: Bag,
+    writer: BagWriter,
+    films: Mapping[str, Transfer],
+    result: Recovery,
+) -> None:
     topics: dict[int, TopicInfo | None] = {}
     for row, fields in enumerate(batch.rows):
         channel, log_time = int(fields["channel"]), int(fields["log_time_ns"])
@@ -100,11 +112,22 @@ def _copy(batch: Batch, definitions: Definitions, bag: Bag, writer: BagWriter, r
         topic = topics[channel]
         if topic is None:
             result.losses[f"channel {channel} (topic or type not known)"].add(1, log_time, log_time)
-        elif log_time < 0 or not (batch.checked or _decodes(batch, row, topic)):
+            continue
+        sound = log_time >= 0 and (batch.checked or _decodes(batch, row, topic))
+        data = _taken_over(batch.payload(row), films.get(topic.name)) if sound else None
+        if data is None:
             result.losses[topic.name].add(1, log_time, log_time)
         else:
             publish_time = max(0, int(fields["publish_time_ns"]))
-            writer.write(topic.name, batch.payload(row), log_time, publish_time, int(fields["sequence"]))
+            writer.write(topic.name, data, log_time, publish_time, int(fields["sequence"]))
+
+
+def _taken_over(data: memoryview, film: Transfer | None) -> bytes | memoryview | None:
+    """The message as it is; a frame index together with its frame, None if that is gone."""
+    try:
+        return data if film is None else film(data)
+    except InputError:
+        return None
 
 
 def _add(topic: TopicInfo, definitions: Definitions | None, bag: Bag, writer: BagWriter) -> bool:

@@ -31,6 +31,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.node import run
 from sandbot_record.metadata import TopicInfo
 from sandbot_record.playback import SECOND_NS, Player
+from sandbot_record.reader import Message
 
 _CLOCK_PERIOD_NS = 10_000_000
 _SPIN_NS = 200_000
@@ -61,7 +62,7 @@ class Replay(Node):
         self._clock_outlet = self.create_publisher(Clock, "/clock", 10) if options.clock else None
         self._clock_due_ns = 0
         self._late_ns: list[int] = []
-        self.published = 0
+        self.published = self.missing = 0
         self._changed, self._stop = threading.Event(), threading.Event()
         self.create_service(SetBool, "/replay/pause", self._on_pause)
         self.create_service(Trigger, "/replay/restart", self._on_restart)
@@ -82,11 +83,14 @@ class Replay(Node):
 
     def last_line(self) -> str:
         """How many messages, and how late they were."""
+        replayed = f"replayed {self.published} messages"
+        if self.missing:
+            replayed += f", {self.missing} frames were not in their video"
         if not self._late_ns:
-            return f"replayed {self.published} messages"
+            return replayed
         median, p99, worst = (value * 1e-6 for value in np.quantile(self._late_ns, (0.5, 0.99, 1.0)))
         late = f"{median:.3f} ms (median), {p99:.3f} (p99), {worst:.3f} (worst)"
-        return f"replayed {self.published} messages; late by {late}"
+        return f"{replayed}; late by {late}"
 
     def key(self, key: str) -> None:
         """What a key of the terminal does."""
@@ -107,13 +111,14 @@ class Replay(Node):
             rclpy.try_shutdown(context=self.context)
 
     def _play(self) -> None:
-        _ = self._player.timeline[min(self._player.index, len(self._player.timeline) - 1)]  # its block is loaded now
+        with contextlib.suppress(InputError):  # its block is loaded now
+            _ = self._player.timeline[min(self._player.index, len(self._player.timeline) - 1)]
         self._stop.wait(self._options.delay_s)
         while not self._stop.is_set() and not self._player.finished:
             now = time.monotonic_ns()
             with self._lock:
                 due = self._player.due_ns()
-                message = self._player.step(now)
+                message = self._step(now)
                 position = self._player.position_ns(now)
             self._tick(now, position)
             if message is None:
@@ -126,6 +131,14 @@ class Replay(Node):
         for publisher in self._outlets.values():
             with contextlib.suppress(Exception):  # only to let reliable readers catch up; not every middleware can
                 publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=1))
+
+    def _step(self, now: int) -> Message | None:
+        try:
+            return self._player.step(now)
+        except InputError as error:
+            self.missing += 1
+            self.get_logger().warning(str(error), throttle_duration_sec=5.0)
+            return None
 
     def _wait(self, now: int) -> None:
         with self._lock:

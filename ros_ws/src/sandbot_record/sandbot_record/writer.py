@@ -87,6 +87,11 @@ class BagWriter:
         return folder
 
     @property
+    def folder(self) -> Path:
+        """Where the files lie until the bag is closed: under a temporary name if it is a ``whole`` one."""
+        return self._folder
+
+    @property
     def counts(self) -> dict[str, int]:
         """Messages written, by topic."""
         return {name: channel.info.count for name, channel in self._channels.items()}

@@ -31,5 +31,4 @@ class CarriedMomentum(Effect):
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""
         if not chain.first_step:
-            mean_speed = chain.omega * chain.step / np.pi
-            chain.delta_v = np.maximum(chain.delta_v - p["chi_m"] * mean_speed, 0.0)
+            chain.delta_v = np.maximum(chain.delta_v - p["chi_m"] * chain.speed, 0.0)

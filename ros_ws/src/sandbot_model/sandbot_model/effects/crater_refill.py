@@ -23,6 +23,6 @@ class CraterRefill(Effect):
         """Set what the formula says."""
         if not chain.first_step:
             radius = chain.robot.leg_radius_m
-            share = np.clip((1.2 * radius - chain.step) / (0.1 * radius), 0.0, 1.0)
+            share = np.clip((1.2 * radius - chain.advance) / (0.1 * radius), 0.0, 1.0)
             crater = p["z_0_m"] * np.exp(-np.pi / (chain.omega * p["tau_s"]))
             chain.penetration = np.maximum(chain.penetration - share * crater, 0.0)

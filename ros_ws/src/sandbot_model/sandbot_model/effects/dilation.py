@@ -45,7 +45,7 @@ class Dilation(Effect):
         """Set what the formula says."""
         if not chain.first_step:
             radius = chain.robot.leg_radius_m
-            share = np.clip((S_C * radius - chain.step) / (0.1 * radius), 0.0, 1.0)
+            share = np.clip((S_C * radius - chain.advance) / (0.1 * radius), 0.0, 1.0)
             phi_d = chain.phi + p["xi"] * (p["phi_c"] - chain.phi)
             # As a difference of the fitted curve, so that it moves with the k being tried.
             chain.k = chain.k + share * (chain.k_of_phi(phi_d) - chain.k_of_phi(chain.phi))

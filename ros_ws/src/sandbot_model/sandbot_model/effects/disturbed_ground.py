@@ -32,6 +32,6 @@ class DisturbedGround(Effect):
         """Set what the formula says."""
         if not chain.first_step:
             radius = chain.robot.leg_radius_m
-            share = np.clip((p["s_c"] * radius - chain.step) / (0.1 * radius), 0.0, 1.0)
+            share = np.clip((p["s_c"] * radius - chain.advance) / (0.1 * radius), 0.0, 1.0)
             # Disturbing loosens: ground that is weaker than k_L already stays as it is.
             chain.k = chain.k - np.maximum(chain.k - p["k_l_n_per_m"], 0.0) * share

@@ -8,12 +8,12 @@ from sandbot_model.chain import Chain, Effect, Parameter, Values
 class PhiNonuniformity(Effect):
     """The average over k(φ) is taken after the chain (see ``problem``).
 
-    Of 1/v̄, for a robot spends its time where it is slow; the lift is the middle step's, the peak the best one's.
+    Every step takes half a period, so speed is a plain average; the lift is the middle step's, the peak the best one's.
     """
 
     identifier = "phi_nonuniformity"
     stage = "strength"
-    formula = "1/v averaged over phi ~ N(phi, sigma_phi)"
+    formula = "v averaged over phi ~ N(phi, sigma_phi)"
     source = "Li09, air flow uniform to 10 %"
     seen_in = "replicate scatter near omega_c"
     parameters = (

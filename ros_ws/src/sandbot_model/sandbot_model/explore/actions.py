@@ -27,6 +27,10 @@ def act(selection: Selection, control: str, value: Any) -> Selection:
             return replace(selection, by_hand=())
         case "cell":
             return replace(selection, cell=value)
+        case "pin":
+            return selection.pin()
+        case "unpin":
+            return replace(selection, against="")
     return selection
 
 

@@ -10,22 +10,39 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from dash import ALL, Dash, Input, Output, State, ctx, dcc, html, no_update
+from dash import ALL, Dash, Input, Output, State, ctx, html, no_update
 from dash.exceptions import PreventUpdate
-from flask import request
+from flask import Response, abort, send_file
 
 from sandbot_common.errors import InputError
 from sandbot_model.discover import Discovery
-from sandbot_model.explore import controls, views, waveforms
+from sandbot_model.explore import behind, controls, views, waveforms
 from sandbot_model.explore.actions import act, clicked_cell, moved
+from sandbot_model.explore.loopback import own_host_only
+from sandbot_model.explore.reproduce import steps_of
 from sandbot_model.explore.selection import Selection, from_query, to_query, to_yaml
 from sandbot_model.explore.session import Session
 from sandbot_model.report.content import cells_csv
+from sandbot_model.report.page import source
 from sandbot_model.report.provenance import provenance
-from sandbot_model.report.theme import LIGHT, THEMES, Theme
+from sandbot_model.report.theme import LIGHT, THEMES, Spec, Theme
 from sandbot_record.trials import Trials
 
-TRIAL_COLUMNS = ("trial_id", "phi", "omega_rad_s", "speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m", "status")
+INDEX = """<!doctype html>
+<html lang="en">
+<head>
+{%metas%}
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<title>{%title%}</title>
+{%favicon%}
+{%css%}
+</head>
+<body>
+{%app_entry%}
+<footer>{%config%}{%scripts%}{%renderer%}<script>{export}</script></footer>
+</body>
+</html>"""
 SHOW_OUTPUTS = (
     Output("address", "search"),
     Output("model", "value"),
@@ -38,7 +55,15 @@ SHOW_OUTPUTS = (
     Output("cell", "value"),
     Output("by-hand", "children"),
     Output("figure", "figure"),
+    Output("figure", "style"),
+    Output("figure-how", "children"),
+    Output("figure-says", "children"),
+    Output("pane-title", "children"),
+    Output("pane-title", "hidden"),
+    Output("unpin", "hidden"),
     Output("ladder", "figure"),
+    Output("ladder", "style"),
+    Output("ladder-says", "children"),
     Output("parameters", "children"),
     Output("beside", "children"),
     Output("trials", "children"),
@@ -75,12 +100,12 @@ class Explorer:
         self.session, self.trials, self.data, self.title = session, trials, tuple(data), title
         self.beside = beside
         self.bags = waveforms.bags_of([path for path in data if path.exists()])
+        self.known = provenance(trials, session.cells, waveforms.lost_bags(self.bags, trials))
         self.job = Job()
 
     def app(self) -> Dash:
         """The Dash application; nothing in it comes from the network."""
-        cells = self.session.cells
-        known = provenance(self.trials, cells)
+        cells, known = self.session.cells, self.known
         line = (
             f"{known.used} trials used, {len(known.excluded)} excluded; {len(cells)} conditions over "
             f"{len(cells.level_phi)} volume fractions"
@@ -92,9 +117,11 @@ class Explorer:
             assets_folder=str(Path(__file__).parent / "assets"),
             serve_locally=True,
             suppress_callback_exceptions=True,
+            index_string=INDEX.replace("{export}", source("export.js")),
         )
-        app.layout = controls.page(self.title, line, known.notes, cells)
-        app.server.before_request(_own_host_only)
+        own_host_only(app.server)
+        app.layout = controls.page(self.title, line, known, cells)
+        app.server.add_url_rule("/bag/<trial_id>/<name>", "bag", self.send_bag)
         self._wire(app)
         return app
 
@@ -105,6 +132,10 @@ class Explorer:
         effects = session.catalogue(selection.formulas)
         shown = views.show(session, selection, theme)
         session.ahead(selection)
+        panes = self._panes(selection, theme)
+        if panes:
+            shown = replace(shown, figure=self._narrow(selection, shown, theme))
+            views.same_ranges([shown.figure, *(pane.figure for pane in panes if pane.figure)])
         by_hand = selection.view == "parameters"
         return (
             to_query(selection),
@@ -119,9 +150,17 @@ class Explorer:
             # Sliders are slow to make and seldom looked at: only with their view.
             controls.by_hand(views.sliders(selection, shown.current, effects)) if by_hand else [],
             shown.figure,
+            controls.height(shown.figure),
+            shown.how,
+            shown.says,
+            f"{self.title}: {shown.current.label}",
+            not panes,
+            not selection.against,
             shown.ladder,
+            controls.height(shown.ladder),
+            shown.ladder_says,
             controls.parameter_table(views.parameter_rows(selection, shown.current, effects)) if by_hand else None,
-            self._other(selection, theme),
+            controls.panes(panes),
             self._trials(selection, shown, theme),
             shown.status,
             "",
@@ -132,51 +171,35 @@ class Explorer:
         promises = session.promises(selection)
         effects = session.catalogue(selection.formulas)
         inherent = [name for name in effects if name not in promises]
-        return controls.effect_options(effects, inherent, selection.effects, promises)
+        return controls.effect_options(effects, inherent, session.shown(replace(selection, by_hand=())), promises)
 
-    def _other(self, selection: Selection, theme: Theme) -> Any:
-        """The second data set under the same selection; why not, where it can't be."""
-        if self.beside is None:
-            return None
-        try:
+    def _panes(self, selection: Selection, theme: Theme) -> list[views.Pane]:
+        """The second data set under the same selection, and the model set beside on the same data."""
+        shown = []
+        if self.beside is not None:
             # A cell is one of the first data set.
-            shown = views.show(self.beside.session, replace(selection, cell=None), theme)
-        except InputError as error:
-            return [html.H2(self.beside.title), html.P(str(error))]
-        self.beside.session.ahead(selection)
-        figure = html.Div(dcc.Graph(figure=shown.figure, config=controls.GRAPH), className="plot")
-        return [html.H2(self.beside.title), html.P(shown.status), figure]
+            shown.append(views.beside(self.beside.session, replace(selection, cell=None), self.beside.title, theme))
+            self.beside.session.ahead(selection)
+        if (other := selection.other) is not None:
+            title = f"{self.title}: {self.session.shown(other).label}, set beside"
+            shown.append(views.beside(self.session, other, title, theme))
+        return shown
+
+    def _narrow(self, selection: Selection, shown: views.Shown, theme: Theme) -> Spec:
+        """The figure as it is drawn beside another one: no ghost, fewer panels in a row."""
+        if views.absent(selection, shown.current):
+            return shown.figure
+        return views.figure(selection, None, shown.current, theme, columns=views.PANE_COLUMNS)
 
     def _trials(self, selection: Selection, shown: views.Shown, theme: Theme) -> Any:
-        cells = self.session.cells
-        if selection.cell is None or selection.cell >= len(cells):
+        if selection.cell is None or selection.cell >= len(self.session.cells):
             return None
-        rows = waveforms.trials_of(self.trials, cells, selection.cell)
-        texts = [tuple(_cell(getattr(self.trials, name)[i]) for name in TRIAL_COLUMNS) for i in rows]
-        parts: list[Any] = [controls.trial_table(texts, TRIAL_COLUMNS)]
-        ids = [str(self.trials.trial_id[i]) for i in rows]
-        found, missing = waveforms.read(self.bags, ids)
-        if found:
-            figure = waveforms.figure(found, shown.current.fit, selection.cell, theme)
-            parts.append(html.Div(dcc.Graph(figure=figure, config=controls.GRAPH), className="plot"))
-            parts.append(html.P("Bags: " + ", ".join(str(self.bags[one.trial_id]) for one in found), className="soft"))
-        return [*parts, *(html.P(line, className="soft") for line in missing)]
+        return behind.parts(self.trials, self.bags, shown.current.fit, selection.cell, theme)
 
-    def _selected(self, selection: Selection, formula: str | None, sliders: dict[str, float], click: Any) -> Selection:
-        """The selection after the control that fired."""
-        control = ctx.triggered_id
-        if isinstance(control, dict):
-            shown = self.session.shown(selection).fit.parameters
-            return moved(selection, {name: one.value for name, one in shown.items()}, sliders)
-        if control == "figure":
-            return act(selection, "cell", clicked_cell(click))
-        if control in ("add", "formula"):
-            return act(selection, "formula", formula or "")
-        if control == "adopt":
-            found = self.job.found
-            return act(selection, "adopt", found.verdict.effects) if found else selection
-        value = ctx.triggered[0]["value"] if ctx.triggered else None
-        return act(selection, str(control), value)
+    def send_bag(self, trial_id: str, name: str) -> Response:
+        """A recording's file, of the bags shown only."""
+        files = waveforms.files_of(self.bags[trial_id]) if trial_id in self.bags else {}
+        return send_file(files[name].resolve(), as_attachment=True) if name in files else abort(404)
 
     def _wire(self, app: Dash) -> None:
         controls_in = ("model", "effects", "view", "observable", "cell")
@@ -186,7 +209,7 @@ class Explorer:
             Input("theme", "data"),
             *(Input(name, "value") for name in controls_in),
             Input("figure", "clickData"),
-            *(Input(name, "n_clicks") for name in ("add", "release", "adopt")),
+            *(Input(name, "n_clicks") for name in ("add", "release", "adopt", "pin", "unpin")),
             Input("formula", "n_submit"),
             Input({"by_hand": ALL}, "value"),
             State("formula", "value"),
@@ -273,7 +296,7 @@ class Explorer:
             selection = from_query(search or "")
             if ctx.triggered_id == "save-csv":
                 return {"content": cells_csv(self.session.ladder(selection)), "filename": "cells.csv"}
-            return {"content": self.saved(selection), "filename": "selection.yaml"}
+            return {"content": self.saved(selection), "filename": "explorer.yaml"}
         except InputError:
             raise PreventUpdate from None
 
@@ -292,14 +315,15 @@ class Explorer:
         return controls.suggestion(job.found), True, not job.found.verdict.effects
 
     def saved(self, selection: Selection) -> str:
-        """The selection as YAML with the numbers it gives."""
-        fit = self.session.shown(selection).fit
+        """The selection as YAML with the numbers that ``compare`` gives for it."""
+        fit = steps_of(selection, self.session.cells, self.session.catalogue(selection.formulas))[-1]
         result = {
             "rmse_m_s": fit.rmse_m_s,
             "cv_rmse_m_s": fit.cv_rmse_m_s,
             "noise_floor_m_s": self.session.noise_floor_m_s,
         }
-        return to_yaml(selection, [str(path) for path in self.data], result)
+        files = [str(path) for path in self.session.effect_files]
+        return to_yaml(selection, [str(path) for path in self.data], result, files)
 
     def begin(self, selection: Selection) -> None:
         """Start a discovery in a thread of its own, unless one is running."""
@@ -321,15 +345,3 @@ class Explorer:
                 job.running = False
 
         threading.Thread(target=run, name="suggest", daemon=True).start()
-
-
-def _own_host_only() -> tuple[str, int] | None:
-    """Refuse a page of another site that had its name point here (DNS rebinding)."""
-    host = request.host.rsplit(":", 1)[0]
-    return None if host in ("127.0.0.1", "localhost") else (f"this page is for this host only, not for {host}", 403)
-
-
-def _cell(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.4g}" if value == value else "–"
-    return str(value)

@@ -8,21 +8,25 @@ from dash import dcc, html
 from sandbot_model.cells import OBSERVABLES, Cells
 from sandbot_model.chain import Effect
 from sandbot_model.discover import Discovery
-from sandbot_model.explore.views import TITLES, Slider, promise
+from sandbot_model.explore.views import TITLES, Pane, Slider, promise, values
 from sandbot_model.report import text
-from sandbot_model.report.view import NAMES, PEOPLE_UNITS, bands, readable
+from sandbot_model.report.captions import HOW
+from sandbot_model.report.page import data_uri
+from sandbot_model.report.theme import Spec
+from sandbot_model.report.view import NAMES, PEOPLE_UNITS, Provenance, Step, bands, readable
 from sandbot_model.walking import BASES
 
 GRAPH = {
     "displaylogo": False,
     "responsive": True,
-    "modeBarButtons": [["toImage"], ["zoom2d", "pan2d", "resetScale2d"]],
-    "toImageButtonOptions": {"format": "svg"},
+    "modeBarButtons": [["zoom2d", "pan2d", "resetScale2d"]],
 }
+FORMATS = ("svg", "png", "csv")
+MAX_EXCLUDED = 60
 FORMULA_EXAMPLE = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
 
 
-def page(title: str, data_line: str, notes: Sequence[str], cells: Cells) -> html.Div:
+def page(title: str, data_line: str, known: Provenance, cells: Cells) -> html.Div:
     """The whole page, controls first in reading order, figures beside them."""
     return html.Div(
         [
@@ -32,13 +36,15 @@ def page(title: str, data_line: str, notes: Sequence[str], cells: Cells) -> html
             dcc.Interval(id="promise-clock", interval=1000),
             dcc.Interval(id="suggest-clock", interval=500, disabled=True),
             dcc.Download(id="download"),
+            html.A("Skip to the figures", href="#figures", className="skip"),
             html.Header(
                 [
                     html.H1(title),
                     html.P(data_line, className="soft"),
                     html.P(id="status", role="status", className="status"),
                     html.P(id="message", role="alert", className="message"),
-                    *(html.P(line, className="caution") for line in notes),
+                    *(html.P([html.Strong("Can’t be shown. "), line], className="caution") for line in known.notes),
+                    *_excluded(known),
                 ]
             ),
             html.Div([_controls(), _figures(cells)], className="columns"),
@@ -47,10 +53,21 @@ def page(title: str, data_line: str, notes: Sequence[str], cells: Cells) -> html
     )
 
 
+def _excluded(known: Provenance) -> list[html.Details]:
+    """Which trials were left out, folded."""
+    if not known.excluded:
+        return []
+    rows = known.excluded[:MAX_EXCLUDED]
+    more = [] if len(rows) == len(known.excluded) else [html.P(f"and {len(known.excluded) - len(rows)} more")]
+    head = html.Summary(f"{len(known.excluded)} trials excluded, and why")
+    return [html.Details([head, _table("Trials excluded", ("trial", "why"), rows), *more])]
+
+
 def effect_options(
-    effects: Mapping[str, Effect], inherent: Sequence[str], on: Sequence[str], promises: Mapping[str, Any]
+    effects: Mapping[str, Effect], inherent: Sequence[str], current: Step, promises: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    """One option for each effect: name, what switching it over would do, stage and formula."""
+    """One option for each effect: name, what switching it over would do, stage, formula, and values if it is on."""
+    on, now = current.fit.effects, current.fit.rmse_m_s
     options = []
     for name, effect in effects.items():
         if name in inherent:
@@ -58,8 +75,9 @@ def effect_options(
         label = html.Span(
             [
                 html.Span(readable(name), className="effect"),
-                html.Span(promise(promises.get(name), name in on), className="promise"),
+                html.Span(promise(promises.get(name), name in on, now), className="promise"),
                 html.Small(f"{effect.stage}: {effect.formula}"),
+                *([html.Small(values(name, current), className="values")] if name in on else []),
             ],
             className="effect-line",
         )
@@ -95,9 +113,58 @@ def parameter_table(rows: Sequence[tuple[str, str, str]]) -> html.Table:
     return _table("Fitted values ± standard error", ("parameter", "value", "unit"), rows)
 
 
-def trial_table(rows: Sequence[tuple[str, ...]], head: Sequence[str]) -> html.Table:
+def trial_table(rows: Sequence[Sequence[Any]], head: Sequence[str]) -> html.Table:
     """The trials of one cell."""
     return _table("Trials of this condition", head, rows)
+
+
+def plot(name: str, spec: Spec | None = None, how: str = "", says: str = "") -> html.Figure:
+    """A figure with how to read it, what it shows in words, and buttons that save it."""
+    given = {"figure": spec, "style": height(spec)} if spec else {}
+    graph = dcc.Graph(id=name, config=GRAPH, **given)
+    buttons = [
+        html.Button(
+            one.upper(),
+            type="button",
+            **{"data-format": one, "data-figure": name, "aria-label": f"Save figure {name} as {one.upper()}"},
+        )
+        for one in FORMATS
+    ]
+    return html.Figure(
+        [
+            html.Div(graph, className="plot", id=f"{name}-box", role="img", **{"aria-labelledby": f"{name}-says"}),
+            html.Figcaption(
+                [
+                    html.P(how, id=f"{name}-how"),
+                    html.P(says, id=f"{name}-says"),
+                    html.P(["Save figure: ", *buttons], className="save"),
+                ]
+            ),
+        ]
+    )
+
+
+def height(spec: Spec) -> dict[str, str]:
+    """The style of a graph that shows ``spec``: a graph that adapts its width takes its height from there."""
+    return {"height": f"{spec['layout']['height']}px"}
+
+
+def panes(shown: Sequence[Pane]) -> list[Any]:
+    """Figures beside the first one."""
+    parts = []
+    for i, pane in enumerate(shown):
+        body = html.P(pane.says) if pane.figure is None else plot(f"beside-{i}", pane.figure, says=pane.says)
+        parts.append(html.Section([html.H3(pane.title), body], className="pane"))
+    return parts
+
+
+def film(strip: Sequence[tuple[bytes, str]]) -> html.Div:
+    """Frames of the lateral camera with the tracked marks drawn on them."""
+    frames = [
+        html.Figure([html.Img(src=data_uri(jpeg, "image/jpeg"), alt=caption), html.Figcaption(caption)])
+        for jpeg, caption in strip
+    ]
+    return html.Div(frames, className="film")
 
 
 def suggestion(found: Discovery) -> list[Any]:
@@ -113,6 +180,9 @@ def suggestion(found: Discovery) -> list[Any]:
             [(readable(c.effect), text.number(c.delta_bic), text.cm_s(c.cv_rmse_m_s)) for c in found.candidates[:5]],
         ),
     ]
+    if found.residual is not None:
+        left = found.residual
+        parts.append(html.P([f"What is left: {left.sentence}. To try as your own effect: ", html.Code(left.formula)]))
     if found.next_trials:
         rows = [
             (f"{t.phi:.3f}", f"{t.omega_rad_s:.4g}", NAMES[t.observable], f"{t.expected_gap_sd:.1f} s.d.")
@@ -187,7 +257,20 @@ def _figures(cells: Cells) -> html.Main:
                 ),
                 id="observable-row",
             ),
-            html.Div(dcc.Graph(id="figure", config=GRAPH), className="plot", id="figure-box"),
+            html.Div(
+                [
+                    html.Section([html.H3(id="pane-title", hidden=True), plot("figure")], className="pane"),
+                    html.Div(id="beside", className="panes"),
+                ],
+                className="panes",
+            ),
+            html.Div(
+                [
+                    html.Button("Set this model beside", id="pin", type="button", n_clicks=0),
+                    html.Button("Remove the one beside", id="unpin", type="button", n_clicks=0, hidden=True),
+                ],
+                className="buttons",
+            ),
             html.Div(
                 [
                     html.H2("Values by hand"),
@@ -199,16 +282,17 @@ def _figures(cells: Cells) -> html.Main:
                 id="parameters-box",
                 hidden=True,
             ),
-            html.Div(id="beside"),
             html.H2("Error as effects are added"),
-            html.Div(dcc.Graph(id="ladder", config=GRAPH), className="plot"),
+            plot("ladder", how=HOW["ladder"]),
             html.H2("Trials behind a point"),
             html.Label("Click a point or a cell of the map, or choose a condition", htmlFor="cell"),
             dcc.Dropdown(
                 [{"value": i, "label": label} for i, label in enumerate(labels)], None, id="cell", clearable=True
             ),
             html.Div(id="trials"),
-        ]
+        ],
+        id="figures",
+        tabIndex=-1,
     )  # fmt: skip
 
 
@@ -220,7 +304,7 @@ def _cell_labels(cells: Cells) -> list[str]:
     return labels
 
 
-def _table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> html.Table:
+def _table(caption: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> html.Table:
     return html.Table(
         [
             html.Caption(caption),

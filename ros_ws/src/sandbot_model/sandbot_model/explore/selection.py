@@ -19,6 +19,10 @@ from sandbot_model.cells import OBSERVABLES
 from sandbot_model.walking import BASES
 
 SCHEMA = "sandbot.selection/1"
+KEYS = ("model", "view", "observable", "effect", "formula", "hold", "cell", "against")
+"""What an address may hold."""
+BASE_QUERY = "?model=simple"
+"""The query of a selection that is all at its default."""
 VIEWS = ("speed", "residuals", "critical", "step", "balance", "lock", "parameters")
 
 
@@ -36,6 +40,24 @@ class Selection:
     observable: str = "speed"
     cell: int | None = None
     """Index of the cell whose trials are shown."""
+    against: str = ""
+    """A model set beside this one: its query, as ``pin`` makes it."""
+
+    @property
+    def other(self) -> "Selection | None":
+        """This view with the model set beside; None if there is none."""
+        if not self.against:
+            return None
+        pinned = from_query(self.against)
+        return dataclasses.replace(
+            pinned, formulas=tuple(dict.fromkeys((*pinned.formulas, *self.formulas))), view=self.view,
+            observable=self.observable, cell=self.cell,
+        )  # fmt: skip
+
+    def pin(self) -> "Selection":
+        """With the model of now set beside."""
+        plain = dataclasses.replace(self, view="speed", observable="speed", cell=None, against="")
+        return dataclasses.replace(self, against=to_query(plain) or BASE_QUERY)
 
     def toggled(self, wanted: Sequence[str]) -> "Selection":
         """With exactly the effects in ``wanted``: those already on keep their place, new ones come last."""
@@ -63,6 +85,8 @@ def to_query(selection: Selection) -> str:
     pairs += [("hold", f"{name}={value!r}") for name, value in selection.by_hand]
     if selection.cell is not None:
         pairs.append(("cell", str(selection.cell)))
+    if selection.against:
+        pairs.append(("against", selection.against))
     return f"?{urlencode(pairs)}" if pairs else ""
 
 
@@ -78,25 +102,37 @@ def from_query(query: str) -> Selection:
             case "formula" if value not in found.formulas:
                 found = dataclasses.replace(found, formulas=(*found.formulas, value))
             case "hold":
-                name, _, number = value.partition("=")
-                found = found.held(name, _finite(number, f"address: hold={value!r}"))
+                found = held_by_text(found, value, "address: hold")
             case "cell":
                 found = dataclasses.replace(found, cell=_index(value))
+            case "against":
+                from_query(value)
+                found = dataclasses.replace(found, against=value)
             case "effect" | "formula":
                 pass
             case _:
-                raise InputError(
-                    f"address: unknown key {key!r}; known: model, view, observable, effect, formula, hold, cell"
-                )
+                raise InputError(f"address: unknown key {key!r}; known: {', '.join(KEYS)}")
     return _checked(found, "address")
 
 
-def to_yaml(selection: Selection, data: Sequence[str], result: Mapping[str, float]) -> str:
+def held_by_text(selection: Selection, text: str, where: str) -> Selection:
+    """With the parameter held that ``name=value`` says. Raises InputError for anything else."""
+    name, _, number = text.partition("=")
+    return selection.held(name, _finite(number, f"{where} {text!r}"))
+
+
+def to_yaml(
+    selection: Selection, data: Sequence[str], result: Mapping[str, float], effect_files: Sequence[str] = ()
+) -> str:
     """The selection as YAML with the command that reproduces it and the numbers it gave (SI)."""
     command = ["compare", *data, "--model", selection.model]
+    for path in effect_files:
+        command += ["--effects-from", path]
     command += ["--effects", ",".join(selection.effects)] if selection.effects else []
     for text in selection.formulas:
         command += ["--effect", text]
+    for name, value in selection.by_hand:
+        command += ["--hold", f"{name}={value!r}"]
     content = {
         "schema": SCHEMA,
         "command": shlex.join(command),

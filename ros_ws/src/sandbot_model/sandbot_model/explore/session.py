@@ -61,7 +61,7 @@ class Session:
         self.cells = cells
         self.noise_floor_m_s = noise_floor(cells)["speed"]
         self._workers = workers
-        self._files = tuple(effect_files)
+        self.effect_files = tuple(effect_files)
         self._lock = threading.RLock()
         self._solved: dict[Key, Future[Solved]] = {}
         self._steps: dict[Key, Step] = {}
@@ -72,7 +72,7 @@ class Session:
         key = tuple(formulas)
         with self._lock:
             if key not in self._catalogues:
-                self._catalogues[key] = catalogue(self._files, key)
+                self._catalogues[key] = catalogue(self.effect_files, key)
             return self._catalogues[key]
 
     def ladder(self, selection: Selection) -> tuple[Step, ...]:

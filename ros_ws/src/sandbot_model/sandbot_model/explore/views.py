@@ -1,12 +1,15 @@
 """What the explorer shows for a selection, as plain data: the figure looked at, the ladder, words and numbers."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from sandbot_common.errors import InputError
 from sandbot_model.chain import Effect
 from sandbot_model.explore.selection import Selection
 from sandbot_model.explore.session import Session
-from sandbot_model.report import figures, mechanics, text
+from sandbot_model.report import balance, captions, figures, mechanics, text
 from sandbot_model.report.theme import Spec, Theme, layout, note
 from sandbot_model.report.view import Step, readable
 
@@ -20,6 +23,11 @@ TITLES = {
     "parameters": "Parameters",
 }
 """View → what its tab is called."""
+SEEN_M_S = 5e-5
+"""A smaller change of the error than this does not show in the digits given."""
+COLUMNS = 4
+PANE_COLUMNS = 2
+"""Panels of φ in a row, alone and side by side with another figure."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +37,22 @@ class Shown:
     steps: tuple[Step, ...]
     current: Step
     ladder: Spec
+    ladder_says: str
     figure: Spec
+    how: str
+    """How to read the figure."""
+    says: str
+    """What it shows, in words and numbers."""
     status: str
+
+
+@dataclass(frozen=True)
+class Pane:
+    """A second figure beside the first; no figure where there can't be one, and then ``says`` why."""
+
+    title: str
+    says: str
+    figure: Spec | None = None
 
 
 @dataclass(frozen=True)
@@ -50,36 +72,95 @@ def show(session: Session, selection: Selection, theme: Theme) -> Shown:
     steps = session.ladder(selection)
     current = session.shown(selection)
     rungs = (*steps, current) if selection.by_hand else steps
-    ladder = figures.ladder(rungs, session.noise_floor_m_s, len(rungs) - 1, theme)
+    floor = session.noise_floor_m_s
+    ladder = figures.ladder(rungs, floor, len(rungs) - 1, theme)
     if selection.by_hand:
         ladder["layout"]["xaxis"]["ticktext"][-1] = "by hand"
+    view = "speed" if selection.view == "parameters" else selection.view
+    missing = absent(selection, current)
     return Shown(
         steps=steps,
         current=current,
         ladder=ladder,
-        figure=figure(selection, steps[0], current, theme),
-        status=status(selection, current, session.noise_floor_m_s),
+        ladder_says=captions.ladder(steps, floor),
+        figure=words(missing, theme) if missing else figure(selection, steps[0], current, theme),
+        how="" if missing else captions.HOW[view],
+        says=missing or says(selection, current),
+        status=status(selection, current, floor),
     )
 
 
-def figure(selection: Selection, base: Step, current: Step, theme: Theme) -> Spec:
-    """The figure of the selected view; words in its place where the data can't show it."""
+def beside(session: Session, selection: Selection, title: str, theme: Theme) -> Pane:
+    """The same view of another data set or another model; why not, where it can't be."""
+    try:
+        current = session.shown(selection)
+    except InputError as error:
+        return Pane(title, str(error))
+    missing = absent(selection, current)
+    if missing:
+        return Pane(title, missing)
+    said = f"{status(selection, current, session.noise_floor_m_s)} {says(selection, current)}"
+    return Pane(title, said, figure(selection, None, current, theme, columns=PANE_COLUMNS))
+
+
+def figure(selection: Selection, base: Step | None, current: Step, theme: Theme, columns: int = COLUMNS) -> Spec:
+    """The figure of the selected view; ``base`` stands behind it as a ghost where it is given."""
     cells = current.fit.cells
-    cell = min(selection.cell or 0, len(cells) - 1)
+
+    def speed() -> Spec:
+        return figures.speed(current, base, theme, columns=columns, with_band=not selection.by_hand)
+
     draw: Mapping[str, Callable[[], Spec]] = {
-        "speed": lambda: figures.speed(current, base, theme),
+        "speed": speed,
         "residuals": lambda: figures.residual_map(current, selection.observable, base, theme),
         "critical": lambda: mechanics.critical(current, theme),
         "step": lambda: mechanics.step_ratio(current, theme),
-        "balance": lambda: mechanics.force_balance(current.fit, cell, theme),
+        "balance": lambda: balance.force_balance(current, frequency(selection, current), base, theme, columns),
         "lock": lambda: figures.geometry_lock(cells, theme),
-        "parameters": lambda: figures.speed(current, base, theme),
+        "parameters": speed,
     }
-    if selection.view == "residuals" and selection.observable not in cells.observables:
-        return words(f"{readable(selection.observable).capitalize()} was not measured in these trials.", theme)
-    if selection.view == "lock" and not {"speed", "lift"} <= set(cells.observables):
-        return words("The geometry lock needs speed and lift; lift was not measured in these trials.", theme)
     return draw[selection.view]()
+
+
+def says(selection: Selection, current: Step) -> str:
+    """The figure of the selected view in words."""
+    tell: Mapping[str, Callable[[], str]] = {
+        "speed": lambda: captions.speed(current),
+        "residuals": lambda: captions.residuals(current, selection.observable),
+        "critical": lambda: captions.critical(current),
+        "step": lambda: captions.step_ratio(current),
+        "balance": lambda: captions.balance(current, frequency(selection, current)),
+        "lock": lambda: captions.lock(current.fit.cells),
+        "parameters": lambda: captions.speed(current),
+    }
+    return tell[selection.view]()
+
+
+def absent(selection: Selection, current: Step) -> str:
+    """Why the data can't show the selected view; empty if they can."""
+    measured = current.fit.cells.observables
+    if selection.view == "residuals" and selection.observable not in measured:
+        return f"{readable(selection.observable).capitalize()} was not measured in these trials."
+    if selection.view == "lock" and not {"speed", "lift"} <= set(measured):
+        return "The geometry lock needs speed and lift; lift was not measured in these trials."
+    return ""
+
+
+def frequency(selection: Selection, current: Step) -> float:
+    """The leg frequency [rad/s] of the cell chosen; without one, where the model misses most."""
+    if selection.cell is None or selection.cell >= len(current.fit.cells):
+        return captions.worst_frequency(current.fit)
+    return float(current.fit.cells.omega[selection.cell])
+
+
+def same_ranges(specs: Sequence[Spec]) -> None:
+    """Let the y axes of figures that stand side by side end at the same value."""
+    layouts = [spec["layout"].items() for spec in specs]
+    axes = [one for layout in layouts for name, one in layout if name.startswith("yaxis") and "range" in one]
+    if axes:
+        together = np.array([one["range"] for one in axes])
+        for one in axes:
+            one["range"] = [float(together[:, 0].min()), float(together[:, 1].max())]
 
 
 def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
@@ -95,11 +176,19 @@ def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
     )
 
 
-def promise(error: tuple[float, float] | None, switched_on: bool) -> str:
-    """What switching an effect over would do to the error of mean speed."""
+def promise(error: tuple[float, float] | None, switched_on: bool, now_m_s: float) -> str:
+    """What switching an effect over would do to the error of mean speed, and by how much it would change it."""
     if error is None:
         return "…"
-    return f"{'off' if switched_on else 'on'}: {text.cm_s(error[0])}"
+    change = error[0] - now_m_s
+    arrow = "" if not abs(change) >= SEEN_M_S else f" {'▲' if change > 0 else '▼'} {text.centi(abs(change))}"
+    return f"{'off' if switched_on else 'on'}: {text.cm_s(error[0])}{arrow}"
+
+
+def values(name: str, current: Step) -> str:
+    """Fitted values ± errors of an effect that is on: ``η = 0.13 ± 0.01``; empty for one without parameters."""
+    own = [(key.split(".")[1], value) for key, value in current.fit.parameters.items() if key.startswith(f"{name}.")]
+    return "; ".join(f"{readable(key)} = {text.with_error(*estimate)}" for key, estimate in own)
 
 
 def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) -> list[Slider]:

@@ -1,5 +1,8 @@
-"""The trials behind a cell: their rows of the table and, where there are bags, v_x(t) of each replicate."""
+"""The trials behind a cell: their rows of the table and, where there are bags, v_x(t) of each replicate with the
+model's waveform, and the tracked video where its frames were kept.
+"""
 
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -12,24 +15,32 @@ from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_model.cells import Cells, Floats
 from sandbot_model.fit import Fit
+from sandbot_model.predictor import Predictor
+from sandbot_model.report import text
 from sandbot_model.report.figures import as_json
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
 from sandbot_model.report.view import CM
 from sandbot_record import table
-from sandbot_record.reader import Bag, is_bag
+from sandbot_record.film_strip import Strip, film_strip
+from sandbot_record.reader import FIELD_STAMP, Bag, is_bag
 from sandbot_record.trials import Trials
 
 NEAR_OMEGA = 5e-3
 MAX_POINTS = 1500
+DASHES = ("solid", "dot", "dash", "dashdot")
+"""Replicates differ in colour and in dash."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Waveform:
-    """v_x(t) of one trial; (n,) each, NaN where a marker was lost."""
+    """v_x(t) and the legs of one trial; time runs from the start of the legs."""
 
     trial_id: str
-    time_s: Floats = field(metadata={"doc": "from the first sample"})
-    speed_m_s: Floats
+    time_s: Floats = field(metadata={"shape": "(n,)", "unit": "s"})
+    speed_m_s: Floats = field(metadata={"shape": "(n,)", "unit": "m/s", "doc": "NaN where a marker was lost"})
+    leg_time_s: Floats = field(metadata={"shape": "(m,)", "unit": "s", "doc": "empty without leg states"})
+    leg_angle_rad: Floats = field(metadata={"shape": "(m, 6)", "unit": "rad"})
+    leg_rate_rad_s: Floats = field(metadata={"shape": "(m, 6)", "unit": "rad/s"})
 
 
 def bags_of(data: Sequence[Path]) -> dict[str, Path]:
@@ -39,6 +50,25 @@ def bags_of(data: Sequence[Path]) -> dict[str, Path]:
         bags += [path] if is_bag(path) else table.bags_in(path)
     # Trial names hold dots (phi0.6000_…): only a file has an ending to take off.
     return {bag.stem if bag.is_file() else bag.name: bag for bag in bags}
+
+
+def files_of(bag: Path) -> dict[str, Path]:
+    """The recording's files by name."""
+    inside = [bag] if bag.is_file() else sorted(bag.iterdir())
+    return {path.name: path for path in inside if path.suffix in (".mcap", ".db3")}
+
+
+def lost_bags(bags: Mapping[str, Path], trials: Trials) -> tuple[tuple[str, str], ...]:
+    """(name, why) of each bag that gave no row of the table."""
+    known = {str(name) for name in trials.trial_id}
+    lost = []
+    for name, bag in bags.items():
+        if name not in known:
+            try:
+                table.row_from_bag(bag)
+            except InputError as error:
+                lost.append((name, str(error)))
+    return tuple(lost)
 
 
 def trials_of(trials: Trials, cells: Cells, cell: int) -> np.ndarray[Any, np.dtype[np.int64]]:
@@ -52,7 +82,7 @@ def trials_of(trials: Trials, cells: Cells, cell: int) -> np.ndarray[Any, np.dty
 def read(bags: Mapping[str, Path], trial_ids: Sequence[str]) -> tuple[list[Waveform], list[str]]:
     """Waveforms of the trials, and one line for each that has none and why."""
     if not bags:
-        return [], ["These trials come from a table, not from bags: v_x(t) can't be shown."]
+        return [], ["These trials come from a table, not from bags: v_x(t) and video can't be shown."]
     found, missing = [], []
     for trial_id in trial_ids:
         if trial_id not in bags:
@@ -66,31 +96,79 @@ def read(bags: Mapping[str, Path], trial_ids: Sequence[str]) -> tuple[list[Wavef
 
 
 @lru_cache(maxsize=64)
-def _read_one(trial_id: str, bag: Path) -> Waveform:
-    columns = Bag.open(bag).columns(topics.SPEED.name, "twist.twist.linear.x")
-    if not len(columns.log_time_ns):
-        raise InputError(f"{bag}: no messages on {topics.SPEED.name}")
-    time = (columns.log_time_ns - columns.log_time_ns[0]) / 1e9
-    every = max(1, len(time) // MAX_POINTS)
-    return Waveform(trial_id, time[::every], columns["twist.twist.linear.x"][::every])
+def _read_one(trial_id: str, path: Path) -> Waveform:
+    bag = Bag.open(path)
+    speed = bag.columns(topics.SPEED.name, "twist.twist.linear.x", *FIELD_STAMP)
+    if not len(speed.log_time_ns):
+        raise InputError(f"{path}: no messages on {topics.SPEED.name}")
+    start = _start_ns(bag, int(speed.stamp_ns[0]))
+    every = max(1, len(speed.log_time_ns) // MAX_POINTS)
+    time = (speed.stamp_ns - start) / 1e9
+    legs = np.empty(0), np.empty((0, len(topics.LEGS))), np.empty((0, len(topics.LEGS)))
+    if topics.LEG_STATES.name in bag.topics:
+        states = bag.columns(topics.LEG_STATES.name, "position", "velocity", *FIELD_STAMP)
+        sparse = slice(None, None, max(1, len(states.log_time_ns) // MAX_POINTS))
+        legs = (states.stamp_ns[sparse] - start) / 1e9, states["position"][sparse], states["velocity"][sparse]
+    return Waveform(trial_id, time[::every], speed["twist.twist.linear.x"][::every], *legs)
+
+
+def _start_ns(bag: Bag, otherwise: int) -> int:
+    """When the legs started: the sync LED's edge, if it was recorded."""
+    if topics.SYNC_LED.name not in bag.topics:
+        return otherwise
+    led = bag.columns(topics.SYNC_LED.name, "stamp.sec", "stamp.nanosec")
+    if not len(led.log_time_ns):
+        return otherwise
+    return int(led["stamp.sec"][0]) * 1_000_000_000 + int(led["stamp.nanosec"][0])
+
+
+def modelled(waveform: Waveform, fit: Fit, cell: int) -> Floats:
+    """The model's v_x [m/s] at the trial's own leg angles, (m,): along the leg's arc while it holds, else at rest."""
+    predictor = Predictor(fit.fitted, fit.state.theta[0], fit.level_phi, fit.k_n_per_m)
+    cells = fit.cells
+    phi, omega, gait = float(cells.level_phi[cells.level[cell]]), float(cells.omega[cell]), cells.gait[cell]
+    legs = zip(waveform.leg_angle_rad, waveform.leg_rate_rad_s, strict=True)
+    return np.array([predictor.velocity(phi, omega, gait, angle, rate).v_x for angle, rate in legs])
 
 
 def figure(waveforms: Sequence[Waveform], fit: Fit, cell: int, theme: Theme = LIGHT) -> Spec:
-    """v_x(t) of each replicate with the model's mean and peak speed in that cell."""
+    """v_x(t) of each replicate, and the model's in that cell for the legs of the first one."""
     colours = theme.phi_colours(max(len(waveforms), 2))
     data: list[Spec] = [
         {"type": "scatter", "mode": "lines", "name": one.trial_id, "x": as_json(one.time_s),
-         "y": as_json(CM * one.speed_m_s), "line": {"color": colour, "width": 1.3}}
-        for one, colour in zip(waveforms, colours, strict=False)
+         "y": as_json(CM * one.speed_m_s), "line": {"color": colour, "width": 1.5, "dash": DASHES[i % len(DASHES)]}}
+        for i, (one, colour) in enumerate(zip(waveforms, colours, strict=False))
     ]  # fmt: skip
-    ends = [min(w.time_s[0] for w in waveforms), max(w.time_s[-1] for w in waveforms)]
-    for name, column, dash in (("model, mean speed", 0, "solid"), ("model, peak speed", 2, "dash")):
-        value = CM * float(fit.predicted[cell, column])
-        data.append(
-            {"type": "scatter", "mode": "lines", "name": name, "x": as_json(np.array(ends)), "y": [value, value],
-             "line": {"color": theme.ink, "width": 2, "dash": dash}}
+    first = waveforms[0]
+    if len(first.leg_time_s):
+        speed = np.where(first.leg_time_s >= 0, modelled(first, fit, cell), 0.0)
+        data.insert(
+            0,
+            {"type": "scatter", "mode": "lines", "name": "model", "x": as_json(first.leg_time_s),
+             "y": as_json(CM * speed), "line": {"color": theme.faint, "width": 5}},
         )  # fmt: skip
-    return {
-        "data": data,
-        "layout": layout(theme, 320, xaxis=axis(theme, "time (s)"), yaxis=axis(theme, "v_x (cm/s)")),
-    }
+    end = max(float(one.time_s[-1]) for one in waveforms)
+    across = axis(theme, "time from the start of the legs (s)", range=[-0.02 * end, end])
+    up = axis(theme, "forward speed v<sub>x</sub> (cm/s)")
+    return {"data": data, "layout": layout(theme, 360, xaxis=across, yaxis=up)}
+
+
+def says(waveforms: Sequence[Waveform], fit: Fit, cell: int) -> str:
+    """The waveforms in words."""
+    peaks = "; ".join(f"{one.trial_id} {text.cm_s(float(np.nanmax(one.speed_m_s)))}" for one in waveforms)
+    mean, peak = fit.predicted[cell, 0], fit.predicted[cell, 2]
+    return (
+        f"Forward speed against time of {len(waveforms)} replicates. Largest: {peaks}. The model: mean "
+        f"{text.cm_s(mean)}, peak {text.cm_s(peak)}. Its waveform (thick grey) is for the first trial's leg angles: "
+        "the body follows the leg's arc while the leg holds, and rests in between."
+    )
+
+
+@lru_cache(maxsize=16)
+def film_of(bag: Path) -> tuple[tuple[bytes, str], ...]:
+    """Tracked lateral frames of one bag as (JPEG, caption); empty where its frames were not kept."""
+    with tempfile.TemporaryDirectory() as folder:
+        # ``film_strip`` takes folders of bags.
+        (Path(folder) / bag.name).symlink_to(bag.resolve(), target_is_directory=bag.is_dir())
+        strip: Strip = film_strip(Path(folder))
+    return tuple(strip)

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_model import compare
 from sandbot_model.cells import OBSERVABLES, Cells, noise_floor
 from sandbot_model.discover import Discovery
 from sandbot_model.fit import Fit
-from sandbot_model.report import figures, mechanics, text
+from sandbot_model.report import balance, captions, figures, mechanics, text
 from sandbot_model.report.page import Download, Figure, Page, Section, Table, data_uri
 from sandbot_model.report.view import (
     CM,
@@ -20,7 +19,6 @@ from sandbot_model.report.view import (
     PEOPLE_UNITS,
     Provenance,
     Step,
-    bands,
     frequencies,
     measured,
     readable,
@@ -131,65 +129,56 @@ def _step_names(steps: tuple[Step, ...]) -> tuple[tuple[str, str], ...]:
 
 def _figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
     cells = steps[0].fit.cells
+    omega = captions.worst_frequency(steps[0].fit)
     sections = [
         Section("speed", "Speed against leg frequency", figures=(_speed_figure(steps),)),
         Section(
             "residuals",
             "Where the model fails",
-            text=("▲ the robot did more than the model says, ▼ less; the number is the residual in standard errors of "
-                  "the mean. Cells without a mark agree with the model; – was not measured.",),
+            text=(captions.HOW["residuals"],),
             figures=tuple(_residual_figure(steps, name) for name in cells.observables),
         ),
         Section(
             "ladder", "Error as effects are added", figures=(_ladder_figure(steps, floor),), tables=(_errors(steps),)
         ),
-    ]  # fmt: skip
+    ]
     if {"speed", "lift"} <= set(cells.observables):
-        lock = Section(
-            "lock", "The geometry lock: lift against speed", text=_lock_text(cells), figures=(_lock_figure(cells),)
-        )
+        lock = Section("lock", "The geometry lock: lift against speed", figures=(_lock_figure(cells),))
         sections.append(lock)
-    sections.append(Section("collapse", "Where walking collapses", figures=(_collapse_figure(steps),)))
-    sections.append(Section("step", "Step length", figures=(_step_figure(steps),)))
+    sections += [
+        Section("collapse", "Where walking collapses", figures=(_collapse_figure(steps),)),
+        Section("step", "Step length", figures=(_step_figure(steps),)),
+        Section(
+            "balance", f"Force balance at ω = {omega:.3g} rad/s, where the base model misses most",
+            figures=(_balance_figure(steps, omega),),
+        ),
+    ]  # fmt: skip
     return sections
 
 
 def _speed_figure(steps: tuple[Step, ...]) -> Figure:
-    cells = steps[0].fit.cells
     return Figure(
         name="speed",
-        alt=f"Mean speed against leg frequency ω, one panel for each of {len(bands(cells))} volume fractions φ, "
-        f"measured and modelled. Largest measured speed {text.cm_s(float(np.nanmax(measured(cells, 'speed'))))}. "
-        "All values are in the table of cells below.",
-        caption="Points: mean over the replicates of a condition, bars one standard deviation of a single trial. "
-        "Solid: the chosen model. Dashed grey: the base model.",
+        alt=tuple(captions.speed(step) for step in steps),
+        caption=captions.HOW["speed"],
         draw=lambda theme: [figures.speed(step, steps[0], theme) for step in steps],
     )
 
 
 def _residual_figure(steps: tuple[Step, ...], observable: str) -> Figure:
-    counts = ", ".join(
-        f"{step.label}: {int(figures.failing_cells(step.fit, observable).sum())} failing cells" for step in steps
-    )
     return Figure(
         name=f"residuals-{observable}",
-        alt=f"Map over φ and ω of standardised residuals of {NAMES[observable]}. {counts}. "
-        "The failing cells are listed in a table below.",
+        alt=tuple(captions.residuals(step, observable) for step in steps),
         caption="",
         draw=lambda theme: [figures.residual_map(step, observable, steps[0], theme) for step in steps],
     )
 
 
 def _ladder_figure(steps: tuple[Step, ...], floor: float) -> Figure:
-    rungs = "; ".join(
-        f"{step.label} {text.cm_s(step.fit.rmse_m_s)} in sample, {text.cm_s(step.fit.cv_rmse_m_s)} out of sample"
-        for step in steps
-    )
     return Figure(
         name="ladder",
-        alt=f"Error of mean speed for each step: {rungs}; noise floor {text.cm_s(floor)}.",
-        caption="In sample: the model fitted to all trials. Out of sample: each condition predicted by a model fitted "
-        "without it. Noise floor: scatter of replicates, which no model can beat.",
+        alt=(captions.ladder(steps, floor),),
+        caption=captions.HOW["ladder"],
         draw=lambda theme: [figures.ladder(steps, floor, i, theme) for i in range(len(steps))],
     )
 
@@ -220,34 +209,17 @@ def _errors(steps: tuple[Step, ...]) -> Table:
 def _lock_figure(cells: Cells) -> Figure:
     return Figure(
         name="lock",
-        alt="Step length, pi times mean speed over leg frequency, against body lift, with the curve that the geometry "
-        "of a circular leg dictates. All values are in the table of cells below.",
-        caption="A leg of radius R = 3.55 cm that lifts its axle by Δz advances by s = 2√(Δz(2R − Δz)), whatever the "
-        "ground. Points along the curve: the legs hold, and only how deep they sink changes. Points off the curve: "
-        "speed is lost or won after the legs hold (slip, drag, overlap of stances, coasting). Open grey: the robot "
-        "swims (no lift beyond noise).",
+        alt=(captions.lock(cells),),
+        caption=captions.HOW["lock"],
         draw=lambda theme: [figures.geometry_lock(cells, theme)],
-    )
-
-
-def _lock_text(cells: Cells) -> tuple[str, ...]:
-    ratio = compare.geometry_lock(cells)
-    known = ratio[np.isfinite(ratio)]
-    if not known.size:
-        return ("No walking cell has both speed and lift.",)
-    return (
-        f"Step length from speed over step length from lift: median {np.median(known):.3f} over {known.size} "
-        "walking cells (1: nothing lost or won between step and speed).",
     )
 
 
 def _collapse_figure(steps: tuple[Step, ...]) -> Figure:
     return Figure(
         name="collapse",
-        alt="Critical leg frequency, at which walking collapses into swimming, and largest mean speed, both against "
-        "volume fraction, measured and modelled.",
-        caption="Left: walking ends at ω_c; the bar spans from the last ω measured that walks to the first that swims. "
-        "Right: the largest mean speed over the ω measured.",
+        alt=tuple(captions.critical(step) for step in steps),
+        caption=captions.HOW["critical"],
         draw=lambda theme: [mechanics.critical(step, theme) for step in steps],
     )
 
@@ -255,9 +227,18 @@ def _collapse_figure(steps: tuple[Step, ...]) -> Figure:
 def _step_figure(steps: tuple[Step, ...]) -> Figure:
     return Figure(
         name="step",
-        alt="Step length over leg radius against leg frequency, for each volume fraction, measured and modelled.",
-        caption="Step length πv̄/ω over leg radius R. Grey band: s/R from 0.9 to 1, where Li09 saw walking end.",
+        alt=tuple(captions.step_ratio(step) for step in steps),
+        caption=captions.HOW["step"],
         draw=lambda theme: [mechanics.step_ratio(step, theme) for step in steps],
+    )
+
+
+def _balance_figure(steps: tuple[Step, ...], omega_rad_s: float) -> Figure:
+    return Figure(
+        name="balance",
+        alt=tuple(captions.balance(step, omega_rad_s) for step in steps),
+        caption=captions.HOW["balance"],
+        draw=lambda theme: [balance.force_balance(step, omega_rad_s, steps[0], theme) for step in steps],
     )
 
 

@@ -6,6 +6,7 @@ so that a page knows what was clicked.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,10 @@ from sandbot_model.cells import Cells, Floats
 from sandbot_model.fit import Fit
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
 from sandbot_model.report.view import (
+    BAND_SDS,
     CM,
     NAMES,
+    Band,
     Step,
     bands,
     frequencies,
@@ -32,60 +35,86 @@ Z_FAIL = 3.0
 Z_COLOUR_END = 8.0
 """Residual maps share this colour range, so that the steps of the ladder compare."""
 MAX_LABELLED_COLUMNS = 10
+NARROW = 2
+LEGEND_PX = 48
+"""Panels in a row of a figure that stands beside another one, and the room its legend takes beyond a line."""
+DIGITS = 6
+"""Significant digits of the largest number drawn: more than a screen shows, and half the bytes of them all."""
 
 
-def speed(step: Step, base: Step | None = None, theme: Theme = LIGHT, columns: int = 4) -> Spec:
-    """Mean speed against ω, one panel a φ: replicate means ± s.d., the model, and the base model as a ghost."""
+def speed(
+    step: Step, base: Step | None = None, theme: Theme = LIGHT, *, columns: int = 4, with_band: bool = True
+) -> Spec:
+    """Mean speed against ω, one panel a φ: replicate means ± s.d., the model with its uncertainty, and the base model
+    as a ghost (Li09 Fig. 2a).
+    """
     cells = step.fit.cells
-    panels = bands(cells)
-    columns = _columns(len(panels), columns)
-    rows = math.ceil(len(panels) / columns)
+    rows = bands(cells)
     top = CM * max(_finite_max(measured(cells, "speed")), _finite_max(step.speed_m_s)) * 1.12
     colours = theme.phi_colours(len(cells.level_phi))
-    spec: Spec = {"data": [], "layout": layout(theme, 110 + 190 * rows, annotations=[])}
-    for i, band in enumerate(panels):
-        row, column = divmod(i, columns)
-        key = "" if i == 0 else str(i + 1)
-        across, up = _panel(row, column, rows, columns)
-        spec["layout"][f"xaxis{key}"] = axis(
-            theme,
-            "ω (rad/s)" if i + columns >= len(panels) else "",
-            domain=across,
-            anchor=f"y{key}",
-            range=_range(step.omega_rad_s, cells.omega),
-            nticks=6,
-        )
-        spec["layout"][f"yaxis{key}"] = axis(
-            theme,
-            "speed (cm/s)" if column == 0 else "",
-            domain=up,
-            anchor=f"x{key}",
-            range=[-0.02 * top, top],
-            nticks=6,
-            showticklabels=column == 0,
-        )
-        title = note(f"<b>{band.label}</b>", across[1], up[1], xanchor="right", yanchor="bottom", font={"size": 13})
-        spec["layout"]["annotations"].append(title)
+    across = {"title": "ω (rad/s)", "range": _range(step.omega_rad_s, cells.omega)}
+    spec = panels(rows, theme, across, {"title": "speed (cm/s)", "range": [-0.02 * top, top]}, columns)
+    for i, band in enumerate(rows):
         colour = colours[band.level]
-        traces = [_line(step, i, {"color": colour, "width": 2.5}), _points(cells, band.cells, colour, theme)]
+        traces = [_line(step, i, {"color": colour, "width": 2.5}), _points(cells, band, colour, theme)]
         if base is not None and base is not step:
             traces.insert(0, _line(base, i, {"color": theme.faint, "width": 1.5, "dash": "dash"}))
-        spec["data"] += [trace | {"xaxis": f"x{key}", "yaxis": f"y{key}"} for trace in traces]
-    spec["data"] += _speed_legend(step, base, theme)
+        if with_band:
+            traces.insert(0, _band(step, i, colour))
+        spec["data"] += in_panel(i, traces)
+    spec["data"] += _speed_legend(step, base, theme, with_band)
     return spec
 
 
-def _speed_legend(step: Step, base: Step | None, theme: Theme) -> list[Spec]:
+def panels(rows: Sequence[Band], theme: Theme, x: Spec, y: Spec, columns: int = 4) -> Spec:
+    """An empty figure with one panel a band, titled by its φ; titles stand on the outer axes only."""
+    columns = _columns(len(rows), columns)
+    lines = math.ceil(len(rows) / columns)
+    spec: Spec = {"data": [], "layout": layout(theme, 110 + 190 * lines, annotations=[])}
+    if columns <= NARROW:
+        # The legend needs several lines.
+        spec["layout"]["height"] += LEGEND_PX
+        spec["layout"]["margin"]["t"] += LEGEND_PX
+    for i, band in enumerate(rows):
+        row, column = divmod(i, columns)
+        key = _key(i)
+        across, up = _panel(row, column, lines, columns)
+        x_title = x["title"] if i + columns >= len(rows) else ""
+        spec["layout"][f"xaxis{key}"] = axis(
+            theme, x_title, domain=across, anchor=f"y{key}", range=x["range"], nticks=6
+        )
+        y_title = y["title"] if column == 0 else ""
+        spec["layout"][f"yaxis{key}"] = axis(
+            theme, y_title, domain=up, anchor=f"x{key}", range=y["range"], nticks=6, showticklabels=column == 0
+        )
+        title = note(f"<b>{band.label}</b>", across[1], up[1], xanchor="right", yanchor="bottom", font={"size": 13})
+        spec["layout"]["annotations"].append(title)
+    return spec
+
+
+def in_panel(i: int, traces: Sequence[Spec]) -> list[Spec]:
+    """Traces put on the axes of panel ``i``."""
+    return [trace | {"xaxis": f"x{_key(i)}", "yaxis": f"y{_key(i)}"} for trace in traces]
+
+
+def legend_entry(name: str, **looks: Any) -> Spec:
+    """A line of the legend that belongs to no panel."""
+    return {"type": "scatter", "name": name, "x": [None], "y": [None], "hoverinfo": "skip", "showlegend": True, **looks}
+
+
+def _speed_legend(step: Step, base: Step | None, theme: Theme, with_band: bool) -> list[Spec]:
     """Entries in ink: the colours of the panels mean φ, not what kind of mark it is."""
-    nothing: Spec = {"type": "scatter", "x": [None], "y": [None], "hoverinfo": "skip", "showlegend": True}
     entries = [
-        {"name": "measured, mean ± s.d. of a trial", "mode": "markers", "marker": {"color": theme.ink, "size": 8}},
-        {"name": model_name(step), "mode": "lines", "line": {"color": theme.ink, "width": 2.5}},
+        legend_entry("measured, mean ± s.d. of a trial", mode="markers", marker={"color": theme.ink, "size": 8}),
+        legend_entry(model_name(step), mode="lines", line={"color": theme.ink, "width": 2.5}),
     ]
+    if with_band:
+        square = {"color": _faded(theme.ink), "size": 14, "symbol": "square"}
+        entries.append(legend_entry(f"± {BAND_SDS:g} standard errors of the model", mode="markers", marker=square))
     if base is not None and base is not step:
         ghost = {"color": theme.faint, "width": 1.5, "dash": "dash"}
-        entries.append({"name": model_name(base), "mode": "lines", "line": ghost})
-    return [nothing | entry for entry in entries]
+        entries.append(legend_entry(model_name(base), mode="lines", line=ghost))
+    return entries
 
 
 def residual_map(step: Step, observable: str, base: Step | None = None, theme: Theme = LIGHT) -> Spec:
@@ -238,7 +267,7 @@ def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
                 "type": "scatter", "mode": "markers", "name": band.label,
                 "x": as_json(lift[at]), "y": as_json(step_length[at]),
                 "error_x": _bars(lift_scatter[at], colour), "error_y": _bars(step_scatter[at], colour),
-                "marker": {"color": colour, "size": 8, "symbol": _SYMBOLS[band.level % len(_SYMBOLS)]},
+                "marker": {"color": colour, "size": 8, "symbol": SYMBOLS[band.level % len(SYMBOLS)]},
                 "customdata": [[float(cells.omega[i]), int(i)] for i in at],
                 "hovertemplate": f"{band.label}, ω %{{customdata[0]:.3g}} rad/s<br>"
                 "lift %{x:.2f} cm, step %{y:.2f} cm<extra></extra>",
@@ -273,23 +302,52 @@ def model_name(step: Step) -> str:
 
 
 def as_json(values: Floats) -> list[Any]:
-    """As a list for JSON: NaN becomes None, which Plotly leaves out."""
-    return np.where(np.isfinite(values), values, None).tolist()  # type: ignore[call-overload, no-any-return]
+    """As a list for JSON, to ``DIGITS`` digits of the largest: NaN becomes None, which Plotly leaves out."""
+    largest = _finite_max(np.abs(values))
+    rounded = np.round(values, DIGITS - math.ceil(math.log10(largest)) if largest > 0 else 0)
+    return np.where(np.isfinite(values), rounded, None).tolist()  # type: ignore[call-overload, no-any-return]
 
 
-_SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "triangle-down", "hexagon")
+SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "triangle-down", "hexagon")
 
 
 def _line(step: Step, band: int, line: Spec) -> Spec:
     return {
         "type": "scatter", "mode": "lines", "line": line, "hoverinfo": "skip", "showlegend": False,
+        "name": f"{bands(step.fit.cells)[band].label}, {model_name(step)}",
         "x": as_json(step.omega_rad_s), "y": as_json(CM * step.speed_m_s[band]),
     }  # fmt: skip
 
 
-def _points(cells: Cells, at: NDArray[np.int64], colour: str, theme: Theme) -> Spec:
+def _band(step: Step, band: int, colour: str) -> Spec:
+    """The area between the low and the high curve, as one closed outline."""
+    area = step.band
+    omega = np.concatenate([area.omega_rad_s, area.omega_rad_s[::-1]])
+    edge = np.concatenate([area.low_m_s[band], area.high_m_s[band][::-1]])
     return {
-        "type": "scatter", "mode": "markers", "showlegend": False,
+        "type": "scatter", "mode": "lines", "line": {"width": 0}, "fill": "toself", "fillcolor": _faded(colour),
+        "hoverinfo": "skip", "showlegend": False,
+        "name": f"{bands(step.fit.cells)[band].label}, {model_name(step)} ± {BAND_SDS:g} s.e.",
+        "x": as_json(omega), "y": as_json(CM * edge),
+    }  # fmt: skip
+
+
+def _faded(colour: str, opacity: float = 0.22) -> str:
+    """A colour ``#rrggbb`` or ``rgb(r, g, b)`` that lets what is below shine through."""
+    if colour.startswith("#"):
+        colour = f"rgb({', '.join(str(int(colour[i : i + 2], 16)) for i in (1, 3, 5))})"
+    return f"{colour.replace('rgb(', 'rgba(').removesuffix(')')}, {opacity:g})"
+
+
+def _key(panel: int) -> str:
+    """How Plotly counts axes: x, x2, x3."""
+    return "" if panel == 0 else str(panel + 1)
+
+
+def _points(cells: Cells, band: Band, colour: str, theme: Theme) -> Spec:
+    at = band.cells
+    return {
+        "type": "scatter", "mode": "markers", "showlegend": False, "name": f"{band.label}, measured",
         "x": as_json(cells.omega[at]), "y": as_json(CM * measured(cells, "speed")[at]),
         "error_y": _bars(CM * scatter(cells, "speed")[at], colour),
         "marker": {"color": colour, "size": 8, "line": {"color": theme.paper, "width": 1}},

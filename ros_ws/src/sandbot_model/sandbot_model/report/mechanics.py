@@ -1,7 +1,4 @@
-"""Figures of the mechanics behind the speed: critical frequency and peak speed, step length, the force balance.
-
-Li09 Fig. 2b, 2c (ω_c and peak speed against φ), Fig. 3d (s/R against ω), Fig. 3c and 4a (force against depth).
-"""
+"""Figures of how walking ends: critical frequency and peak speed (Li09 Fig. 2b, c), and step length (Fig. 3d)."""
 
 from dataclasses import dataclass, field
 
@@ -9,14 +6,14 @@ import numpy as np
 
 from sandbot_model.cells import Cells, Floats
 from sandbot_model.fit import Fit
-from sandbot_model.report.figures import as_json, model_name
+from sandbot_model.report.figures import SYMBOLS, as_json, model_name
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
 from sandbot_model.report.view import CM, Step, bands, measured, scatter, walks
-from sandbot_model.walking import Inputs, KCurve
 
 PHI_POINTS = 60
-OMEGA_POINTS = 160
-DEPTH_POINTS = 120
+OMEGA_POINTS = 80
+FINE_POINTS = 24
+"""Points between the last ω that walks and the first that swims."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +46,7 @@ def critical(step: Step, theme: Theme = LIGHT) -> Spec:
     phis = np.array([band.phi for band in bands(cells)])
     seen = collapse(cells)
     phi, omega_c, peak = _modelled_collapse(step.fit)
+    at_measured = [float(step.fit.predicted[band.cells, 0].max()) for band in bands(cells)]
     middle = 0.5 * (seen.last_walking_rad_s + seen.first_swimming_rad_s)
     half = 0.5 * (seen.first_swimming_rad_s - seen.last_walking_rad_s)
     line = {"color": theme.accent, "width": 2.5}
@@ -68,9 +66,13 @@ def critical(step: Step, theme: Theme = LIGHT) -> Spec:
         {"type": "scatter", "mode": "lines", "name": model_name(step), "x": as_json(phi), "y": as_json(omega_c),
          "line": line},
         common | {"x": as_json(phis), "y": as_json(CM * seen.peak_speed_m_s), "showlegend": False,
+                  "name": "largest mean speed, measured",
                   "xaxis": "x2", "yaxis": "y2"},
         {"type": "scatter", "mode": "lines", "showlegend": False, "x": as_json(phi), "y": as_json(CM * peak),
-         "line": line, "xaxis": "x2", "yaxis": "y2"},
+         "name": f"largest mean speed, {model_name(step)}", "line": line, "xaxis": "x2", "yaxis": "y2"},
+        common | {"name": "model at the ω measured", "x": as_json(phis), "y": as_json(CM * np.array(at_measured)),
+                  "marker": {"color": theme.accent, "size": 11, "symbol": "circle-open", "line": {"width": 2}},
+                  "hoverinfo": "skip", "xaxis": "x2", "yaxis": "y2"},
     ]  # fmt: skip
     return {
         "data": data,
@@ -78,7 +80,7 @@ def critical(step: Step, theme: Theme = LIGHT) -> Spec:
             theme,
             420,
             xaxis=axis(theme, "φ", domain=[0, 0.46]),
-            yaxis=axis(theme, "critical frequency ω_c (rad/s)", rangemode="tozero"),
+            yaxis=axis(theme, "critical frequency ω<sub>c</sub> (rad/s)", rangemode="tozero"),
             xaxis2=axis(theme, "φ", domain=[0.56, 1], anchor="y2"),
             yaxis2=axis(theme, "largest mean speed (cm/s)", rangemode="tozero", anchor="x2"),
         ),
@@ -95,11 +97,13 @@ def step_ratio(step: Step, theme: Theme = LIGHT) -> Spec:
     for i, band in enumerate(bands(cells)):
         colour, at = colours[band.level], band.cells
         modelled = np.pi * step.speed_m_s[i] / step.omega_rad_s / radius
+        marker = {"color": colour, "size": 8, "symbol": SYMBOLS[band.level % len(SYMBOLS)]}
         data += [
             {"type": "scatter", "mode": "lines", "x": as_json(step.omega_rad_s), "y": as_json(modelled),
-             "line": {"color": colour, "width": 2}, "showlegend": False, "hoverinfo": "skip"},
+             "name": f"{band.label}, {model_name(step)}", "line": {"color": colour, "width": 2},
+             "showlegend": False, "hoverinfo": "skip"},
             {"type": "scatter", "mode": "markers", "name": band.label, "x": as_json(cells.omega[at]),
-             "y": as_json(ratio[at]), "marker": {"color": colour, "size": 8},
+             "y": as_json(ratio[at]), "marker": marker, "customdata": np.stack([cells.n[at, 0], at], axis=-1).tolist(),
              "error_y": {"type": "data", "array": as_json(error[at]), "color": colour, "width": 3, "thickness": 1.5}},
         ]  # fmt: skip
     threshold = {
@@ -120,61 +124,21 @@ def step_ratio(step: Step, theme: Theme = LIGHT) -> Spec:
     }
 
 
-def force_balance(fit: Fit, cell: int, theme: Theme = LIGHT) -> Spec:
-    """Force the ground gives and force the body needs against depth, in one cell; the leg holds at the crossing.
-
-    Raises IndexError if there is no such cell.
-    """
-    cells = fit.cells
-    robot = fit.fitted.robot
-    depth = np.linspace(0.0, robot.deepest_m, DEPTH_POINTS)
-    delta_t, v_swim, params = fit.fitted.arguments(np.array([fit.parameters[name].value for name in fit.fitted.names]))
-    inputs = Inputs(
-        k_n_per_m=fit.k_n_per_m[cells.level[cell]],
-        omega_rad_s=cells.omega[cell],
-        delta_t_s=delta_t,
-        phi=cells.level_phi[cells.level[cell]],
-        v_swim_m_s=v_swim,
-        slow_phase_ratio=cells.slow_phase_ratio[cell],
-        k_of_phi=KCurve(fit.level_phi, fit.k_n_per_m),
-    )
-    chain = fit.fitted.walker.chain(inputs, params, depth, first_step=False)
-    given, needed = (np.broadcast_to(f, depth.shape) for f in (chain.force + chain.extra_force, chain.load))
-    holds = np.flatnonzero(given >= needed)
-    lines: list[Spec] = [
-        {"type": "scatter", "mode": "lines", "name": "force the ground gives", "x": as_json(CM * depth),
-         "y": as_json(given), "line": {"color": theme.accent, "width": 2.5}},
-        {"type": "scatter", "mode": "lines", "name": "force needed", "x": as_json(CM * depth), "y": as_json(needed),
-         "line": {"color": theme.ink, "width": 2, "dash": "dash"}},
-    ]  # fmt: skip
-    if holds.size:
-        at = holds[0]
-        lines.append(
-            {"type": "scatter", "mode": "markers+text", "name": "the leg holds", "x": [CM * depth[at]],
-             "y": [float(needed[at])], "text": [f"d = {CM * depth[at]:.2f} cm"], "textposition": "top left",
-             "marker": {"color": theme.ink, "size": 10}},
-        )  # fmt: skip
-    outcome = "" if holds.size else "; it never holds: the robot swims"
-    return {
-        "data": lines,
-        "layout": layout(
-            theme,
-            420,
-            xaxis=axis(theme, f"depth of the lowest leg point (cm), φ {cells.phi[cell]:.3f}, ω {cells.omega[cell]:.3g} "
-                       f"rad/s{outcome}"),
-            yaxis=axis(theme, "vertical force on a leg (N)", rangemode="tozero"),
-        ),
-    }  # fmt: skip
-
-
 def _modelled_collapse(fit: Fit) -> tuple[Floats, Floats, Floats]:
-    """φ, ω_c [rad/s] and largest mean speed [m/s] of the model, between the outermost levels; (n,) each."""
-    cells = fit.cells
+    """φ, ω_c [rad/s] and largest mean speed [m/s] of the model, between the outermost levels; (n,) each.
+
+    ω_c is NaN where the model never walks, or walks beyond every ω looked at.
+    """
+    largest = float(fit.cells.omega.max())
     phi = np.linspace(fit.level_phi[0], fit.level_phi[-1], PHI_POINTS if len(fit.level_phi) > 1 else 1)
-    omega = np.linspace(0.5, 1.3 * float(cells.omega.max()), OMEGA_POINTS)
+    omega = np.linspace(0.5, 1.3 * largest, OMEGA_POINTS)
     found = fit.predict(phi[:, None], omega[None, :])
-    ends = np.where(found.walking.any(axis=1), OMEGA_POINTS - 1 - np.argmax(found.walking[:, ::-1], axis=1), -1)
-    omega_c = np.where(ends >= 0, omega[ends], np.nan)
-    omega_c[ends == OMEGA_POINTS - 1] = np.nan
-    in_range = omega <= cells.omega.max()
-    return phi, omega_c, np.asarray(found.speed_m_s[:, in_range].max(axis=1))
+    last = np.where(found.walking.any(axis=1), OMEGA_POINTS - 1 - np.argmax(found.walking[:, ::-1], axis=1), -1)
+    ends = (last >= 0) & (last < OMEGA_POINTS - 1)
+    step = omega[1] - omega[0]
+    near = omega[np.clip(last, 0, None)][:, None] + step * np.linspace(0, 1, FINE_POINTS)
+    closer = fit.predict(phi[:, None], near)
+    omega_c = np.where(ends, np.max(np.where(closer.walking, near, 0.0), axis=1), np.nan)
+    inside = np.where(omega <= largest, found.speed_m_s, 0.0).max(axis=1)
+    beside = np.where(near <= largest, closer.speed_m_s, 0.0).max(axis=1)
+    return phi, omega_c, np.maximum(inside, beside)

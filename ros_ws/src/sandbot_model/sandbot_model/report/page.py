@@ -21,8 +21,8 @@ class Figure:
     """A figure of the page: one spec a step of the ladder (or a single one) in each theme."""
 
     name: str
-    alt: str
-    """What a person who can't see it should know."""
+    alt: tuple[str, ...]
+    """What a person who can't see it should know; one a step of the ladder, or a single one."""
     caption: str
     draw: Callable[[Theme], list[Spec]]
 
@@ -99,8 +99,9 @@ def render(page: Page) -> str:
     }
     return _template().render(
         page=page,
-        style=Markup(_source("report.css")),
-        script=Markup(_source("report.js")),
+        style=Markup(source("report.css")),
+        export=Markup(source("export.js")),
+        script=Markup(source("report.js")),
         plotlyjs=Markup(get_plotlyjs().replace("</script", "<\\/script")),
         figures=Markup(for_script(figures)),
     )
@@ -117,7 +118,8 @@ def data_uri(content: bytes, kind: str) -> str:
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def _source(name: str) -> str:
+def source(name: str) -> str:
+    """A text file of this package."""
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
@@ -126,4 +128,4 @@ def _template() -> jinja2.Template:
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    return environment.from_string(_source("report.html.j2"))
+    return environment.from_string(source("report.html.j2"))

@@ -1,6 +1,6 @@
 """Which trials the analysis used, which it left out and why, and what such data can't show."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -24,10 +24,13 @@ class Trials(Protocol):
     def status(self) -> Iterable[str]: ...  # noqa: D102
 
 
-def provenance(trials: Trials, cells: Cells) -> Provenance:
-    """Used and excluded trials, and one sentence for each thing these data can't show."""
+def provenance(trials: Trials, cells: Cells, lost: Sequence[tuple[str, str]] = ()) -> Provenance:
+    """Used and excluded trials, and one sentence for each thing these data can't show.
+
+    ``lost`` are (bag, reason) of recordings that gave no trial.
+    """
     rows = zip(trials.trial_id, trials.phi, trials.omega_rad_s, trials.speed_m_s, trials.status, strict=True)
-    excluded = []
+    excluded = list(lost)
     for trial_id, phi, omega, speed, status in rows:
         if reason := _reason({"phi": phi, "omega_rad_s": omega, "speed_m_s": speed}, str(status)):
             excluded.append((str(trial_id), reason))

@@ -3,11 +3,12 @@
 (() => {
   const figures = JSON.parse(document.getElementById("figures").textContent);
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
-  const form = document.getElementById("steps");
+  const slider = document.getElementById("step");
+  const rungs = [...document.querySelectorAll("[data-rung]")];
   const PAPER_WIDTH = 690; // px of a portrait page between its margins
   let printing = false;
 
-  const chosen = () => (form ? Number(new FormData(form).get("step")) : 0);
+  const chosen = () => (slider ? Number(slider.value) : 0);
 
   function draw() {
     const theme = dark.matches && !printing ? "dark" : "light";
@@ -19,17 +20,28 @@
       return Plotly.react(`plot-${name}`, figure.data, layout, {
         responsive: true,
         displaylogo: false,
-        modeBarButtons: [["toImage"], ["zoom2d", "pan2d", "resetScale2d"]],
-        toImageButtonOptions: { format: "svg", filename: name },
+        modeBarButtons: [["zoom2d", "pan2d", "resetScale2d"]],
       });
     });
     for (const part of document.querySelectorAll("[data-step]")) {
       part.hidden = Number(part.dataset.step) !== step;
     }
+    for (const rung of rungs) rung.toggleAttribute("data-chosen", Number(rung.dataset.rung) === step);
+    if (slider) slider.setAttribute("aria-valuetext", rungs[step].innerText.replace(/\s+/g, " "));
     return Promise.all(drawn).then(() => { document.documentElement.dataset.drawn = `${theme} ${step}`; });
   }
 
-  if (form) form.addEventListener("change", draw);
+  function go(step) {
+    slider.value = step;
+    draw();
+  }
+
+  if (slider) slider.addEventListener("input", draw);
+  for (const rung of rungs) rung.addEventListener("click", () => go(rung.dataset.rung));
+  document.addEventListener("click", ({ target }) => {
+    const { format, figure } = target.dataset ?? {};
+    if (format) window.sandbotExport.save(document.getElementById(`plot-${figure}`), format, figure);
+  });
   dark.addEventListener("change", draw);
   window.addEventListener("beforeprint", () => { printing = true; draw(); });
   window.addEventListener("afterprint", () => { printing = false; draw(); });

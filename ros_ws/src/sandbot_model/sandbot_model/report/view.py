@@ -4,6 +4,7 @@ Everything is SI and not known is NaN or absent; figures and pages turn SI into 
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,22 @@ class Band:
     label: str
 
 
-@dataclass(frozen=True)
+BAND_SDS = 2.0
+"""Half width of the band about a model's curve, in standard deviations of the prediction."""
+BAND_EVERY = 3
+"""The band is drawn at every third point of the curve."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedBand:
+    """Between which mean speeds the model's curves lie, ± ``BAND_SDS`` standard deviations."""
+
+    omega_rad_s: Floats = field(metadata={"shape": "(m,)", "unit": "rad/s"})
+    low_m_s: Floats = field(metadata={"shape": "(n_bands, m)", "unit": "m/s"})
+    high_m_s: Floats = field(metadata={"shape": "(n_bands, m)", "unit": "m/s"})
+
+
+@dataclass(frozen=True, eq=False)
 class Step:
     """One rung of the ladder: a fit and its speed curves."""
 
@@ -49,6 +65,24 @@ class Step:
         if not self.fit.effects:
             return f"{self.fit.model} model"
         return "+ " + " + ".join(map(readable, self.fit.effects))
+
+    @cached_property
+    def band(self) -> SpeedBand:
+        """How far the speed curves may lie off, from the uncertainty of the fitted parameters; made when asked for.
+
+        Where it may walk or swim the speed is one of two, not their mean ± something: there the band ends where the
+        curve does.
+        """
+        cells, omega = self.fit.cells, self.omega_rad_s[::BAND_EVERY]
+        rows = bands(cells)
+        phi = np.array([[one.phi] for one in rows])
+        beta = np.array([[cells.slow_phase_ratio[one.cells[0]]] for one in rows])
+        half = BAND_SDS * self.fit.uncertainty(phi, omega, beta)[..., 0]
+        middle = self.speed_m_s[:, ::BAND_EVERY]
+        usual = np.median(half, axis=1, keepdims=True)
+        lowest, highest = (end(self.speed_m_s, axis=1, keepdims=True) for end in (np.min, np.max))
+        low = np.maximum(middle - half, np.maximum(lowest - usual, 0.0))
+        return SpeedBand(omega, low, np.minimum(middle + half, highest + usual))
 
 
 @dataclass(frozen=True)

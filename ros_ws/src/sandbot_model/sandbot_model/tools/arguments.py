@@ -3,13 +3,14 @@
 import argparse
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
 from sandbot_common.cli import Parser
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_text
+from sandbot_model.parallel import Map, cluster, workers
 from sandbot_model.walking import BASES
 
 
@@ -39,6 +40,24 @@ def add_data(parser: Parser) -> None:
     parser.add_argument("--json", type=output, metavar="OUT", help="write the result as JSON")
     parser.add_argument("--html", type=output, metavar="OUT", help="write a self-contained report")
     parser.add_argument("--title", default=None, help="title of the report (default: the name of DATA)")
+
+
+def add_fitters(parser: Parser) -> None:
+    """Who does many fits."""
+    who = parser.add_mutually_exclusive_group()
+    who.add_argument("--workers", type=int, default=2, metavar="N", help="processes that fit at once (default: 2)")
+    who.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="fit on the Dask cluster whose scheduler is at this address, e.g. tcp://host:8786",
+    )
+
+
+def fitters(args: argparse.Namespace) -> AbstractContextManager[Map]:
+    """The ``map`` that ``--workers`` or ``--dask`` asks for; use it in a ``with``. Raises InputError."""
+    if args.workers < 1:
+        raise InputError(f"--workers {args.workers}: at least one is needed")
+    return workers(args.workers) if args.dask is None else cluster(args.dask)
 
 
 def output(text: str) -> Path:

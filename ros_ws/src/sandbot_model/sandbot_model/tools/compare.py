@@ -1,17 +1,22 @@
 """compare: fit a model, with effects added one by one, and show each step's error beside the noise floor."""
 
+import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
 
-import numpy as np
 from tqdm import tqdm
 
 from sandbot_common import cli
+from sandbot_common.errors import InputError
+from sandbot_common.files import read_yaml
 from sandbot_model.bootstrap import bootstrap
 from sandbot_model.catalogue import catalogue
 from sandbot_model.cells import cells_of
-from sandbot_model.compare import compare, geometry_lock, to_json
-from sandbot_model.fit import fit
+from sandbot_model.compare import geometry_lock, to_json
+from sandbot_model.explore.reproduce import steps_of
+from sandbot_model.explore.selection import Selection, from_mapping, held_by_text
 from sandbot_model.model import model_of
 from sandbot_model.report import write_comparison
 from sandbot_model.tools import arguments, tables
@@ -29,28 +34,36 @@ def _compare(argv: Sequence[str]) -> None:
     arguments.add_data(parser)
     parser.add_argument("--effects", default="", metavar="a,b", help="effects to add, in this order")
     arguments.add_catalogue(parser)
+    parser.add_argument(
+        "--hold", action="append", default=[], metavar="NAME=VALUE", help="hold a parameter, k(phi) as fitted"
+    )
+    parser.add_argument(
+        "--selection", type=Path, metavar="FILE.yaml", help="model, effects and held values as the explorer saved them"
+    )
     parser.add_argument("--bootstrap", type=int, metavar="N", help="standard errors from N draws of the trials, too")
+    arguments.add_fitters(parser)
     args = parser.parse_args(argv)
-    effects = catalogue(args.effects_from, args.effect)
-    names = [name.strip() for name in args.effects.split(",") if name.strip()]
+    fitters = arguments.fitters(args)
+    if args.dask is not None and args.bootstrap is None:
+        raise InputError("--dask: only the draws of --bootstrap N go to a cluster; give that too")
+    selection = _selection(args)
+    effects = catalogue(args.effects_from, selection.formulas)
     trials = trials_table.read(args.data)
     cells = cells_of(trials)
-    steps = compare(cells, effects, names, base=args.model)
+    steps = steps_of(selection, cells, effects)
     print(tables.data_line(steps[0]), "\n")
+    if selection.by_hand:
+        print("last step held by hand:", ", ".join(f"{name} = {value:g}" for name, value in selection.by_hand), "\n")
     print(tables.ladder(steps), "\n")
     print(tables.parameters(steps[-1]), "\n")
     print(tables.fails(steps[-1]), "\n")
     print(tables.lock_line(geometry_lock(cells)))
     content = to_json(steps)
     if args.bootstrap is not None:
-        model = model_of(args.model, names, effects)
-        drawn = bootstrap(
-            trials,
-            lambda resampled: fit(model, resampled, steps[-1].known),
-            args.bootstrap,
-            np.random.default_rng(0),
-            lambda counting: tqdm(counting, desc="bootstrap", unit="draw", file=sys.stderr, disable=None),
-        )
+        model = model_of(selection.model, selection.effects, effects)
+        bar = partial(tqdm, total=args.bootstrap, desc="bootstrap", unit="draw", file=sys.stderr, disable=None)
+        with fitters as fit_all:
+            drawn = bootstrap(trials, model, args.bootstrap, near=steps[-1].known, fit_all=fit_all, each=bar)
         print("\n" + tables.bootstrap(steps[-1], drawn, args.bootstrap))
         content["bootstrap"] = {"draws": args.bootstrap, "stderr": drawn}
     if args.json is not None:
@@ -59,6 +72,21 @@ def _compare(argv: Sequence[str]) -> None:
         frames = film_strip(args.data[0])
         with arguments.writing(args.html):
             write_comparison(args.html, steps, trials, title=args.title or args.data[0].stem, frames=frames)
+
+
+def _selection(args: argparse.Namespace) -> Selection:
+    """What the arguments, or the file that stands for them, select. Raises InputError."""
+    names = [name.strip() for name in args.effects.split(",") if name.strip()]
+    given = Selection(args.model, tuple(names), tuple(args.effect))
+    for held in args.hold:
+        given = held_by_text(given, held, "--hold")
+    if given.by_hand and args.bootstrap is not None:
+        raise InputError("--hold: a parameter held by hand has no standard error; leave out --bootstrap")
+    if args.selection is None:
+        return given
+    if given != Selection():
+        raise InputError("--selection says model, effects and held values: leave out the options that say them too")
+    return from_mapping(read_yaml(args.selection), str(args.selection))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ from sandbot_common.errors import InputError
 from sandbot_model.catalogue import catalogue
 from sandbot_model.cells import cells_of
 from sandbot_model.discover import Discovery, discover
-from sandbot_model.parallel import workers
 from sandbot_model.report import write_report
 from sandbot_model.tools import arguments, tables
 from sandbot_record import trials as trials_table
@@ -27,14 +26,15 @@ def _discover(argv: Sequence[str]) -> None:
     arguments.add_data(parser)
     arguments.add_catalogue(parser)
     parser.add_argument("--max-effects", type=int, default=3, help="largest set of effects tried (default: 3)")
-    parser.add_argument("--workers", type=int, default=2, help="processes that fit at once (default: 2)")
+    arguments.add_fitters(parser)
     args = parser.parse_args(argv)
-    if args.max_effects < 0 or args.workers < 1:
-        raise InputError("--max-effects must be 0 or more and --workers 1 or more")
+    if args.max_effects < 0:
+        raise InputError(f"--max-effects {args.max_effects}: 0 or more are needed")
+    fitters = arguments.fitters(args)
     effects = catalogue(args.effects_from, args.effect)
     trials = trials_table.read(args.data)
     cells = cells_of(trials)
-    with workers(args.workers) as fit_all, tqdm(unit="fit", file=sys.stderr, disable=None) as bar:
+    with fitters as fit_all, tqdm(unit="fit", file=sys.stderr, disable=None) as bar:
 
         def progress(stage: str, done: int, total: int) -> None:
             if done == 1:

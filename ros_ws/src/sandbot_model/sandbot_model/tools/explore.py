@@ -1,10 +1,12 @@
 """explore: one page on this host to compare model and trials, switch effects on and watch the error fall."""
 
+import argparse
 import logging
 import multiprocessing
 import os
 import signal
 import socket
+import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -12,19 +14,20 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
+from flask import Flask
 from werkzeug.serving import make_server
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
-from sandbot_model.cells import cells_of
+from sandbot_model.cells import Cells, cells_of
+from sandbot_model.explore import nothing
 from sandbot_model.explore.app import Beside, Explorer
+from sandbot_model.explore.loopback import HOST
 from sandbot_model.explore.selection import from_mapping, to_query
 from sandbot_model.explore.session import Session
 from sandbot_record import trials as trials_table
-
-HOST = "127.0.0.1"
-"""The page runs formulas and reads files for whoever opens it: it is for this host only."""
+from sandbot_record.trials import Trials
 
 NICE = 15
 """Fits made ahead give way to the page."""
@@ -52,20 +55,32 @@ def _explore(argv: Sequence[str]) -> None:
     if args.workers < 1:
         raise InputError(f"--workers {args.workers}: at least one is needed")
     query = to_query(from_mapping(read_yaml(args.selection), str(args.selection))) if args.selection else ""
-    trials = trials_table.read(args.data)
-    cells = cells_of(trials)
+    title = args.title or args.data[0].resolve().stem
+    try:
+        trials = trials_table.read(args.data)
+        cells = cells_of(trials)
+    except InputError as error:
+        # A name that is none is a slip of the command line; data that say nothing are for the page to tell.
+        if not all(path.exists() for path in args.data):
+            raise
+        print(f"explore: {error}", file=sys.stderr, flush=True)
+        _serve(nothing.app(title, str(error)), args.port, "")
+    else:
+        _explore_cells(args, trials, cells, title, query)
+
+
+def _explore_cells(args: argparse.Namespace, trials: Trials, cells: Cells, title: str, query: str) -> None:
     other = cells_of(trials_table.read(args.beside)) if args.beside else None
     with _fitters(args.workers) as workers:
         session = Session(cells, workers, effect_files=args.effects_from)
         session.catalogue()
         # Forked here, before the server has threads; they see a user's effects as they are.
         workers.submit(os.getpid).result()
-        title = args.title or args.data[0].resolve().stem
         beside = None
         if other is not None:
             beside = Beside(Session(other, workers, effect_files=args.effects_from), args.beside.resolve().stem)
         explorer = Explorer(session, trials, args.data, title, beside)
-        _serve(explorer, args.port, query)
+        _serve(explorer.app().server, args.port, query)
 
 
 @contextmanager
@@ -95,14 +110,14 @@ def _in_worker(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _serve(explorer: Explorer, port: int, query: str) -> None:
+def _serve(app: Flask, port: int, query: str) -> None:
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     try:
         listening = socket.create_server((HOST, port))
     except OSError as error:
         raise InputError(f"--port {port}: {error.strerror}; another explorer may be running, try --port 0") from None
     port = listening.getsockname()[1]
-    server = make_server(HOST, port, explorer.app().server, threaded=True, fd=listening.fileno())
+    server = make_server(HOST, port, app, threaded=True, fd=listening.fileno())
     print(f"explore: http://{HOST}:{port}/{query}  (Ctrl-C ends it)", flush=True)
     server.serve_forever()
 

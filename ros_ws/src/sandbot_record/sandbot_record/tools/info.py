@@ -5,7 +5,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from sandbot_common import cli
+from sandbot_common.errors import InputError
 from sandbot_record.reader import Bag
+from sandbot_record.video import VideoFrames, place
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -18,7 +20,8 @@ def _info(argv: Sequence[str]) -> int:
     parser.add_argument("bag", type=Path, metavar="BAG", help="a bag's folder, or one .mcap or .db3 file")
     options = parser.parse_args(argv)
     bag = Bag.open(options.bag, strict=False)
-    print(describe(bag))
+    films = [_film(bag, topic, file) for topic, file in bag.videos.items() if file.is_file()]
+    print("\n".join([describe(bag), *films]))
     return 1 if bag.problems else 0
 
 
@@ -51,6 +54,20 @@ def describe(bag: Bag) -> str:
         lines += [f"{'':19}{key}: {_short(value)}" for key, value in values.items()]
     lines += [f"Attachment:        {name} ({len(data)} bytes)" for name, data in bag.attachments.items()]
     return "\n".join(lines)
+
+
+def _film(bag: Bag, topic: str, file: Path) -> str:
+    """The video of a frame index topic; frames that are not as they were written are a problem of the bag."""
+    frames, gone = VideoFrames(file), 0
+    for message in bag.messages([topic]):
+        try:
+            frames.frame(place(message.data))
+        except InputError:
+            gone += 1
+    if gone:
+        bag.problems.append(f"{gone} frames of {file.name} are missing or damaged")
+    intact = bag.topics[topic].count - gone
+    return f"Video:             {file.name} | {intact} frames intact, {gone} not | {_size(file.stat().st_size)}"
 
 
 def _size(count: float) -> str:

@@ -11,6 +11,7 @@ from sandbot_common.errors import InputError
 from sandbot_record.mcap_writer import COMPRESSIONS
 from sandbot_record.recorder_node import Selection, record
 from sandbot_record.recording import Limits, Recording
+from sandbot_record.video import CODECS
 from sandbot_record.writer import BagWriter, Split
 
 MIB = 1 << 20
@@ -40,6 +41,7 @@ def _record(argv: Sequence[str]) -> int:
             writer,
             limits=Limits(int(options.min_free * MIB), options.duration),
             images=options.images,
+            codec=options.video_codec,
             monotonic_s=time.monotonic,
         )
     except OSError as error:
@@ -58,7 +60,15 @@ def _parser() -> cli.Parser:
     parser.add_argument("--exclude", "-x", default="", help="but not those that match this")
     parser.add_argument("--duration", type=float, default=0.0, metavar="S", help="stop after so many seconds")
     parser.add_argument("--compression", choices=COMPRESSIONS, default="none", help="of the chunks (default: none)")
-    parser.add_argument("--images", choices=("raw", "jpeg", "none"), default="raw", help="what becomes of raw images")
+    parser.add_argument(
+        "--images",
+        choices=("raw", "jpeg", "video", "none"),
+        default="raw",
+        help="what becomes of raw images: messages as they are, JPEG messages, a video file for each camera, nothing",
+    )
+    parser.add_argument(
+        "--video-codec", choices=tuple(CODECS), default="rawvideo", help="lossless both; ffv1 is smaller and slower"
+    )
     parser.add_argument("--max-size", type=float, default=0.0, metavar="MIB", help="begin a new file after so much")
     parser.add_argument("--max-duration", type=float, default=0.0, metavar="S", help="begin a new file after so long")
     parser.add_argument("--min-free", type=float, default=200.0, metavar="MIB", help="stop when less is free (200)")

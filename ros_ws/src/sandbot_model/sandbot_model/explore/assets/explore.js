@@ -6,3 +6,9 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
     undo: () => { window.history.back(); return Date.now(); },
   },
 });
+
+document.addEventListener("click", ({ target }) => {
+  const { format, figure } = target.dataset ?? {};
+  const plot = figure && document.querySelector(`[id="${figure}"] .js-plotly-plot`);
+  if (plot) window.sandbotExport.save(plot, format, figure);
+});

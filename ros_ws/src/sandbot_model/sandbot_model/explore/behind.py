@@ -1,0 +1,69 @@
+"""What stands behind a cell on the page: its trials, their waveforms with the model's, tracked video, links to bags."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from dash import html
+
+from sandbot_common.errors import InputError
+from sandbot_model.explore import controls, waveforms
+from sandbot_model.fit import Fit
+from sandbot_model.report.theme import Theme
+from sandbot_model.report.view import CM
+from sandbot_record.trials import Trials
+
+COLUMNS = (
+    ("φ", "phi", 1.0),
+    ("ω (rad/s)", "omega_rad_s", 1.0),
+    ("mean speed (cm/s)", "speed_m_s", CM),
+    ("body lift (cm)", "lift_m", CM),
+    ("peak speed (cm/s)", "peak_speed_m_s", CM),
+    ("first step (cm)", "first_step_m", CM),
+    ("status", "status", 1.0),
+)
+"""What a person calls a column of the table, its name there, and how many of the one are one of the other."""
+
+
+def parts(trials: Trials, bags: Mapping[str, Path], fit: Fit, cell: int, theme: Theme) -> list[Any]:
+    """Everything there is about the trials of one cell, and a line for each thing there is not."""
+    rows = waveforms.trials_of(trials, fit.cells, cell)
+    ids = [str(trials.trial_id[i]) for i in rows]
+    lines = [
+        [link(name, bags), *(_cell(getattr(trials, column)[row], scale) for _, column, scale in COLUMNS)]
+        for name, row in zip(ids, rows, strict=True)
+    ]
+    shown: list[Any] = [controls.trial_table(lines, ["trial", *(head for head, _, _ in COLUMNS)])]
+    found, missing = waveforms.read(bags, ids)
+    if found:
+        figure = waveforms.figure(found, fit, cell, theme)
+        shown.append(controls.plot("waveforms", figure, says=waveforms.says(found, fit, cell)))
+        shown += film(bags, [one.trial_id for one in found])
+    return [*shown, *(html.P(line, className="soft") for line in missing)]
+
+
+def film(bags: Mapping[str, Path], ids: Sequence[str]) -> list[Any]:
+    """Tracked video of the first trial that kept its frames; a line that says so where none did."""
+    for name in ids:
+        try:
+            if strip := waveforms.film_of(bags[name]):
+                return [html.H3(f"Lateral video of {name}, tracked axles marked"), controls.film(strip)]
+        except InputError as error:
+            return [html.P(f"Video of {name}: {error}", className="soft")]
+    return [html.P("No video: the camera frames of these trials were not kept.", className="soft")]
+
+
+def link(trial_id: str, bags: Mapping[str, Path]) -> Any:
+    """The trial's name, as a link to its recording where there is one (see ``Explorer.send_bag``)."""
+    names = list(waveforms.files_of(bags[trial_id])) if trial_id in bags else []
+    if not names:
+        return trial_id
+    where = f"/bag/{quote(trial_id)}/{quote(names[0])}"
+    return html.A(trial_id, href=where, title=f"save the recording {bags[trial_id]}", download=names[0])
+
+
+def _cell(value: Any, scale: float) -> str:
+    if isinstance(value, float):
+        return f"{scale * value:.4g}" if value == value else "–"
+    return str(value)

@@ -1,0 +1,31 @@
+"""The page for data that can show nothing: it says why, and what would do."""
+
+from html import escape
+from pathlib import Path
+
+from flask import Flask
+
+from sandbot_model.explore.loopback import own_host_only
+
+NEEDED = (
+    "A campaign folder, bags, or a trials CSV with the columns phi, omega_rad_s and speed_m_s (SI units), and at least "
+    "one trial with status ok. Mend the data and start explore again."
+)
+PAGE = """<!doctype html>
+<html lang="en">
+<head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<link rel="icon" href="data:,"><title>{title}</title><style>{style}</style></head>
+<body><main class="page"><h1>{title}</h1>
+<p class="message" role="alert"><strong>Nothing can be shown.</strong> {reason}</p>
+<p><strong>What is needed.</strong> {needed}</p></main></body>
+</html>"""
+
+
+def app(title: str, reason: str) -> Flask:
+    """A server with one page that says ``reason``."""
+    style = (Path(__file__).parent / "assets" / "explore.css").read_text(encoding="utf-8")
+    page = PAGE.format(title=escape(title), reason=escape(reason), needed=escape(NEEDED), style=style)
+    server = Flask("sandbot_explorer_nothing")
+    own_host_only(server)
+    server.add_url_rule("/", "page", lambda: page)
+    return server

@@ -1,0 +1,137 @@
+"""Under each figure: how to read it, and what it shows in words and numbers for whoever can't see it."""
+
+import numpy as np
+
+from sandbot_model import compare
+from sandbot_model.cells import Cells
+from sandbot_model.fit import Fit
+from sandbot_model.report import text
+from sandbot_model.report.balance import forces
+from sandbot_model.report.figures import failing_cells
+from sandbot_model.report.mechanics import collapse
+from sandbot_model.report.view import BAND_SDS, CM, NAMES, PEOPLE_UNITS, Step, bands, measured, residual_z
+
+HOW = {
+    "speed": "Points: mean over the replicates of a condition, bars one standard deviation of a single trial. Solid: "
+    f"the chosen model, shaded ± {BAND_SDS:g} standard errors from its fitted parameters. Dashed grey: the base model.",
+    "residuals": "▲ the robot did more than the model says, ▼ less; the number is the residual in standard errors of "
+    "the mean. Cells without a mark agree with the model; – was not measured.",
+    "ladder": "In sample: the model fitted to all trials. Out of sample: each condition predicted by a model fitted "
+    "without it. Noise floor: scatter of replicates, which no model can beat.",
+    "lock": "A leg of radius R = 3.55 cm that lifts its axle by Δz advances by s = 2√(Δz(2R − Δz)), whatever the "
+    "ground. Points along the curve: the legs hold, and only how deep they sink changes. Points off it: speed is lost "
+    "or won after the legs hold (slip, drag, overlap of stances, coasting). Open grey: the robot swims (no lift beyond "
+    "noise).",
+    "critical": "Left: walking ends at ω_c; the bar spans from the last ω measured that walks to the first that swims. "
+    "Right: the largest mean speed; the model's line is over all ω, its circles over the ω measured.",
+    "step": "Step length πv̄/ω over leg radius R. Grey band: s/R from 0.9 to 1, where Li09 saw walking end.",
+    "balance": "The leg sinks until the ground first gives what the body needs (dot); where it never does, the robot "
+    "swims. Coloured: force the ground gives. Dashed: weight and the force that brings the body to leg speed. "
+    "Thin grey: the base model's.",
+}
+"""Figure → how to read it."""
+
+
+def speed(step: Step) -> str:
+    """Where mean speed is largest and where the model misses it most."""
+    cells, seen = step.fit.cells, measured(step.fit.cells, "speed")
+    if not np.isfinite(seen).any():
+        return "Mean speed was not measured."
+    best, worst = int(np.nanargmax(seen)), int(np.nanargmax(np.abs(seen - step.fit.predicted[:, 0])))
+    return (
+        f"Mean speed against leg frequency ω, one panel for each of {len(bands(cells))} volume fractions φ. "
+        f"Fastest: {text.cm_s(seen[best])} at {at(cells, best)}. Missed most: {at(cells, worst)}, measured "
+        f"{text.cm_s(seen[worst])}, modelled {text.cm_s(step.fit.predicted[worst, 0])}."
+    )
+
+
+def residuals(step: Step, observable: str) -> str:
+    """How many cells fail and which is the worst."""
+    cells, failing = step.fit.cells, failing_cells(step.fit, observable)
+    z = np.where(failing, residual_z(step.fit, observable), np.nan)
+    head = f"Map over φ and ω of standardised residuals of {NAMES[observable]}, {step.label}: "
+    if not np.isfinite(z).any():
+        return f"{head}no cell fails."
+    worst = int(np.nanargmax(np.abs(z)))
+    fail = next(f for f in step.fit.fails if f.observable == observable)
+    more = "more" if z[worst] > 0 else "less"
+    return (
+        f"{head}{int(failing.sum())} of {len(cells)} cells fail. Worst: {at(cells, worst)}, "
+        f"{text.number(CM * abs(fail.residual), 2)} {PEOPLE_UNITS[observable]} {more} than modelled, "
+        f"{text.number(abs(z[worst]))} standard errors."
+    )
+
+
+def critical(step: Step) -> str:
+    """Where walking ends, per volume fraction."""
+    cells = step.fit.cells
+    seen = collapse(cells)
+    parts = []
+    for i, band in enumerate(bands(cells)):
+        last, first = seen.last_walking_rad_s[i], seen.first_swimming_rad_s[i]
+        if not np.isfinite(last):
+            ends = "never walks"
+        elif not np.isfinite(first):
+            ends = f"walks up to {last:.3g} rad/s, the largest ω measured"
+        else:
+            ends = f"walking ends between {last:.3g} and {first:.3g} rad/s"
+        parts.append(f"{band.label}: {ends}, fastest {text.cm_s(seen.peak_speed_m_s[i])}")
+    return f"Critical leg frequency and largest mean speed against volume fraction. {'; '.join(parts)}."
+
+
+def step_ratio(step: Step) -> str:
+    """Between what step lengths the robot walks."""
+    cells = step.fit.cells
+    ratio = np.pi * measured(cells, "speed") / cells.omega / step.fit.fitted.robot.leg_radius_m
+    if not np.isfinite(ratio).any():
+        return "Mean speed was not measured, so step length is not known."
+    longest = int(np.nanargmax(ratio))
+    return (
+        f"Step length over leg radius against leg frequency, measured and modelled, for {len(bands(cells))} volume "
+        f"fractions. Longest: {ratio[longest]:.2f} R at {at(cells, longest)}; shortest {np.nanmin(ratio):.2f} R."
+    )
+
+
+def balance(step: Step, omega_rad_s: float) -> str:
+    """At what depth the leg holds, per volume fraction."""
+    depth = forces(step.fit, omega_rad_s).holds_m
+    holds = (
+        f"{band.label}: {f'{CM * d:.2f} cm' if np.isfinite(d) else 'never, it swims'}"
+        for band, d in zip(bands(step.fit.cells), depth, strict=True)
+    )
+    return f"Forces on a leg against depth at ω = {omega_rad_s:.3g} rad/s. Depth at which it holds: {'; '.join(holds)}."
+
+
+def lock(cells: Cells) -> str:
+    """How the step from speed compares with the step from lift."""
+    ratio = compare.geometry_lock(cells)
+    known = ratio[np.isfinite(ratio)]
+    if not known.size:
+        return "Step length against body lift. No walking cell has both speed and lift."
+    return (
+        "Step length against body lift, with the curve that the geometry of a circular leg dictates. Step length from "
+        f"speed over step length from lift: median {np.median(known):.3f} over {known.size} walking cells (1: nothing "
+        "lost or won between step and speed)."
+    )
+
+
+def ladder(steps: tuple[Step, ...], noise_floor_m_s: float) -> str:
+    """Every rung's errors."""
+    rungs = "; ".join(
+        f"{step.label} {text.cm_s(step.fit.rmse_m_s)} in sample, {text.cm_s(step.fit.cv_rmse_m_s)} out of sample"
+        for step in steps
+    )
+    return f"Error of mean speed for each step: {rungs}; noise floor {text.cm_s(noise_floor_m_s)}."
+
+
+def at(cells: Cells, cell: int) -> str:
+    """A condition in words."""
+    return f"φ {cells.phi[cell]:.3f}, ω {cells.omega[cell]:.3g} rad/s"
+
+
+def worst_frequency(fit: Fit) -> float:
+    """The leg frequency [rad/s] at which a speed is missed by most standard errors; the middle one if none is."""
+    z = np.abs(residual_z(fit, "speed"))
+    if not np.isfinite(z).any():
+        return float(np.median(fit.cells.omega))
+    return float(fit.cells.omega[int(np.nanargmax(z))])

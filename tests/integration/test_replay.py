@@ -1,0 +1,82 @@
+"""A bag replayed over DDS into the real tracker and predictor gives the row that the bag itself gives."""
+
+import math
+
+import numpy as np
+import pytest
+import yaml
+
+from sandbot_common import topics
+from sandbot_record.reader import Bag
+from sandbot_record.table import row_from_bag
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(240)]
+
+PLAN = {
+    "name": "one",
+    "seed": 7,
+    "gait": "UNIFORM",
+    "phi": [0.605],
+    "omega_rad_s": [12.0],
+    "replicates": 1,
+    "bed": {"pulse_off_s": 0.3, "average_s": 0.2},
+}
+TRIAL = "phi0.6050_w12.000_r01"
+GIVEN = (
+    topics.TRIAL, topics.BED_PHI, topics.BED_STATUS, topics.SYNC_LED, topics.LEG_STATES, topics.DORSAL_IMAGE,
+    topics.LATERAL_IMAGE,
+)  # fmt: skip
+"""What the robot, the bed and the cameras say; all else is the nodes' to find out anew."""
+SAID = (
+    topics.COM, topics.FRONT_AXLE, topics.REAR_AXLE, topics.SPEED, topics.SPEED_MEAN, topics.LIFT, topics.MODEL_SPEED,
+    topics.MODEL_SPEED_MEAN, topics.MODEL_ERROR,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("images", ["raw", "jpeg"])
+def test_replay_into_tracker_and_predictor_gives_the_same_row(tmp_path, start, images):
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(yaml.safe_dump(PLAN | {"images": images}))
+    batch = start("ros2", "run", "sandbot_bringup", "campaign", plan, "--out", tmp_path / "batch", "--batch")
+    assert batch.wait(120) == 0, "\n".join(batch.lines)
+    source = tmp_path / "batch" / "trials" / TRIAL
+
+    tracker = start("ros2", "run", "sandbot_tracking", "tracker")
+    start("ros2", "run", "sandbot_model", "predictor")
+    names = [topic.name for topic in (*SAID, *GIVEN) if "image" not in topic.name]
+    record = start("ros2", "run", "sandbot_record", "record", *names, "--out", tmp_path / "again")
+    record.until(lambda line: line.startswith("recording to"))
+    played = [topic.name for topic in GIVEN]
+    replay = start(
+        "ros2", "run", "sandbot_record", "replay", source, "--delay", "3", "--decode-jpeg", "--topics", *played
+    )
+    assert replay.wait(90) == 0, "\n".join(replay.lines + tracker.lines)
+    record.stop()
+    assert "0 lost" in record.lines[-1]
+
+    before, after = Bag.open(source), Bag.open(tmp_path / "again")
+    assert after.topics[topics.COM.name].count == before.topics[topics.COM.name].count
+    one, other = row_from_bag(source), row_from_bag(tmp_path / "again")
+    assert other.status == "ok"
+    told = ("trial_id", "phi", "phi_sd", "omega_rad_s", "gait", "replicate")
+    assert [getattr(other, name) for name in told] == [getattr(one, name) for name in told]
+    # JPEG costs a little of the marks' accuracy; raw frames are the same numbers.
+    tight = 1e-9 if images == "raw" else 1.0
+    assert other.speed_m_s == pytest.approx(one.speed_m_s, rel=max(tight * 0.01, 1e-6))
+    assert other.lift_m == pytest.approx(one.lift_m, abs=max(tight * 1e-4, 1e-9))
+    assert other.peak_speed_m_s == pytest.approx(one.peak_speed_m_s, rel=max(tight * 0.02, 1e-6))
+    assert other.first_step_m == pytest.approx(one.first_step_m, abs=max(tight * 3e-4, 1e-9))
+
+    means, again = (bag.columns(topics.SPEED_MEAN.name, "data")["data"] for bag in (before, after))
+    assert len(means) == len(again)
+    np.testing.assert_allclose(again, means, rtol=0.01)
+    lifts, again = (bag.columns(topics.LIFT.name, "data")["data"] for bag in (before, after))
+    np.testing.assert_allclose(again, lifts, atol=2e-4)
+    assert after.topics[topics.MODEL_SPEED.name].count == after.topics[topics.LEG_STATES.name].count
+    predicted = after.columns(topics.MODEL_SPEED_MEAN.name, "data")["data"][-1]
+    error = after.columns(topics.MODEL_ERROR.name, "data")["data"][-1]
+    assert math.isclose(again_speed(after) - predicted, error, abs_tol=1e-9)
+
+
+def again_speed(bag: Bag) -> float:
+    return float(bag.columns(topics.SPEED_MEAN.name, "data")["data"][-1])
