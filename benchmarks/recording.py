@@ -1,12 +1,8 @@
 """Bags: writing and reading beside rosbags and mcap's own tools, and the recorder under live load."""
 
 import os
-import re
 import shutil
-import signal
 import statistics
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -20,13 +16,17 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 
+import _recorder_load
 from sandbot_common import messages, topics
 from sandbot_common.serialization import to_cdr
 from sandbot_record import interfaces
+from sandbot_record.playback import Timeline
 from sandbot_record.reader import Bag
 from sandbot_record.writer import BagWriter
 
 COUNT, IMAGES = 20_000, 300
+SECONDS = float(os.environ.get("RECORDING_SECONDS", "60"))
+"""Length of the live run at ×1; the others last a third. Shorter for development only."""
 T0 = 1_700_000_000_000_000_000
 LEGS, IMAGE = topics.LEG_STATES, topics.DORSAL_IMAGE
 Load = list[tuple[topics.Topic, bytes, int]]
@@ -53,21 +53,9 @@ def main() -> str:
             "|---|---|",
             *reading,
             "",
-            live(),
+            *_recorder_load.section(SECONDS),
         ]
     )
-
-
-def live(rates: tuple[float, ...] = (1, 2, 4, 6), seconds: float = 10.0) -> str:
-    """The recorder under multiples of 1 kHz JointState + 2 × 100 images/s (62 MB/s), as a table."""
-    rows = [
-        "| load | sent | lost on the way | in the bag | recorder's CPU, % of a core |",
-        "|---|---|---|---|---|",
-    ]
-    for rate in rates:
-        with tempfile.TemporaryDirectory() as folder:
-            rows.append(_live(Path(folder), rate, seconds))
-    return "\n".join(rows)
 
 
 def _load(count: int, images: int) -> Load:
@@ -141,22 +129,31 @@ def _reading(folder: Path, small: Load) -> list[str]:
                 if decode:
                     interfaces.store().deserialize_cdr(data, connection.msgtype)
 
-    def library() -> None:
+    def library(*, decode: bool) -> None:
         with file.open("rb") as stream:
-            for _ in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+            for _ in reader.iter_decoded_messages() if decode else reader.iter_messages():
                 pass
 
     readers: dict[str, Callable[[], object]] = {
         "**sandbot_record**, raw (CRCs checked)": lambda: sum(1 for _ in Bag.open(bag).messages()),
         "rosbags, raw": lambda: rosbags_raw(decode=False),
+        "**sandbot_record**, in order of time as `replay` fetches them": lambda: _timeline(bag),
+        "mcap, in order of time": lambda: library(decode=False),
         "**sandbot_record**, columns position, velocity, effort": lambda: Bag.open(bag).columns(
             LEGS.name, "position", "velocity", "effort"
         ),
         "**sandbot_record**, message by message": lambda: [message.decode() for message in Bag.open(bag).messages()],
         "rosbags, decoded": lambda: rosbags_raw(decode=True),
-        "mcap-ros2-support, decoded": library,
+        "mcap-ros2-support, decoded": lambda: library(decode=True),
     }
     return [f"| {name} | {len(small) / _median(read) / 1e3:.0f} |" for name, read in readers.items()]
+
+
+def _timeline(bag: Path) -> None:
+    timeline = Timeline(Bag.open(bag))
+    for index in range(len(timeline)):
+        _ = timeline[index].data
 
 
 def _fresh(folder: Path) -> Path:
@@ -176,71 +173,5 @@ def _median(action: Callable[[], object], times: int = 3) -> float:
     return statistics.median(spent)
 
 
-def _live(folder: Path, rate: float, seconds: float) -> str:
-    domain = {**os.environ, "ROS_DOMAIN_ID": str(1 + os.getpid() % 100)}
-    names = [LEGS.name, topics.DORSAL_IMAGE.name, topics.LATERAL_IMAGE.name]
-    command = [sys.executable, "-m", "sandbot_record.tools.record", *names, "--out", str(folder / "bag")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=domain) as recorder:
-        assert recorder.stdout is not None
-        for line in recorder.stdout:
-            if line.startswith("recording to"):
-                break
-        before = _cpu_s(recorder.pid)
-        source = subprocess.run(
-            [sys.executable, __file__, "publish", str(rate), str(seconds)],
-            stdout=subprocess.PIPE,
-            text=True,
-            env=domain,
-            check=True,
-        )
-        used = _cpu_s(recorder.pid) - before
-        recorder.send_signal(signal.SIGINT)
-        last = recorder.stdout.read()
-    sent, spent = (float(word) for word in source.stdout.split())
-    held = Bag.open(folder / "bag").count
-    lost = re.search(r"(\d+) lost", last)
-    return f"| ×{rate:g} | {sent:.0f} | {lost.group(1) if lost else '?'} | {held} | {100 * used / spent:.0f} |"
-
-
-def _cpu_s(pid: int) -> float:
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-def _publish(rate: float, seconds: float) -> None:
-    """Publish the live load (a process of its own); print what was sent and how long it took."""
-    import rclpy
-    from rclpy.qos import QoSProfile
-    from sensor_msgs.msg import Image, JointState
-
-    rclpy.init()
-    node = rclpy.create_node("load")
-    legs = node.create_publisher(JointState, LEGS.name, QoSProfile(depth=2000))
-    cameras = [
-        node.create_publisher(Image, name, QoSProfile(depth=200))
-        for name in (topics.DORSAL_IMAGE.name, topics.LATERAL_IMAGE.name)
-    ]
-    state, image = (data for _, data, _ in (*_load(1, 0), *_load(0, 1)))
-    while not all(one.get_subscription_count() for one in (legs, *cameras)):
-        time.sleep(0.02)
-    time.sleep(1.0)
-    start, sent = time.monotonic(), 0
-    for i in range(round(1000 * rate * seconds)):
-        legs.publish(state)
-        sent += 1
-        if i % 10 == 0:
-            for camera in cameras:
-                camera.publish(image)
-            sent += 2
-        if (ahead := start + (i + 1) / (1000 * rate) - time.monotonic()) > 0:
-            time.sleep(ahead)
-    spent = time.monotonic() - start
-    time.sleep(2.0)
-    print(sent, spent)
-
-
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["publish"]:
-        _publish(float(sys.argv[2]), float(sys.argv[3]))
-    else:
-        print(main())
+    print(main())

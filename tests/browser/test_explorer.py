@@ -1,10 +1,15 @@
 """The explorer in a real browser: see the failing region, switch the effect on, watch the error fall; the report."""
 
+import csv
+import json
 import os
 import re
 import signal
 import subprocess
 import sys
+import urllib.request
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +22,14 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
+from sandbot_bringup.tools.campaign import main as run_campaign
 from sandbot_model.cells import cells_of
 from sandbot_model.compare import compare
 from sandbot_model.effects import CATALOGUE
 from sandbot_model.explore.selection import from_mapping, to_query
 from sandbot_model.model import model_of
 from sandbot_model.report import write_comparison
+from sandbot_model.tools.compare import main as compare_main
 from sandbot_model.walking import Inputs
 from sandbot_record.trials import Row, from_rows, write_csv
 
@@ -30,6 +37,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(180)]
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
 HIDDEN = "disturbed_ground"
+TORN = "phi0.6000_w08.000_r01"
 BOOST = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
 PATIENCE_S = 60
 CHROMIUM = (
@@ -65,20 +73,39 @@ def folder(tmp_path_factory, trials):
     return folder
 
 
-@pytest.fixture(scope="module")
-def address(folder):
-    """The address of a running explorer that knows no ROS."""
+@contextmanager
+def explorer(*arguments, fits=True):
+    """The address of a running explorer that knows no ROS; ended by Ctrl-C it leaves no process behind."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("ROS_", "RMW_"))}
-    command = [sys.executable, "-m", "sandbot_model.tools.explore", str(folder / "trials.csv"), "--port", "0"]
+    command = [sys.executable, "-m", "sandbot_model.tools.explore", *map(str, arguments), "--port", "0"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     line = server.stdout.readline()
     yield re.search(r"http://127\.0\.0\.1:\d+/", line)[0]
     workers = psutil.Process(server.pid).children()
     server.send_signal(signal.SIGINT)
     assert server.wait(20) == 0
-    assert workers
+    assert bool(workers) == fits
     assert psutil.wait_procs(workers, timeout=10)[1] == []
     server.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def address(folder):
+    with explorer(folder / "trials.csv") as where:
+        yield where
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    """Eight trials of the virtual lab in bags, one of them torn; the frames of one are kept."""
+    folder = tmp_path_factory.mktemp("campaign") / "campaign"
+    plan = folder.parent / "plan.yaml"
+    plan.write_text("name: small\nseed: 3\ngait: UNIFORM\nphi: [0.600, 0.633]\nomega_rad_s: [8, 16]\nreplicates: 2\n")
+    assert run_campaign([str(plan), "--out", str(folder), "--batch"]) == 0
+    (folder / "trials.csv").unlink()
+    torn = folder / "trials" / TORN / f"{TORN}_0.mcap"
+    torn.write_bytes(torn.read_bytes()[:-1000])
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +149,23 @@ class Page:
 
     def unfold(self):
         self.driver.execute_script("for (const one of document.querySelectorAll('details')) one.open = true")
+
+    def keys(self, *keys):
+        """Type at whatever has the focus."""
+        webdriver.ActionChains(self.driver).send_keys(*keys).perform()
+
+    def tab_to(self, script, limit=120, key=Keys.TAB):
+        """Go on by Tab, or another key, until ``script`` is true of the element that has the focus."""
+        for _ in range(limit):
+            if self.driver.execute_script(f"const at = document.activeElement; return {script}"):
+                return
+            self.keys(key)
+        raise AssertionError(f"no element that {script} is reached by Tab")
+
+    def background(self, figure):
+        return self.driver.execute_script(
+            "return document.querySelector(`#${arguments[0]} .js-plotly-plot`)?.layout.paper_bgcolor", figure
+        )
 
     def complaints(self):
         return [line["message"] for line in self.driver.get_log("browser") if line["level"] == "SEVERE"]
@@ -187,20 +231,158 @@ def test_suggest_names_the_hidden_effect_and_switches_it_on(page, address):
     page.until(lambda: "disturbed ground" in page.text("status"))
 
 
-def test_the_saved_file_reproduces_the_numbers(page, address, folder, trials):
-    page.open(f"{address}?effect={HIDDEN}")
+def test_the_saved_file_reproduces_the_numbers_from_the_command_line(page, address, folder):
+    page.open(f"{address}?effect={HIDDEN}&hold=delta_t_s%3D0.35")
     page.press("save")
-    saved = folder / "selection.yaml"
+    saved = folder / "explorer.yaml"
     page.until(saved.exists)
     content = yaml.safe_load(saved.read_text(encoding="utf-8"))
-    again = compare(cells_of(trials), EFFECTS, content["effects"], base=content["model"])[-1]
-    assert content["result"]["rmse_m_s"] == pytest.approx(again.rmse_m_s, rel=0.01)
-    assert to_query(from_mapping(content, "saved")) == f"?effect={HIDDEN}"
+    arguments = [str(folder / "trials.csv"), "--selection", str(saved), "--json", str(folder / "again.json")]
+    assert compare_main(arguments) == 0
+    again = json.loads((folder / "again.json").read_text(encoding="utf-8"))["steps"][-1]
+    assert content["result"]["rmse_m_s"] == pytest.approx(again["rmse_m_s"], rel=1e-9)
+    assert page.error_cm_s() == pytest.approx(100 * again["rmse_m_s"], abs=0.006)
+    assert to_query(from_mapping(content, "saved")) == f"?effect={HIDDEN}&hold=delta_t_s%3D0.35"
+
+
+def test_a_figure_is_saved_as_drawing_picture_and_numbers(page, address, folder, trials):
+    page.open(f"{address}?effect={HIDDEN}")
+    for kind in ("svg", "png", "csv"):
+        page.driver.find_element(By.CSS_SELECTOR, f"[data-figure=figure][data-format={kind}]").click()
+        page.until((folder / f"figure.{kind}").exists)
+    assert "<svg" in (folder / "figure.svg").read_text(encoding="utf-8")
+    assert (folder / "figure.png").read_bytes().startswith(b"\x89PNG")
+    rows = list(csv.reader((folder / "figure.csv").read_text(encoding="utf-8").splitlines()))
+    assert rows[0] == ["series", "ω (rad/s)", "speed (cm/s)", "error"]
+    cells = cells_of(trials)
+    seen = [(float(row[1]), float(row[2])) for row in rows if row[0].endswith("measured")]
+    meant = sorted(zip(cells.omega, 100 * cells.mean[:, 0], strict=True))
+    assert np.array(sorted(seen)) == pytest.approx(np.array(meant), rel=1e-4)
+
+
+def test_two_models_and_two_data_sets_stand_side_by_side(page, address, folder):
+    page.open(address)
+    page.press("pin")
+    page.until(lambda: "set beside" in page.text("beside"))
+    page.choose("effects", HIDDEN)
+    page.until(lambda: page.text("pane-title").endswith("+ disturbed ground"))
+    assert "simple model: error" in page.text("beside")
+    page.until(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#beside .main-svg"))
+    page.press("unpin")
+    page.until(lambda: page.text("beside") == "")
+    assert page.complaints() == []
+    with explorer(folder / "trials.csv", "--beside", folder / "trials.csv", "--title", "ours") as both:
+        page.open(both)
+        page.until(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#beside .main-svg"))
+        assert page.text("pane-title") == "ours: simple model"
+        assert page.text("beside").startswith("trials")
+
+
+def test_a_cell_of_the_map_leads_to_its_trials_waveforms_video_and_bags(page, campaign):
+    with explorer(campaign) as where:
+        page.open(f"{where}?view=residuals")
+        assert "1 trials excluded, and why" in page.driver.page_source
+        page.unfold()
+        assert f"{TORN} " in page.text("excluded")
+        assert "recover" in page.text("excluded")
+        middle = page.until(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#figure .nsewdrag"))[0]
+        size = middle.size
+        # Two rows, two columns: the upper right one is the strongest ground at the higher frequency.
+        mouse = webdriver.ActionChains(page.driver)
+        mouse.move_to_element_with_offset(middle, size["width"] // 4, -size["height"] // 4)
+        mouse.pause(0.3).click().perform()
+        page.until(lambda: "phi0.6330_w16.000_r01" in page.text("trials"))
+        plots = "[...document.querySelectorAll('#waveforms .js-plotly-plot')]"
+        names = f"return {plots}.flatMap((plot) => plot.data.map((trace) => trace.name))"
+        page.until(lambda: len(page.driver.execute_script(names)) == 3)
+        assert page.driver.execute_script(names)[0] == "model"
+        frames = page.driver.find_elements(By.CSS_SELECTOR, "#trials .film img")
+        assert len(frames) == 4
+        assert all("lateral camera" in frame.get_attribute("alt") for frame in frames)
+        link = page.driver.find_element(By.PARTIAL_LINK_TEXT, "phi0.6330_w16.000_r01").get_attribute("href")
+        with urllib.request.urlopen(link) as answer:
+            assert answer.read(5) == b"\x89MCAP"
+        assert page.complaints() == []
+
+
+def test_an_empty_table_opens_a_page_that_says_why(page, folder):
+    (folder / "empty.csv").write_text("phi,omega_rad_s,speed_m_s\n")
+    with explorer(folder / "empty.csv", fits=False) as where:
+        page.driver.get(where)
+        said = page.driver.find_element(By.CSS_SELECTOR, "[role=alert]").text
+    assert said.startswith("Nothing can be shown.")
+    assert "no trials: nothing below the header" in said
+
+
+def test_thin_data_open_a_page_that_says_what_it_can_not_show(page, folder, trials):
+    one = trials.select((np.abs(trials.phi - 0.633) < 0.003) & (trials.replicate == 0))
+    write_csv(replace(one, lift_m=np.full(len(one), np.nan)), folder / "thin.csv")
+    with explorer(folder / "thin.csv") as where:
+        for view in ("speed", "residuals", "critical", "step", "balance", "lock", "parameters"):
+            page.open(f"{where}?view={view}&cell=0")
+            page.until(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#figure .main-svg"))
+        said = page.driver.find_element(By.TAG_NAME, "header").text
+        assert "every trial is at φ = 0.633" in said
+        assert "no condition was repeated" in said
+        assert "Body lift: not measured" in said
+        assert page.complaints() == []
+
+
+def test_the_page_is_used_by_keyboard_alone(page, address):
+    """Tab, Space, Enter and arrows: an effect on, another view, a formula, a condition, undo."""
+    page.open(address)
+    page.keys(Keys.TAB)
+    assert page.driver.switch_to.active_element.text == "Skip to the figures"
+    page.tab_to(f"at.value === '{HIDDEN}'")
+    page.keys(Keys.SPACE)
+    page.until(lambda: "disturbed ground" in page.text("status"))
+    page.tab_to("at.innerText === 'Your own effect'")
+    page.keys(Keys.ENTER, Keys.TAB, BOOST, Keys.ENTER)
+    page.until(lambda: "boost" in page.text("status"))
+    page.tab_to("at.name !== undefined && at.closest('#view') !== null")
+    page.keys(Keys.ARROW_RIGHT)
+    page.until(lambda: "view=residuals" in page.driver.current_url)
+    page.tab_to("at.closest('#cell') !== null || at.id === 'cell'")
+    page.keys(Keys.ENTER)
+    page.until(lambda: page.driver.switch_to.active_element.get_attribute("type") == "search")
+    page.tab_to("at.type === 'radio' && at.value === '1'", key=Keys.ARROW_DOWN)
+    page.keys(Keys.ENTER)
+    page.until(lambda: "cell=1" in page.driver.current_url)
+    page.until(lambda: "Trials of this condition" in page.text("trials"))
+    assert page.complaints() == []
+
+
+def test_every_control_has_a_name_and_every_figure_a_description(page, address):
+    page.open(f"{address}?view=parameters&cell=1").unfold()
+    nameless = """
+      const named = (one) => one.labels?.length || one.ariaLabel || one.innerText?.trim() || one.title
+        || one.getAttribute('aria-labelledby');
+      const controls = "button, input, select, textarea, a[href], [role=slider], [role=combobox]";
+      const shown = (one) => one.offsetParent && !one.ariaHidden;
+      return [...document.querySelectorAll(controls)].filter((one) => shown(one) && !named(one))
+        .map((one) => one.outerHTML.slice(0, 200));"""
+    assert page.driver.execute_script(nameless) == []
+    says = """return [...document.querySelectorAll('[role=img]')]
+      .map((one) => document.getElementById(one.getAttribute('aria-labelledby')).innerText)"""
+    texts = page.driver.execute_script(says)
+    assert len(texts) >= 2
+    assert all(re.search(r"\d+\.\d+ cm/s", text) for text in texts)
+
+
+@pytest.mark.parametrize(("scheme", "paper"), [("dark", "#171a1f"), ("light", "#ffffff")])
+def test_dark_and_light_follow_the_reader(page, address, scheme, paper):
+    features = [{"name": "prefers-color-scheme", "value": scheme}]
+    page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+    try:
+        page.open(address)
+        page.until(lambda: page.background("figure") == paper)
+    finally:
+        page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
 def test_trials_behind_a_cell_are_listed(page, address):
     page.open(f"{address}?cell=4")
-    page.until(lambda: "trial_id" in page.text("trials"))
+    page.until(lambda: "Trials of this condition" in page.text("trials"))
     assert page.text("trials").count(" ok") + page.text("trials").count("\tok") == 3
 
 
@@ -213,8 +395,15 @@ def test_the_report_draws_without_a_network_and_its_steps_switch(page, folder, t
     page.until(lambda: page.driver.execute_script(drawn) == "light 1")
     assert len(page.driver.find_elements(By.CSS_SELECTOR, ".plot .main-svg")) >= 7
     assert page.driver.execute_script("return performance.getEntriesByType('resource').length") == 0
-    page.driver.find_element(By.CSS_SELECTOR, "input[name=step][value='0']").send_keys(Keys.SPACE)
+    slider = page.driver.find_element(By.ID, "step")
+    slider.send_keys(Keys.ARROW_LEFT)
     page.until(lambda: page.driver.execute_script(drawn) == "light 0")
+    assert slider.get_attribute("aria-valuetext").startswith("simple model error")
+    page.driver.find_element(By.CSS_SELECTOR, "[data-rung='1']").click()
+    page.until(lambda: page.driver.execute_script(drawn) == "light 1")
+    page.driver.find_element(By.CSS_SELECTOR, "[data-figure=balance][data-format=csv]").click()
+    page.until((folder / "balance.csv").exists)
+    assert (folder / "balance.csv").read_text(encoding="utf-8").startswith("series,depth (cm),force on a leg (N),error")
     assert page.complaints() == []
 
 

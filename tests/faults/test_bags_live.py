@@ -2,22 +2,28 @@
 
 import contextlib
 import os
+import pty
 import random
+import re
 import resource
 import shutil
 import signal
 import subprocess
 import sys
+import termios
 import time
 from pathlib import Path
 
+import bags
 import numpy as np
 import pytest
 from rosbags.rosbag2 import Reader
 
+from sandbot_common import topics
 from sandbot_record.playback import Timeline
 from sandbot_record.reader import FIELD_STAMP, Bag
 from sandbot_record.recover import recover
+from sandbot_record.writer import BagWriter
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -295,6 +301,133 @@ def test_replayed_is_what_was_recorded(tmp_path):
     assert played == pytest.approx(original[-1] - original[numbers[0]], rel=0.15)  # the first ones may be late
     assert second.topics["/clock"].count > 50
     assert "late by" in line
+
+
+FLOOD = """
+import time
+import rclpy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+rclpy.init()
+node = rclpy.create_node("flood")
+qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+outlets = [node.create_publisher(JointState, "/leg_states", qos) for _ in range(2)]
+state = JointState(effort=[0.0] * 20_000)
+while not all(one.get_subscription_count() for one in outlets):
+    time.sleep(0.02)
+time.sleep(1.0)
+for _ in range(1000):
+    for one in outlets:
+        one.publish(state)
+print("done", flush=True)
+time.sleep(1.0)
+"""
+
+
+def test_what_the_middleware_lost_is_counted_also_of_two_publishers(tmp_path):
+    """Two publishers: gaps in their numbers can't be told apart, only the middleware's own count is left."""
+    with recorder("/leg_states", "--out", tmp_path / "b") as record, process("-c", FLOOD) as source:
+        until(record, "recording to")
+        until(source, "done")
+        record.send_signal(signal.SIGINT)
+        last = record.stdout.read()
+        assert record.wait(20) == 0
+    told = Bag.open(tmp_path / "b").provenance["recording"]["/leg_states"]
+    written, lost = (int(number) for number in re.findall(r"(?:written|lost) (\d+)", told))
+    assert written > 0
+    assert lost > 0
+    assert written + lost <= 2000  # what was lost after the last one that came, nobody can see
+    assert f"{lost} lost (/leg_states {lost})" in last
+
+
+MARKER = """
+import time, rclpy
+from visualization_msgs.msg import Marker
+rclpy.init()
+outlet = rclpy.create_node("viewer").create_publisher(Marker, "/viewer/marker", 10)
+print("go", flush=True)
+while True:
+    outlet.publish(Marker())
+    time.sleep(0.05)
+"""
+NOT_INSTALLED = """
+import sys
+sys.modules["visualization_msgs"] = None  # as on a host without the package
+from sandbot_record.tools.record import main
+raise SystemExit(main(sys.argv[1:]))
+"""
+
+
+def test_a_type_that_is_not_installed_is_named_once_and_the_rest_recorded(tmp_path):
+    with (
+        process("-c", MARKER) as viewer,
+        process("-c", NOT_INSTALLED, "--all", "--out", tmp_path / "b") as record,
+        publisher(200, 1, 400) as source,
+    ):
+        until(viewer, "go")
+        refusal = until(record, "not recording")
+        until(source, "done")
+        record.send_signal(signal.SIGINT)
+        rest = record.stdout.read()
+        assert record.wait(20) == 1
+    assert "/viewer/marker: type visualization_msgs/msg/Marker is not installed here" in refusal
+    assert "not recording" not in rest
+    assert "1 topics not recorded (/viewer/marker)" in rest
+    bag = Bag.open(tmp_path / "b")
+    assert bag.topics["/leg_states"].count == 400
+    assert "incomplete, not recorded: /viewer/marker" in bag.provenance["recording"]["exit_status"]
+
+
+UP, DOWN, RIGHT, LEFT = "\x1b[A", "\x1b[B", "\x1b[C", "\x1b[D"
+
+
+@contextlib.contextmanager
+def replay_at_a_terminal(*arguments):
+    """A replay whose stdin is a terminal, listening; how to strike keys, and the process."""
+    master, slave = pty.openpty()
+    before = termios.tcgetattr(slave)
+    try:
+        with process("-m", "sandbot_record.tools.replay", *arguments, stdin=slave) as replay:
+            deadline = time.monotonic() + 20
+            while termios.tcgetattr(slave)[3] & termios.ICANON:
+                assert time.monotonic() < deadline
+                time.sleep(0.02)
+            yield lambda keys: os.write(master, keys.encode()), replay
+        assert termios.tcgetattr(slave) == before
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def slow_bag(path: Path) -> Path:
+    """20 s of 100 Hz."""
+    with BagWriter(path) as writer:
+        for index in range(2001):
+            t_ns = bags.T0 + index * 10_000_000
+            writer.write(topics.LEG_STATES, bags.joint_state(index, t_ns), t_ns)
+    return path
+
+
+def test_keys_pause_seek_and_change_the_rate(tmp_path):
+    bag = slow_bag(tmp_path / "b")
+    start = time.monotonic()
+    with replay_at_a_terminal(bag, "--until", "1") as (strike, replay):
+        strike(" ")
+        with pytest.raises(subprocess.TimeoutExpired):
+            replay.wait(4)
+        strike(" ")
+        assert "replayed 101 messages" in until(replay, "replayed")
+        assert replay.wait(20) == 0
+    with replay_at_a_terminal(bag) as (strike, replay):
+        strike(LEFT + RIGHT * 25)
+        line = until(replay, "replayed")
+        assert replay.wait(20) == 0
+        assert int(line.split()[1]) < 1000  # most of it was passed over
+    with replay_at_a_terminal(bag) as (strike, replay):
+        strike(DOWN + UP * 31)  # 1.1 to the power of 30: 17 times as fast
+        assert "replayed 2001 messages" in until(replay, "replayed")
+        assert replay.wait(20) == 0
+    assert time.monotonic() - start < 35  # 41 s without the keys, and the starts of three processes
 
 
 @pytest.mark.parametrize(

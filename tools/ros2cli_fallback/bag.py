@@ -8,7 +8,8 @@ from ros2cli_fallback.cover import NotCovered, verbs_parser
 from ros2cli_fallback.packages import become, executable
 
 PACKAGE = "sandbot_record"
-STORAGE = "mcap"
+WRITTEN, READ = ("", "mcap"), ("", "mcap", "sqlite3")
+"""Storages of `-s`; none given: mcap is written, and what is read tells by itself."""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -20,8 +21,8 @@ def main(argv: Sequence[str]) -> int:
 def translate(argv: Sequence[str]) -> tuple[str, list[str]]:
     """The executable of sandbot_record and its arguments for a ``ros2 bag`` command line."""
     args = _parser().parse_args(argv)
-    if args.storage not in ("", STORAGE):
-        raise NotCovered(f"ros2 bag: storage {args.storage!r}; only {STORAGE} is written and read here")
+    if args.storage not in args.storages:
+        raise NotCovered(f"ros2 bag: storage {args.storage!r}; here: {', '.join(filter(None, args.storages))}")
     how: Callable[[argparse.Namespace], tuple[str, list[str]]] = args.how
     return how(args)
 
@@ -77,10 +78,10 @@ def _parser() -> argparse.ArgumentParser:
     verb.add_argument("-d", "--max-bag-duration", type=float, help="begin a new file after so long [s]")
     verb.add_argument("-b", "--max-bag-size", type=int, help="begin a new file after so many bytes")
     verb.add_argument("-o", "--output", help="the bag to write")
-    verb.add_argument("-s", "--storage", default="", help="mcap, the only one here")
+    verb.add_argument("-s", "--storage", default="", help="mcap, the only one written here")
     verb.add_argument("--compression-format", choices=("zstd", "lz4"))
     verb.add_argument("--compression-mode", choices=("none", "file", "message"), help="accepted; chunks are compressed")
-    verb.set_defaults(how=_record)
+    verb.set_defaults(how=_record, storages=WRITTEN)
     verb = verbs.add_parser("play", help="publish what a bag holds")
     verb.add_argument("bag_path")
     verb.add_argument("-r", "--rate", type=float, default=1.0, help="speed of playback")
@@ -90,10 +91,10 @@ def _parser() -> argparse.ArgumentParser:
     verb.add_argument("-m", "--remap", nargs="+", default=[], help="publish under other names, OLD:=NEW")
     verb.add_argument("--clock", action="store_true", help="publish bag time on /clock")
     verb.add_argument("-d", "--delay", type=float, help="wait so long before the first message [s]")
-    verb.add_argument("-s", "--storage", default="", help="mcap, the only one here")
-    verb.set_defaults(how=_play)
+    verb.add_argument("-s", "--storage", default="", help="mcap or sqlite3")
+    verb.set_defaults(how=_play, storages=READ)
     verb = verbs.add_parser("info", help="what a bag holds")
     verb.add_argument("bag_path")
-    verb.add_argument("-s", "--storage", default="", help="mcap, the only one here")
-    verb.set_defaults(how=_info)
+    verb.add_argument("-s", "--storage", default="", help="mcap or sqlite3")
+    verb.set_defaults(how=_info, storages=READ)
     return parser

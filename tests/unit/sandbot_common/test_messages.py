@@ -71,6 +71,15 @@ def test_an_image_that_is_not_mono8_is_refused():
         messages.pixels(message)
 
 
+def test_camera_info():
+    matrix = np.array([[500.0, 0.0, 320.0], [0.0, 510.0, 240.0], [0.0, 0.0, 1.0]])
+    info = round_trip(messages.camera_info(T, "dorsal", (640, 480), matrix, [0.1, 0.0, 0.0, 0.0, 0.2]))
+    assert (info.width, info.height, info.header.frame_id) == (640, 480, "dorsal")
+    np.testing.assert_array_equal(np.reshape(info.k, (3, 3)), matrix)
+    np.testing.assert_array_equal(np.reshape(info.p, (3, 4)), np.column_stack([matrix, np.zeros(3)]))
+    assert (info.distortion_model, list(info.d)) == ("plumb_bob", [0.1, 0.0, 0.0, 0.0, 0.2])
+
+
 def test_diagnostics():
     status = round_trip(messages.diagnostics(T, "bed", {"stage": "pulse", "phi": 0.6}, level=1, text="late")).status[0]
     assert (status.level, status.name, status.message) == (b"\x01", "bed", "late")

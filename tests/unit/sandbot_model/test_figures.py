@@ -8,9 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sandbot_model.catalogue import catalogue
 from sandbot_model.cells import cells_of
+from sandbot_model.compare import compare
 from sandbot_model.fit import Fail
-from sandbot_model.report import figures
+from sandbot_model.report import balance, captions, figures, mechanics
+from sandbot_model.report.curves import steps
 from sandbot_model.report.theme import DARK, LIGHT
 from sandbot_model.report.view import Step, bands, frequencies
 
@@ -67,6 +70,35 @@ def test_speed_is_drawn_in_cm_per_s_with_the_replicates_scatter():
         assert trace["error_y"]["array"] == pytest.approx([np.sqrt(2)] * len(OMEGA), rel=1e-5)
     assert spec["layout"]["yaxis"]["title"]["text"] == "speed (cm/s)"
     assert spec["layout"]["xaxis3"]["title"]["text"] == "ω (rad/s)"
+
+
+def test_the_band_is_two_standard_errors_to_either_side_and_can_be_left_out():
+    step = made_up_step(made_up_cells())
+    areas = [trace for trace in figures.speed(step)["data"] if trace.get("fill") == "toself"]
+    assert len(areas) == len(PHI)
+    for area in areas:
+        assert (min(area["y"]), max(area["y"])) == pytest.approx((8.0, 12.0))
+        assert len(area["x"]) == len(area["y"]) == 2 * len(step.band.omega_rad_s)
+    assert not [trace for trace in figures.speed(step, with_band=False)["data"] if "fill" in trace]
+
+
+def test_beside_a_switch_the_band_ends_where_the_curve_does():
+    """Speed there is that of a walker or of a swimmer, never more and never less than nothing."""
+    cells = made_up_cells()
+    step = made_up_step(cells)
+    walker = np.where(step.omega_rad_s < 16, 0.2, 0.02)
+    unsure = np.where(np.arange(7) == 3, 0.15, 0.001)
+
+    def uncertainty(phi, omega, _beta):
+        at = np.searchsorted(step.omega_rad_s, omega)
+        return np.broadcast_to(unsure[at][..., None], (*np.broadcast_shapes(phi.shape, omega.shape), 4))
+
+    step = Step(SimpleNamespace(**{**vars(step.fit), "uncertainty": uncertainty}), step.omega_rad_s,
+                np.broadcast_to(walker, step.speed_m_s.shape))  # fmt: skip
+    band = step.band
+    assert band.high_m_s.max() == pytest.approx(0.2 + 0.002)
+    assert band.low_m_s.min() == pytest.approx(0.02 - 0.002)
+    assert band.high_m_s[0, 0] - band.low_m_s[0, 0] == pytest.approx(0.004)
 
 
 def test_the_base_model_is_a_ghost_only_beside_another_model():
@@ -158,6 +190,61 @@ def test_points_of_a_locked_robot_lie_on_the_curve_and_others_do_not():
         spec = figures.geometry_lock(made_up_cells(lift_m=lift, speed_m_s=share * locked))
         points = np.concatenate([trace["y"] for trace in traces(spec, "markers")])
         assert np.allclose(points, 100 * figures.lock_curve(lift)[0], rtol=1e-6) == on_curve
+
+
+@pytest.fixture
+def fitted(drawn):
+    """Steps of the simple model and of it with disturbed ground, on trials of the latter."""
+    trials = drawn(("disturbed_ground",), omega=(4, 10, 16, 22, 28), levels=3)
+    return steps(compare(cells_of(trials), catalogue(), ["disturbed_ground"]))
+
+
+def test_forces_cross_where_the_leg_holds(fitted):
+    """k d = m (g + Rω/Δt) for the simple model; a robot that swims has no crossing and the figure says so."""
+    base, omega = fitted[0], 10.0
+    spec = balance.force_balance(base, omega)
+    robot, delta_t = base.fit.fitted.robot, base.fit.parameters["delta_t_s"].value
+    needed = robot.mass_per_leg_kg * (robot.gravity_m_s2 + robot.leg_radius_m * omega / delta_t)
+    dots = {one["xaxis"]: one for one in spec["data"] if one["name"] == "the leg holds" and "xaxis" in one}
+    assert dots
+    for i, k in enumerate(base.fit.k_n_per_m):
+        axis = f"x{'' if i == 0 else i + 1}"
+        (said,) = [one["text"] for one in spec["layout"]["annotations"] if one.get("xref") == f"{axis} domain"]
+        depth = needed / k
+        if depth < robot.deepest_m:
+            assert dots[axis]["x"] == pytest.approx([100 * depth], rel=1e-4)
+            assert dots[axis]["y"] == pytest.approx([needed], rel=1e-4)
+            assert said == f"d = {100 * depth:.2f} cm"
+        else:
+            assert axis not in dots
+            assert said == "never holds: swims"
+    go.Figure(balance.force_balance(fitted[1], omega, base))
+
+
+def test_the_modelled_critical_frequency_parts_walking_from_swimming(fitted):
+    step = fitted[1]
+    spec = mechanics.critical(step)
+    go.Figure(spec)
+    (line,) = [trace for trace in spec["data"] if trace["mode"] == "lines" and "xaxis" not in trace]
+    points = [(phi, omega) for phi, omega in zip(line["x"], line["y"], strict=True) if omega is not None and omega > 1]
+    assert points
+    phi, omega = np.array(points).T
+    assert step.fit.predict(phi, omega - 0.1).walking.all()
+    assert not step.fit.predict(phi, omega + 0.1).walking.any()
+
+
+def test_words_under_the_figures_tell_their_numbers(fitted):
+    base = fitted[0]
+    failing = figures.failing_cells(base.fit, "speed")
+    assert failing.any()
+    assert f"{failing.sum()} of {len(failing)} cells fail" in captions.residuals(base, "speed")
+    worst = np.nanargmax(np.abs(np.where(failing, base.fit.residual_z[:, 0], np.nan)))
+    assert captions.at(base.fit.cells, worst) in captions.residuals(base, "speed")
+    assert "no cell fails" in captions.residuals(made_up_step(made_up_cells()), "speed")
+    seen = mechanics.collapse(base.fit.cells)
+    ends = f"between {seen.last_walking_rad_s[-1]:.3g} and {seen.first_swimming_rad_s[-1]:.3g} rad/s"
+    assert ends in captions.critical(base)
+    assert f"{100 * base.fit.rmse_m_s:.2f} cm/s in sample" in captions.ladder(fitted, 0.005)
 
 
 @given(count=st.integers(1, 40))

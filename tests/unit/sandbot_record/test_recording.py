@@ -10,6 +10,7 @@ from sandbot_common import messages
 from sandbot_common.errors import InputError
 from sandbot_common.serialization import to_cdr
 from sandbot_record import interfaces
+from sandbot_record.playback import Timeline
 from sandbot_record.reader import Bag
 from sandbot_record.recording import Limits, Received, Recording
 from sandbot_record.writer import BagWriter
@@ -47,6 +48,29 @@ def test_gaps_in_the_sequence_are_counted(tmp_path):
     made.close()
     assert made.lost == 2
     assert "2 lost (/x 2)" in made.last_line()
+
+
+def test_what_the_middleware_lost_is_not_counted_twice(tmp_path):
+    made = recording(tmp_path / "b")
+    put(made, [1, 2, 5])
+    made.lose("/x", 2)  # the same two
+    assert made.lost == 2
+    made.lose("/x", 3)  # and three that left no gap
+    made.close()
+    assert "5 lost (/x 5)" in made.last_line()
+    assert Bag.open(tmp_path / "b").provenance["recording"]["/x"] == "written 3, lost 5, dropped 0"
+
+
+def test_a_topic_that_cannot_be_recorded_makes_it_incomplete(tmp_path):
+    made = recording(tmp_path / "b")
+    put(made, [1, 2])
+    made.refuse("/y", "its type is not installed")
+    made.close({"trial": {"id": "t"}})
+    assert "1 topics not recorded (/y)" in made.last_line()
+    told = Bag.open(tmp_path / "b").provenance
+    assert told["recording"]["exit_status"] == "incomplete, not recorded: /y"
+    assert told["recording"]["/y"] == "not recorded: its type is not installed"
+    assert told["trial"]["exit_status"] == "ok"  # what it needs is there, or `table` will say what is not
 
 
 def test_several_publishers_have_no_common_sequence(tmp_path):
@@ -124,6 +148,37 @@ def test_a_full_disk_closes_the_bag_with_what_fitted(tmp_path, monkeypatch, room
     assert bag.complete
     assert [m.sequence for m in bag.messages()] == list(range(1, bag.count + 1))
     assert bag.provenance["recording"]["exit_status"].startswith("No space left")
+
+
+def test_images_become_a_video(tmp_path):
+    pixels = np.random.default_rng(1).integers(0, 256, (5, 48, 64), dtype=np.uint8)
+    made = Recording(
+        BagWriter(tmp_path / "b", whole=False), limits=Limits(min_free=0), images="video", monotonic_s=time.monotonic
+    )
+    made.add_topic("/cam", "sensor_msgs/msg/Image")
+    for index, one in enumerate(pixels):
+        image = to_cdr(messages.image(index, "cam", one))
+        made.put(Received("/cam", image, bags.T0 + index, bags.T0 + index, index + 1))
+    made.close()
+    assert made.last_line().startswith("recorded 5 messages of 1 topics")
+    timeline = Timeline(Bag.open(tmp_path / "b"))
+    for index, one in enumerate(pixels):
+        image = timeline[index].decode()
+        assert image.header.stamp.nanosec == index
+        np.testing.assert_array_equal(image.data.reshape(48, 64), one)
+
+
+def test_an_image_that_cannot_become_a_video_stops_with_the_reason(tmp_path):
+    made = Recording(
+        BagWriter(tmp_path / "b", whole=False), limits=Limits(min_free=0), images="video", monotonic_s=time.monotonic
+    )
+    made.add_topic("/cam", "sensor_msgs/msg/Image")
+    odd = to_cdr(messages.image(0, "cam", np.zeros((47, 64), np.uint8)))
+    made.put(Received("/cam", odd, bags.T0, bags.T0, 1))
+    assert made.stopped.wait(10)
+    made.close()
+    assert made.failed
+    assert "even width and height" in made.last_line()
 
 
 def test_images_become_jpeg(tmp_path):

@@ -90,6 +90,7 @@ def test_bag_flags_are_translated(monkeypatch):
     assert bag.translate(["record", "-a", "-s", "mcap", "-o", "x"]) == ("record", ["--out", "x", "--all"])
     assert bag.translate(["record", "-e", "/bed/.*"]) == ("record", ["--out", "now", "--regex", "/bed/.*"])
     assert bag.translate(["info", "x"]) == ("info", ["x"])
+    assert bag.translate(["info", "-s", "sqlite3", "x"]) == ("info", ["x"])
     many = ["record", "-a", "-o", "x", "-x", "image", "-d", "60", "-b", "1048576", "--compression-format", "zstd"]
     split = ["--exclude", "image", "--max-duration", "60.0", "--max-size", "1.0", "--compression", "zstd"]
     assert bag.translate(many) == ("record", ["--out", "x", "--all", *split])

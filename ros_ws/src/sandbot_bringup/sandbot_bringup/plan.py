@@ -24,6 +24,7 @@ from sandbot_clock.gait import PRESETS, Gait
 from sandbot_common.errors import InputError
 from sandbot_common.files import dump_yaml, read_yaml
 from sandbot_common.parameters import from_mapping, parameter
+from sandbot_model.next_trials import PENETRATION
 
 PHI_LOW, PHI_HIGH = 0.57, 0.64
 OMEGA_HIGH = 60.0
@@ -149,7 +150,10 @@ def with_next_trials(plan: Plan, path: Path) -> Plan:
     proposed = content.get("next_trials") if isinstance(content, dict) else content
     if not isinstance(proposed, list) or not proposed:
         raise InputError(f"{path}: no next_trials in it; the verdict may need none")
-    asked = _conditions(proposed, plan.replicates, str(path))
+    walks = [one for one in proposed if not (isinstance(one, Mapping) and one.get("observable") == PENETRATION)]
+    if not walks:
+        raise InputError(f"{path}: its next_trials are penetrometer readings, no trials; see discover --penetrometer")
+    asked = _conditions(walks, plan.replicates, str(path))
     extras = [one for one in asked if one not in plan.extra_trials]
     return dataclasses.replace(plan, extra_trials=(*plan.extra_trials, *extras))
 

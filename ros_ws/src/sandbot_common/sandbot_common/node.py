@@ -1,11 +1,13 @@
 """How every node starts, takes its parameters, tells its health and stops. The only room here with rclpy."""
 
 import math
+import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import rclpy
@@ -26,6 +28,8 @@ from sandbot_common.errors import InputError
 from sandbot_common.parameters import Spec, from_mapping, specs
 
 T = TypeVar("T")
+
+_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
 def qos(topic: topics.Topic) -> QoSProfile:
@@ -99,10 +103,20 @@ class Health:
         self._publisher.publish(messages.diagnostics(now, name, self._values(), level=self.level, text=self.text))
 
 
+def use_large_segment() -> None:
+    """Have Fast DDS use shared memory large enough for camera frames (fastdds.xml), before ``rclpy.init``.
+
+    A profile of the user's own is left as it is.
+    """
+    if not any(name in os.environ for name in _PROFILES):
+        os.environ[_PROFILES[0]] = str(Path(__file__).with_name("fastdds.xml"))
+
+
 def run(make: Callable[[], Node], argv: Sequence[str] | None = None) -> int:
     """Start ROS, make the node, spin until Ctrl-C or shutdown, and always clean up; exit code as in cli.run."""
 
     def command(arguments: Sequence[str]) -> int:
+        use_large_segment()
         # Our own signals: ROS's handlers end the context at once, and close() could no longer publish "air off".
         with _stop_signals() as stop:
             rclpy.init(args=[sys.argv[0], *arguments], signal_handler_options=SignalHandlerOptions.NO)

@@ -12,6 +12,7 @@ from sandbot_common.errors import InputError
 from sandbot_model.adjust import local_slope, reliability
 from sandbot_model.levels import phi_levels, same_within
 from sandbot_model.noise import pure_error
+from sandbot_model.penetration import Pressed, Readings, at_levels
 from sandbot_record.trials import Trials
 
 Floats = NDArray[np.float64]
@@ -96,6 +97,8 @@ class Cells:
     phi_reliability: float = field(metadata={"doc": "share ρ of the measured deviation of φ that is real (see adjust)"})
     trials: int
     excluded: int = 0
+    pressed: Pressed | None = None
+    """What a penetrometer says of the levels (see ``penetration``)."""
 
     @property
     def observables(self) -> tuple[str, ...]:
@@ -134,10 +137,10 @@ WALKING_SPEED_M_S = 0.035
 """A cell walks if its body is lifted, or where lift was not measured, if it is clearly faster than swimming."""
 
 
-def cells_of(trials: Trials) -> Cells:
+def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     """Gather trials into cells. Trials without φ, ω or any observable, or not ended ``ok``, are left out and counted.
 
-    Raises InputError if no trial is left.
+    ``readings`` are a penetrometer's. Raises InputError if no trial is left, or no reading is at the trials' φ.
     """
     phi, omega = np.asarray(trials.phi, dtype=float), np.asarray(trials.omega_rad_s, dtype=float)
     values = np.stack([np.asarray(getattr(trials, column), dtype=float) for column in COLUMNS], axis=-1)
@@ -152,7 +155,8 @@ def cells_of(trials: Trials) -> Cells:
     for row in np.flatnonzero(usable):
         if not peak_is_resolved(str(trials.gait[int(row)]), float(omega[row])):
             values[row, 2] = np.nan
-    return _gather(phi[usable], omega[usable], gait, values[usable], excluded=int((~usable).sum()))
+    cells = _gather(phi[usable], omega[usable], gait, values[usable], excluded=int((~usable).sum()))
+    return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi))
 
 
 def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, excluded: int) -> Cells:

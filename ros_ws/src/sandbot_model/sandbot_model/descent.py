@@ -44,6 +44,8 @@ def look_along_k(problem: Problem, state: States) -> States:
     ln_k = np.concatenate([near, across])
     tried = problem.states(np.repeat(state.theta, len(ln_k), axis=0), ln_k, state.slope)
     value = np.add.reduceat(tried.cell_deviance, _level_starts(problem), axis=1)
+    if (readings := problem.cells.pressed) is not None:
+        np.add.at(value.T, readings.level, tried.pressed.T**2)
     best = np.where(value.min(axis=0) < value[0] - ENOUGH, value.argmin(axis=0), 0)
     if not best.any():
         return state
@@ -71,14 +73,14 @@ def look_along_theta(problem: Problem, state: States) -> States:
 
 
 def full_jacobian(problem: Problem, states: States) -> Array:
-    """d(whitened prediction)/d(θ, ln k of every level), ``(rows, 4 cells, parameters + levels)``."""
+    """d(whitened prediction)/d(θ, ln k of every level), ``(rows, 4 cells + readings, parameters + levels)``."""
     local = problem.jacobian(states)
     cells, count, levels = problem.cells, states.theta.shape[1], states.ln_k.shape[1]
     full = np.zeros((len(local), len(cells), 4, count + levels))
     full[..., :count] = local[..., :count]
     each = np.arange(len(cells))
     full[:, each, :, count + cells.level] = np.moveaxis(local[..., count], 1, 0)
-    return full.reshape(len(local), -1, count + levels)
+    return np.concatenate([full.reshape(len(local), -1, count + levels), problem.pressed_jacobian(states)], axis=1)
 
 
 def bounds(problem: Problem) -> tuple[Array, Array]:
@@ -93,7 +95,7 @@ def _moved(problem: Problem, states: States, damping: Array) -> States:
     count = states.theta.shape[1]
     jacobian = full_jacobian(problem, states)
     transposed = np.swapaxes(jacobian, 1, 2)
-    gradient = (transposed @ states.residual.reshape(len(jacobian), -1, 1))[..., 0]
+    gradient = (transposed @ states.missed[..., None])[..., 0]
     normal = transposed @ jacobian
     scale = np.maximum(np.sqrt(np.diagonal(normal, axis1=1, axis2=2)), 1e-9)
     down, up = gradient[:, :count] < 0, gradient[:, :count] > 0

@@ -5,6 +5,7 @@ fitted to its global minimum and judged against the replicates. ``verdict`` draw
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
@@ -16,7 +17,7 @@ from sandbot_model.chain import Effect
 from sandbot_model.describe import Description, describe_residual
 from sandbot_model.fit import Fit, Known, Point, best_state, fitted_at, nearby_state
 from sandbot_model.model import Model, model_of
-from sandbot_model.next_trials import NextTrial, next_trials
+from sandbot_model.next_trials import NextTrial, excluding, next_trials
 from sandbot_model.parallel import Map
 from sandbot_model.problem import Problem
 from sandbot_model.robot import Robot
@@ -29,6 +30,8 @@ SURVIVORS = 9
 """Single effects that go into every pair among themselves."""
 TELLING_SD = 0.5
 """Expected gap, in standard deviations of one trial, from which more trials are worth while."""
+NOT_EXCLUDED = 4.0
+"""Rise of the deviance up to which an effect of a given strength may be there: two standard deviations."""
 LEADING = 8
 """Sets compared in the bootstrap."""
 REFINED = 8
@@ -65,6 +68,8 @@ class Discovery:
     next_trials: tuple[NextTrial, ...]
     stability: float = float("nan")
     """Share of bootstrap draws in which the named set, or one of its alternatives, is best among the leading sets."""
+    unseen: tuple[str, ...] = ()
+    """If the base model is adequate: effects that could be there at their usual strength and not show in these data."""
     stages: tuple[StageTest, ...] = ()
     """Where in the chain the base model fails."""
     residual: Description | None = None
@@ -88,6 +93,7 @@ class Discovery:
                 "because": self.verdict.because,
             },
             "next_trials": [_plain(trial) for trial in self.next_trials],
+            "unseen": list(self.unseen),
             "stability": _number(self.stability),
             "stages": [_plain(one) for one in self.stages],
             "residual": None if self.residual is None else _plain(self.residual),
@@ -112,9 +118,13 @@ def discover(
     search.run(max_effects)
     verdict = judge(search.fits)
     ladder = search.ladder(verdict)
-    contenders = [search.fits[one] for one in (verdict.alternatives or ((),))]
     floor = noise_floor(cells)
-    trials = next_trials(contenders)
+    unseen = search.unseen() if verdict.status == "adequate" else []
+    if unseen:
+        trials = excluding(search.fits[()], unseen)
+        verdict = replace(verdict, because=f"{verdict.because}; {_not_excluded(unseen, trials)}")
+    else:
+        trials = next_trials([search.fits[one] for one in verdict.alternatives])
     if verdict.status == "ambiguous":
         verdict = replace(verdict, because=f"{verdict.because}; {_split(trials)}")
     return Discovery(
@@ -126,6 +136,7 @@ def discover(
         candidates=tuple(search.candidates()),
         verdict=verdict,
         next_trials=tuple(trials),
+        unseen=tuple(one.effects[0] for one in unseen),
         stability=_stability(search.fits, verdict),
         stages=stage_tests(search.fits[()]),
         residual=describe_residual(search.fits[()]) if verdict.status == "unexplained" else None,
@@ -139,10 +150,15 @@ def _split(trials: Sequence[NextTrial]) -> str:
     if not telling:
         return "no trial within this range of φ and ω tells them apart by these observables: another kind is needed"
     best = telling[0]
-    return (
-        f"most telling: {best.observable} at φ {best.phi:.3f}, ω {best.omega_rad_s:.3g} rad/s "
-        f"({best.expected_gap_sd:.1f} standard deviations of a trial)"
-    )
+    return f"most telling: {best.observable} at {best.where} ({best.expected_gap_sd:.1f} standard deviations of one)"
+
+
+def _not_excluded(unseen: Sequence[Fit], trials: Sequence[NextTrial]) -> str:
+    """Which effects could hide in these data, and what would show them."""
+    names = ", ".join(one.effects[0] for one in unseen)
+    shown = {trial.separates[1]: trial for trial in reversed(trials) if trial.expected_gap_sd > TELLING_SD}
+    how = "; ".join(f"{name}: {trial.observable} at {trial.where}" for name, trial in shown.items())
+    return f"at their usual strength these would not show in it: {names}" + (f" (what would show {how})" if how else "")
 
 
 def _stability(fits: Sets, verdict: Verdict) -> float:
@@ -186,6 +202,26 @@ class _Search:
             steps.append(self.fits[best])
             left = [name for name in left if name not in best]
         return steps
+
+    def unseen(self) -> list[Fit]:
+        """The base model with each effect at its usual strength, where the data can't exclude it."""
+        base = self.fits[()]
+        names = [name for name in self.names if not worth(self.fits, (name,), ())]
+        models = [model_of(self.base, (name,), self._at_start(name), self.robot) for name in names]
+        points = self.fit_all(_solve, [(model, self.cells, base.known, True) for model in models])
+        found = [fitted_at(model, self.cells, point) for model, point in zip(models, points, strict=True)]
+        return [one for one in found if one.deviance < base.deviance + NOT_EXCLUDED]
+
+    def _at_start(self, name: str) -> Mapping[str, Effect]:
+        """The catalogue with one effect's parameters held where they usually are."""
+        held = copy(self.effects[name])
+        at = [one.start for one in held.parameters]
+        parameters = tuple(
+            replace(one, low=start, high=start, hard_low=start, hard_high=start)
+            for one, start in zip(held.parameters, at, strict=True)
+        )
+        held.__dict__["parameters"] = parameters
+        return {**self.effects, name: held}
 
     def candidates(self) -> list[Candidate]:
         """Every single effect against the base model, the most useful first."""
@@ -292,6 +328,8 @@ def fit_summary(fit: Fit) -> dict[str, Any]:
         "cv_rmse_m_s": _number(fit.cv_rmse_m_s),
         "rmse": {name: _number(value) for name, value in fit.rmse.items()},
         "cv_rmse": {name: _number(value) for name, value in fit.cv_rmse.items()},
+        "cv_cells": fit.cv_cells,
+        "cv_deviance": _number(fit.cv_deviance),
         "chi2": _number(fit.chi2),
         "dof": fit.dof,
         "lack_of_fit_p": _number(fit.lack_of_fit_p),

@@ -1,15 +1,16 @@
 """Fit a walking model with effects to cells: one k per φ level, everything else shared."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import f as f_distribution
 
 from sandbot_model.cells import OBSERVABLES, Cells
-from sandbot_model.chain import Array, Bool, Ints
+from sandbot_model.chain import Array, Bool
 from sandbot_model.descent import bounds, descend, full_jacobian, look_along_k, look_along_theta
 from sandbot_model.model import Model
 from sandbot_model.problem import Problem, States
@@ -27,6 +28,8 @@ HOPELESS = 1.5
 FAIL_Z = 3.0
 """Cell means missed by more standard errors than this are listed as failing."""
 AT_BOUND = 1e-3
+NEXT_TO_NOTHING = 1.0
+"""Rise of the deviance for which a plausible value is preferred."""
 PLAUSIBLE_SIGMAS = 3.0
 K_PRIOR = 0.03
 """How well k is known from neighbouring levels, relative."""
@@ -137,24 +140,32 @@ class Fit:
         Along each principal axis of the parameters' covariance the prediction is made one standard deviation to
         either side, √Σ_i ((y_i+ - y_i-)/2)²: beside a switch, where a slope would say nothing, this sees the switch.
         """
-        low, high = bounds(self.problem)
-        here = np.concatenate([self.state.theta[0], self.state.ln_k[0]])
-        count = len(low)
-        variance, axes = np.linalg.eigh(self.covariance)
-        total = np.zeros(())
-        for size, axis in zip(np.sqrt(np.maximum(variance, 0.0)), axes.T, strict=True):
-            if size == 0.0:
-                continue
-            ends = [here + sign * size * axis for sign in (-1.0, 1.0)]
-            sides = [
-                self._predict(np.clip(end[:count], low, high), end[count:], phi, omega, slow_phase_ratio).observables
-                for end in ends
-            ]
-            total = total + (0.5 * (sides[1] - sides[0])) ** 2
+        found = self._spread(lambda theta, k: self._predict(theta, k, phi, omega, slow_phase_ratio).observables)
         shape = np.broadcast_shapes(
             np.shape(phi), np.shape(omega), () if slow_phase_ratio is None else np.shape(slow_phase_ratio)
         )
-        return np.asarray(np.broadcast_to(np.sqrt(total), (*shape, 4)))
+        return np.asarray(np.broadcast_to(found, (*shape, 4)))
+
+    def press(self, phi: Array, depth_m: Array) -> tuple[Array, Array]:
+        """Force [N] on a leg pressed into virgin ground (see ``penetration``) and its standard deviation, ``(n,)``."""
+
+        def force(theta: Array, ln_k: Array) -> Array:
+            return self.problem.press(theta, np.interp(phi, self.level_phi, np.exp(ln_k)), phi, depth_m)
+
+        return force(self.state.theta[0], self.state.ln_k[0]), self._spread(force)
+
+    def _spread(self, predict: Callable[[Array, Array], Array]) -> Array:
+        low, high = bounds(self.problem)
+        count = len(low)
+        here = np.concatenate([self.state.theta[0], self.state.ln_k[0]])
+        variance, axes = np.linalg.eigh(self.covariance)
+        total = np.zeros(())
+        for size, axis in zip(np.sqrt(np.maximum(variance, 0.0)), axes.T, strict=True):
+            if size > 0.0:
+                ends = [here + sign * size * axis for sign in (-1.0, 1.0)]
+                sides = [predict(np.clip(end[:count], low, high), end[count:]) for end in ends]
+                total = total + (0.5 * (sides[1] - sides[0])) ** 2
+        return np.asarray(np.sqrt(total))
 
     def _predict(
         self, theta: Array, ln_k: Array, phi: ArrayLike, omega: ArrayLike, slow_phase_ratio: ArrayLike | None
@@ -207,10 +218,24 @@ def fitted_at(model: Model, cells: Cells, point: Point) -> Fit:
 def best_state(problem: Problem, near: Known | None = None) -> States:
     """The least deviance found anywhere; with more in the model not above that of ``near``, if one nests the other."""
     found = _search(problem, near)
-    if near is None or found.deviance[0] <= near.deviance:
-        return found
-    close = nearby_state(problem, near)
-    return close if close.deviance[0] < found.deviance[0] else found
+    if near is not None and found.deviance[0] > near.deviance:
+        close = nearby_state(problem, near)
+        found = close if close.deviance[0] < found.deviance[0] else found
+    return _plausible(problem, found)
+
+
+def _plausible(problem: Problem, states: States) -> States:
+    """The same with parameters inside their plausible ranges, where that costs next to nothing. One row.
+
+    Between two cells where a switch may lie the deviance is flat: nothing but what is known beforehand says where.
+    """
+    ranges = np.array([(one.low, one.high) for one in problem.model.parameters])
+    inside = np.clip(states.theta, ranges[:, 0], ranges[:, 1])
+    if (inside == states.theta).all():
+        return states
+    moved = descend(problem, problem.states(inside, states.ln_k, states.slope), FIRST_ITERATIONS)
+    moved = moved if (np.clip(moved.theta, ranges[:, 0], ranges[:, 1]) == moved.theta).all() else states
+    return moved if moved.deviance[0] < states.deviance[0] + NEXT_TO_NOTHING else states
 
 
 def _search(problem: Problem, near: Known | None) -> States:
@@ -314,15 +339,14 @@ def summary(problem: Problem, state: States) -> Fit:
     stderr[untold] = np.nan
     covariance[untold] = covariance[:, untold] = 0.0
     theta, k, predicted = state.theta[0], np.exp(state.ln_k[0]), state.predicted[0]
-    values, unknowns = int(problem.measured.sum()), len(theta) + len(k)
+    values, unknowns = int(problem.measured.sum()) + state.pressed.shape[1], len(theta) + len(k)
     gap = np.where(problem.measured, cells.mean - predicted, np.nan)
     z = gap / np.sqrt(np.diagonal(state.covariance[0], axis1=1, axis2=2))
-    chi2, deviance = float(np.sum(state.residual**2)), float(state.deviance[0])
+    chi2, deviance = float(np.sum(state.missed**2)), float(state.deviance[0])
     firm = _firm(problem, problem.widening(state.covariance[0]))
     left = left_out(problem, state, jacobian)
-    foretold = firm & left.told
     rmse = _rms(cells, np.where(firm[:, None], gap, np.nan))
-    cv_rmse = _rms(cells, np.where(foretold[:, None], left.gap, np.nan))
+    cv_rmse = _rms(cells, np.where(left.told[:, None], left.gap, np.nan))
     estimates = {
         name: Estimate(float(value), float(error))
         for name, value, error in zip(model.names, theta, stderr, strict=False)
@@ -342,7 +366,7 @@ def summary(problem: Problem, state: States) -> Fit:
         rmse_m_s=rmse["speed"],
         cv_rmse_m_s=cv_rmse["speed"],
         cv_deviance=left.deviance,
-        cv_cells=int(foretold.sum()),
+        cv_cells=int(left.told.sum()),
         rmse=rmse,
         cv_rmse=cv_rmse,
         chi2=chi2,
@@ -350,7 +374,7 @@ def summary(problem: Problem, state: States) -> Fit:
         dof=values - unknowns,
         bic=deviance + unknowns * float(np.log(values)),
         lack_of_fit_p=_joint_p(chi2, values - unknowns, cells),
-        lack_of_fit=_p_by_observable(z, problem, unknowns),
+        lack_of_fit=_p_by_observable(z, problem, unknowns) | _p_of_readings(state),
         at_bounds=_at_bounds(problem, theta),
         implausible=_implausible(model, estimates),
         fitted=model,
@@ -378,7 +402,7 @@ def left_out(problem: Problem, state: States, jacobian: Array) -> LeftOut:
     count, level = state.theta.shape[1], problem.cells.level
     prior = np.zeros(jacobian.shape[1])
     prior[count:] = K_PRIOR**-2
-    blocks = jacobian.reshape(len(level), 4, -1)
+    blocks = jacobian[: 4 * len(level)].reshape(len(level), 4, -1)
     normal = jacobian.T @ jacobian + np.diag(prior) - np.einsum("cip,ciq->cpq", blocks, blocks)
     scale = np.sqrt(np.maximum(np.diag(jacobian.T @ jacobian) + prior, 1e-12))
     inverse = np.linalg.inv(normal / scale[:, None] / scale[None, :] + 1e-9 * np.eye(len(scale)))
@@ -387,34 +411,33 @@ def left_out(problem: Problem, state: States, jacobian: Array) -> LeftOut:
     low, high = bounds(problem)
     theta = np.clip(state.theta + move[:, :count], low, high)
     ln_k = state.ln_k + np.clip(move[:, count:], -3 * K_PRIOR, 3 * K_PRIOR)
-    found = problem.each_by_its_own(theta, ln_k, state.slope)
-    far = _moved_far(problem, state, found.predicted)
-    if len(far):
-        for cell in far:
-            theta[cell], ln_k[cell] = _fit_without(problem, cell, state, theta[cell], ln_k[cell])
-        found = problem.each_by_its_own(theta, ln_k, state.slope)
     # The first row of L turns whitened slopes into those of speed.
     slope = np.einsum("ci,cip->cp", np.linalg.inv(state.whiten[0])[:, 0, :], blocks)
     unsure = np.sqrt(np.einsum("cp,cpq,cq->c", slope, inverse, slope))
+    told = (unsure < np.sqrt(problem.covariance[:, 0, 0])) & _firm(problem, problem.widening(state.covariance[0]))
+    found = problem.each_by_its_own(theta, ln_k, state.slope)
+    far = np.flatnonzero(told & _moved_far(problem, state, found.predicted))
+    if len(far):
+        for cell in far:
+            theta[cell], ln_k[cell] = _fit_without(problem, int(cell), state, theta[cell], ln_k[cell])
+        found = problem.each_by_its_own(theta, ln_k, state.slope)
+    told &= _firm(problem, found.widening) & (found.walks == (state.footing.walking[0].mean(axis=1) > 0.5))
     gap = np.where(problem.measured, problem.cells.mean - found.predicted, np.nan)
-    as_before = found.walks == (state.footing.walking[0].mean(axis=1) > 0.5)
-    told = (unsure < np.sqrt(problem.covariance[:, 0, 0])) & as_before & _firm(problem, found.widening)
     return LeftOut(gap, told, float(np.minimum(found.deviance, CV_MOST).sum()))
 
 
-def _moved_far(problem: Problem, state: States, predicted: Array) -> Ints:
+def _moved_far(problem: Problem, state: States, predicted: Array) -> Bool:
     """Cells where a linear step can't be trusted; none for a model that is far off anyway."""
-    if state.deviance[0] > HOPELESS * problem.measured.sum():
-        return np.zeros(0, dtype=np.int64)
     move = np.abs(predicted - state.predicted[0])[:, 0]
-    return np.flatnonzero(move > FAR * np.sqrt(problem.covariance[:, 0, 0]))
+    fits = state.deviance[0] < HOPELESS * problem.measured.sum()
+    return np.asarray(fits & (move > FAR * np.sqrt(problem.covariance[:, 0, 0])))
 
 
 def _fit_without(problem: Problem, cell: int, state: States, theta: Array, ln_k: Array) -> tuple[Array, Array]:
     """θ and ln k that fit all cells but one, the better of what is found from the linear step and from the fit."""
     fewer = Problem(problem.model, problem.cells.without(cell))
     begin = fewer.states(np.stack([theta, state.theta[0]]), np.stack([ln_k, state.ln_k[0]]), state.slope)
-    found = descend(fewer, begin)
+    found = descend(fewer, begin, 2 * FIRST_ITERATIONS)
     best = int(found.deviance.argmin())
     return found.theta[best], found.ln_k[best]
 
@@ -464,6 +487,12 @@ def _p_by_observable(z: Array, problem: Problem, unknowns: int) -> dict[str, flo
             ratio = np.nansum(z[:, index] ** 2) / max(dof, 1e-9)
             found[name] = float(f_distribution.sf(ratio, dof, error_dof)) if dof > 0 and error_dof else float("nan")
     return found
+
+
+def _p_of_readings(state: States) -> dict[str, float]:
+    """A penetrometer's readings come with their own standard deviation."""
+    count = state.pressed.shape[1]
+    return {"penetration": float(chi2_distribution.sf(np.sum(state.pressed**2), count))} if count else {}
 
 
 def _at_bounds(problem: Problem, theta: Array) -> tuple[str, ...]:

@@ -45,11 +45,18 @@ class States:
     whiten: Array
     residual: Array
     cell_deviance: Array
+    pressed: Array
+    """Penetrometer readings minus model in standard deviations ``(rows, readings)``."""
 
     @property
     def deviance(self) -> Array:
         """χ² plus what the mixture's wider variance costs, -2 ln likelihood up to a constant ``(rows,)``."""
-        return np.asarray(self.cell_deviance.sum(axis=1))
+        return np.asarray(self.cell_deviance.sum(axis=1) + np.sum(self.pressed**2, axis=1))
+
+    @property
+    def missed(self) -> Array:
+        """All whitened residuals, cells then readings, ``(rows, 4 cells + readings)``."""
+        return np.concatenate([self.residual.reshape(len(self.residual), -1), self.pressed], axis=1)
 
     def take(self, rows: Ints) -> "States":
         """Some of the rows."""
@@ -125,7 +132,43 @@ class Problem:
         residual = np.einsum("rcij,rcj->rci", whiten, gap)
         deviance = np.sum(residual**2, axis=2) + surprise
         slope = np.broadcast_to(slope, ln_k.shape)
-        return States(theta, ln_k, slope, footing, predicted, covariance, whiten, residual, deviance)
+        pressed = self.pressed(theta, ln_k, slope)
+        return States(theta, ln_k, slope, footing, predicted, covariance, whiten, residual, deviance, pressed)
+
+    def pressed(self, theta: Array, ln_k: Array, slope: Array) -> Array:
+        """Penetrometer readings minus model, in standard deviations ``(..., readings)``."""
+        readings = self.cells.pressed
+        if readings is None:
+            return np.zeros((*theta.shape[:-1], 0))
+        k = np.exp(ln_k)[..., readings.level] + slope[..., readings.level] * readings.away
+        force = self.press(theta, k, self.cells.level_phi[readings.level] + readings.away, readings.depth)
+        return np.asarray((readings.force - force) / readings.sd)
+
+    def press(self, theta: Array, k: Array, phi: Array, depth: Array) -> Array:
+        """Force [N] on a leg pressed slowly into virgin ground, of the shape of ``k (..., readings)``."""
+        delta_t, _, params = self.model.arguments(theta[..., None, :])
+        inputs = Inputs(k_n_per_m=k, omega_rad_s=1e-6, delta_t_s=delta_t, phi=phi)
+        chain = self.model.walker.chain(inputs, params, depth[:, None], first_step=True)
+        return np.broadcast_to(chain.force + chain.extra_force, (*k.shape, 1))[..., 0]
+
+    def pressed_jacobian(self, states: States) -> Array:
+        """d(model of the readings)/d(θ, ln k of a level) in standard deviations, ``(rows, readings, θ + levels)``."""
+        rows, count = states.theta.shape
+        readings = self.cells.pressed
+        if readings is None:
+            return np.zeros((rows, 0, count + states.ln_k.shape[1]))
+        step = STEP * np.maximum(np.abs(states.theta), 1e-3)
+        theta = np.repeat(states.theta[None], count + 1, axis=0)
+        theta[np.arange(count), :, np.arange(count)] += step.T
+        ln_k = np.repeat(states.ln_k[None], count + 1, axis=0)
+        ln_k[count] += STEP
+        moved = self.pressed(theta, ln_k, np.repeat(states.slope[None], count + 1, axis=0))
+        steps = np.concatenate([step.T, np.full((1, rows), STEP)])
+        each = (states.pressed - moved) / steps[..., None]
+        found = np.zeros((rows, len(readings), count + ln_k.shape[-1]))
+        found[..., :count] = np.moveaxis(each[:count], 0, -1)
+        found[:, np.arange(len(readings)), count + readings.level] = each[count]
+        return found
 
     def _average(self, values: Array) -> tuple[Array, Array]:
         """Average over the nodes (axis -2) and the weight of each node's change in it, of the shape of ``values``.

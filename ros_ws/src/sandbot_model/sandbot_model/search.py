@@ -115,6 +115,10 @@ def profile(problem: Problem, theta: Array, slope: Array, k_curve: Array, k_grid
     first = np.unique(cells.level, return_index=True)[1]
     same = np.add.reduceat(np.einsum("nbki,nbki->nbk", residual, residual), first, axis=0)
     cross = np.add.reduceat(np.einsum("nbki,nbki->nbk", residual[:, :, :-1], residual[:, :, 1:]), first, axis=0)
+    if problem.cells.pressed is not None:
+        missed = _pressed_table(problem, theta, k_grid, slope)
+        np.add.at(same, problem.cells.pressed.level, missed**2)
+        np.add.at(cross, problem.cells.pressed.level, missed[..., :-1] * missed[..., 1:])
     low, high = same[..., :-1], same[..., 1:]
     bend = low - 2 * cross + high
     t = np.clip(np.divide(low - cross, bend, out=np.zeros_like(bend), where=bend > 1e-12), 0.0, 1.0)
@@ -123,6 +127,13 @@ def profile(problem: Problem, theta: Array, slope: Array, k_curve: Array, k_grid
     share = np.take_along_axis(t, best, axis=-1)[..., 0]
     k = k_grid[best[..., 0]] * (1 - share) + k_grid[best[..., 0] + 1] * share
     return np.take_along_axis(value, best, axis=-1)[..., 0].sum(axis=0), np.log(k).T
+
+
+def _pressed_table(problem: Problem, theta: Array, k_grid: Array, slope: Array) -> Array:
+    """Penetrometer readings minus model in standard deviations ``(readings, m, k)``."""
+    ln_k = np.repeat(np.log(k_grid)[:, None], len(problem.cells.level_phi), axis=1)
+    missed = [problem.pressed(np.repeat(row[None], len(k_grid), axis=0), ln_k, slope) for row in theta]
+    return np.moveaxis(np.array(missed), -1, 0)
 
 
 def _table(problem: Problem, theta: Array, k_grid: Array, slope: Array, k_curve: Array) -> Array:

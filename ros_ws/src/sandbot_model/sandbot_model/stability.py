@@ -21,7 +21,7 @@ DRAWS = 400
 
 def win_shares(fits: Sequence[Fit], rng: np.random.Generator, draws: int = DRAWS) -> list[float]:
     """Share of draws in which each set has the least BIC, plus the claim for every effect in it, of all given."""
-    noise = rng.normal(size=(fits[0].state.residual.size, draws))
+    noise = rng.normal(size=(fits[0].state.missed.size, draws))
     scores = np.stack([_bic(fit, noise) + CLAIM * len(fit.effects) for fit in fits])
     winners = scores.argmin(axis=0)
     return [float(np.mean(winners == index)) for index in range(len(fits))]
@@ -34,9 +34,9 @@ def _bic(fit: Fit, noise: Array) -> Array:
     cells = len(fit.cells)
     # From the pure error's frame to that of this set, which may weigh a cell beside a switch less.
     turn = state.whiten[0] @ np.linalg.inv(problem.whiten)
-    moved = np.einsum("cij,cjd->cid", turn, noise.reshape(cells, 4, -1))
-    moved = np.where(problem.measured[:, :, None], moved, 0.0).reshape(noise.shape)
-    residual = state.residual[0].ravel()[:, None] + moved
+    moved = np.einsum("cij,cjd->cid", turn, noise[: 4 * cells].reshape(cells, 4, -1))
+    moved = np.where(problem.measured[:, :, None], moved, 0.0).reshape(4 * cells, -1)
+    residual = state.missed[0][:, None] + np.concatenate([moved, noise[4 * cells :]])
     basis, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
     basis = basis[:, singular > 1e-9 * singular[0]]
     off = residual - basis @ (basis.T @ residual)

@@ -4,6 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
+import numpy as np
+
+from sandbot_model.chain import Array
 from sandbot_model.fit import Fit
 from sandbot_model.stages import stage_tests
 
@@ -43,12 +46,20 @@ def sound(fit: Fit) -> bool:
 
 
 def worth(fits: Mapping[tuple[str, ...], Fit], larger: tuple[str, ...], smaller: tuple[str, ...]) -> bool:
-    """Whether the larger set is sound and earns its additional effects, also without the cell that gains the most."""
+    """Whether the larger set is sound and earns its additional effects, also without the part that gains the most."""
     if not sound(fits[larger]):
         return False
-    gain = (fits[smaller].state.cell_deviance - fits[larger].state.cell_deviance)[0]
+    gain = _parts(fits[smaller]) - _parts(fits[larger])
     claim = CLAIM * (len(larger) - len(smaller))
     return bool(gain.sum() > claim and gain.sum() - gain.max() > ONE_CELL * claim)
+
+
+def _parts(fit: Fit) -> Array:
+    """Deviance of every cell, then of the penetrometer's readings at every level."""
+    readings = fit.cells.pressed
+    level = readings.level if readings is not None else np.zeros(0, dtype=np.int64)
+    pressed = np.bincount(level, fit.state.pressed[0] ** 2, len(fit.level_phi))
+    return np.concatenate([fit.state.cell_deviance[0], pressed])
 
 
 def judge(fits: Mapping[tuple[str, ...], Fit]) -> Verdict:

@@ -2,6 +2,10 @@
 
 Messages are taken from DDS in a thread of our own with a wait set, not through an executor: only so do publish time and
 sequence number come with the bytes (the events executor of these wheels can't deliver them), and it costs least CPU.
+
+A lost message is seen in two ways: as a gap in the publisher's own numbers (where a topic has one publisher), and as
+the middleware's message-lost event. Neither sees what was published before we were matched, what a publisher threw out
+of its own queue before sending it to anybody while nothing came after it, or what a best-effort publisher sent last.
 """
 
 import json
@@ -30,6 +34,8 @@ from sandbot_record.recording import Received, Recording
 NOTE = topics.Topic("/recorder/note", "std_msgs/msg/String")
 _DEPTH = 2000
 """Deep enough for two seconds of 1 kHz when the CPU is busy; both ends need it (measured)."""
+_BATCH_S = 0.005
+"""Messages are taken that often: waking up for each costs more than the message. DDS has stamped them on arrival."""
 _LOOK_AROUND_S = 0.1
 _SETTLED, _SETTLED_UNHEARD = 3, 10
 """Looks in a row without anything new before "recording to" is said; more where a wanted topic has no publisher yet."""
@@ -66,6 +72,8 @@ class _Source:
     handle: Any
     transient: bool
     reliable: bool
+    loss: Any = None
+    """Event handle on which the middleware says that messages were lost; None where it can't."""
     publishers: int = 0
 
 
@@ -75,6 +83,7 @@ class _Receiver:
 
     context: Any
     deliver: Callable[[_Source, bytes, Mapping[str, int]], None]
+    say_lost: Callable[[_Source, int], None]
     sources: list[_Source] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -89,6 +98,11 @@ class _Receiver:
             self.sources = [one for one in self.sources if one.name != source.name] + [source]
         self._changed.trigger()
 
+    @property
+    def broken(self) -> bool:
+        """Whether receiving ended with an error."""
+        return not self._thread.is_alive()
+
     def close(self) -> None:
         """Take what has arrived, then end."""
         self._stop.set()
@@ -102,21 +116,28 @@ class _Receiver:
         while not self._stop.is_set():
             if current is not self.sources or wait_set is None:
                 current = self.sources
-                wait_set = _rclpy.WaitSet(len(current), 1, 0, 0, 0, 0, self.context.handle)
+                events = sum(source.loss is not None for source in current)
+                wait_set = _rclpy.WaitSet(len(current), 1, 0, 0, 0, events, self.context.handle)
             self._wait(wait_set, current)
+            self._stop.wait(_BATCH_S)
         for source in self.sources:
             self._take_all(source)
 
     def _wait(self, wait_set: Any, sources: list[_Source]) -> None:
         wait_set.clear_entities()
+        events = {}
         for source in sources:
             wait_set.add_subscription(source.handle)
+            if source.loss is not None:
+                events[source.name] = wait_set.add_event(source.loss)
         wait_set.add_guard_condition(self._changed.handle)
         wait_set.wait(500_000_000)
         ready = set(wait_set.get_ready_entities("subscription"))
         for source in sources:
             if source.handle.pointer in ready:
                 self._take_all(source)
+            if source.name in events and wait_set.is_ready("event", events[source.name]):
+                self.say_lost(source, source.loss.take_event().total_count_change)
 
     def _take_all(self, source: _Source) -> None:
         while (taken := source.handle.take_message(source.type, True)) is not None:
@@ -130,9 +151,9 @@ class Recorder(Node):
         super().__init__("recorder")
         self._selection, self._recording, self._say = selection, recording, say
         self._trial = b""
-        self._receiver = _Receiver(self.context, self._deliver)
+        self._receiver = _Receiver(self.context, self._deliver, self._say_lost)
         self._by_name: dict[str, _Source] = {}
-        self._refused: set[str] = set()
+        self._left_out: set[str] = set()
         self._quiet_looks = 0
         self._announced = False
         self.create_service(Trigger, "/recorder/start", self._on_start)
@@ -148,6 +169,8 @@ class Recorder(Node):
         """Stop taking messages and close the bag."""
         self._receiver.close()
         for source in self._by_name.values():
+            if source.loss is not None:
+                source.loss.destroy_when_not_in_use()
             source.handle.destroy_when_not_in_use()
         self._recording.close(_provenance(self._trial))
 
@@ -159,7 +182,12 @@ class Recorder(Node):
             self._trial = data
         self._recording.put(message, sole_publisher=source.publishers == 1)
 
+    def _say_lost(self, source: _Source, count: int) -> None:
+        self._recording.lose(source.name, count)
+
     def _look_around(self) -> None:
+        if self._receiver.broken:
+            self._recording.stop("receiving ended with an error")
         if self._recording.stopped.is_set():
             rclpy.try_shutdown(context=self.context)
             return
@@ -184,10 +212,11 @@ class Recorder(Node):
         return source.handle.get_publisher_count() < len(publishers)
 
     def _subscribe(self, name: str, type_name: str, publishers: Sequence[TopicEndpointInfo]) -> None:
-        if name in self._refused:
+        if name in self._left_out:
             return
         if type_name == frames.RAW and self._selection.images == "none":
-            self._refuse(name, "raw images are left out (--images none)")
+            self._left_out.add(name)
+            self._say(f"not recording {name}: raw images are left out (--images none)")
             return
         try:
             kind = messages.message_class(type_name)
@@ -215,18 +244,19 @@ class Recorder(Node):
         check_for_type_support(kind)
         with self.handle:
             handle = _rclpy.Subscription(self.handle, kind, name, profile.get_c_qos_profile())
-        source = _Source(name, type_name, kind, handle, transient, reliable, len(publishers))
+        source = _Source(name, type_name, kind, handle, transient, reliable, _loss_event(handle), len(publishers))
         self._by_name[name] = source
         self._receiver.add(source)
 
     def _refuse(self, name: str, why: str) -> None:
-        if name not in self._refused:
-            self._refused.add(name)
+        if name not in self._left_out:
+            self._left_out.add(name)
+            self._recording.refuse(name, why)
             self._say(f"not recording {name}: {why}")
 
     def _announce(self, new: bool) -> None:
         self._quiet_looks = 0 if new else self._quiet_looks + 1
-        wanted = set(self._selection.names) - self._refused
+        wanted = set(self._selection.names) - self._left_out
         if self._announced or not wanted <= self._by_name.keys():
             return
         unheard = not wanted or any(not self._by_name[name].publishers for name in wanted)
@@ -256,6 +286,13 @@ class Recorder(Node):
         self._recording.paused = request.data
         response.success, response.message = True, "paused" if request.data else "recording"
         return response
+
+
+def _loss_event(subscription: Any) -> Any:
+    try:
+        return _rclpy.EventHandle(subscription, _rclpy.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MESSAGE_LOST)
+    except _rclpy.UnsupportedEventTypeError:  # not every middleware says so
+        return None
 
 
 def _provenance(trial: bytes) -> dict[str, dict[str, str]]:
@@ -292,9 +329,9 @@ def _offered(publisher: TopicEndpointInfo) -> Qos:
 
 
 def record(selection: Selection, recording: Recording, arguments: Sequence[str] = ()) -> int:
-    """Record until SIGINT, SIGTERM, /recorder/stop, a limit or a failure; 0, or 1 after a failure."""
+    """Record until SIGINT, SIGTERM, /recorder/stop, a limit or a failure; 0, or 1 if something wanted is missing."""
     try:
         code = run(lambda: Recorder(selection, recording), arguments)
     finally:
         recording.close()
-    return code or (1 if recording.failed else 0)
+    return code or (1 if recording.failed or recording.refused else 0)

@@ -20,6 +20,8 @@ from sandbot_record.video import VideoFile
 from sandbot_record.writer import BagWriter
 
 SECOND_NS = 1_000_000_000
+_BATCH_S = 0.01
+"""Messages gather that long before they are written: waking up for each costs more than writing it."""
 
 
 class Received(NamedTuple):
@@ -37,11 +39,18 @@ class Tally:
     """What became of a topic's messages."""
 
     written: int = 0
-    lost: int = 0
-    """Gaps in the publisher's sequence: sent, never received."""
+    gaps: int = 0
+    """Missing from the publisher's sequence: sent, never received."""
+    reported: int = 0
+    """Lost on the way, says the middleware."""
     dropped: int = 0
     """Received, but the queue or the disk was full."""
     sequence: int = 0
+
+    @property
+    def lost(self) -> int:
+        """Sent, never received; both ways of counting see the same messages, but neither sees all."""
+        return max(self.gaps, self.reported)
 
 
 @dataclass(frozen=True)
@@ -82,6 +91,7 @@ class Recording:
         self._videos: list[VideoFile] = []
         self._torn = False
         self.tallies: dict[str, Tally] = {}
+        self.refused: dict[str, str] = {}
         self.stopped = threading.Event()
         self.reason = ""
         self.failed = False
@@ -129,7 +139,7 @@ class Recording:
         """Take a message; never blocks on the disk."""
         tally = self.tallies[message.topic]
         if sole_publisher and message.sequence and tally.sequence:
-            tally.lost += max(0, message.sequence - tally.sequence - 1)
+            tally.gaps += max(0, message.sequence - tally.sequence - 1)
         tally.sequence = message.sequence
         if self.paused or self.stopped.is_set():
             return
@@ -140,6 +150,19 @@ class Recording:
             self._queued_bytes += len(message.data)
         self._queue.append(message)
         self._wake.set()
+
+    def lose(self, topic: str, count: int) -> None:
+        """Count messages that the middleware says were lost on the way."""
+        self.tallies[topic].reported += count
+
+    def stop(self, reason: str) -> None:
+        """End the recording as failed; the first reason counts."""
+        self.reason, self.failed = self.reason or reason, True
+        self.stopped.set()
+
+    def refuse(self, topic: str, why: str) -> None:
+        """Note that a wanted topic can't be recorded; the rest is."""
+        self.refused[topic] = why
 
     def close(self, metadata: Mapping[str, Mapping[str, str]] | None = None) -> None:
         """Write what is queued, counts and ``metadata`` records (with exit_status); close the bag, once."""
@@ -158,7 +181,7 @@ class Recording:
                 self._writer.close()
                 return
             except OSError as error:
-                self._fail(f"{error.strerror}: {self._writer.path}")
+                self.stop(f"{error.strerror}: {self._writer.path}")
         self._writer.close_short(lambda: self._records(metadata))
 
     def _records(self, metadata: Mapping[str, Mapping[str, str]] | None) -> dict[str, Mapping[str, str]]:
@@ -174,10 +197,11 @@ class Recording:
 
     def summary(self) -> dict[str, str]:
         """Counts and losses by topic, and how it ended."""
-        values = {"exit_status": self.reason or "ok"}
+        incomplete = f"incomplete, not recorded: {', '.join(self.refused)}" if self.refused else ""
+        values = {"exit_status": self.reason or incomplete or "ok"}
         for name, tally in self.tallies.items():
             values[name] = f"written {tally.written}, lost {tally.lost}, dropped {tally.dropped}"
-        return values
+        return values | {name: f"not recorded: {why}" for name, why in self.refused.items()}
 
     @property
     def path(self) -> Path:
@@ -201,16 +225,19 @@ class Recording:
         ]
         what = f"{self.lost} lost ({', '.join(losses)})" if losses else "0 lost"
         heard = sum(tally.written > 0 for tally in self.tallies.values())
+        what += f", {len(self.refused)} topics not recorded ({', '.join(self.refused)})" if self.refused else ""
         ended = f"; stopped: {self.reason}" if self.reason else ""
         return f"recorded {self.written} messages of {heard} topics to {self._writer.path}, {what}{ended}"
 
     def _run(self) -> None:
         start = flushed = self._monotonic_s()
         try:
-            while not self.stopped.is_set():
+            ended = False
+            while not ended:
                 self._wake.wait(0.1)
+                self._finish.wait(_BATCH_S)
                 self._wake.clear()
-                finish = self._finish.is_set()
+                ended = self._finish.is_set() or self.stopped.is_set()
                 self._drain()
                 now = self._monotonic_s()
                 if now - flushed >= self._flush_period_s:
@@ -221,13 +248,11 @@ class Recording:
                     self._check_free()
                 if self._limits.duration_s and now - start >= self._limits.duration_s:
                     self.stopped.set()
-                if finish:
-                    break
         except OSError as error:
             self._torn = True
-            self._fail(f"{error.strerror}: {self._writer.path}")
+            self.stop(f"{error.strerror}: {self._writer.path}")
         except InputError as error:
-            self._fail(str(error))
+            self.stop(str(error))
         finally:
             self.stopped.set()
 
@@ -250,8 +275,4 @@ class Recording:
     def _check_free(self) -> None:
         free = self._free_bytes(self._writer.path.parent)
         if free < self._limits.min_free:
-            self._fail(f"only {free >> 20} MiB free, {self._limits.min_free >> 20} MiB are to stay free (--min-free)")
-
-    def _fail(self, reason: str) -> None:
-        self.reason, self.failed = self.reason or reason, True
-        self.stopped.set()
+            self.stop(f"only {free >> 20} MiB free, {self._limits.min_free >> 20} MiB are to stay free (--min-free)")

@@ -6,6 +6,7 @@ the same for programs: /replay/pause (SetBool), /replay/restart (Trigger), param
 
 import contextlib
 import os
+import re
 import select
 import sys
 import termios
@@ -37,6 +38,8 @@ _CLOCK_PERIOD_NS = 10_000_000
 _SPIN_NS = 200_000
 """The last part of a wait is spent awake: a sleep ends late by about this much."""
 _MIN_DEPTH = 50
+_KEY = re.compile("\x1b\\[[A-D]|.")
+"""One key: an arrow or a character; keys struck quickly come together."""
 
 
 @dataclass(frozen=True)
@@ -206,8 +209,11 @@ def _keys(nodes: list[Replay]) -> Iterator[None]:
 
     def listen() -> None:
         while not done.is_set():
-            if select.select([sys.stdin], [], [], 0.1)[0] and nodes:
-                nodes[0].key(os.read(sys.stdin.fileno(), 8).decode(errors="ignore"))
+            if not nodes:
+                done.wait(0.05)
+            elif select.select([sys.stdin], [], [], 0.1)[0]:
+                for key in _KEY.findall(os.read(sys.stdin.fileno(), 1024).decode(errors="ignore")):
+                    nodes[0].key(key)
 
     thread = threading.Thread(target=listen, daemon=True)
     try:

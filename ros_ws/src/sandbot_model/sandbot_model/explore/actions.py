@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from sandbot_model.cells import Cells
 from sandbot_model.explore.selection import Selection
 from sandbot_model.formula import formula_effect
+from sandbot_model.report.figures import map_cells
 
 SAME = 2e-5
 """Relative change below which a slider has not been moved: it shows five digits."""
@@ -50,8 +52,12 @@ def moved(selection: Selection, shown: Mapping[str, float], sliders: Mapping[str
     return selection
 
 
-def clicked_cell(click: Mapping[str, Any] | None) -> int | None:
-    """The cell under a click on any figure, by the end of the point's ``customdata``."""
+def clicked_cell(click: Mapping[str, Any] | None, cells: Cells) -> int | None:
+    """The cell under a click on any figure: by the end of the point's ``customdata``, which Dash leaves out on a map,
+    or by the row and column of the map.
+    """
     points = (click or {}).get("points") or [{}]
     data = points[0].get("customdata")
-    return int(data[-1]) if isinstance(data, list) and len(data) == 2 and data[-1] is not None else None
+    if isinstance(data, list) and len(data) == 2:
+        return None if data[-1] is None else int(data[-1])
+    return map_cells(cells).get((points[0].get("x"), points[0].get("y")))

@@ -24,7 +24,7 @@ from sandbot_model.explore.selection import Selection, from_query, to_query, to_
 from sandbot_model.explore.session import Session
 from sandbot_model.report.content import cells_csv
 from sandbot_model.report.page import source
-from sandbot_model.report.provenance import provenance
+from sandbot_model.report.provenance import bags_of, lost_bags, provenance
 from sandbot_model.report.theme import LIGHT, THEMES, Spec, Theme
 from sandbot_record.trials import Trials
 
@@ -48,6 +48,7 @@ SHOW_OUTPUTS = (
     Output("model", "value"),
     Output("effects", "value"),
     Output("effects", "options"),
+    Output("promise-clock", "disabled"),
     Output("view", "value"),
     Output("observable", "value"),
     Output("observable-row", "hidden"),
@@ -99,8 +100,8 @@ class Explorer:
     ) -> None:
         self.session, self.trials, self.data, self.title = session, trials, tuple(data), title
         self.beside = beside
-        self.bags = waveforms.bags_of([path for path in data if path.exists()])
-        self.known = provenance(trials, session.cells, waveforms.lost_bags(self.bags, trials))
+        self.bags = bags_of([path for path in data if path.exists()])
+        self.known = provenance(trials, session.cells, lost_bags(self.bags, trials))
         self.job = Job()
 
     def app(self) -> Dash:
@@ -141,7 +142,7 @@ class Explorer:
             to_query(selection),
             selection.model,
             list(selection.effects),
-            self._options(selection),
+            *self._promised(selection),
             selection.view,
             selection.observable,
             selection.view != "residuals",
@@ -166,12 +167,15 @@ class Explorer:
             "",
         )
 
-    def _options(self, selection: Selection) -> list[dict[str, Any]]:
+    def _promised(self, selection: Selection) -> tuple[list[dict[str, Any]], bool]:
+        """The switches with what each would bring, and whether all of that is known."""
         session = self.session
         promises = session.promises(selection)
         effects = session.catalogue(selection.formulas)
         inherent = [name for name in effects if name not in promises]
-        return controls.effect_options(effects, inherent, session.shown(replace(selection, by_hand=())), promises)
+        current = session.shown(replace(selection, by_hand=()))
+        known = all(one is not None for one in promises.values())
+        return controls.effect_options(effects, inherent, current, promises), known
 
     def _panes(self, selection: Selection, theme: Theme) -> list[views.Pane]:
         """The second data set under the same selection, and the model set beside on the same data."""
@@ -217,9 +221,9 @@ class Explorer:
         )(self.on_change)
         app.callback(
             Output("effects", "options", allow_duplicate=True),
+            Output("promise-clock", "disabled", allow_duplicate=True),
             Input("promise-clock", "n_intervals"),
             State("address", "search"),
-            State("effects", "options"),
             prevent_initial_call=True,
         )(self.on_promise_clock)
         app.callback(
@@ -273,7 +277,7 @@ class Explorer:
             return moved(selection, {name: one.value for name, one in shown.items()}, sliders)
         match control:
             case "figure":
-                return act(selection, "cell", clicked_cell(value))
+                return act(selection, "cell", clicked_cell(value, self.session.cells))
             case "add" | "formula":
                 return act(selection, "formula", formula or "")
             case "adopt":
@@ -281,12 +285,10 @@ class Explorer:
                 return act(selection, "adopt", found.verdict.effects) if found else selection
         return act(selection, str(control), value)
 
-    def on_promise_clock(self, _tick: int, search: str | None, shown: list[dict[str, Any]]) -> list[dict[str, Any]]:
-        """Fits made ahead have come in: show what each switch would bring."""
-        if not any("…" in str(option["label"]) for option in shown):
-            raise PreventUpdate
+    def on_promise_clock(self, _tick: int, search: str | None) -> tuple[list[dict[str, Any]], bool]:
+        """Show what fits made ahead have brought since; the clock stops when all have come in."""
         try:
-            return self._options(from_query(search or ""))
+            return self._promised(from_query(search or ""))
         except InputError:
             raise PreventUpdate from None
 

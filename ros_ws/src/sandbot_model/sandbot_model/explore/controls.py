@@ -60,7 +60,7 @@ def _excluded(known: Provenance) -> list[html.Details]:
     rows = known.excluded[:MAX_EXCLUDED]
     more = [] if len(rows) == len(known.excluded) else [html.P(f"and {len(known.excluded) - len(rows)} more")]
     head = html.Summary(f"{len(known.excluded)} trials excluded, and why")
-    return [html.Details([head, _table("Trials excluded", ("trial", "why"), rows), *more])]
+    return [html.Details([head, _table("Trials excluded", ("trial", "why"), rows), *more], id="excluded")]
 
 
 def effect_options(
@@ -77,7 +77,7 @@ def effect_options(
                 html.Span(readable(name), className="effect"),
                 html.Span(promise(promises.get(name), name in on, now), className="promise"),
                 html.Small(f"{effect.stage}: {effect.formula}"),
-                *([html.Small(values(name, current), className="values")] if name in on else []),
+                *([html.Small(values(effect, current), className="values")] if name in on else []),
             ],
             className="effect-line",
         )
@@ -90,7 +90,7 @@ def by_hand(sliders: Sequence[Slider]) -> list[Any]:
     return [
         html.Div(
             [
-                html.Label([one.words, html.Strong(" held" if one.held else "")], htmlFor=f"hand-{one.name}"),
+                html.Label([one.words, html.Strong(" held" if one.held else "")]),
                 dcc.Slider(
                     one.low,
                     one.high,
@@ -185,10 +185,10 @@ def suggestion(found: Discovery) -> list[Any]:
         parts.append(html.P([f"What is left: {left.sentence}. To try as your own effect: ", html.Code(left.formula)]))
     if found.next_trials:
         rows = [
-            (f"{t.phi:.3f}", f"{t.omega_rad_s:.4g}", NAMES[t.observable], f"{t.expected_gap_sd:.1f} s.d.")
+            (t.where, NAMES.get(t.observable, readable(t.observable)), f"{t.expected_gap_sd:.1f} s.d.")
             for t in found.next_trials
         ]
-        parts.append(_table("Next trials", ("φ", "ω (rad/s)", "watch", "expected gap"), rows))
+        parts.append(_table("Next trials", ("at", "watch", "expected gap"), rows))
     return parts
 
 
@@ -197,8 +197,9 @@ def progress(stage: str, done: int, total: int) -> list[Any]:
     return [html.Label(f"Trying {stage}: {done} of {total}"), html.Progress(value=str(done), max=str(max(total, 1)))]
 
 
-def _controls() -> html.Form:
-    return html.Form(
+def _controls() -> html.Section:
+    # No form: Enter in the formula would send it and leave the page.
+    return html.Section(
         [
             html.Fieldset(
                 [
@@ -239,6 +240,7 @@ def _controls() -> html.Form:
             ),
         ],
         className="controls",
+        **{"aria-label": "Model and effects"},
     )
 
 

@@ -19,7 +19,7 @@ from sandbot_model.cells import Cells, noise_floor
 from sandbot_model.chain import Effect
 from sandbot_model.discover import Discovery, Progress, discover
 from sandbot_model.explore.selection import Selection
-from sandbot_model.fit import Fit, Known, Point, fit, fitted_at, slope_of
+from sandbot_model.fit import Fit, Known, Point, fit, fitted_at
 from sandbot_model.model import Model, model_of
 from sandbot_model.report.curves import steps as with_curves
 from sandbot_model.report.view import Step
@@ -51,7 +51,7 @@ def point_of(found: Fit, by_hand: Mapping[str, float] | None = None) -> Point:
             raise InputError(f"parameter {name!r} is not one of {', '.join(values)}")
         values[name] = value
     theta = np.array([values[name] for name in found.fitted.names])
-    return Point(theta, np.log(found.k_n_per_m), slope_of(found.level_phi, found.k_n_per_m))
+    return Point(theta, found.state.ln_k[0], found.state.slope[0])
 
 
 class Session:

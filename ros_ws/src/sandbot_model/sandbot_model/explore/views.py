@@ -180,15 +180,23 @@ def promise(error: tuple[float, float] | None, switched_on: bool, now_m_s: float
     """What switching an effect over would do to the error of mean speed, and by how much it would change it."""
     if error is None:
         return "…"
+    if not np.isfinite(error[0]):
+        return "no fit"
     change = error[0] - now_m_s
     arrow = "" if not abs(change) >= SEEN_M_S else f" {'▲' if change > 0 else '▼'} {text.centi(abs(change))}"
     return f"{'off' if switched_on else 'on'}: {text.cm_s(error[0])}{arrow}"
 
 
-def values(name: str, current: Step) -> str:
-    """Fitted values ± errors of an effect that is on: ``η = 0.13 ± 0.01``; empty for one without parameters."""
-    own = [(key.split(".")[1], value) for key, value in current.fit.parameters.items() if key.startswith(f"{name}.")]
-    return "; ".join(f"{readable(key)} = {text.with_error(*estimate)}" for key, estimate in own)
+def values(effect: Effect, current: Step) -> str:
+    """Fitted values ± errors of an effect that is on, with their meaning and unit; empty for one without parameters."""
+    parts = []
+    for name, estimate in current.fit.parameters.items():
+        if name.startswith(f"{effect.identifier}."):
+            words, unit = text.described(name, [effect])
+            parts.append(
+                f"{words.removeprefix(f'{readable(effect.identifier)}: ')} {text.with_error(*estimate)} {unit}"
+            )
+    return "; ".join(part.strip() for part in parts)
 
 
 def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) -> list[Slider]:

@@ -20,9 +20,8 @@ from sandbot_model.report import text
 from sandbot_model.report.figures import as_json
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
 from sandbot_model.report.view import CM
-from sandbot_record import table
 from sandbot_record.film_strip import Strip, film_strip
-from sandbot_record.reader import FIELD_STAMP, Bag, is_bag
+from sandbot_record.reader import FIELD_STAMP, Bag
 from sandbot_record.trials import Trials
 
 NEAR_OMEGA = 5e-3
@@ -43,32 +42,10 @@ class Waveform:
     leg_rate_rad_s: Floats = field(metadata={"shape": "(m, 6)", "unit": "rad/s"})
 
 
-def bags_of(data: Sequence[Path]) -> dict[str, Path]:
-    """Trial id (the bag's name) → bag, for all bags in campaign folders and bags given; empty for tables."""
-    bags: list[Path] = []
-    for path in data:
-        bags += [path] if is_bag(path) else table.bags_in(path)
-    # Trial names hold dots (phi0.6000_…): only a file has an ending to take off.
-    return {bag.stem if bag.is_file() else bag.name: bag for bag in bags}
-
-
 def files_of(bag: Path) -> dict[str, Path]:
     """The recording's files by name."""
     inside = [bag] if bag.is_file() else sorted(bag.iterdir())
     return {path.name: path for path in inside if path.suffix in (".mcap", ".db3")}
-
-
-def lost_bags(bags: Mapping[str, Path], trials: Trials) -> tuple[tuple[str, str], ...]:
-    """(name, why) of each bag that gave no row of the table."""
-    known = {str(name) for name in trials.trial_id}
-    lost = []
-    for name, bag in bags.items():
-        if name not in known:
-            try:
-                table.row_from_bag(bag)
-            except InputError as error:
-                lost.append((name, str(error)))
-    return tuple(lost)
 
 
 def trials_of(trials: Trials, cells: Cells, cell: int) -> np.ndarray[Any, np.dtype[np.int64]]:

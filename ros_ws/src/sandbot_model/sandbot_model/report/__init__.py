@@ -14,7 +14,7 @@ from sandbot_model.fit import Fit
 from sandbot_model.report import page
 from sandbot_model.report.content import Frames, comparison_page, discovery_page
 from sandbot_model.report.curves import steps
-from sandbot_model.report.provenance import Trials, provenance
+from sandbot_model.report.provenance import Trials, bags_of, lost_bags, provenance
 
 
 def write_report(
@@ -25,16 +25,17 @@ def write_report(
     title: str,
     frames: Frames = (),
     truth_line: str | None = None,
+    data: Sequence[Path] = (),
 ) -> None:
     """Write the page of a discovery to ``path``, whole or not at all.
 
     ``frames`` are (JPEG or PNG bytes, caption) of tracked video; ``truth_line`` says, for a blind campaign of the
-    virtual lab, whether the sealed truth agrees.
+    virtual lab, whether the sealed truth agrees. Recordings in ``data`` that gave no trial are listed with the reason.
     """
     content = discovery_page(
         discovery,
         steps(discovery.steps),
-        provenance(trials, discovery.cells),
+        provenance(trials, discovery.cells, lost_bags(bags_of(data), trials)),
         title=title,
         frames=frames,
         truth_line=truth_line,
@@ -42,6 +43,12 @@ def write_report(
     page.write(path, content)
 
 
-def write_comparison(path: Path, fits: Sequence[Fit], trials: Trials, *, title: str, frames: Frames = ()) -> None:
-    """Write the page of one or more fits to the same trials, in the order given, whole or not at all."""
-    page.write(path, comparison_page(steps(fits), provenance(trials, fits[0].cells), title=title, frames=frames))
+def write_comparison(
+    path: Path, fits: Sequence[Fit], trials: Trials, *, title: str, frames: Frames = (), data: Sequence[Path] = ()
+) -> None:
+    """Write the page of one or more fits to the same trials, in the order given, whole or not at all.
+
+    ``frames`` and ``data`` as in ``write_report``.
+    """
+    known = provenance(trials, fits[0].cells, lost_bags(bags_of(data), trials))
+    page.write(path, comparison_page(steps(fits), known, title=title, frames=frames))

@@ -13,7 +13,8 @@ from sandbot_model.report.view import BAND_SDS, CM, NAMES, PEOPLE_UNITS, Step, b
 
 HOW = {
     "speed": "Points: mean over the replicates of a condition, bars one standard deviation of a single trial. Solid: "
-    f"the chosen model, shaded ± {BAND_SDS:g} standard errors from its fitted parameters. Dashed grey: the base model.",
+    f"the chosen model, shaded ± {BAND_SDS:g} standard errors from its fitted parameters. Dashed grey, where drawn: "
+    "the base model.",
     "residuals": "▲ the robot did more than the model says, ▼ less; the number is the residual in standard errors of "
     "the mean. Cells without a mark agree with the model; – was not measured.",
     "ladder": "In sample: the model fitted to all trials. Out of sample: each condition predicted by a model fitted "

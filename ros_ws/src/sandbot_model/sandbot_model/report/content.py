@@ -294,15 +294,15 @@ def _next_trials(discovery: Discovery) -> list[Section]:
         return []
     rows = [
         (
-            f"{t.phi:.3f}", f"{t.omega_rad_s:.4g}", NAMES.get(t.observable, readable(t.observable)),
+            t.where, NAMES.get(t.observable, readable(t.observable)),
             " from ".join(map(readable, t.separates)), text.number(t.expected_gap_sd), str(t.replicates),
         )
         for t in discovery.next_trials
     ]  # fmt: skip
     table = Table(
-        "Trials that would tell the remaining explanations apart, most telling first. Gap: difference of the two "
-        "predictions in standard deviations of one trial.",
-        ("φ", "ω (rad/s)", "watch", "separates", "expected gap (s.d.)", "replicates to settle it"),
+        "Measurements that would tell the remaining explanations apart, most telling first. Gap: difference of the "
+        "two predictions in standard deviations of one of them.",
+        ("at", "watch", "separates", "expected gap (s.d.)", "replicates to settle it"),
         rows,
         (False, False, True, True, False, False),
     )

@@ -126,9 +126,9 @@ def residual_map(step: Step, observable: str, base: Step | None = None, theme: T
     rows = len(bands(step.fit.cells))
     spec: Spec = {
         "data": [],
-        "layout": layout(theme, 130 + 28 * rows, plot_bgcolor=theme.empty, showlegend=False, annotations=[]),
+        "layout": layout(theme, 150 + max(28 * rows, 110), plot_bgcolor=theme.empty, showlegend=False, annotations=[]),
     }
-    spec["layout"]["margin"] |= {"t": 48, "l": 84}
+    spec["layout"]["margin"] |= {"t": 68, "l": 84}
     for i, one in enumerate(shown):
         key = "" if i == 0 else "2"
         across = [0.0, 1.0] if len(shown) == 1 else [0.515 * i, 0.515 * i + 0.485]
@@ -140,9 +140,9 @@ def residual_map(step: Step, observable: str, base: Step | None = None, theme: T
         spec["layout"][f"yaxis{key}"] = axis(
             theme, "", type="category", showgrid=False, ticks="", showticklabels=i == 0, anchor=f"x{key}"
         )
-        words = f"<b>{NAMES[observable]}</b>, {model_name(one)}: {_count(failing_cells(one.fit, observable))}"
+        words = f"<b>{NAMES[observable]}</b><br>{model_name(one)}: {_count(failing_cells(one.fit, observable))}"
         spec["layout"]["annotations"].append(
-            note(words, across[0], 1.0, xanchor="left", yanchor="bottom", yshift=6, font={"size": 13})
+            note(words, across[0], 1.0, xanchor="left", yanchor="bottom", yshift=6, align="left", font={"size": 13})
         )
     return spec
 
@@ -163,7 +163,7 @@ def _heatmap(fit: Fit, observable: str, theme: Theme, roomy: bool) -> Spec:
             text[row, columns[cell]] = _mark(all_z[cell], bool(failing[cell]), numbers)
     return {
         "type": "heatmap",
-        "x": [f"{w:.3g}" for w in omegas],
+        "x": [_column_label(w) for w in omegas],
         "y": [band.label for band in rows],
         "z": as_json(np.clip(z, -Z_COLOUR_END, Z_COLOUR_END)),
         "customdata": np.stack([as_json(z), index], axis=-1).tolist(),
@@ -179,6 +179,16 @@ def _heatmap(fit: Fit, observable: str, theme: Theme, roomy: bool) -> Spec:
         "hovertemplate": "%{y}, ω %{x} rad/s<br>residual %{customdata[0]:.1f} standard errors<extra></extra>",
         "colorbar": _residual_bar(theme),
     }
+
+
+def map_cells(cells: Cells) -> dict[tuple[str, str], int]:
+    """(column, row) of the residual map, as it is labelled → the cell there."""
+    omegas, columns = frequencies(cells)
+    return {(_column_label(omegas[columns[i]]), band.label): int(i) for band in bands(cells) for i in band.cells}
+
+
+def _column_label(omega_rad_s: float) -> str:
+    return f"{omega_rad_s:.3g}"
 
 
 def _count(failing: NDArray[np.bool_]) -> str:

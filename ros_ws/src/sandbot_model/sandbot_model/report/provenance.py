@@ -1,12 +1,16 @@
 """Which trials the analysis used, which it left out and why, and what such data can't show."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
+from sandbot_common.errors import InputError
 from sandbot_model.cells import OBSERVABLES, Cells, Floats
 from sandbot_model.report.view import NAMES, Provenance
+from sandbot_record import table
+from sandbot_record.reader import is_bag
 
 
 class Trials(Protocol):
@@ -22,6 +26,28 @@ class Trials(Protocol):
     def speed_m_s(self) -> Floats: ...  # noqa: D102
     @property
     def status(self) -> Iterable[str]: ...  # noqa: D102
+
+
+def bags_of(data: Sequence[Path]) -> dict[str, Path]:
+    """Trial id (the bag's name) → bag, for all bags in campaign folders and bags given; empty for tables."""
+    bags: list[Path] = []
+    for path in data:
+        bags += [path] if is_bag(path) else table.bags_in(path)
+    # Trial names hold dots (phi0.6000_…): only a file has an ending to take off.
+    return {bag.stem if bag.is_file() else bag.name: bag for bag in bags}
+
+
+def lost_bags(bags: Mapping[str, Path], trials: Trials) -> tuple[tuple[str, str], ...]:
+    """(name, why) of each bag that gave no row of the table."""
+    known = {str(name) for name in trials.trial_id}
+    lost = []
+    for name, bag in bags.items():
+        if name not in known:
+            try:
+                table.row_from_bag(bag)
+            except InputError as error:
+                lost.append((name, str(error)))
+    return tuple(lost)
 
 
 def provenance(trials: Trials, cells: Cells, lost: Sequence[tuple[str, str]] = ()) -> Provenance:

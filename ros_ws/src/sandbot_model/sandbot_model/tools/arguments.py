@@ -10,8 +10,11 @@ from typing import Any
 from sandbot_common.cli import Parser
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_text
+from sandbot_model.cells import Cells, cells_of
 from sandbot_model.parallel import Map, cluster, workers
+from sandbot_model.penetration import read_readings
 from sandbot_model.walking import BASES
+from sandbot_record.trials import Trials
 
 
 def add_catalogue(parser: Parser) -> None:
@@ -36,10 +39,21 @@ def add_catalogue(parser: Parser) -> None:
 def add_data(parser: Parser) -> None:
     """What to read and what to write."""
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
+    parser.add_argument(
+        "--penetrometer",
+        type=Path,
+        metavar="FILE.csv",
+        help="readings of the ground by itself: columns phi, depth_m, force_n or phi, k_n_per_m (and their sd)",
+    )
     parser.add_argument("--model", choices=tuple(BASES), default="simple", help="base model (default: simple)")
     parser.add_argument("--json", type=output, metavar="OUT", help="write the result as JSON")
     parser.add_argument("--html", type=output, metavar="OUT", help="write a self-contained report")
     parser.add_argument("--title", default=None, help="title of the report (default: the name of DATA)")
+
+
+def cells(args: argparse.Namespace, trials: Trials) -> Cells:
+    """The trials of DATA as cells, with the penetrometer's readings if there are any. Raises InputError."""
+    return cells_of(trials, None if args.penetrometer is None else read_readings(args.penetrometer))
 
 
 def add_fitters(parser: Parser) -> None:

@@ -13,7 +13,6 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_model.bootstrap import bootstrap
 from sandbot_model.catalogue import catalogue
-from sandbot_model.cells import cells_of
 from sandbot_model.compare import geometry_lock, to_json
 from sandbot_model.explore.reproduce import steps_of
 from sandbot_model.explore.selection import Selection, from_mapping, held_by_text
@@ -49,7 +48,7 @@ def _compare(argv: Sequence[str]) -> None:
     selection = _selection(args)
     effects = catalogue(args.effects_from, selection.formulas)
     trials = trials_table.read(args.data)
-    cells = cells_of(trials)
+    cells = arguments.cells(args, trials)
     steps = steps_of(selection, cells, effects)
     print(tables.data_line(steps[0]), "\n")
     if selection.by_hand:
@@ -71,7 +70,8 @@ def _compare(argv: Sequence[str]) -> None:
     if args.html is not None:
         frames = film_strip(args.data[0])
         with arguments.writing(args.html):
-            write_comparison(args.html, steps, trials, title=args.title or args.data[0].stem, frames=frames)
+            title = args.title or args.data[0].stem
+            write_comparison(args.html, steps, trials, title=title, frames=frames, data=args.data)
 
 
 def _selection(args: argparse.Namespace) -> Selection:

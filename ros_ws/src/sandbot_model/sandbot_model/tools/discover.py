@@ -8,7 +8,6 @@ from tqdm import tqdm
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_model.catalogue import catalogue
-from sandbot_model.cells import cells_of
 from sandbot_model.discover import Discovery, discover
 from sandbot_model.report import write_report
 from sandbot_model.tools import arguments, tables
@@ -33,7 +32,7 @@ def _discover(argv: Sequence[str]) -> None:
     fitters = arguments.fitters(args)
     effects = catalogue(args.effects_from, args.effect)
     trials = trials_table.read(args.data)
-    cells = cells_of(trials)
+    cells = arguments.cells(args, trials)
     with fitters as fit_all, tqdm(unit="fit", file=sys.stderr, disable=None) as bar:
 
         def progress(stage: str, done: int, total: int) -> None:

@@ -93,7 +93,10 @@ def _fitters(count: int) -> Iterator[ProcessPoolExecutor]:
     try:
         yield workers
     finally:
-        workers.shutdown(wait=False, cancel_futures=True)
+        # Nobody waits for a fit made ahead; a pool left to itself complains of it when Python ends.
+        for child in multiprocessing.active_children():
+            child.terminate()
+        workers.shutdown(wait=True, cancel_futures=True)
 
 
 def _in_worker(parent: int) -> None:

@@ -141,12 +141,11 @@ def stages(discovery: Discovery) -> str:
 
 def next_trials(discovery: Discovery) -> str:
     """What to measure next."""
-    rows = [["phi", "omega [rad/s]", "look at", "separates", "expected gap [sd]", "replicates"]]
+    rows = [["at", "look at", "separates", "expected gap [sd]", "replicates"]]
     for one in discovery.next_trials:
         rows.append(
             [
-                f"{one.phi:.4f}",
-                f"{one.omega_rad_s:.4g}",
+                one.where,
                 one.observable,
                 " | ".join(one.separates),
                 f"{one.expected_gap_sd:.1f}",

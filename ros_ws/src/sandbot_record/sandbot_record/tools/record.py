@@ -1,6 +1,8 @@
 """record: topics to a bag that loses nothing and outlives a crash."""
 
 import argparse
+import contextlib
+import ctypes
 import re
 import time
 from collections.abc import Sequence
@@ -15,14 +17,25 @@ from sandbot_record.video import CODECS
 from sandbot_record.writer import BagWriter, Split
 
 MIB = 1 << 20
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
+"""M_TRIM_THRESHOLD and M_MMAP_THRESHOLD of malloc.h."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; exit code 1 if recording stopped on a full disk or another failure."""
+    """Run the command line; exit code 1 if it stopped on a failure or a topic could not be recorded."""
     return cli.run(_record, argv)
 
 
+def _keep_memory() -> None:
+    """Have glibc keep what is freed: giving back and fetching each camera frame is 15,000 page faults a second."""
+    with contextlib.suppress(OSError, AttributeError):
+        mallopt = ctypes.CDLL(None).mallopt
+        mallopt(_TRIM_THRESHOLD, 256 * MIB)
+        mallopt(_MMAP_THRESHOLD, 32 * MIB)
+
+
 def _record(argv: Sequence[str]) -> int:
+    _keep_memory()
     options, ros_arguments = _parser().parse_known_args(argv)
     _check(options, ros_arguments)
     selection = Selection(
@@ -32,7 +45,8 @@ def _record(argv: Sequence[str]) -> int:
         writer = BagWriter(
             options.out,
             compression=options.compression,
-            flush_period_s=0.0,  # Recording flushes by the wall clock
+            flush_period_s=0.0,
+            chunk_size=1 << 18,  # Recording flushes by the wall clock
             fsync=options.fsync,
             split=Split(int(options.max_size * MIB), options.max_duration),
             whole=False,

@@ -12,3 +12,13 @@ document.addEventListener("click", ({ target }) => {
   const plot = figure && document.querySelector(`[id="${figure}"] .js-plotly-plot`);
   if (plot) window.sandbotExport.save(plot, format, figure);
 });
+
+// The library's sliders have no names of their own: each is called what stands above it.
+new MutationObserver(() => {
+  for (const box of document.querySelectorAll(".slider")) {
+    const name = box.querySelector("label").innerText;
+    for (const part of box.querySelectorAll("[role=slider]:not([aria-label]), input:not([aria-label])")) {
+      part.setAttribute("aria-label", name);
+    }
+  }
+}).observe(document.documentElement, { childList: true, subtree: true });

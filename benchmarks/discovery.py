@@ -1,0 +1,305 @@
+"""Discovery against its peers on the same hidden worlds: who names the effect, who predicts cells it has not seen.
+
+Truth stays in ``hidden``: every method gets the trials table and nothing else. SHORT=1 runs one world of each kind.
+"""
+
+import os
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+from tqdm import tqdm
+
+from _peers import (
+    CATALOGUE,
+    Choice,
+    Named,
+    Predict,
+    base_alone,
+    gp_discrepancy,
+    lmfit_aic,
+    physical,
+    polynomial,
+    sindy,
+    speed_of,
+    speed_only,
+)
+from hidden import NULL, OMEGA, PHI, WORLDS, Hidden
+from sandbot_model.cells import cells_of, noise_floor
+from sandbot_model.discover import discover
+from sandbot_model.fit import fit
+from sandbot_model.levels import phi_levels
+from sandbot_record.trials import Trials
+
+Bools = NDArray[np.bool_]
+
+SEPARABLE = (
+    "disturbed_ground",
+    "exact_vertical_acceleration",
+    "exact_leg_arc",
+    "stance_overlap",
+    "swimming_thrust",
+    "crater_refill",
+    "phi_dependent_response",
+    "belly_coast",
+    "motor_saturation",
+    "carried_momentum",
+    "inertial_drag",
+    "slow_phase_speed",
+)
+KINDS = ("separable", "pair", "null", "outside")
+NULL_SEEDS, OUTSIDE, PAIRS = 4, 4, 2
+MAX_EFFECTS = 2
+"""For everybody."""
+HELD_OUT = 12
+"""Cells held out one at a time."""
+FAR = 3.0
+"""Noise floors by which a cell's mean is missed."""
+
+
+def ours(trials: Trials) -> Choice:
+    """``discover`` with everything that was measured; predictions are those of the set it ends with."""
+    found = discover(cells_of(trials), CATALOGUE, max_effects=MAX_EFFECTS)
+    last = found.steps[-1]
+    named: Named = ()
+    if found.verdict.status in ("identified", "ambiguous"):
+        named = tuple(frozenset(one) for one in found.verdict.alternatives)
+    return Choice(named, lambda others: speed_of(fit(last.fitted, cells_of(others), last.known)))
+
+
+def ours_speed_only(trials: Trials) -> Choice:
+    """The same, given mean speed alone."""
+    choice = ours(speed_only(trials))
+    return Choice(choice.named, lambda others: choice.refit(speed_only(others)))
+
+
+METHODS: Mapping[str, Callable[[Trials], Choice]] = {
+    "discover": ours,
+    "discover, mean speed alone": ours_speed_only,
+    "lmfit + AIC, all observables": lmfit_aic((0, 1, 2, 3)),
+    "lmfit + AIC, mean speed alone": lmfit_aic((0,)),
+    "PySINDy, physical terms on the base's residual": sindy(physical, on_base=True),
+    "PySINDy, polynomial in (φ, ω)": sindy(polynomial, on_base=False),
+    "base + Gaussian process": gp_discrepancy,
+    "base model alone": base_alone,
+}
+
+WITHOUT_COLUMN = (ours_speed_only,)
+"""Left out of extrapolation, to save minutes."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """One method in one world; errors in m/s."""
+
+    method: str
+    world: Hidden
+    named: Named
+    seconds: float
+    cell_gaps: tuple[float, ...]
+    """Of each held-out trial: measured minus predicted, its cell being out."""
+    corner_gaps: tuple[float, ...]
+    """The same with the whole fastest column out; empty where that was not tried."""
+    floor: float
+
+    @property
+    def first(self) -> bool:
+        """What it names first is the truth."""
+        return bool(self.named) and self.named[0] == frozenset(self.world.truth)
+
+    @property
+    def among(self) -> bool:
+        """The truth is among what it names."""
+        return frozenset(self.world.truth) in self.named
+
+    @property
+    def missed(self) -> int:
+        """Held-out cells whose mean is missed by more than ``FAR`` noise floors."""
+        means = np.reshape(self.cell_gaps, (HELD_OUT, -1)).mean(axis=1)
+        return int((np.abs(means) > FAR * self.floor).sum())
+
+
+def worlds() -> list[tuple[Hidden, int]]:
+    """Which worlds, with their seeds; those that take longest come first."""
+    first = [next(one for one in WORLDS if one.truth == (name,)) for name in SEPARABLE]
+    outside = list({one.truth: one for one in WORLDS if one.kind == "outside"}.values())[:OUTSIDE]
+    pairs = [one for one in WORLDS if one.kind == "pair"][:PAIRS]
+    null = [(NULL, 1000 + seed) for seed in range(NULL_SEEDS)]
+    if os.environ.get("SHORT"):
+        return [(outside[0], 0), (pairs[0], 0), (first[3], 0), null[0]]
+    return [(one, 0) for one in (*outside, *pairs, *first)] + null
+
+
+def cells_to_hold_out(trials: Trials) -> list[Bools]:
+    """Masks ``(trials,)`` of the cells that are held out, the same for every method and world."""
+    level, omega = phi_levels(np.asarray(trials.phi, dtype=float)), np.asarray(trials.omega_rad_s, dtype=float)
+    keys = [(one, frequency) for one in np.unique(level) for frequency in np.unique(omega)]
+    chosen = np.random.default_rng(0).permutation(len(keys))[:HELD_OUT]
+    return [(level == keys[i][0]) & (omega == keys[i][1]) for i in chosen]
+
+
+def fastest_column(trials: Trials) -> Bools:
+    """Mask ``(trials,)`` of the highest leg frequency."""
+    omega = np.asarray(trials.omega_rad_s, dtype=float)
+    return np.asarray(omega == omega.max())
+
+
+def gaps(predict: Predict, held: Trials) -> list[float]:
+    """Measured minus predicted mean speed [m/s] of the held-out trials, each cell predicted at its mean φ."""
+    phi, omega = np.asarray(held.phi, dtype=float), np.asarray(held.omega_rad_s, dtype=float)
+    level = phi_levels(phi)
+    centre = np.array([phi[(level == one) & (omega == w)].mean() for one, w in zip(level, omega, strict=True)])
+    return (np.asarray(held.speed_m_s, dtype=float) - predict(centre, omega)).tolist()
+
+
+def run(task: tuple[Hidden, int]) -> list[Score]:
+    """Every method in one world."""
+    world, seed = task
+    trials = world.trials(seed)
+    floor = noise_floor(cells_of(trials))["speed"]
+    corner = fastest_column(trials)
+    found = []
+    for name, method in METHODS.items():
+        with threadpool_limits(1):
+            began = time.process_time()
+            choice = method(trials)
+            seconds = time.process_time() - began
+            cells: list[float] = []
+            for held in cells_to_hold_out(trials):
+                cells += gaps(choice.refit(trials.select(~held)), trials.select(held))
+            # What is chosen has seen all cells but for extrapolation, where that would tell too much.
+            blind, beyond = trials.select(~corner), []
+            if method not in WITHOUT_COLUMN:
+                beyond = gaps(method(blind).refit(blind), trials.select(corner))
+        found.append(Score(name, world, choice.named, seconds, tuple(cells), tuple(beyond), floor))
+    return found
+
+
+def report(scores: Sequence[Score]) -> str:
+    """The section of the report, in Markdown."""
+    by = {kind: [one for one in scores if one.world.kind == kind] for kind in KINDS}
+    scores = [one for kind in KINDS for one in by[kind]]
+    lines = [
+        "# Discovery and its peers",
+        "",
+        f"{_count(scores)} hidden worlds of the virtual lab, {len(PHI)} φ × {len(OMEGA)} ω × 3 trials each: "
+        + ", ".join(f"{_count(some)} {kind}" for kind, some in by.items())
+        + ".",
+        "",
+        "## Who names the effect",
+        "",
+        "| method | separable: truth first | separable: truth among named | pairs: truth first | null: false claim "
+        "| outside the catalogue: claims an effect all the same | CPU s |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for name in METHODS:
+        separable, pair, null, outside = ([one for one in by[kind] if one.method == name] for kind in by)
+        cells = [
+            _share([one.first for one in separable]),
+            _share([one.among for one in separable]),
+            _share([one.first for one in pair]),
+            _share([bool(one.named) for one in null]),
+            _share([bool(one.named) for one in outside]),
+            f"{statistics.median(one.seconds for one in scores if one.method == name):.1f}",
+        ]
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    lines += [
+        "",
+        "## Who predicts what it has not seen",
+        "",
+        f"RMS error of mean speed over held-out trials, median over worlds. {HELD_OUT} cells, one held out at a time, "
+        f"over the noise floor (1: as good as replicates agree; missed: the cell's mean is off by more than {FAR:g} "
+        f"floors); and the whole ω = {max(OMEGA):g} rad/s column held out, in cm/s.",
+        "",
+        "| method | cells: catalogue effect | cells: outside | cells: null | cells missed, all worlds "
+        "| column: catalogue effect | column: outside | column: null |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name in METHODS:
+        kinds = (by["separable"] + by["pair"], by["outside"], by["null"])
+        groups = [[one for one in kind if one.method == name] for kind in kinds]
+        cells = [_median([_rms(one.cell_gaps) / one.floor for one in group]) for group in groups]
+        everywhere = [one for group in groups for one in group]
+        cells.append(f"{sum(one.missed for one in everywhere)} of {HELD_OUT * len(everywhere)}")
+        cells += [_median([100 * _rms(one.corner_gaps) for one in group]) for group in groups]
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    return "\n".join([*lines, "", *_world_by_world(scores), "", GIVEN])
+
+
+def _world_by_world(scores: Sequence[Score]) -> list[str]:
+    shown = [name for name in METHODS if any(one.named for one in scores if one.method == name)]
+    lines = ["## World by world", "", f"| world | {' | '.join(shown)} |", "|---" * (len(shown) + 1) + "|"]
+    for world in dict.fromkeys(one.world.name for one in scores):
+        row = []
+        for name in shown:
+            some = [one for one in scores if one.method == name and one.world.name == world]
+            row.append("; ".join(dict.fromkeys(_said(one) for one in some)))
+        lines.append(f"| {world} | {' | '.join(row)} |")
+    return lines
+
+
+def _said(one: Score) -> str:
+    """The first it names, and how many more."""
+    if not one.named:
+        return "–"
+    more = f" (+{len(one.named) - 1})" if len(one.named) > 1 else ""
+    mark = " ✓" if one.first else " (✓)" if one.among else ""
+    return " + ".join(sorted(one.named[0])) + more + mark
+
+
+def _count(scores: Sequence[Score]) -> int:
+    return sum(one.method == scores[0].method for one in scores)
+
+
+def _share(right: Sequence[bool]) -> str:
+    return f"{sum(right)}/{len(right)}"
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values else float("nan")
+
+
+def _median(values: Sequence[float]) -> str:
+    return f"{statistics.median(values):.2f}" if values and np.isfinite(values).all() else "–"
+
+
+GIVEN = f"""## What each was given
+
+All: the trials table (φ, ω and the four observables of every trial), the project's model as a function, and no truth.
+*Named* is every set of effects a method gives as explanation, the best first; naming nothing is an answer too.
+Held-out cells: what was chosen from all trials is refitted without the cell. Held-out column: chosen without it, too.
+* discover: as shipped, sets of up to {MAX_EFFECTS} effects. It names the alternatives of `identified` and `ambiguous`,
+  nothing when `adequate` or `unexplained`; it predicts with the set it ends with, also where it says that this is not
+  the truth.
+* lmfit + AIC: the whole catalogue as candidate models, `least_squares` on single trials with one k a φ level and all
+  parameters bounded, starts from a grid (Δt × effect weak, middling, strong × k level by level) and from the smaller
+  model's optimum; all observables are scaled by their usual noise. An effect, and then a second, is named where AIC
+  falls by more than 10; alternatives are the sets within 2 of the best. Replicates are not used: it has no way to say
+  that nothing fits.
+* PySINDy: FROLS with up to 8 terms, STLSQ and SR3 at 8 sparsities each, BIC chooses (Mangan et al. 2017; AIC keeps more
+  terms). The polynomial library (degree 4) regresses mean speed. The physical one regresses what the base model, at its
+  global optimum, leaves of mean speed; among its 19 terms are 10 that are an effect to first order and are counted as
+  naming it: the loss v̄ by itself stance_overlap, v̄ Fr motor_saturation, v̄ (d_r/d)² leg_slip, v̄ [s < 0.95 R]
+  disturbed_ground, ω³ (d+h-R)² belly_coast, 1/ω where it swims swimming_thrust, and through ∂v̄/∂F a constant force
+  cohesion, (Rω)² inertial_drag, Rω (1 - s/2R) exact_vertical_acceleration and Rω (φ - φ_0) phi_dependent_response. Two
+  of them together are read as a pair; named only where BIC falls by more than 10. exact_leg_arc, crater_refill,
+  carried_momentum and slow_phase_speed have no such term, so that it can't name them.
+* Gaussian process: Kennedy & O'Hagan's discrepancy on the base model at its global optimum, anisotropic RBF or
+  Matérn 3/2 with noise by marginal likelihood (scikit-learn). A discrepancy has no name: it only predicts.
+* The lone base model is fitted to mean speed by this project's fit."""
+
+
+def main() -> str:
+    """Run every method in every world; the section of the report, in Markdown."""
+    with ProcessPoolExecutor() as pool:
+        tasks = worlds()
+        return report([one for some in tqdm(pool.map(run, tasks), total=len(tasks)) for one in some])
+
+
+if __name__ == "__main__":
+    print(main())

@@ -1,0 +1,187 @@
+"""Every view of the explorer and the report as a picture in docs/screenshots: ``python tools/screenshots.py``.
+
+A campaign of 70 trials is run on the virtual lab, in whose ground a leg that steps into its own crater finds it weak
+(disturbed ground), and each page is opened in Chromium. Takes about three minutes.
+"""
+
+import io
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from PIL import Image
+from selenium import webdriver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
+
+OUT = Path(__file__).resolve().parent.parent / "docs" / "screenshots"
+PATIENCE_S = 120
+COLOURS = 256
+"""A picture of a page has few: a palette makes it half the size."""
+PLAN = """\
+name: collapse
+seed: 2009
+gait: UNIFORM
+phi: [0.590, 0.600, 0.611, 0.622, 0.633]
+omega_rad_s: [4, 8, 12, 16, 20, 24, 30]
+replicates: 2
+"""
+WORLD = """\
+schema: sandbot.world/1
+phi_knots: [0.58, 0.6, 0.633]
+k_knots_n_m: [170.0, 195.0, 220.0]
+delta_t_s: 0.4
+effects: {disturbed_ground: {k_l_n_m: 172.0, s_c: 0.95}}
+noise: {scale: 1.0, speed_sd_m_s: 0.005, lift_sd_m: 0.0003, peak_sd: 0.01, first_step_sd_m: 0.001, phi_sd: 0.0005}
+"""
+TITLE = "Walking collapses on loose ground"
+HIDDEN = "disturbed_ground"
+FORMULA = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
+FITTED = """return /error/.test(document.getElementById('status')?.innerText ?? '')
+    && !!document.querySelector('#figure .main-svg')
+    && !document.getElementById('effects').innerText.includes('…')"""
+DRAWN = "return document.documentElement.dataset.drawn !== undefined"
+
+Act = Callable[[webdriver.Chrome], None]
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One picture: what is opened, how large, and what is done first."""
+
+    name: str
+    query: str = ""
+    size: tuple[int, int] = (1360, 1120)
+    act: Act | None = None
+    dark: bool = False
+    scroll_to: str = ""
+    """CSS selector of what stands at the top of the picture; empty: the top of the page."""
+
+
+def suggest(driver: webdriver.Chrome) -> None:
+    """Ask for a suggestion and wait for it."""
+    driver.find_element(By.ID, "suggest").click()
+    done = "return document.getElementById('suggestion').innerText.includes('ΔBIC')"
+    WebDriverWait(driver, PATIENCE_S).until(lambda d: d.execute_script(done))
+
+
+def unfold(driver: webdriver.Chrome) -> None:
+    """Open the box for one's own formula, with a wrong one in it and the message."""
+    driver.execute_script("for (const one of document.querySelectorAll('.controls details')) one.open = true")
+    driver.find_element(By.ID, "formula").send_keys("boost: strength: k*(1 + a*")
+    driver.find_element(By.ID, "add").click()
+    said = "return document.getElementById('message').innerText !== ''"
+    WebDriverWait(driver, PATIENCE_S).until(lambda d: d.execute_script(said))
+
+
+ON = f"?effect={HIDDEN}"
+EXPLORER = (
+    Shot("1-base-model"),
+    Shot("2-where-it-fails", "?view=residuals", (1360, 980)),
+    Shot("3-effect-on", ON),
+    Shot("4-where-it-fails-no-more", f"{ON}&view=residuals", (1360, 980)),
+    Shot("5-collapse", f"{ON}&view=critical", (1360, 980)),
+    Shot("6-step-length", f"{ON}&view=step", (1360, 980)),
+    Shot("7-force-balance", f"{ON}&view=balance&cell=31"),
+    Shot("8-geometry-lock", f"{ON}&view=lock", (1360, 1020)),
+    Shot("9-by-hand", f"{ON}&view=parameters&hold=delta_t_s%3D0.3", (1360, 1500)),
+    Shot("10-behind-a-cell", f"{ON}&cell=31", (1360, 1140), scroll_to="#cell"),
+    Shot("11-suggest", "", (1360, 1120), suggest),
+    Shot("12-wrong-formula", ON, (1360, 1120), unfold),
+    Shot("13-two-models", f"{ON}&against=%3Fmodel%3Dsimple", (1500, 1120)),
+    Shot("14-dark", f"{ON}&view=residuals", (1360, 980), dark=True),
+    Shot("15-narrow", f"{ON}&view=lock", (500, 1500)),
+)
+REPORT = (
+    Shot("16-report", "", (1180, 1500)),
+    Shot("17-report-dark", "", (1180, 1500), dark=True, scroll_to="#lock"),
+)
+
+
+def main() -> int:
+    """Run the campaign, open every page, write every picture."""
+    OUT.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder, chromium() as driver:
+        data = Path(sys.argv[1]) if len(sys.argv) > 1 else campaign(Path(folder))
+        with explorer(data) as address:
+            for shot in EXPLORER:
+                take(driver, shot, address + shot.query, FITTED)
+        report = Path(folder) / "report.html"
+        run("sandbot_model.tools.compare", data, "--effects", HIDDEN, "--html", report, "--title", TITLE)
+        for shot in REPORT:
+            take(driver, shot, report.as_uri(), DRAWN)
+    return 0
+
+
+def campaign(folder: Path) -> Path:
+    """The trials, in bags."""
+    plan, world, out = folder / "plan.yaml", folder / "world.yaml", folder / "collapse"
+    plan.write_text(PLAN, encoding="utf-8")
+    world.write_text(WORLD, encoding="utf-8")
+    run("sandbot_bringup.tools.campaign", plan, "--out", out, "--batch", "--world", world)
+    return out
+
+
+def run(module: str, *arguments: object) -> None:
+    """One of the project's commands."""
+    subprocess.run([sys.executable, "-m", module, *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
+
+
+@contextmanager
+def explorer(data: Path) -> Iterator[str]:
+    """The address of a running explorer."""
+    command = [sys.executable, "-m", "sandbot_model.tools.explore", str(data), "--port", "0", "--title", TITLE]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        assert server.stdout is not None
+        address = re.search(r"http://\S+/", server.stdout.readline())
+        assert address is not None, "the explorer did not start"
+        yield address[0]
+    finally:
+        server.terminate()
+        server.wait()
+
+
+@contextmanager
+def chromium() -> Iterator[webdriver.Chrome]:
+    """A browser without a window."""
+    options = webdriver.ChromeOptions()
+    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"):
+        options.add_argument(argument)
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService("/usr/bin/chromedriver"))
+    try:
+        yield driver
+    finally:
+        driver.quit()
+
+
+def take(driver: webdriver.Chrome, shot: Shot, address: str, ready: str) -> None:
+    """One picture, small enough for a repository."""
+    scheme = [{"name": "prefers-color-scheme", "value": "dark" if shot.dark else "light"}]
+    driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
+    width, height = shot.size
+    metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    driver.get(address)
+    WebDriverWait(driver, PATIENCE_S).until(lambda d: d.execute_script(ready))
+    if shot.act is not None:
+        shot.act(driver)
+    # Two frames later everything asked for is painted.
+    driver.execute_async_script(
+        "requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(arguments[0], 400)))"
+    )
+    if shot.scroll_to:
+        driver.execute_script(f"document.querySelector({shot.scroll_to!r}).scrollIntoView()")
+    path = OUT / f"{shot.name}.png"
+    picture = Image.open(io.BytesIO(driver.get_screenshot_as_png())).convert("RGB")
+    picture.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    print(f"{path.name}: {path.stat().st_size // 1024} kB")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
