@@ -4,7 +4,6 @@ Truth stays in ``hidden``: every method gets the trials table and nothing else. 
 """
 
 import os
-import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -58,6 +57,7 @@ MAX_EFFECTS = 2
 """For everybody."""
 HELD_OUT = 12
 """Cells held out one at a time."""
+BETTER = 0.05
 FAR = 3.0
 """Noise floors by which a cell's mean is missed."""
 
@@ -111,6 +111,11 @@ class Score:
     def first(self) -> bool:
         """What it names first is the truth."""
         return bool(self.named) and self.named[0] == frozenset(self.world.truth)
+
+    @property
+    def mixed(self) -> bool:
+        """What it names first is the truth and something else."""
+        return bool(self.named) and self.named[0] > frozenset(self.world.truth)
 
     @property
     def among(self) -> bool:
@@ -183,52 +188,89 @@ def run(task: tuple[Hidden, int]) -> list[Score]:
 def report(scores: Sequence[Score]) -> str:
     """The section of the report, in Markdown."""
     by = {kind: [one for one in scores if one.world.kind == kind] for kind in KINDS}
-    scores = [one for kind in KINDS for one in by[kind]]
+    ordered = [one for kind in KINDS for one in by[kind]]
     lines = [
         "# Discovery and its peers",
         "",
-        f"{_count(scores)} hidden worlds of the virtual lab, {len(PHI)} φ × {len(OMEGA)} ω × 3 trials each: "
-        + ", ".join(f"{_count(some)} {kind}" for kind, some in by.items())
+        f"{_worlds(scores)} hidden worlds of the virtual lab, {len(PHI)} φ × {len(OMEGA)} ω × 3 trials each: "
+        + ", ".join(f"{_worlds(some)} {kind}" for kind, some in by.items())
         + ".",
         "",
+        *_naming(by, ordered),
+        "",
+        *_prediction(by),
+        "",
+        *_world_by_world(ordered),
+        "",
+        GIVEN,
+    ]
+    return "\n".join(lines)
+
+
+def _naming(by: Mapping[str, Sequence[Score]], scores: Sequence[Score]) -> list[str]:
+    lines = [
         "## Who names the effect",
         "",
-        "| method | separable: truth first | separable: truth among named | pairs: truth first | null: false claim "
-        "| outside the catalogue: claims an effect all the same | CPU s |",
-        "|---|---|---|---|---|---|---|",
+        "| method | separable: truth first | with more beside it | truth among named | sets named (median) "
+        "| pairs: truth first | null: false claim | outside the catalogue: claims an effect all the same | CPU s |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for name in METHODS:
-        separable, pair, null, outside = ([one for one in by[kind] if one.method == name] for kind in by)
+        separable, pair, null, outside = (_of(by[kind], name) for kind in KINDS)
         cells = [
             _share([one.first for one in separable]),
+            _share([one.mixed for one in separable]),
             _share([one.among for one in separable]),
+            f"{_median([len(one.named) for one in separable]):g}",
             _share([one.first for one in pair]),
             _share([bool(one.named) for one in null]),
             _share([bool(one.named) for one in outside]),
-            f"{statistics.median(one.seconds for one in scores if one.method == name):.1f}",
+            f"{_median([one.seconds for one in _of(scores, name)]):.1f}",
         ]
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    lines += [
-        "",
+    return lines
+
+
+def _prediction(by: Mapping[str, Sequence[Score]]) -> list[str]:
+    groups = {"catalogue effect": [*by["separable"], *by["pair"]], "outside": by["outside"], "null": by["null"]}
+    errors: dict[str, dict[str, float]] = {}
+    for name in METHODS:
+        cells = {
+            f"cells: {key}": [_rms(s.cell_gaps) / s.floor for s in _of(group, name)] for key, group in groups.items()
+        }
+        column = {
+            f"column: {key}": [100 * _rms(s.corner_gaps) for s in _of(group, name)] for key, group in groups.items()
+        }
+        errors[name] = {head: _median(values) for head, values in (cells | column).items()}
+    heads = list(errors["discover"])
+    lines = [
         "## Who predicts what it has not seen",
         "",
         f"RMS error of mean speed over held-out trials, median over worlds. {HELD_OUT} cells, one held out at a time, "
         f"over the noise floor (1: as good as replicates agree; missed: the cell's mean is off by more than {FAR:g} "
         f"floors); and the whole ω = {max(OMEGA):g} rad/s column held out, in cm/s.",
         "",
-        "| method | cells: catalogue effect | cells: outside | cells: null | cells missed, all worlds "
-        "| column: catalogue effect | column: outside | column: null |",
-        "|---|---|---|---|---|---|---|---|",
+        f"| method | {' | '.join(heads)} | cells missed |",
+        "|---" * (len(heads) + 2) + "|",
     ]
-    for name in METHODS:
-        kinds = (by["separable"] + by["pair"], by["outside"], by["null"])
-        groups = [[one for one in kind if one.method == name] for kind in kinds]
-        cells = [_median([_rms(one.cell_gaps) / one.floor for one in group]) for group in groups]
-        everywhere = [one for group in groups for one in group]
-        cells.append(f"{sum(one.missed for one in everywhere)} of {HELD_OUT * len(everywhere)}")
-        cells += [_median([100 * _rms(one.corner_gaps) for one in group]) for group in groups]
-        lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    return "\n".join([*lines, "", *_world_by_world(scores), "", GIVEN])
+    everywhere = [one for group in groups.values() for one in group]
+    for name, row in errors.items():
+        missed = [one.missed for one in _of(everywhere, name)]
+        values = " | ".join(_number(row[head]) for head in heads)
+        lines.append(f"| {name} | {values} | {sum(missed)} of {HELD_OUT * len(missed)} |")
+    return [*lines, "", *_better(errors)]
+
+
+def _better(errors: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """Where a peer predicts better than discover by more than ``BETTER``."""
+    lines = []
+    for head, mine in errors["discover"].items():
+        ahead = [(row[head], name) for name, row in errors.items() if row[head] < mine / (1 + BETTER)]
+        if ahead:
+            names = ", ".join(f"{name} ({_number(value)})" for value, name in sorted(ahead))
+            lines.append(f"* {head}: discover {_number(mine)}; better: {names}")
+    said = f"Better than discover by more than {100 * BETTER:.0f} %" + (":" if lines else ": nobody, nowhere.")
+    return [said, *([""] if lines else []), *lines]
 
 
 def _world_by_world(scores: Sequence[Score]) -> list[str]:
@@ -252,8 +294,12 @@ def _said(one: Score) -> str:
     return " + ".join(sorted(one.named[0])) + more + mark
 
 
-def _count(scores: Sequence[Score]) -> int:
-    return sum(one.method == scores[0].method for one in scores)
+def _of(scores: Sequence[Score], method: str) -> list[Score]:
+    return [one for one in scores if one.method == method]
+
+
+def _worlds(scores: Sequence[Score]) -> int:
+    return len(_of(scores, "discover"))
 
 
 def _share(right: Sequence[bool]) -> str:
@@ -264,8 +310,12 @@ def _rms(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if values else float("nan")
 
 
-def _median(values: Sequence[float]) -> str:
-    return f"{statistics.median(values):.2f}" if values and np.isfinite(values).all() else "–"
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values)) if values else float("nan")
+
+
+def _number(value: float) -> str:
+    return f"{value:.2f}" if np.isfinite(value) else "–"
 
 
 GIVEN = f"""## What each was given

@@ -1,18 +1,8 @@
 """A fixed sample of hidden worlds (benchmarks/hidden.py runs the matrix): planted → named, not planted → not."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import pytest
+from worlds import BY_NAME, hidden
 
-PATH = Path(__file__).parents[2] / "benchmarks" / "hidden.py"
-SPEC = importlib.util.spec_from_file_location("trackway_hidden_worlds", PATH)
-hidden = importlib.util.module_from_spec(SPEC)
-sys.modules[SPEC.name] = hidden
-SPEC.loader.exec_module(hidden)
-
-BY_NAME = {world.name: world for world in hidden.WORLDS}
 IDENTIFIED = [
     "disturbed_ground(k_l_n_m=175, s_c=0.95)",
     "exact_vertical_acceleration()",

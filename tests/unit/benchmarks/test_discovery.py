@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
 from sandbot_model.catalogue import catalogue
 from sandbot_model.fit import fit
@@ -30,6 +31,12 @@ def benchmark():
 @pytest.fixture(scope="module")
 def peers(benchmark):
     return sys.modules["_peers"]
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    with threadpool_limits(1):
+        yield
 
 
 def draw(effects=(), values=(), seed=0):
@@ -134,3 +141,10 @@ def test_a_score_knows_the_truth_and_what_is_missed(benchmark):
     score = benchmark.Score("m", world, (frozenset({"leg_slip"}), frozenset(world.truth)), 1.0, gaps, gaps, 0.005)
     assert (score.first, score.among, score.missed) == (False, True, 1)
     assert benchmark._said(score) == "leg_slip (+1) (✓)"
+
+
+def test_the_report_says_where_a_peer_is_better(benchmark):
+    errors = {"discover": {"cells": 2.0, "column": 1.0}, "peer": {"cells": 1.5, "column": 0.99}}
+    assert benchmark._better(errors)[-1] == "* cells: discover 2.00; better: peer (1.50)"
+    assert len(benchmark._better(errors)) == 3
+    assert "nobody" in benchmark._better({"discover": {"cells": 1.0}, "peer": {"cells": 1.0}})[0]

@@ -93,6 +93,16 @@ def test_a_useless_next_trials_file_is_refused(tmp_path, text):
         with_next_trials(plan_of(GOOD, "plan"), path)
 
 
+def test_penetrometer_readings_among_the_next_trials_are_left_to_the_penetrometer(tmp_path):
+    path = tmp_path / "next.json"
+    reading = {"phi": 0.6, "omega_rad_s": None, "observable": "penetration_force", "depth_m": 0.02}
+    path.write_text(json.dumps({"next_trials": [reading, {"phi": 0.61, "omega_rad_s": 18, "replicates": 2}]}))
+    assert len(trials_of(with_next_trials(plan_of(GOOD, "plan"), path))) == 8 + 2
+    path.write_text(json.dumps({"next_trials": [reading]}))
+    with pytest.raises(InputError, match="penetrometer"):
+        with_next_trials(plan_of(GOOD, "plan"), path)
+
+
 def test_yaml_that_is_a_list_is_refused(tmp_path):
     path = tmp_path / "campaign.yaml"
     path.write_text(yaml.safe_dump([1, 2]))

@@ -160,9 +160,11 @@ def test_a_file_that_makes_no_sense_is_refused(change, said):
 def test_the_saved_command_names_everything_that_changes_the_numbers():
     selection = Selection("full", ("leg_slip", "boost"), (BOOST,))
     selection = selection.held("leg_slip.sigma", 0.05)
-    words = shlex.split(yaml.safe_load(to_yaml(selection, ["my data.csv"], {}, ["mine.py"]))["command"])
+    words = shlex.split(
+        yaml.safe_load(to_yaml(selection, ["my data.csv"], {}, ["--effects-from", "mine.py"]))["command"]
+    )
     assert words == [
-        "compare", "my data.csv", "--model", "full", "--effects-from", "mine.py", "--effects", "leg_slip,boost",
+        "compare", "my data.csv", "--effects-from", "mine.py", "--model", "full", "--effects", "leg_slip,boost",
         "--effect", BOOST, "--hold", "leg_slip.sigma=0.05",
     ]  # fmt: skip
 
@@ -245,6 +247,20 @@ def test_a_set_fitted_once_is_not_fitted_again(session, monkeypatch):
     first = session.ladder(selection)
     monkeypatch.setattr("sandbot_model.explore.session.fit", None)
     assert session.ladder(selection) == first
+
+
+class Busy(Executor):
+    """Workers that say they are at it and never come to an end."""
+
+    def submit(self, function, /, *arguments, **named):
+        future = Future()
+        future.set_running_or_notify_cancel()
+        return future
+
+
+def test_a_worker_that_does_not_come_to_an_end_is_not_waited_for(trials):
+    session = Session(cells_of(trials), Busy())
+    assert session.ladder(Selection(effects=("leg_slip",)))[-1].fit.effects == ("leg_slip",)
 
 
 def test_what_no_worker_has_begun_is_fitted_here(trials):

@@ -135,6 +135,27 @@ def test_every_figure_is_there_for_every_step_in_both_themes(page):
         assert f'id="says-{name}"' in page
 
 
+def test_a_slider_goes_over_the_steps_and_each_figure_says_what_it_shows_in_each(page, fits):
+    own = without_plotly(page)
+    assert re.search(r'<input type="range" id="rung" min="0" max="1" step="1" value="1"', own)
+    for i, fit in enumerate(fits):
+        assert re.search(rf'data-rung="{i}">[^<]+<small>error {100 * fit.rmse_m_s:.2f} cm/s</small>', own)
+    says = own[own.index('id="says-residuals-speed"') :]
+    assert re.findall(r'data-step="(\d)"', says[: says.index("</p>")]) == ["0", "1"]
+    for kind in ("svg", "png", "csv"):
+        assert f'data-figure="balance" data-format="{kind}"' in own
+
+
+def test_no_two_things_on_the_page_have_one_name(page):
+    names = re.findall(r'\sid="([^"]+)"', without_plotly(page))
+    assert len(names) == len(set(names))
+
+
+def test_one_step_needs_no_slider(tmp_path, fits, trials):
+    write_comparison(tmp_path / "one.html", fits[:1], trials, title="one")
+    assert 'id="rung"' not in without_plotly((tmp_path / "one.html").read_text(encoding="utf-8"))
+
+
 def test_parameters_have_units_and_errors(page, fits):
     words = table(page, "Parameters")
     value, stderr = fits[0].parameters["delta_t_s"]
@@ -143,7 +164,7 @@ def test_parameters_have_units_and_errors(page, fits):
 
 
 def test_next_trials_and_frames_are_shown(page):
-    assert "0.633 22 first step leg slip from cable drag 4.2 2" in table(page, "Next trials")
+    assert "φ 0.633, ω 22 rad/s first step leg slip from cable drag 4.2 2" in table(page, "Next trials")
     assert 'src="data:image/jpeg;base64,/9j/' in page
     assert 'src="data:image/png;base64,iVBOR' in page
     assert "dorsal, t = 1.20 s" in table(page, "Tracked video")

@@ -124,19 +124,56 @@ def test_stops_after_its_duration(tmp_path):
     assert not made.failed
 
 
-@pytest.mark.parametrize("room", [15_000, 30_000, 50_000, 51_000])
-def test_a_full_disk_closes_the_bag_with_what_fitted(tmp_path, monkeypatch, room):
-    real, written = os.writev, [0]
+def full_at(monkeypatch, room: int) -> None:
+    """A disk on which each file has room for so many bytes."""
+    real = os.writev
 
     def writev(fd, parts):
         size = os.lseek(fd, 0, os.SEEK_CUR)
         data = b"".join(parts)[: max(0, room - size)]
         if not data:
             raise OSError(errno.ENOSPC, "No space left on device")
-        written[0] += len(data)
         return real(fd, [data])
 
     monkeypatch.setattr(os, "writev", writev)
+
+
+@pytest.mark.timeout(30)
+@pytest.mark.parametrize("room", range(150_000, 200_000, 7_001))
+def test_a_summary_larger_than_a_chunk_finds_room_too(tmp_path, monkeypatch, room):
+    """Twenty topics: what their definitions need at the end is more than the last chunk leaves free."""
+    full_at(monkeypatch, room)
+    made = recording(tmp_path / "b")
+    for number in range(20):
+        made.add_topic(f"/y{number}", "diagnostic_msgs/msg/DiagnosticArray")
+        made.add_topic(f"/z{number}", "sensor_msgs/msg/CameraInfo")
+    put(made, range(1, 1001))
+    assert made.stopped.wait(10)
+    made.close({"trial": {"id": "t"}})
+    monkeypatch.undo()
+    bag = Bag.open(tmp_path / "b")
+    assert [m.sequence for m in bag.messages()] == list(range(1, bag.count + 1))
+    assert bag.count > 100
+    assert bag.provenance["trial"]["exit_status"].startswith("No space left")
+    assert made.written == bag.count
+
+
+@pytest.mark.timeout(30)
+def test_where_not_even_the_summary_fits_the_bag_is_left_as_it_is(tmp_path, monkeypatch):
+    full_at(monkeypatch, 1_500)
+    made = recording(tmp_path / "b")
+    put(made, range(1, 101))
+    assert made.stopped.wait(10)
+    made.close()
+    monkeypatch.undo()
+    assert made.failed
+    assert "No space left" in made.last_line()
+    assert not Bag.open(tmp_path / "b", strict=False).complete
+
+
+@pytest.mark.parametrize("room", [15_000, 30_000, 50_000, 51_000])
+def test_a_full_disk_closes_the_bag_with_what_fitted(tmp_path, monkeypatch, room):
+    full_at(monkeypatch, room)
     made = recording(tmp_path / "b")
     put(made, range(1, 501))
     made.stopped.wait(0.5)

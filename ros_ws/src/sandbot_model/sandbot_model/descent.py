@@ -63,7 +63,7 @@ def look_along_theta(problem: Problem, state: States) -> States:
         moves = (theta[:, index] - state.theta[0, index])[:, None]
         tried = problem.states(
             np.concatenate([theta, theta]),
-            np.concatenate([state.ln_k + moves * _following(problem, state, index), state.ln_k + 0 * moves]),
+            np.concatenate([state.ln_k + _bounded(moves * _following(problem, state, index)), state.ln_k + 0 * moves]),
             state.slope[0],
         )
         best = np.argmin(tried.deviance)
@@ -127,6 +127,11 @@ def _following(problem: Problem, state: States, index: int) -> Array:
     pull = np.add.reduceat(np.sum(own * other, axis=1), first)
     weight = np.add.reduceat(np.sum(own**2, axis=1), first)
     return -pull / np.maximum(weight, 1e-9)
+
+
+def _bounded(change: Array) -> Array:
+    """A change of ln k no larger than a fit can want."""
+    return np.clip(change, -1.0, 1.0)
 
 
 def _level_starts(problem: Problem) -> Ints:

@@ -443,8 +443,12 @@ def _fit_without(problem: Problem, cell: int, state: States, theta: Array, ln_k:
 
 
 def _firm(problem: Problem, widening: Array) -> Bool:
-    """Cells where neither the replicates nor the model walk or swim by chance."""
-    return ~problem.cells.own_scatter & (widening < EDGE)
+    """Cells where neither the replicates nor the model walk or swim by chance.
+
+    A model that has most of them on the edge does not know what it says, and is scored on all.
+    """
+    firm = widening < EDGE
+    return np.asarray(~problem.cells.own_scatter & (firm | (firm.mean() < 0.5)))
 
 
 def _rms(cells: Cells, gap: Array) -> dict[str, float]:

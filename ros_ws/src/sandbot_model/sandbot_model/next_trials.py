@@ -13,7 +13,7 @@ from sandbot_model.penetration import USUAL_SD
 
 MOST = 6
 LEAST_SD = 0.3
-"""Expected gap below which a measurement is not proposed to look for an effect that nothing speaks for."""
+"""Expected gap below which a measurement is not proposed: it would take hundreds."""
 FINER = 3
 """Frequencies tried between neighbouring ones."""
 PENETRATION = "penetration_force"
@@ -53,7 +53,7 @@ class NextTrial:
 
 
 def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
-    """At least three measurements (if there are two contenders), the most telling first, no two at one condition."""
+    """The measurements that tell most, best first, no two at one condition; none where none within reach tells."""
     found: list[NextTrial] = []
     for one, other in combinations(contenders[:4], 2):
         found += between(one, other)
@@ -62,7 +62,7 @@ def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
 
 def excluding(base: Fit, unseen: Sequence[Fit]) -> list[NextTrial]:
     """What would show each of the effects that are not seen but not excluded: the best for each, then more."""
-    each = [[one for one in between(base, other) if one.expected_gap_sd > LEAST_SD] for other in unseen]
+    each = [between(base, other) for other in unseen]
     best = _distinct([trials[0] for trials in each if trials])
     more = _distinct([*best, *(trial for trials in each for trial in trials[1:])])
     return [*best, *(one for one in more if one not in best)][:MOST]
@@ -71,7 +71,8 @@ def excluding(base: Fit, unseen: Sequence[Fit]) -> list[NextTrial]:
 def between(one: Fit, other: Fit) -> list[NextTrial]:
     """Measurements by which two fits differ, the most telling first; also of what has not been measured yet."""
     found = [*_trials_between(one, other), *_readings_between(one, other)]
-    return sorted(found, key=lambda trial: -trial.expected_gap_sd)[: 4 * MOST]
+    telling = [trial for trial in found if trial.expected_gap_sd > LEAST_SD]
+    return sorted(telling, key=lambda trial: -trial.expected_gap_sd)[: 4 * MOST]
 
 
 def _distinct(trials: Sequence[NextTrial]) -> list[NextTrial]:
@@ -91,9 +92,8 @@ def _trials_between(one: Fit, other: Fit) -> list[NextTrial]:
     found = []
     for flat in np.argsort(-gap, axis=None)[: 4 * MOST]:
         p, w, o = np.unravel_index(flat, gap.shape)
-        if (size := float(gap[p, w, o])) > 0:
-            at = float(phi[p, 0]), float(omega[0, w])
-            found.append(NextTrial(*at, OBSERVABLES[o], _names(one, other), size, _replicates(size)))
+        size, at = float(gap[p, w, o]), (float(phi[p, 0]), float(omega[0, w]))
+        found.append(NextTrial(*at, OBSERVABLES[o], _names(one, other), size, _replicates(size)))
     return found
 
 
@@ -107,10 +107,9 @@ def _readings_between(one: Fit, other: Fit) -> list[NextTrial]:
     best = gap.argmax(axis=1)
     return [
         NextTrial(
-            float(levels[level]), float("nan"), PENETRATION, _names(one, other), size, _replicates(size), DEPTHS_M[at]
+            float(levels[i]), float("nan"), PENETRATION, _names(one, other), size, _replicates(size), DEPTHS_M[at]
         )
-        for level, at in enumerate(best)
-        if (size := float(gap[level, at])) > 0
+        for i, (at, size) in enumerate(zip(best, gap.max(axis=1).tolist(), strict=True))
     ]
 
 
@@ -120,7 +119,7 @@ def _names(one: Fit, other: Fit) -> tuple[str, str]:
 
 
 def _replicates(size: float) -> int:
-    return max(2, int(np.ceil((SETTLED_SD / size) ** 2)))
+    return max(2, int(np.ceil((SETTLED_SD / max(size, 1e-3)) ** 2)))
 
 
 def _variance(fit: Fit, phi: Array, omega: Array) -> Array:

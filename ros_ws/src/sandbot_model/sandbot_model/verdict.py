@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from scipy.stats import chi2
+from scipy.stats import f as f_distribution
 
 from sandbot_model.chain import Array
 from sandbot_model.fit import Fit
@@ -50,8 +52,24 @@ def worth(fits: Mapping[tuple[str, ...], Fit], larger: tuple[str, ...], smaller:
     if not sound(fits[larger]):
         return False
     gain = _parts(fits[smaller]) - _parts(fits[larger])
-    claim = CLAIM * (len(larger) - len(smaller))
+    claim = _claim(fits[larger]) * (len(larger) - len(smaller))
     return bool(gain.sum() > claim and gain.sum() - gain.max() > ONE_CELL * claim)
+
+
+def _claim(fit: Fit) -> float:
+    """``CLAIM`` where pure error is known only so well: with few replicates chance gains more.
+
+    χ² becomes F on the replicates' degrees of freedom, and is counted in units of the scatter about the larger set,
+    should that be wider than the replicates (quasi-likelihood; Burnham & Anderson 2002, ch. 2).
+    """
+    freedom = int(fit.cells.pure_error_dof.sum())
+    tail = chi2.sf(CLAIM, 1)
+    known = float(f_distribution.isf(tail, 1, freedom)) if freedom else np.inf
+    return known * _overdispersion(fit)
+
+
+def _overdispersion(fit: Fit) -> float:
+    return max(1.0, fit.chi2 / fit.dof) if fit.dof > 0 else 1.0
 
 
 def _parts(fit: Fit) -> Array:
@@ -81,7 +99,8 @@ def judge(fits: Mapping[tuple[str, ...], Fit]) -> Verdict:
     if not good:
         return _unexplained(fits)
     best = min(good, key=lambda one: one.bic)
-    rivals = sorted((one for one in good if one.bic - best.bic < CLEARLY and one is not best), key=lambda one: one.bic)
+    apart = CLEARLY * _overdispersion(best)
+    rivals = sorted((one for one in good if one.bic - best.bic < apart and one is not best), key=lambda one: one.bic)
     if rivals:
         sets = tuple(one.effects for one in (best, *rivals))
         return Verdict(

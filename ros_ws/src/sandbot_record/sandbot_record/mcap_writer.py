@@ -79,19 +79,21 @@ class McapWriter:
         """Whether there is a chunk left that could be given up."""
         return bool(self._chunks)
 
-    def drop_last_chunk(self) -> dict[int, int]:
-        """Give up what is torn: the open chunk if it has not been written, else the last closed one.
+    def drop_torn(self) -> dict[int, int]:
+        """Give up what a failed write left behind, the open chunk with it; the file can then be closed.
 
-        The file is cut there and can be closed. Returns how many messages of each channel went.
+        Returns how many messages of each channel went.
         """
-        if self._parts:
-            dropped, at = {channel: len(entries) for channel, entries in self._index.items()}, self._good
-            self._start_chunk()
-        elif self._offset > self._good or not self._chunks:
-            dropped, at = {}, self._good
-        else:
-            chunk = self._chunks.pop()
-            dropped, at = self._chunk_counts.pop(), chunk.chunk_start_offset
+        dropped = {channel: len(entries) for channel, entries in self._index.items()} if self._parts else {}
+        self._start_chunk()
+        return self._cut(self._good, dropped)
+
+    def drop_last_chunk(self) -> dict[int, int]:
+        """Give up the last closed chunk and all that follows it, so that there is room; the same is returned."""
+        start = self._chunks.pop().chunk_start_offset
+        return self._cut(start, self._chunk_counts.pop())
+
+    def _cut(self, at: int, dropped: dict[int, int]) -> dict[int, int]:
         for channel, number in dropped.items():
             self._counts[channel] -= number
         self._others = [one for one in self._others if one.offset < at]

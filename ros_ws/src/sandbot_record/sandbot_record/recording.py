@@ -182,7 +182,10 @@ class Recording:
                 return
             except OSError as error:
                 self.stop(f"{error.strerror}: {self._writer.path}")
-        self._writer.close_short(lambda: self._records(metadata))
+        try:
+            self._writer.close_short(lambda: self._records(metadata))
+        except OSError:  # not even the summary fits; what was flushed is for `recover`
+            self._writer.abandon()
 
     def _records(self, metadata: Mapping[str, Mapping[str, str]] | None) -> dict[str, Mapping[str, str]]:
         """The metadata records of the end; the trial ended well if the recording did."""

@@ -194,9 +194,12 @@ class BagWriter:
         """Close where the disk is full: give up as many of the last chunks as the summary needs room for.
 
         ``last_records`` gives the metadata records of the end; it is asked when ``counts`` are those that stay.
+        Raises OSError if not even an empty file fits.
         """
+        drop = self._file.drop_torn
         while True:
-            dropped = self._file.drop_last_chunk()
+            dropped = drop()
+            drop = self._file.drop_last_chunk
             for channel in self._channels.values():
                 channel.info.count -= dropped.get(channel.id, 0)
             current = self.info.files[-1]

@@ -96,10 +96,12 @@ class Explorer:
     """One data set on one page, another one beside it if there is one."""
 
     def __init__(
-        self, session: Session, trials: Trials, data: Sequence[Path], title: str, beside: Beside | None = None
-    ) -> None:
+        self, session: Session, trials: Trials, data: Sequence[Path], title: str,
+        beside: Beside | None = None, options: Sequence[str] = (),
+    ) -> None:  # fmt: skip
+        """``options`` are words of the command line that ``compare`` needs to read the same (see ``to_yaml``)."""
         self.session, self.trials, self.data, self.title = session, trials, tuple(data), title
-        self.beside = beside
+        self.beside, self.options = beside, tuple(options)
         self.bags = bags_of([path for path in data if path.exists()])
         self.known = provenance(trials, session.cells, lost_bags(self.bags, trials))
         self.job = Job()
@@ -267,7 +269,8 @@ class Explorer:
                 raise PreventUpdate
             return self.show(after, theme)
         except InputError as error:
-            return (*(no_update for _ in SHOW_OUTPUTS[:-1]), str(error))
+            # What the command line calls --effect is the box here.
+            return (*(no_update for _ in SHOW_OUTPUTS[:-1]), str(error).removeprefix("--effect "))
 
     def _after(self, selection: Selection, formula: str | None, sliders: dict[str, float]) -> Selection:
         """The selection after the control that fired."""
@@ -324,8 +327,7 @@ class Explorer:
             "cv_rmse_m_s": fit.cv_rmse_m_s,
             "noise_floor_m_s": self.session.noise_floor_m_s,
         }
-        files = [str(path) for path in self.session.effect_files]
-        return to_yaml(selection, [str(path) for path in self.data], result, files)
+        return to_yaml(selection, [str(path) for path in self.data], result, self.options)
 
     def begin(self, selection: Selection) -> None:
         """Start a discovery in a thread of its own, unless one is running."""

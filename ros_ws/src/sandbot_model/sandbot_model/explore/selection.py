@@ -121,13 +121,12 @@ def held_by_text(selection: Selection, text: str, where: str) -> Selection:
     return selection.held(name, _finite(number, f"{where} {text!r}"))
 
 
-def to_yaml(
-    selection: Selection, data: Sequence[str], result: Mapping[str, float], effect_files: Sequence[str] = ()
-) -> str:
-    """The selection as YAML with the command that reproduces it and the numbers it gave (SI)."""
-    command = ["compare", *data, "--model", selection.model]
-    for path in effect_files:
-        command += ["--effects-from", path]
+def to_yaml(selection: Selection, data: Sequence[str], result: Mapping[str, float], options: Sequence[str] = ()) -> str:
+    """The selection as YAML with the command that reproduces it and the numbers it gave (SI).
+
+    ``options`` are words of the command line that are no choice of the page: files read beside the data.
+    """
+    command = ["compare", *data, *options, "--model", selection.model]
     command += ["--effects", ",".join(selection.effects)] if selection.effects else []
     for text in selection.formulas:
         command += ["--effect", text]

@@ -4,6 +4,7 @@ Fits run in worker processes and come back as a ``Point`` (plain arrays); the se
 methods may be called from any thread.
 """
 
+import contextlib
 import math
 import threading
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,6 +29,10 @@ Key = tuple[str, frozenset[str], tuple[str, ...]]
 """Base model, effects, and the formulas that define some of them."""
 
 
+PATIENCE_S = 0.15
+"""How long a page waits for a fit that a worker is said to be at: about what it takes to make it."""
+
+
 @dataclass(frozen=True)
 class Solved:
     """What a worker sends back."""
@@ -39,7 +44,11 @@ class Solved:
 
 def solve(model: Model, cells: Cells, near: Known | None) -> Solved:
     """Fit one model; runs in a worker process."""
-    found = fit(model, cells, near)
+    return solved(fit(model, cells, near))
+
+
+def solved(found: Fit) -> Solved:
+    """What of a fit is enough to make it again."""
     return Solved(point_of(found), found.rmse_m_s, found.cv_rmse_m_s)
 
 
@@ -61,7 +70,7 @@ class Session:
         self.cells = cells
         self.noise_floor_m_s = noise_floor(cells)["speed"]
         self._workers = workers
-        self.effect_files = tuple(effect_files)
+        self._files = tuple(effect_files)
         self._lock = threading.RLock()
         self._solved: dict[Key, Future[Solved]] = {}
         self._steps: dict[Key, Step] = {}
@@ -72,7 +81,7 @@ class Session:
         key = tuple(formulas)
         with self._lock:
             if key not in self._catalogues:
-                self._catalogues[key] = catalogue(self.effect_files, key)
+                self._catalogues[key] = catalogue(self._files, key)
             return self._catalogues[key]
 
     def ladder(self, selection: Selection) -> tuple[Step, ...]:
@@ -141,24 +150,26 @@ class Session:
             if key in self._steps:
                 return self._steps[key]
         try:
-            solved = self._wanted_now(selection)
+            fitted = self._fitted(selection)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise InputError(f"{' + '.join(selection.effects)}: no fit to these trials: {error}") from error
-        step = with_curves([fitted_at(self.model(selection), self.cells, solved.point)])[0]
+        step = with_curves([fitted])[0]
         with self._lock:
             return self._steps.setdefault(key, step)
 
-    def _wanted_now(self, selection: Selection) -> Solved:
-        """The fit of a selection; one that still waits for a worker is made here and now."""
-        future = self._begin(selection)
+    def _fitted(self, selection: Selection) -> Fit:
+        """The fit of a selection; one that still waits for a worker, or for a worker's turn, is made here and now."""
+        future, model = self._begin(selection), self.model(selection)
         if not future.cancel():
-            return future.result()
-        solved = solve(self.model(selection), self.cells, self._near(selection))
+            # A pool calls running what only stands in its queue, and workers give way to everybody else.
+            with contextlib.suppress(TimeoutError):
+                return fitted_at(model, self.cells, future.result(PATIENCE_S).point)
+        found = fit(model, self.cells, self._near(selection))
         made: Future[Solved] = Future()
-        made.set_result(solved)
+        made.set_result(solved(found))
         with self._lock:
             self._solved[self._key(selection)] = made
-        return solved
+        return found
 
     def _near(self, selection: Selection) -> Known | None:
         """What the fit without the last effect found, if it is there."""

@@ -3,7 +3,8 @@
     write_report(path, discovery, trials, title=…)      the page of ``discover``
     write_comparison(path, fits, trials, title=…)       the page of ``compare``
 
-``view`` is what is shown, ``curves`` adds the model curves, ``figures`` draws, ``content`` words, ``page`` renders.
+``view`` is what is shown, ``curves`` adds the model curves; ``figures``, ``mechanics`` and ``balance`` draw,
+``captions`` says how to read a figure and what it shows, ``content`` puts the sections together, ``page`` renders.
 """
 
 from collections.abc import Sequence

@@ -304,7 +304,7 @@ def _next_trials(discovery: Discovery) -> list[Section]:
         "two predictions in standard deviations of one of them.",
         ("at", "watch", "separates", "expected gap (s.d.)", "replicates to settle it"),
         rows,
-        (False, False, True, True, False, False),
+        (True, True, True, False, False),
     )
     return [Section("next", "Next trials", tables=(table,))]
 

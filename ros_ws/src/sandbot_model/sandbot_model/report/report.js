@@ -3,7 +3,7 @@
 (() => {
   const figures = JSON.parse(document.getElementById("figures").textContent);
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
-  const slider = document.getElementById("step");
+  const slider = document.getElementById("rung");
   const rungs = [...document.querySelectorAll("[data-rung]")];
   const PAPER_WIDTH = 690; // px of a portrait page between its margins
   let printing = false;

@@ -39,16 +39,21 @@ def add_catalogue(parser: Parser) -> None:
 def add_data(parser: Parser) -> None:
     """What to read and what to write."""
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
+    add_penetrometer(parser)
+    parser.add_argument("--model", choices=tuple(BASES), default="simple", help="base model (default: simple)")
+    parser.add_argument("--json", type=output, metavar="OUT", help="write the result as JSON")
+    parser.add_argument("--html", type=output, metavar="OUT", help="write a self-contained report")
+    parser.add_argument("--title", default=None, help="title of the report (default: the name of DATA)")
+
+
+def add_penetrometer(parser: Parser) -> None:
+    """What is known of the ground without a robot."""
     parser.add_argument(
         "--penetrometer",
         type=Path,
         metavar="FILE.csv",
         help="readings of the ground by itself: columns phi, depth_m, force_n or phi, k_n_per_m (and their sd)",
     )
-    parser.add_argument("--model", choices=tuple(BASES), default="simple", help="base model (default: simple)")
-    parser.add_argument("--json", type=output, metavar="OUT", help="write the result as JSON")
-    parser.add_argument("--html", type=output, metavar="OUT", help="write a self-contained report")
-    parser.add_argument("--title", default=None, help="title of the report (default: the name of DATA)")
 
 
 def cells(args: argparse.Namespace, trials: Trials) -> Cells:

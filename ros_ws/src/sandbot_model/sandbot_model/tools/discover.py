@@ -50,7 +50,7 @@ def _discover(argv: Sequence[str]) -> None:
     if args.html is not None:
         frames = film_strip(args.data[0])
         with arguments.writing(args.html):
-            write_report(args.html, found, trials, title=args.title or args.data[0].stem, frames=frames)
+            write_report(args.html, found, trials, title=args.title or args.data[0].stem, frames=frames, data=args.data)
 
 
 def _print(found: Discovery) -> None:

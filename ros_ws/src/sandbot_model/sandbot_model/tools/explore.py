@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from flask import Flask
@@ -24,8 +24,9 @@ from sandbot_model.cells import Cells, cells_of
 from sandbot_model.explore import nothing
 from sandbot_model.explore.app import Beside, Explorer
 from sandbot_model.explore.loopback import HOST
-from sandbot_model.explore.selection import from_mapping, to_query
+from sandbot_model.explore.selection import from_mapping, from_query, to_query
 from sandbot_model.explore.session import Session
+from sandbot_model.tools import arguments
 from sandbot_record import trials as trials_table
 from sandbot_record.trials import Trials
 
@@ -41,6 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _explore(argv: Sequence[str]) -> None:
     parser = cli.Parser(prog="explore", description=__doc__)
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
+    arguments.add_penetrometer(parser)
     parser.add_argument("--beside", type=Path, metavar="DATA", help="another data set to show with the same effects")
     parser.add_argument("--port", type=int, default=8050, help="port on this host (default: 8050; 0: any free one)")
     parser.add_argument(
@@ -58,7 +60,7 @@ def _explore(argv: Sequence[str]) -> None:
     title = args.title or args.data[0].resolve().stem
     try:
         trials = trials_table.read(args.data)
-        cells = cells_of(trials)
+        cells = arguments.cells(args, trials)
     except InputError as error:
         # A name that is none is a slip of the command line; data that say nothing are for the page to tell.
         if not all(path.exists() for path in args.data):
@@ -79,7 +81,12 @@ def _explore_cells(args: argparse.Namespace, trials: Trials, cells: Cells, title
         beside = None
         if other is not None:
             beside = Beside(Session(other, workers, effect_files=args.effects_from), args.beside.resolve().stem)
-        explorer = Explorer(session, trials, args.data, title, beside)
+        options = [word for path in args.effects_from for word in ("--effects-from", str(path))]
+        options += ["--penetrometer", str(args.penetrometer)] if args.penetrometer else []
+        explorer = Explorer(session, trials, args.data, title, beside, options)
+        # Fitted before the address is given, so that the page is there when it is asked for; what is wrong it will say.
+        with suppress(InputError):
+            session.ladder(from_query(query))
         _serve(explorer.app().server, args.port, query)
 
 
