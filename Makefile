@@ -9,7 +9,7 @@ PYTEST_ARGS ?=
 PACKAGE_FILES := $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg ros_ws/src/*/package.xml \
 	ros_ws/src/sandbot_bringup/launch/* ros_ws/src/sandbot_bringup/config/*)
 
-.PHONY: help setup demo test test-quick lint bench lock browser clean
+.PHONY: help setup demo test test-quick lint bench screenshots lock browser clean
 
 help:
 	@sed -n '1p' Makefile
@@ -46,6 +46,10 @@ lint: setup
 
 bench: setup
 	$(RUN) python benchmarks/run.py $(ONLY)
+
+# The pictures of docs/explorer.md, drawn anew.
+screenshots: setup browser
+	$(RUN) python tools/screenshots.py
 
 # Chromium for the browser tests comes from the distribution; nothing to do where it is there already.
 browser:

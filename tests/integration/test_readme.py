@@ -17,13 +17,13 @@ from sandbot_model.walking import Inputs, Walker
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
-# Every executable of the design, and unseal, which opens the virtual lab's truth.
+# Every executable of the design; unseal, which opens the virtual lab's truth; the virtual lab's penetrometer.
 EXECUTABLES = {
     "sandbot_clock": ("clock",),
     "sandbot_bed": ("bed",),
     "sandbot_tracking": ("tracker", "camera", "calibrate", "track_video"),
     "sandbot_model": ("predictor", "compare", "discover", "explore", "effects"),
-    "sandbot_lab": ("lab",),
+    "sandbot_lab": ("lab", "penetrometer"),
     "sandbot_record": ("record", "replay", "recover", "info", "table"),
     "sandbot_bringup": ("campaign", "console", "unseal"),
 }

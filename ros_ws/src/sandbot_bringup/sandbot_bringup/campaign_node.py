@@ -89,6 +89,7 @@ class Operator(Node):
             node: self.create_client(SetParameters, f"/{node}/set_parameters") for node in ("clock", "bed", "lab")
         }
         self._has_lab = False
+        self._recorder: subprocess.Popen[str] | None = None
 
     def find_nodes(self) -> None:
         """Wait for all that a trial needs; InputError naming what is missing."""
@@ -115,7 +116,7 @@ class Operator(Node):
         aside = folder.trials / PARTIAL / trial.trial_id
         _set_aside_torn(aside)
         self._set_up(trial)
-        recorder = _start_recorder(aside)
+        self._recorder = recorder = _start_recorder(aside)
         try:
             self._prepare_bed()
             self._wait(lambda: False, self._plan.standing_s)
@@ -124,6 +125,7 @@ class Operator(Node):
             self._make_safe()
             raise
         finally:
+            self._recorder = None
             code = _stop_recorder(recorder)
         if code != 0:
             raise TrialFailed(f"the recorder ended with exit code {code}; its bag is {aside}")
@@ -198,6 +200,10 @@ class Operator(Node):
     def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         deadline = time.monotonic() + timeout_s
         while not condition():
+            if self._recorder is not None and self._recorder.poll() is not None:
+                # A full disk, say: what the legs do from now on is lost, so they stop (_make_safe).
+                recorder, self._recorder = self._recorder, None
+                raise TrialFailed(f"the recorder ended: {_last_line(recorder)}")
             left = deadline - time.monotonic()
             if left <= 0:
                 return False
@@ -245,6 +251,12 @@ def _stop_recorder(process: subprocess.Popen[str]) -> int:
         process.kill()
         process.communicate()
     return process.returncode
+
+
+def _last_line(process: subprocess.Popen[str]) -> str:
+    """The last thing a process that has ended said."""
+    assert process.stdout is not None
+    return (process.stdout.read().strip().splitlines() or [f"exit code {process.returncode}"])[-1]
 
 
 def _set_aside_torn(bag: Path) -> None:

@@ -15,6 +15,7 @@ from sandbot_model.fit import Known, fit
 from sandbot_model.levels import phi_levels, same_within
 from sandbot_model.model import Model
 from sandbot_model.parallel import Map
+from sandbot_model.penetration import Readings
 from sandbot_record.trials import Trials
 
 Ints = NDArray[np.int64]
@@ -26,6 +27,7 @@ def bootstrap(
     model: Model,
     draws: int,
     *,
+    readings: Readings | None = None,
     near: Known | None = None,
     seed: int = 0,
     fit_all: Map = map,
@@ -33,10 +35,10 @@ def bootstrap(
 ) -> Values:
     """Standard error of every parameter, and of k at each level as ``k[i]``, from ``draws`` refits.
 
-    ``near`` is where the fits begin, ``fit_all`` maps them (see ``parallel``) and ``each`` wraps what comes in, as a
-    progress bar does. Every draw has a seed of its own: the result does not depend on who fits. Draws of n trials from
-    n vary by (n - 1)/n less than new trials would; the result is corrected for it. Raises InputError if draws < 2 or no
-    cell has replicates.
+    ``readings`` are a penetrometer's, the same in every draw; ``near`` is where the fits begin, ``fit_all`` maps them
+    (see ``parallel``) and ``each`` wraps what comes in, as a progress bar does. Every draw has a seed of its own: the
+    result does not depend on who fits. Draws of n trials from n vary by (n - 1)/n less than new trials would; the
+    result is corrected for it. Raises InputError if draws < 2 or no cell has replicates.
     """
     if draws < 2:
         raise InputError(f"--bootstrap: {draws} draws tell no spread; 2 or more")
@@ -45,7 +47,7 @@ def bootstrap(
     sizes = [len(group) for group in groups]
     if max(sizes) < 2:
         raise InputError("--bootstrap: no condition has replicates to draw from")
-    redraw = partial(_redraw, trials, groups, model, near)
+    redraw = partial(_redraw, trials, groups, model, readings, near)
     found = list(each(fit_all(redraw, np.random.SeedSequence(seed).spawn(draws))))
     size = float(np.mean([size for size in sizes if size > 1]))
     names = [name for name in found[0] if all(name in one for one in found)]
@@ -54,12 +56,17 @@ def bootstrap(
 
 
 def _redraw(
-    trials: Trials, groups: Sequence[Ints], model: Model, near: Known | None, seed: np.random.SeedSequence
+    trials: Trials,
+    groups: Sequence[Ints],
+    model: Model,
+    readings: Readings | None,
+    near: Known | None,
+    seed: np.random.SeedSequence,
 ) -> Values:
     """The parameters fitted to one draw."""
     rng = np.random.default_rng(seed)
     drawn = np.concatenate([rng.choice(group, len(group)) for group in groups])
-    best = fit(model, cells_of(trials.select(drawn)), near)
+    best = fit(model, cells_of(trials.select(drawn), readings), near)
     ks = {f"k[{i}]": float(k) for i, k in enumerate(best.k_n_per_m)}
     return {name: estimate.value for name, estimate in best.parameters.items()} | ks
 

@@ -49,6 +49,7 @@ class Chain:
     thrust_phase: Array = field(metadata={"unit": "rad", "doc": "ω × time from lowest point to the half period's end"})
     first_step: bool = field(metadata={"doc": "virgin ground, standing start"})
     k_of_phi: Callable[[Array], Array] = field(metadata={"doc": "the fitted stiffness at another volume fraction"})
+    one_leg: bool = field(default=False, kw_only=True, metadata={"doc": "one leg is pressed alone, nothing walks"})
 
     # step (geometry; before strength, which depends on it)
     chord: Array = field(init=False, metadata={"unit": "m", "doc": "2√(R² - (d+h-R)²)"})

@@ -1,6 +1,6 @@
 """Which trials would tell the surviving sets apart (T-optimality: Atkinson & Fedorov 1975)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
@@ -12,6 +12,10 @@ from sandbot_model.fit import Fit
 from sandbot_model.penetration import USUAL_SD
 
 MOST = 6
+CONTENDERS = 6
+"""Sets that are told from one another."""
+READINGS = 2
+"""Penetrometer readings among them, if there are trials enough."""
 LEAST_SD = 0.3
 """Expected gap below which a measurement is not proposed: it would take hundreds."""
 FINER = 3
@@ -22,6 +26,10 @@ DEPTHS_M = (0.01, 0.02, 0.03, 0.044)
 """Depths at which it is proposed."""
 SETTLED_SD = 5.0
 """Gap in standard errors at which a pair of sets counts as told apart."""
+
+
+Condition = tuple[bool, float, float]
+"""Whether a leg is pressed, φ, and the depth [m] or ω [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +48,10 @@ class NextTrial:
     depth_m: float = float("nan")
 
     @property
-    def condition(self) -> tuple[float, ...]:
+    def condition(self) -> Condition:
         """What has to be set up for it."""
-        return (self.phi, self.depth_m) if self.observable == PENETRATION else (self.phi, self.omega_rad_s)
+        pressed = self.observable == PENETRATION
+        return pressed, self.phi, self.depth_m if pressed else self.omega_rad_s
 
     @property
     def where(self) -> str:
@@ -53,11 +62,44 @@ class NextTrial:
 
 
 def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
-    """The measurements that tell most, best first, no two at one condition; none where none within reach tells."""
-    found: list[NextTrial] = []
-    for one, other in combinations(contenders[:4], 2):
-        found += between(one, other)
-    return _distinct(found)[:MOST]
+    """The measurements that together tell most, best first, no two at one condition; none where none within reach does.
+
+    Each is the one that brings all pairs farthest towards being told apart by what has been chosen before it: a gap
+    beyond ``SETTLED_SD`` counts no more, so a pair that is easily told does not take all of them.
+    """
+    pairs = [between(one, other) for one, other in combinations(contenders[:CONTENDERS], 2)]
+    gaps = [{trial.condition: trial for trial in reversed(trials)} for trials in pairs]
+    told = np.zeros(len(pairs))
+    chosen: list[NextTrial] = []
+    while len(chosen) < MOST and (best := _most_telling(gaps, told, chosen)) is not None:
+        chosen.append(best)
+        told += [_weight(gap.get(best.condition)) for gap in gaps]
+    return sorted(chosen, key=lambda trial: -trial.expected_gap_sd)
+
+
+def _most_telling(
+    gaps: Sequence[Mapping[Condition, NextTrial]], told: Array, chosen: Sequence[NextTrial]
+) -> NextTrial | None:
+    """The measurement that adds most to ``told (pairs,)``, or None. It is shown for the pair that gains most."""
+    taken = {trial.condition for trial in chosen}
+    readings = sum(trial.observable == PENETRATION for trial in chosen)
+    conditions = {key: trial for gap in gaps for key, trial in gap.items() if key not in taken}
+    best, most = None, 0.0
+    for key, trial in conditions.items():
+        if trial.observable == PENETRATION and readings == READINGS:
+            continue
+        after = np.array([_weight(gap.get(key)) for gap in gaps]) + told
+        gain = np.minimum(after, SETTLED_SD**2) - np.minimum(told, SETTLED_SD**2)
+        # Once all are told apart, the widest gap still counts for a little: more of it is more certain.
+        score = float(gain.sum() + 1e-3 * np.minimum(after - told, SETTLED_SD**2).sum())
+        if score > most:
+            best, most = gaps[int(np.argmax(gain))].get(key, trial), score
+    return best
+
+
+def _weight(trial: NextTrial | None) -> float:
+    """χ² that two replicates of it are expected to bring."""
+    return 0.0 if trial is None else 2 * trial.expected_gap_sd**2
 
 
 def excluding(base: Fit, unseen: Sequence[Fit]) -> list[NextTrial]:
@@ -72,7 +114,7 @@ def between(one: Fit, other: Fit) -> list[NextTrial]:
     """Measurements by which two fits differ, the most telling first; also of what has not been measured yet."""
     found = [*_trials_between(one, other), *_readings_between(one, other)]
     telling = [trial for trial in found if trial.expected_gap_sd > LEAST_SD]
-    return sorted(telling, key=lambda trial: -trial.expected_gap_sd)[: 4 * MOST]
+    return sorted(telling, key=lambda trial: -trial.expected_gap_sd)
 
 
 def _distinct(trials: Sequence[NextTrial]) -> list[NextTrial]:
@@ -90,8 +132,8 @@ def _trials_between(one: Fit, other: Fit) -> list[NextTrial]:
     variance = noise**2 + sum(_variance(fit, phi, omega) for fit in (one, other))
     gap = np.abs(one.predict(phi, omega).observables - other.predict(phi, omega).observables) / np.sqrt(variance)
     found = []
-    for flat in np.argsort(-gap, axis=None)[: 4 * MOST]:
-        p, w, o = np.unravel_index(flat, gap.shape)
+    for p, w in np.ndindex(gap.shape[:2]):
+        o = int(gap[p, w].argmax())
         size, at = float(gap[p, w, o]), (float(phi[p, 0]), float(omega[0, w]))
         found.append(NextTrial(*at, OBSERVABLES[o], _names(one, other), size, _replicates(size)))
     return found

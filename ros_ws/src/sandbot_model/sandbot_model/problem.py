@@ -148,7 +148,7 @@ class Problem:
         """Force [N] on a leg pressed slowly into virgin ground, of the shape of ``k (..., readings)``."""
         delta_t, _, params = self.model.arguments(theta[..., None, :])
         inputs = Inputs(k_n_per_m=k, omega_rad_s=1e-6, delta_t_s=delta_t, phi=phi)
-        chain = self.model.walker.chain(inputs, params, depth[:, None], first_step=True)
+        chain = self.model.walker.chain(inputs, params, depth[:, None], first_step=True, one_leg=True)
         return np.broadcast_to(chain.force + chain.extra_force, (*k.shape, 1))[..., 0]
 
     def pressed_jacobian(self, states: States) -> Array:

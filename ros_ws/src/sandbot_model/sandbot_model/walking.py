@@ -146,7 +146,7 @@ class Walker:
         )
         return Prediction(*columns)
 
-    def chain(self, inputs: Inputs, params: Params, depth: Array, *, first_step: bool) -> Chain:
+    def chain(self, inputs: Inputs, params: Params, depth: Array, *, first_step: bool, one_leg: bool = False) -> Chain:
         """The chain at depths ``(..., depths)``: everything else gets depth as a new last axis."""
         k = _column(inputs.k_n_per_m)
         chain = Chain(
@@ -162,6 +162,7 @@ class Walker:
             thrust_phase=_column(inputs.thrust_phase_rad),
             first_step=first_step,
             k_of_phi=inputs.k_of_phi or (lambda _phi: k),
+            one_leg=one_leg,
         )
         values = [{name: _column(value) for name, value in p.items()} for p in params]
         return through(chain, list(zip(self.effects, values, strict=True)))

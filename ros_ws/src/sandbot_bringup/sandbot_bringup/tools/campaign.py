@@ -116,8 +116,10 @@ def _batch(
 def _finish(folder: CampaignFolder, trials: Sequence[PlannedTrial], failures: Sequence[tuple[str, str]]) -> int:
     from sandbot_record import table
 
-    report = table.make(folder.path)
     for trial_id, reason in failures:
         print(f"{trial_id}: failed: {reason}")
+    if len(failures) == len(trials):
+        return 1
+    report = table.make(folder.path)
     print(f"{folder.path}: {len(trials) - len(failures)} of {len(trials)} trials, table in {report}")
     return 1 if failures else 0

@@ -18,7 +18,9 @@ class UnequalLegLoad(Effect):
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Set what the formula says."""
+        """Set what the formula says; a leg pressed alone shares its load with none."""
+        if chain.one_leg:
+            return
         middle = chain.penetration * (1 + p["x"])
         # Exactly at the deepest depth the chain ends anyway; a margin keeps x = 0 the base model to the last bit.
         chain.k = np.where(middle > chain.robot.deepest_m * (1 + 1e-12), 0.0, chain.k)

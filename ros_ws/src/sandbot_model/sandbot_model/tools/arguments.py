@@ -12,7 +12,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import write_text
 from sandbot_model.cells import Cells, cells_of
 from sandbot_model.parallel import Map, cluster, workers
-from sandbot_model.penetration import read_readings
+from sandbot_model.penetration import Readings, read_readings
 from sandbot_model.walking import BASES
 from sandbot_record.trials import Trials
 
@@ -58,7 +58,12 @@ def add_penetrometer(parser: Parser) -> None:
 
 def cells(args: argparse.Namespace, trials: Trials) -> Cells:
     """The trials of DATA as cells, with the penetrometer's readings if there are any. Raises InputError."""
-    return cells_of(trials, None if args.penetrometer is None else read_readings(args.penetrometer))
+    return cells_of(trials, readings(args))
+
+
+def readings(args: argparse.Namespace) -> Readings | None:
+    """What ``--penetrometer`` names. Raises InputError."""
+    return None if args.penetrometer is None else read_readings(args.penetrometer)
 
 
 def add_fitters(parser: Parser) -> None:

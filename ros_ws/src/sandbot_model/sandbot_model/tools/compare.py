@@ -62,7 +62,10 @@ def _compare(argv: Sequence[str]) -> None:
         model = model_of(selection.model, selection.effects, effects)
         bar = partial(tqdm, total=args.bootstrap, desc="bootstrap", unit="draw", file=sys.stderr, disable=None)
         with fitters as fit_all:
-            drawn = bootstrap(trials, model, args.bootstrap, near=steps[-1].known, fit_all=fit_all, each=bar)
+            drawn = bootstrap(
+                trials, model, args.bootstrap, readings=arguments.readings(args), near=steps[-1].known,
+                fit_all=fit_all, each=bar,
+            )  # fmt: skip
         print("\n" + tables.bootstrap(steps[-1], drawn, args.bootstrap))
         content["bootstrap"] = {"draws": args.bootstrap, "stderr": drawn}
     if args.json is not None:

@@ -1,0 +1,44 @@
+"""A recorder that ends in the middle of a live trial: the legs stop, the reason is said, the bag is readable."""
+
+import pytest
+import yaml
+
+from sandbot_record.reader import FIELD_STAMP, Bag
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(240)]
+
+PLAN = {
+    "name": "one",
+    "seed": 5,
+    "gait": "UNIFORM",
+    "phi": [0.605],
+    "omega_rad_s": [2.0],
+    "replicates": 1,
+    "bed": {"pulse_off_s": 0.3, "average_s": 0.2},
+}
+KIB = 900
+"""Room for a second or two of the trial."""
+
+
+def test_a_full_disk_stops_the_legs_and_says_why(tmp_path, start):
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(yaml.safe_dump(PLAN))
+    start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", "bed.pulse_off_s:=0.3", "bed.average_s:=0.2")
+    witness = start("ros2", "run", "sandbot_record", "record", "/leg_states", "--out", tmp_path / "witness")
+    witness.until(lambda line: line.startswith("recording to"))
+    campaign = f"ros2 run sandbot_bringup campaign {plan} --out {tmp_path / 'live'}"
+    live = start("bash", "-c", f"ulimit -f {KIB}; exec {campaign}")
+    assert live.wait(120) == 1, "\n".join(live.lines)
+    witness.stop()
+
+    assert any("failed: the recorder ended: " in line for line in live.lines), "\n".join(live.lines)
+    assert any("File too large" in line for line in live.lines), "\n".join(live.lines)
+    (bag,) = (tmp_path / "live" / "trials" / ".partial").iterdir()
+    assert Bag.open(bag).count > 0
+
+    legs = Bag.open(tmp_path / "witness").columns("/leg_states", "velocity", *FIELD_STAMP)
+    moving = (legs["velocity"] != 0.0).any(axis=1)
+    assert moving.any()
+    assert not moving[-1]
+    walked_s = (legs.stamp_ns[moving][-1] - legs.stamp_ns[moving][0]) * 1e-9
+    assert walked_s < 6.0  # the whole trial would be 12.6 s
