@@ -35,8 +35,10 @@ setup: ros_ws/install/.ready
 demo: setup
 	$(RUN) bash tools/demo.sh "$(DEMO_OUT)" "$(SEED)"
 
+# Cores on both CPUs; then, one at a time, what runs nodes over DDS or a browser, where load would be mistaken for a fault.
 test: setup browser lint
-	$(RUN) python -m pytest $(PYTEST_ARGS)
+	$(RUN) python -m pytest -n 2 --dist loadfile -m "not ros and not browser" $(PYTEST_ARGS)
+	$(RUN) python -m pytest -m "ros or browser" $(PYTEST_ARGS)
 
 test-quick: setup
 	$(RUN) python -m pytest -m "not slow and not ros and not browser" $(PYTEST_ARGS)
