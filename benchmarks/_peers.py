@@ -26,8 +26,9 @@ from sandbot_model.cells import (
     slow_phase_ratio,
     thrust_phase,
 )
-from sandbot_model.fit import Fit, Known, fit
+from sandbot_model.fit import Fit, fit
 from sandbot_model.levels import phi_levels
+from sandbot_model.minimise import Known
 from sandbot_model.model import Model, model_of
 from sandbot_model.walking import Inputs, KCurve
 from sandbot_record.trials import Trials

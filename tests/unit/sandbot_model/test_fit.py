@@ -6,7 +6,8 @@ from sandbot_model.catalogue import catalogue
 from sandbot_model.cells import cells_of
 from sandbot_model.compare import compare, geometry_lock, to_json
 from sandbot_model.descent import full_jacobian
-from sandbot_model.fit import fit, slope_of
+from sandbot_model.fit import fit
+from sandbot_model.minimise import slope_of
 from sandbot_model.model import model_of
 from sandbot_model.problem import Problem
 from sandbot_model.search import profile

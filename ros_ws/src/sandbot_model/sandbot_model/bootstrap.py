@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
 from sandbot_model.cells import OMEGA_TOLERANCE, cells_of
-from sandbot_model.fit import Known, fit
+from sandbot_model.fit import fit
 from sandbot_model.levels import phi_levels, same_within
+from sandbot_model.minimise import Known
 from sandbot_model.model import Model
 from sandbot_model.parallel import Map
 from sandbot_model.penetration import Readings

@@ -63,7 +63,7 @@ def look_along_theta(problem: Problem, state: States) -> States:
         moves = (theta[:, index] - state.theta[0, index])[:, None]
         tried = problem.states(
             np.concatenate([theta, theta]),
-            np.concatenate([state.ln_k + _bounded(moves * _following(problem, state, index)), state.ln_k + 0 * moves]),
+            np.concatenate([state.ln_k + bounded(moves * following(problem, state, index)), state.ln_k + 0 * moves]),
             state.slope[0],
         )
         best = np.argmin(tried.deviance)
@@ -119,7 +119,7 @@ def _put(states: States, at: Ints, some: States) -> States:
     return states.where(changed, some.take(index))
 
 
-def _following(problem: Problem, state: States, index: int) -> Array:
+def following(problem: Problem, state: States, index: int) -> Array:
     """d ln k/dθ ``(levels,)`` that keeps a level's cells as they are, to first order."""
     local = problem.jacobian(state)[0]
     own, other = local[:, :, -1], local[:, :, index]
@@ -129,7 +129,7 @@ def _following(problem: Problem, state: States, index: int) -> Array:
     return -pull / np.maximum(weight, 1e-9)
 
 
-def _bounded(change: Array) -> Array:
+def bounded(change: Array) -> Array:
     """A change of ln k no larger than a fit can want."""
     return np.clip(change, -1.0, 1.0)
 

@@ -15,7 +15,8 @@ import numpy as np
 from sandbot_model.cells import Cells, noise_floor
 from sandbot_model.chain import Effect
 from sandbot_model.describe import Description, describe_residual
-from sandbot_model.fit import Fit, Known, Point, best_state, fitted_at, nearby_state
+from sandbot_model.fit import Fit, fitted_at
+from sandbot_model.minimise import Known, Point, best_state, nearby_state
 from sandbot_model.model import Model, model_of
 from sandbot_model.next_trials import NextTrial, excluding, next_trials
 from sandbot_model.parallel import Map
