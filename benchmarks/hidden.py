@@ -52,6 +52,11 @@ class Hidden:
     lab: Mapping[str, Any] = field(default_factory=dict)
     gait: str = "UNIFORM"
 
+    def world(self, noise: float = 1.0) -> World:
+        """The lab's world; ``noise`` scales every scatter between replicates."""
+        effects = {name: dict(values) for name, values in self.effects.items()}
+        return World(effects=effects, noise=Noise(scale=noise), **self.lab)
+
     def trials(
         self,
         seed: int,
@@ -60,10 +65,9 @@ class Hidden:
         replicates: int = 3,
         noise: float = 1.0,
     ) -> Trials:
-        """What the lab measures; ``noise`` scales every scatter between replicates."""
-        effects = {name: dict(values) for name, values in self.effects.items()}
-        world = World(effects=effects, noise=Noise(scale=noise), **self.lab)
-        return from_rows([Row(**row) for row in direct_trials(world, phi, omega, self.gait, replicates, seed)])
+        """What the lab measures directly, without cameras."""
+        rows = direct_trials(self.world(noise), phi, omega, self.gait, replicates, seed)
+        return from_rows([Row(**row) for row in rows])
 
 
 def _single(kind: str, name: str, strengths: Sequence[Mapping[str, float]], **lab: Any) -> Iterator[Hidden]:
@@ -192,20 +196,25 @@ class Outcome:
 
 def run(case: Case) -> Outcome:
     """One world, one seed: the analysis sees the trials and nothing else."""
-    cells = cells_of(case.world.trials(case.seed, noise=case.noise))
+    return judged(case, case.world.trials(case.seed, noise=case.noise), expected_gain(case))
+
+
+def judged(case: Case, trials: Trials, gain: float) -> Outcome:
+    """What the analysis says of trials, however they were measured."""
+    cells = cells_of(trials)
     began = time.process_time()
     found = discover(cells, catalogue(), max_effects=case.max_effects)
     seconds = time.process_time() - began
     verdict = found.verdict
     named = tuple(frozenset(one) for one in verdict.alternatives)
     ratio = found.steps[-1].cv_rmse_m_s / found.noise_floor_m_s
-    return Outcome(case.world, case.noise, expected_gain(case), verdict.status, named, ratio, seconds)
+    return Outcome(case.world, case.noise, gain, verdict.status, named, ratio, seconds)
 
 
 def expected_gain(case: Case) -> float:
     """What the truth gains over the best model with one effect less, scaled to the case's noise; NaN if not asked.
 
-    The median of other draws of the usual noise: in a single one a faint effect may gain four times what it mostly does.
+    The median of other draws of the usual noise: in a single one a faint effect may gain four times as much.
     """
     world = case.world
     if world.kind not in ("separable", "pair") or any(name not in catalogue() for name in world.truth):
@@ -258,7 +267,7 @@ def report(outcomes: Sequence[Outcome]) -> str:
     lines.append("|---|---|---|---|---|---|")
     for name, noise in dict.fromkeys((one.world.name, one.noise) for one in outcomes):
         some = [one for one in outcomes if (one.world.name, one.noise) == (name, noise)]
-        verdicts = Counter(_said(one) for one in some)
+        verdicts = Counter(said(one) for one in some)
         text = "; ".join(f"{said} ({count})" for said, count in verdicts.most_common())
         ratio = statistics.median(one.cv_over_floor for one in some)
         seconds = statistics.median(one.seconds for one in some)
@@ -309,7 +318,8 @@ def _row(kind: str, noise: float, some: Sequence[Outcome]) -> str:
     return f"| {kind} | {noise:g} | {len(some)} | {cells} | {good} ({100 * good / len(some):.0f} %) |"
 
 
-def _said(one: Outcome) -> str:
+def said(one: Outcome) -> str:
+    """The verdict in a line of a Markdown table."""
     sets = " \\| ".join(" + ".join(sorted(named)) for named in one.named)
     return f"{one.status}: {sets}" if one.named else one.status
 

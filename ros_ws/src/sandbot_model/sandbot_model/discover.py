@@ -216,12 +216,10 @@ class _Search:
     def _at_start(self, name: str) -> Mapping[str, Effect]:
         """The catalogue with one effect's parameters held where they usually are."""
         held = copy(self.effects[name])
-        at = [one.start for one in held.parameters]
-        parameters = tuple(
-            replace(one, low=start, high=start, hard_low=start, hard_high=start)
-            for one, start in zip(held.parameters, at, strict=True)
+        held.__dict__["parameters"] = tuple(
+            replace(one, low=one.start, high=one.start, hard_low=one.start, hard_high=one.start)
+            for one in held.parameters
         )
-        held.__dict__["parameters"] = parameters
         return {**self.effects, name: held}
 
     def candidates(self) -> list[Candidate]:

@@ -67,7 +67,7 @@ def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
     Each is the one that brings all pairs farthest towards being told apart by what has been chosen before it: a gap
     beyond ``SETTLED_SD`` counts no more, so a pair that is easily told does not take all of them.
     """
-    pairs = [between(one, other) for one, other in combinations(contenders[:CONTENDERS], 2)]
+    pairs = [between(one, other) for one, other in combinations(map(Foretold.by, contenders[:CONTENDERS]), 2)]
     gaps = [{trial.condition: trial for trial in reversed(trials)} for trials in pairs]
     told = np.zeros(len(pairs))
     chosen: list[NextTrial] = []
@@ -104,17 +104,54 @@ def _weight(trial: NextTrial | None) -> float:
 
 def excluding(base: Fit, unseen: Sequence[Fit]) -> list[NextTrial]:
     """What would show each of the effects that are not seen but not excluded: the best for each, then more."""
-    each = [between(base, other) for other in unseen]
+    known = Foretold.by(base)
+    each = [between(known, Foretold.by(other)) for other in unseen]
     best = _distinct([trials[0] for trials in each if trials])
     more = _distinct([*best, *(trial for trials in each for trial in trials[1:])])
     return [*best, *(one for one in more if one not in best)][:MOST]
 
 
-def between(one: Fit, other: Fit) -> list[NextTrial]:
+@dataclass(frozen=True, eq=False)
+class Foretold:
+    """What a fit says of every measurement that could be made: levels φ × frequencies ω, and levels × depths."""
+
+    name: str
+    phi: Array
+    omega: Array
+    noise: Array
+    """Standard deviation of one replicate ``(4,)``."""
+    trials: Array
+    """Observables ``(φ, ω, 4)``."""
+    variance: Array
+    """Of those, from not knowing the parameters and from the bed missing φ, ``(φ, ω, 4)``."""
+    force: Array
+    """Force of the penetrometer ``(φ, depths)``."""
+    force_sd: Array
+
+    @classmethod
+    def by(cls, fit: Fit) -> "Foretold":
+        """Of one fit, at frequencies finer than those measured."""
+        cells = fit.cells
+        phi, omega = cells.level_phi[:, None], _finer(np.unique(np.round(cells.omega, 3)))[None, :]
+        sides = [fit.predict(phi + sign * cells.phi_scatter, omega).observables for sign in (-1.0, 1.0)]
+        at_phi, at_depth = np.meshgrid(cells.level_phi, DEPTHS_M, indexing="ij")
+        force, force_sd = fit.press(at_phi.ravel(), at_depth.ravel())
+        return cls(
+            name=" + ".join(fit.effects) or "base",
+            phi=cells.level_phi,
+            omega=omega[0],
+            noise=np.where(np.isfinite(cells.noise), cells.noise, USUAL_NOISE),
+            trials=fit.predict(phi, omega).observables,
+            variance=fit.uncertainty(phi, omega) ** 2 + (0.5 * (sides[1] - sides[0])) ** 2,
+            force=force.reshape(at_phi.shape),
+            force_sd=np.broadcast_to(force_sd, force.shape).reshape(at_phi.shape),
+        )
+
+
+def between(one: Foretold, other: Foretold) -> list[NextTrial]:
     """Measurements by which two fits differ, the most telling first; also of what has not been measured yet."""
     found = [*_trials_between(one, other), *_readings_between(one, other)]
-    telling = [trial for trial in found if trial.expected_gap_sd > LEAST_SD]
-    return sorted(telling, key=lambda trial: -trial.expected_gap_sd)
+    return sorted(found, key=lambda trial: -trial.expected_gap_sd)
 
 
 def _distinct(trials: Sequence[NextTrial]) -> list[NextTrial]:
@@ -125,50 +162,33 @@ def _distinct(trials: Sequence[NextTrial]) -> list[NextTrial]:
     return chosen
 
 
-def _trials_between(one: Fit, other: Fit) -> list[NextTrial]:
-    cells = one.cells
-    phi, omega = cells.level_phi[:, None], _finer(np.unique(np.round(cells.omega, 3)))[None, :]
-    noise = np.where(np.isfinite(cells.noise), cells.noise, USUAL_NOISE)
-    variance = noise**2 + sum(_variance(fit, phi, omega) for fit in (one, other))
-    gap = np.abs(one.predict(phi, omega).observables - other.predict(phi, omega).observables) / np.sqrt(variance)
+def _trials_between(one: Foretold, other: Foretold) -> list[NextTrial]:
+    """One trial a condition, by the observable that tells most."""
+    gap = np.abs(one.trials - other.trials) / np.sqrt(one.noise**2 + one.variance + other.variance)
+    best, names = gap.argmax(axis=-1), (one.name, other.name)
     found = []
-    for p, w in np.ndindex(gap.shape[:2]):
-        o = int(gap[p, w].argmax())
-        size, at = float(gap[p, w, o]), (float(phi[p, 0]), float(omega[0, w]))
-        found.append(NextTrial(*at, OBSERVABLES[o], _names(one, other), size, _replicates(size)))
+    for p, w in np.argwhere(gap.max(axis=-1) > LEAST_SD):
+        size = float(gap[p, w].max())
+        at = (float(one.phi[p]), float(one.omega[w]))
+        found.append(NextTrial(*at, OBSERVABLES[best[p, w]], names, size, _replicates(size)))
     return found
 
 
-def _readings_between(one: Fit, other: Fit) -> list[NextTrial]:
+def _readings_between(one: Foretold, other: Foretold) -> list[NextTrial]:
     """One reading a level, at the depth that tells most."""
-    levels = one.cells.level_phi
-    phi, depth = (grid.ravel() for grid in np.meshgrid(levels, DEPTHS_M, indexing="ij"))
-    (force, spread), (its_force, its_spread) = (fit.press(phi, depth) for fit in (one, other))
-    sd = np.sqrt((USUAL_SD * force) ** 2 + spread**2 + its_spread**2)
-    gap = (np.abs(force - its_force) / sd).reshape(len(levels), -1)
-    best = gap.argmax(axis=1)
-    return [
-        NextTrial(
-            float(levels[i]), float("nan"), PENETRATION, _names(one, other), size, _replicates(size), DEPTHS_M[at]
-        )
-        for i, (at, size) in enumerate(zip(best, gap.max(axis=1).tolist(), strict=True))
-    ]
-
-
-def _names(one: Fit, other: Fit) -> tuple[str, str]:
-    first, second = (" + ".join(fit.effects) or "base" for fit in (one, other))
-    return first, second
+    sd = np.sqrt((USUAL_SD * one.force) ** 2 + one.force_sd**2 + other.force_sd**2)
+    gap = np.abs(one.force - other.force) / sd
+    best, names = gap.argmax(axis=1), (one.name, other.name)
+    found = []
+    for level in np.flatnonzero(gap.max(axis=1) > LEAST_SD):
+        size, depth = float(gap[level].max()), DEPTHS_M[best[level]]
+        at = (float(one.phi[level]), float("nan"))
+        found.append(NextTrial(*at, PENETRATION, names, size, _replicates(size), depth))
+    return found
 
 
 def _replicates(size: float) -> int:
     return max(2, int(np.ceil((SETTLED_SD / max(size, 1e-3)) ** 2)))
-
-
-def _variance(fit: Fit, phi: Array, omega: Array) -> Array:
-    """Variance of a prediction, from not knowing the parameters and from the bed missing φ, ``(φ, ω, 4)``."""
-    missed = fit.cells.phi_scatter
-    sides = [fit.predict(phi + sign * missed, omega).observables for sign in (-1.0, 1.0)]
-    return np.asarray(fit.uncertainty(phi, omega) ** 2 + (0.5 * (sides[1] - sides[0])) ** 2)
 
 
 def _finer(omega: Array) -> Array:
