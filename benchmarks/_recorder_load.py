@@ -146,9 +146,9 @@ def publish(rate: float, seconds: float) -> None:
     import rclpy
     from rclpy.qos import QoSProfile
 
-    from sandbot_common.node import use_large_segment
+    from sandbot_common.node import use_shared_memory
 
-    use_large_segment()
+    use_shared_memory(frames=True)
     rclpy.init()
     node = rclpy.create_node("load")
 

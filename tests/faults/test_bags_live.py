@@ -34,7 +34,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Range
 from sandbot_common import messages, topics
-from sandbot_common.node import publisher
+from sandbot_common.node import publisher, use_shared_memory
+use_shared_memory(frames=True)
 rclpy.init()
 node = Node("source")
 legs, trial = publisher(node, topics.LEG_STATES), publisher(node, topics.TRIAL)
@@ -79,7 +80,7 @@ def process(*command, **options):
 
 
 def recorder(*arguments, **options):
-    return process("-m", "sandbot_record.tools.record", *arguments, **options)
+    return process("-X", "faulthandler", "-m", "sandbot_record.tools.record", *arguments, **options)
 
 
 def publisher(rate, wait_for, count, *more):
@@ -159,8 +160,8 @@ def test_killed_at_twenty_moments_all_but_the_last_second_comes_back(tmp_path):
                 running = [stack.enter_context(recorder("/leg_states", "--out", bag)) for bag in bags]
                 for one in running:
                     until(one, "recording to")
-                for bag in bags:  # within the first second there may be nothing yet to bring back
-                    wait_for_messages(bag)
+                for one, bag in zip(running, bags, strict=True):
+                    wait_for_messages(one, bag)  # within the first second there may be nothing yet to bring back
                 for one, bag in zip(running, bags, strict=True):
                     time.sleep(draw.uniform(0.1, 1.2))
                     killed_ns = time.time_ns()
@@ -169,10 +170,14 @@ def test_killed_at_twenty_moments_all_but_the_last_second_comes_back(tmp_path):
                     check_recovered(bag, killed_ns)
 
 
-def wait_for_messages(bag: Path) -> None:
+def wait_for_messages(record: subprocess.Popen, bag: Path) -> None:
+    """Until there is something in a bag; a recorder that hears nothing says where its threads are (on stderr)."""
     deadline = time.monotonic() + 20
     while Bag.open(bag, strict=False).count == 0:
-        assert time.monotonic() < deadline
+        if time.monotonic() > deadline:
+            ended = record.poll()
+            record.send_signal(signal.SIGABRT)
+            raise AssertionError(f"{bag.name}: nothing came within 20 s; exit code then {ended}, now {record.wait(10)}")
         time.sleep(0.05)
 
 
@@ -223,7 +228,7 @@ def test_frames_in_a_video_are_all_there_and_outlive_a_kill(tmp_path, codec):
             bag = tmp_path / f"k{number}"
             with recorder(*names, *video, "--out", bag) as record:
                 until(record, "recording to")
-                wait_for_messages(bag)
+                wait_for_messages(record, bag)
                 time.sleep(draw.uniform(0.5, 1.5))
                 killed_ns = time.time_ns()
                 record.kill()

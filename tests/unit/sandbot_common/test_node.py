@@ -2,28 +2,35 @@ import os
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-from sandbot_common.node import use_large_segment
+import pytest
+
+from sandbot_common.node import use_shared_memory
 
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 
-def test_shared_memory_holds_a_second_of_two_cameras(monkeypatch):
+@pytest.mark.parametrize(("frames", "most_held"), [(True, 2 * 100 * 640 * 480), (False, 10 * 640 * 480)])
+def test_shared_memory_holds_a_second_of_two_cameras_where_frames_are_published(monkeypatch, frames, most_held):
     monkeypatch.delenv(PROFILE, raising=False)
     monkeypatch.delenv("FASTDDS_DEFAULT_PROFILES_FILE", raising=False)
-    use_large_segment()
+    use_shared_memory(frames=frames)
     profile = Path(os.environ[PROFILE])
     monkeypatch.delenv(PROFILE)
     tree = ElementTree.parse(profile)
     space = {"": "http://www.eprosima.com"}
     (size,) = (int(one.text) for one in tree.iterfind(".//segment_size", space))
-    assert size > 2 * 100 * 640 * 480
-    # Discovery and other hosts go on as they are.
+    assert size > most_held
+    # One transport of a kind: two of shared memory would listen at one port. UDP reaches other hosts.
     (built_in,) = (one.text for one in tree.iterfind(".//useBuiltinTransports", space))
-    assert built_in == "true"
+    assert built_in == "false"
+    used = [one.text for one in tree.iterfind(".//userTransports/transport_id", space)]
+    described = tree.iterfind(".//transport_descriptor", space)
+    kinds = {one.findtext("transport_id", "", space): one.findtext("type", "", space) for one in described}
+    assert sorted(kinds[name] for name in used) == ["SHM", "UDPv4"]
 
 
 def test_a_profile_of_the_users_own_stays(monkeypatch):
     monkeypatch.delenv(PROFILE, raising=False)
     monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", "mine.xml")
-    use_large_segment()
+    use_shared_memory(frames=False)
     assert PROFILE not in os.environ

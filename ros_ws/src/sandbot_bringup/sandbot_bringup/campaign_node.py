@@ -22,7 +22,7 @@ from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import publisher, subscription
+from sandbot_common.node import publisher, subscription, use_shared_memory
 
 DISCOVERY_S = 20.0
 """Nodes that just started need this long at most to be seen on a busy machine."""
@@ -47,6 +47,7 @@ def run_live(
     The nodes must be running (``ros2 launch sandbot_bringup trackway.launch.py``); InputError where they are not.
     On Ctrl-C the legs are stopped, the air is turned off and the bag under way is closed and set aside.
     """
+    use_shared_memory(frames=False)
     rclpy.init()
     failed: list[tuple[str, str]] = []
     try:

@@ -103,20 +103,23 @@ class Health:
         self._publisher.publish(messages.diagnostics(now, name, self._values(), level=self.level, text=self.text))
 
 
-def use_large_segment() -> None:
-    """Have Fast DDS use shared memory large enough for camera frames (fastdds.xml), before ``rclpy.init``.
+def use_shared_memory(*, frames: bool) -> None:
+    """Have Fast DDS use fastdds.xml, or with ``frames`` fastdds_frames.xml, before ``rclpy.init``.
 
     A profile of the user's own is left as it is.
     """
     if not any(name in os.environ for name in _PROFILES):
-        os.environ[_PROFILES[0]] = str(Path(__file__).with_name("fastdds.xml"))
+        os.environ[_PROFILES[0]] = str(Path(__file__).with_name("fastdds_frames.xml" if frames else "fastdds.xml"))
 
 
-def run(make: Callable[[], Node], argv: Sequence[str] | None = None) -> int:
-    """Start ROS, make the node, spin until Ctrl-C or shutdown, and always clean up; exit code as in cli.run."""
+def run(make: Callable[[], Node], argv: Sequence[str] | None = None, *, frames: bool = False) -> int:
+    """Start ROS, make the node, spin until Ctrl-C or shutdown, and always clean up; exit code as in cli.run.
+
+    ``frames``: whether the node publishes camera frames, which takes more shared memory.
+    """
 
     def command(arguments: Sequence[str]) -> int:
-        use_large_segment()
+        use_shared_memory(frames=frames)
         # Our own signals: ROS's handlers end the context at once, and close() could no longer publish "air off".
         with _stop_signals() as stop:
             rclpy.init(args=[sys.argv[0], *arguments], signal_handler_options=SignalHandlerOptions.NO)

@@ -202,7 +202,7 @@ def _legs(message: JointState) -> tuple[Any, Any]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return node.run(LabNode, argv)
+    return node.run(LabNode, argv, frames=True)
 
 
 if __name__ == "__main__":

@@ -194,7 +194,7 @@ def replay(player: Player, options: Options, arguments: Sequence[str] = ()) -> t
         return made[0]
 
     with _keys(made):
-        code = run(make, arguments)
+        code = run(make, arguments, frames=True)
     return code, made[0].last_line() if made else ""
 
 
