@@ -1,7 +1,11 @@
 """A fixed sample of hidden worlds (benchmarks/hidden.py runs the matrix): planted → named, not planted → not."""
 
 import pytest
-from worlds import BY_NAME, hidden
+from worlds import BY_NAME, EFFECTS, hidden
+
+from sandbot_model.cells import cells_of
+from sandbot_model.fit import fit
+from sandbot_model.model import model_of
 
 IDENTIFIED = [
     "disturbed_ground(k_l_n_m=175, s_c=0.95)",
@@ -24,6 +28,19 @@ def test_a_planted_effect_is_identified(name):
 def test_a_planted_pair_is_identified():
     found = hidden.run(hidden.Case(BY_NAME["stance_overlap + phi_dependent_response"], 5, max_effects=2))
     assert found.first_right, (found.status, found.named)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [257, 402])
+def test_the_deepest_of_many_valleys_is_found(seed):
+    """A plain descent ended at eta 0.128, s_c 0.907, and a third effect was then bought to mend it."""
+    cells = cells_of(BY_NAME["disturbed_ground + stance_overlap"].trials(seed, noise=0.5))
+    found = fit(model_of("simple", (), EFFECTS), cells)
+    for names in (("disturbed_ground",), ("disturbed_ground", "stance_overlap")):
+        found = fit(model_of("simple", names, EFFECTS), cells, found.known)
+    assert found.parameters["stance_overlap.eta"].value == pytest.approx(0.1, abs=0.01)
+    assert found.parameters["disturbed_ground.s_c"].value == pytest.approx(0.95, abs=0.03)
+    assert found.lack_of_fit_p > 0.9
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import yaml
 
 
 class Process:
@@ -64,6 +65,19 @@ class Process:
         assert self._process.stdout is not None
         self._process.stdout.close()
         return self._process.wait(5)
+
+
+@pytest.fixture
+def plan_of_one(tmp_path: Path) -> Callable[..., Path]:
+    """Write a plan of one trial, or as changed, on a quicker bed than the real one: no second for each settling."""
+
+    def write(**changed: object) -> Path:
+        plan = {"name": "one", "seed": 5, "gait": "UNIFORM", "phi": [0.605], "omega_rad_s": [12.0], "replicates": 1}
+        path = tmp_path / "one.yaml"
+        path.write_text(yaml.safe_dump(plan | {"bed": {"pulse_off_s": 0.3, "average_s": 0.2}} | changed))
+        return path
+
+    return write
 
 
 @pytest.fixture

@@ -1,28 +1,17 @@
 """A recorder that ends in the middle of a live trial: the legs stop, the reason is said, the bag is readable."""
 
 import pytest
-import yaml
 
 from sandbot_record.reader import FIELD_STAMP, Bag
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(240)]
 
-PLAN = {
-    "name": "one",
-    "seed": 5,
-    "gait": "UNIFORM",
-    "phi": [0.605],
-    "omega_rad_s": [2.0],
-    "replicates": 1,
-    "bed": {"pulse_off_s": 0.3, "average_s": 0.2},
-}
 KIB = 900
 """Room for a second or two of the trial."""
 
 
-def test_a_full_disk_stops_the_legs_and_says_why(tmp_path, start):
-    plan = tmp_path / "plan.yaml"
-    plan.write_text(yaml.safe_dump(PLAN))
+def test_a_full_disk_stops_the_legs_and_says_why(tmp_path, start, plan_of_one):
+    plan = plan_of_one(omega_rad_s=[2.0])
     start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", "bed.pulse_off_s:=0.3", "bed.average_s:=0.2")
     witness = start("ros2", "run", "sandbot_record", "record", "/leg_states", "--out", tmp_path / "witness")
     witness.until(lambda line: line.startswith("recording to"))

@@ -5,24 +5,13 @@ import re
 
 import numpy as np
 import pytest
-import yaml
 
 from sandbot_common import topics
 from sandbot_record.reader import FIELD_STAMP, Bag
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(240)]
 
-PLAN = {
-    "name": "one",
-    "seed": 5,
-    "gait": "UNIFORM",
-    "phi": [0.605],
-    "omega_rad_s": [12.0, 20.0],
-    "replicates": 1,
-    # A quicker bed than the real one: the test need not wait a second for each settling.
-    "bed": {"pulse_off_s": 0.3, "average_s": 0.2},
-}
-PLAN_TRIAL = "phi0.6050_w12.000_r01"
+TRIAL = "phi0.6050_w12.000_r01"
 
 
 def rows(folder):
@@ -30,9 +19,8 @@ def rows(folder):
         return list(csv.DictReader(file))
 
 
-def test_live_row_equals_batch_row_and_speed_is_seen_live(tmp_path, start):
-    plan = tmp_path / "plan.yaml"
-    plan.write_text(yaml.safe_dump(PLAN))
+def test_live_row_equals_batch_row_and_speed_is_seen_live(tmp_path, start, plan_of_one):
+    plan = plan_of_one(omega_rad_s=[12.0, 20.0])
     batch = start("ros2", "run", "sandbot_bringup", "campaign", plan, "--out", tmp_path / "batch", "--batch")
     assert batch.wait(120) == 0, "\n".join(batch.lines)
 
@@ -49,7 +37,7 @@ def test_live_row_equals_batch_row_and_speed_is_seen_live(tmp_path, start):
     # How fast frames are rendered is the machine's affair (100 Hz on a quiet one); that they are 10 ms apart is ours.
     averages = [float(line.split(":")[1]) for line in rate.lines if line.startswith("average rate")]
     assert max(averages) > 50
-    bag = Bag.open(tmp_path / "live" / "trials" / PLAN_TRIAL)
+    bag = Bag.open(tmp_path / "live" / "trials" / TRIAL)
     stamps = bag.columns(topics.SPEED.name, *FIELD_STAMP).stamp_ns
     assert np.median(np.diff(stamps)) == 10_000_000
     assert not (np.diff(stamps) % 10_000_000).any()

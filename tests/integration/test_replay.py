@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import yaml
 
 from sandbot_common import topics
 from sandbot_record.reader import Bag
@@ -10,15 +9,6 @@ from sandbot_record.table import row_from_bag
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(240)]
 
-PLAN = {
-    "name": "one",
-    "seed": 7,
-    "gait": "UNIFORM",
-    "phi": [0.605],
-    "omega_rad_s": [12.0],
-    "replicates": 1,
-    "bed": {"pulse_off_s": 0.3, "average_s": 0.2},
-}
 TRIAL = "phi0.6050_w12.000_r01"
 GIVEN = (
     topics.TRIAL, topics.BED_PHI, topics.BED_STATUS, topics.SYNC_LED, topics.LEG_STATES, topics.DORSAL_IMAGE,
@@ -35,9 +25,8 @@ WITHIN = {"raw": (1e-4, 1e-6, 1e-4, 1e-6), "jpeg": (0.01, 1e-4, 0.02, 3e-4)}
 
 
 @pytest.mark.parametrize("images", ["raw", "jpeg"])
-def test_replay_into_tracker_and_predictor_gives_the_same_row(tmp_path, start, images):
-    plan = tmp_path / "plan.yaml"
-    plan.write_text(yaml.safe_dump(PLAN | {"images": images}))
+def test_replay_into_tracker_and_predictor_gives_the_same_row(tmp_path, start, plan_of_one, images):
+    plan = plan_of_one(seed=7, images=images)
     batch = start("ros2", "run", "sandbot_bringup", "campaign", plan, "--out", tmp_path / "batch", "--batch")
     assert batch.wait(120) == 0, "\n".join(batch.lines)
     source = tmp_path / "batch" / "trials" / TRIAL
