@@ -33,6 +33,8 @@ HOP_ROWS = 32
 HOP_PATIENCE = 3
 """Hops without gain after which the valley is taken to be the deepest."""
 HOPS_MOST = 12
+HOP_WITHIN = 5.0
+"""Deviance per value measured from which a set is not worth hopping: it fails by far in any valley."""
 HOP_GAIN = 0.5
 """What a hop must lower the deviance by."""
 
@@ -103,7 +105,8 @@ def _search(problem: Problem, near: Known | None) -> States:
         states = min([_settled(problem, states), *ends], key=lambda one: one.deviance[0])
     states = _settled(problem, states)
     # Step and depth feed back on each other where a leg meets what its predecessors left behind: many valleys.
-    return _hopped(problem, states) if problem.model.walker.remembers else states
+    hopeful = states.deviance[0] < HOP_WITHIN * problem.measured.sum()
+    return _hopped(problem, states) if problem.model.walker.remembers and hopeful else states
 
 
 def _hopped(problem: Problem, states: States) -> States:
