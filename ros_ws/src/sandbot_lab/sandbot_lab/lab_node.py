@@ -180,13 +180,9 @@ class LabNode(Node):
 
 
 def camera_info(camera: Calibration) -> CameraInfo:
-    """A camera's intrinsics as a message."""
-    info = CameraInfo(width=camera.width, height=camera.height, distortion_model="plumb_bob")
-    info.d = list(camera.distortion)
-    info.k = [camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0]
-    info.r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
-    info.p = [camera.fx, 0.0, camera.cx, 0.0, 0.0, camera.fy, camera.cy, 0.0, 0.0, 0.0, 1.0, 0.0]
-    return info
+    """A camera's intrinsics as a message; its header is set when it is sent."""
+    matrix = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
+    return messages.camera_info(0, "", (camera.width, camera.height), matrix, camera.distortion)
 
 
 def _legs(message: JointState) -> tuple[Any, Any]:

@@ -36,14 +36,15 @@ def workers(count: int) -> Iterator[Map]:
         yield map
         return
     # Forked workers see a user's effects as they are; none of them could be found again by name.
-    pool = ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("fork"), initializer=_start_worker)
+    pool = ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("fork"), initializer=start_worker)
     try:
         yield pool.map
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _start_worker() -> None:
+def start_worker() -> None:
+    """What a worker process does first: leave Ctrl-C to its parent, and end with it."""
     # Ctrl-C reaches the whole process group; the parent decides, a worker finishes its fit.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()

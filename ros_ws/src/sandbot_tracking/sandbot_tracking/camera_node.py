@@ -68,16 +68,7 @@ def _info(cameras: dict[str, Camera], name: str) -> CameraInfo:
     if name not in cameras:
         raise InputError(f"camera parameters: cameras: no {name!r} in it; known: {', '.join(cameras)}")
     camera = cameras[name]
-    projection = [camera.fx, 0.0, camera.cx, 0.0, 0.0, camera.fy, camera.cy, 0.0, 0.0, 0.0, 1.0, 0.0]
-    return CameraInfo(
-        width=camera.width,
-        height=camera.height,
-        distortion_model="plumb_bob",
-        d=list(camera.distortion),
-        k=camera.matrix.ravel().tolist(),
-        r=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-        p=projection,
-    )
+    return messages.camera_info(0, name, (camera.width, camera.height), camera.matrix, camera.distortion)
 
 
 def _fixed(_: CameraParameters) -> None:

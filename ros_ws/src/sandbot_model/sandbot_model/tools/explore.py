@@ -7,8 +7,6 @@ import os
 import signal
 import socket
 import sys
-import threading
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
@@ -26,6 +24,7 @@ from sandbot_model.explore.app import Beside, Explorer
 from sandbot_model.explore.loopback import HOST
 from sandbot_model.explore.selection import from_mapping, from_query, to_query
 from sandbot_model.explore.session import Session
+from sandbot_model.parallel import start_worker
 from sandbot_model.tools import arguments
 from sandbot_record import trials as trials_table
 from sandbot_record.trials import Trials
@@ -94,7 +93,7 @@ def _explore_cells(args: argparse.Namespace, trials: Trials, cells: Cells, title
 def _fitters(count: int) -> Iterator[ProcessPoolExecutor]:
     """Worker processes that give way to the page and end with it, whatever they are at."""
     fork = multiprocessing.get_context("fork")
-    workers = ProcessPoolExecutor(count, mp_context=fork, initializer=_in_worker, initargs=(os.getpid(),))
+    workers = ProcessPoolExecutor(count, mp_context=fork, initializer=_in_worker)
     # Ended from outside (a launcher, a test) is ended all the same: through the same door as Ctrl-C.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -106,18 +105,11 @@ def _fitters(count: int) -> Iterator[ProcessPoolExecutor]:
         workers.shutdown(wait=True, cancel_futures=True)
 
 
-def _in_worker(parent: int) -> None:
-    """Ctrl-C is the page's to answer; a worker goes when its page has gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _in_worker() -> None:
+    """As any worker, but one that gives way to the page and can be ended in the middle of a fit."""
+    start_worker()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     os.nice(NICE)
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(1.0)
-        os._exit(0)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 def _serve(app: Flask, port: int, query: str) -> None:
