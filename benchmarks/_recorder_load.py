@@ -52,7 +52,7 @@ def section(seconds: float) -> list[str]:
     first = _run(1, seconds, replay_s=min(10.0, seconds))
     lines.append(_row("×1", seconds, first, 1))
     with _busy_cores():
-        lines.append(_row("×1, both cores busy", short, _run(1, short), 1))
+        lines.append(_row("×1, both cores busy", seconds, _run(1, seconds), 1))
     lossless, failed = 1.0, ""
     for rate in (2, 3, 4, 5, 6, 8):
         outcome = _run(rate, short)
