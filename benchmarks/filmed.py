@@ -15,12 +15,9 @@ from sandbot_record.trials import read_csv
 PHI, OMEGA, REPLICATES = hidden.PHI[::2], hidden.OMEGA, 3
 NAMES = (
     "disturbed_ground(k_l_n_m=175, s_c=0.95)",
-    "exact_vertical_acceleration()",
     "stance_overlap(eta=0.1)",
-    "crater_refill(z0_m=0.01, tau_s=0.15)",
     "slow_phase_speed(SGCS)",
     "leg_slip(sigma=0.1)",
-    "stance_overlap + phi_dependent_response",
     "x_resonance(loss=0.3, omega_0_rad_s=12, width_rad_s=2)",
     "null",
 )
