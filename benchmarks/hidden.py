@@ -271,7 +271,7 @@ def report(outcomes: Sequence[Outcome]) -> str:
     for name, noise in dict.fromkeys((one.world.name, one.noise) for one in outcomes):
         some = [one for one in outcomes if (one.world.name, one.noise) == (name, noise)]
         verdicts = Counter(said(one) for one in some)
-        text = "; ".join(f"{said} ({count})" for said, count in verdicts.most_common())
+        text = "; ".join(f"{verdict} ({count})" for verdict, count in verdicts.most_common())
         ratio = statistics.median(one.cv_over_floor for one in some)
         seconds = statistics.median(one.seconds for one in some)
         gain = statistics.median(one.gain for one in some)

@@ -63,7 +63,7 @@ def look_along_theta(problem: Problem, state: States) -> States:
         moves = (theta[:, index] - state.theta[0, index])[:, None]
         tried = problem.states(
             np.concatenate([theta, theta]),
-            np.concatenate([state.ln_k + bounded(moves * following(problem, state, index)), state.ln_k + 0 * moves]),
+            np.concatenate([state.ln_k + bounded(moves * following(problem, state)[index]), state.ln_k + 0 * moves]),
             state.slope[0],
         )
         best = np.argmin(tried.deviance)
@@ -119,14 +119,14 @@ def _put(states: States, at: Ints, some: States) -> States:
     return states.where(changed, some.take(index))
 
 
-def following(problem: Problem, state: States, index: int) -> Array:
-    """d ln k/dθ ``(levels,)`` that keeps a level's cells as they are, to first order."""
-    local = problem.jacobian(state)[0]
-    own, other = local[:, :, -1], local[:, :, index]
+def following(problem: Problem, state: States) -> Array:
+    """d ln k/dθ ``(parameters, levels)`` that keeps a level's cells as they are, to first order. One row."""
+    local = np.moveaxis(problem.jacobian(state)[0], -1, 0)
+    own, others = local[-1], local[:-1]
     first = _level_starts(problem)
-    pull = np.add.reduceat(np.sum(own * other, axis=1), first)
-    weight = np.add.reduceat(np.sum(own**2, axis=1), first)
-    return -pull / np.maximum(weight, 1e-9)
+    pull = np.add.reduceat(np.sum(own * others, axis=-1), first, axis=-1)
+    weight = np.add.reduceat(np.sum(own**2, axis=-1), first)
+    return np.asarray(-pull / np.maximum(weight, 1e-9))
 
 
 def bounded(change: Array) -> Array:

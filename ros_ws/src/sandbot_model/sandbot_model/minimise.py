@@ -134,8 +134,8 @@ def _jumps(problem: Problem, states: States, draw: np.random.Generator, size: fl
     width = np.array([size * (one.high - one.low) if "." in name else HOP_SHARED * at for at, name, one in named])
     theta = np.clip(here + width * draw.standard_normal((HOP_ROWS, len(here))), low, high)
     ln_k = np.repeat(states.ln_k, HOP_ROWS, axis=0)
-    for index, moved in enumerate((theta - here).T):
-        ln_k = ln_k + bounded(moved[:, None] * following(problem, states, index))
+    for moved, pull in zip((theta - here).T, following(problem, states), strict=True):
+        ln_k = ln_k + bounded(moved[:, None] * pull)
     return problem.states(theta, ln_k, states.slope[0])
 
 

@@ -13,6 +13,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_model.bootstrap import bootstrap
 from sandbot_model.catalogue import catalogue
+from sandbot_model.cells import cells_of
 from sandbot_model.compare import geometry_lock, to_json
 from sandbot_model.explore.reproduce import steps_of
 from sandbot_model.explore.selection import Selection, from_mapping, held_by_text
@@ -48,7 +49,8 @@ def _compare(argv: Sequence[str]) -> None:
     selection = _selection(args)
     effects = catalogue(args.effects_from, selection.formulas)
     trials = trials_table.read(args.data)
-    cells = arguments.cells(args, trials)
+    readings = arguments.readings(args)
+    cells = cells_of(trials, readings)
     steps = steps_of(selection, cells, effects)
     print(tables.data_line(steps[0]), "\n")
     if selection.by_hand:
@@ -62,10 +64,8 @@ def _compare(argv: Sequence[str]) -> None:
         model = model_of(selection.model, selection.effects, effects)
         bar = partial(tqdm, total=args.bootstrap, desc="bootstrap", unit="draw", file=sys.stderr, disable=None)
         with fitters as fit_all:
-            drawn = bootstrap(
-                trials, model, args.bootstrap, readings=arguments.readings(args), near=steps[-1].known,
-                fit_all=fit_all, each=bar,
-            )  # fmt: skip
+            near = steps[-1].known
+            drawn = bootstrap(trials, model, args.bootstrap, readings=readings, near=near, fit_all=fit_all, each=bar)
         print("\n" + tables.bootstrap(steps[-1], drawn, args.bootstrap))
         content["bootstrap"] = {"draws": args.bootstrap, "stderr": drawn}
     if args.json is not None:
