@@ -21,7 +21,6 @@ from sandbot_model.cells import (
     COLUMNS,
     USUAL_NOISE,
     cells_of,
-    half_period_angle,
     peak_is_resolved,
     slow_phase_ratio,
     thrust_phase,
@@ -88,9 +87,9 @@ class Table:
         return np.unique(self.level, return_index=True)[1]
 
 
-def clock(gait: str) -> tuple[float, float, float]:
+def clock(gait: str) -> tuple[float, float]:
     """What the model wants to know of a gait."""
-    return slow_phase_ratio(gait), half_period_angle(gait), thrust_phase(gait)
+    return slow_phase_ratio(gait), thrust_phase(gait)
 
 
 def table_of(trials: Trials) -> Table:

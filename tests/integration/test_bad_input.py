@@ -103,6 +103,16 @@ PLANS = [
     plan_case("not-yaml", "phi: [0.6\n"),
     # What the plan says of other rooms is told by the plan's name.
     case(
+        "leg-mount-no-angle",
+        campaign,
+        "@/plan.yaml --out @/out --batch",
+        "robot.yaml",
+        "leg_mount_rad",
+        "'east'",
+        plan__yaml=PLAN + "robot: mine.yaml\n",
+        mine__yaml="leg_mount_rad: east\n",
+    ),
+    case(
         "plan-unknown-bed-key",
         campaign,
         "@/plan.yaml --out @/out --batch",

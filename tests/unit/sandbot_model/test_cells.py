@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sandbot_clock.gait import PRESETS, angle_of_phase
 from sandbot_common.errors import InputError
 from sandbot_model.cells import (
+    GAITS,
     cells_of,
-    half_period_angle,
     noise_floor,
     peak_is_resolved,
     slow_phase_ratio,
@@ -141,10 +142,16 @@ def test_gaits():
     assert slow_phase_ratio("SGCS") == pytest.approx(0.389, abs=5e-4)
     assert slow_phase_ratio("HGCS") == pytest.approx(0.242, abs=5e-4)
     assert slow_phase_ratio("UNIFORM") == 1.0
-    assert half_period_angle("UNIFORM") == pytest.approx(np.pi / 2)
-    assert thrust_phase("UNIFORM") == pytest.approx(np.pi / 2)
-    # SGCS: slow to θ = 0.05 at 0.45 T, then 1.5 times the mean rate for 0.05 T.
-    assert half_period_angle("SGCS") == pytest.approx(0.05 + 1.5 * 0.05 * 2 * np.pi, abs=1e-3)
     assert peak_is_resolved("UNIFORM", 30.0)
     assert peak_is_resolved("SGCS", 16.0)
     assert not peak_is_resolved("SGCS", 30.0)
+
+
+@pytest.mark.parametrize("name", GAITS)
+def test_a_swimmer_s_first_thrust_lasts_from_the_lowest_point_to_the_handover(name):
+    phase = np.linspace(0.0, 1.0, 100_001)
+    leg, other = (angle_of_phase(PRESETS[name], phase - lag)[0] for lag in (0.0, 0.5))
+    lowest, handover = phase[leg >= 0.0][0], phase[leg + other >= 0.0][0]
+    assert thrust_phase(name) == pytest.approx(2 * np.pi * (handover - lowest), abs=2e-4)
+    if name == "UNIFORM":
+        assert thrust_phase(name) == pytest.approx(np.pi / 2)

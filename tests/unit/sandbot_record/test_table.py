@@ -45,6 +45,19 @@ def test_what_is_missing_is_said_in_the_status(tmp_path, missing, status):
     assert row.omega_rad_s == 8.0
 
 
+def test_the_leg_mount_of_the_robot_is_minded(tmp_path):
+    """Shaft angles half a radian behind the legs: this body, which never rests, has that much less time to a step."""
+    bag = bags.trial_bag(tmp_path / "b", speed=0.2, plan=bags.PLAN | {"leg_mount_rad": 0.5})
+    assert table.row_from_bag(bag).first_step_m == pytest.approx(0.2 * (math.pi - 0.5) / 8, rel=0.02)
+
+
+@pytest.mark.parametrize("value", ["east", None, [1]])
+def test_a_leg_mount_that_is_no_angle_is_said_in_the_status(tmp_path, value):
+    row = table.row_from_bag(bags.trial_bag(tmp_path / "b", plan=bags.PLAN | {"leg_mount_rad": value}))
+    assert row.status == f"/trial: leg_mount_rad: {value!r} is not an angle [rad]"
+    assert math.isnan(row.speed_m_s)
+
+
 def test_a_trial_that_failed_keeps_its_reason(tmp_path):
     assert table.row_from_bag(bags.trial_bag(tmp_path / "b", exit_status="legs stalled")).status == "legs stalled"
 

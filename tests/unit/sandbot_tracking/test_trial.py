@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from sandbot_clock.gait import PRESETS, leg_angles
 from sandbot_common.errors import InputError
 from sandbot_tracking import trial
 from sandbot_tracking.trial import summarise
@@ -15,7 +16,7 @@ R, H = 0.0355, 0.025
 def legs(omega, duration):
     t = np.arange(-0.2, duration, 0.005)
     turn = omega * np.maximum(t, 0.0)[:, None]
-    return t, (turn + np.array([0.0] * 3 + [np.pi] * 3)) % (2 * np.pi)
+    return t, (turn - np.pi / 2 + np.array([0.0] * 3 + [np.pi] * 3)) % (2 * np.pi)
 
 
 def walk(t, omega, ratio):
@@ -79,7 +80,44 @@ def test_what_cannot_be_measured_is_nan_with_a_reason(rng):
     assert short.first_step_m == pytest.approx(R, abs=3e-4)
     still = summarise(t, x, z, z, t, np.zeros((t.size, 6)))
     assert np.isnan(still.first_step_m)
-    assert "half a period" in still.reason
+    assert "less than a step" in still.reason
+
+
+def stance(name, omega, t, alpha, mount):
+    """Leg angles (n, 6) of a gait, and x of a body that each leg carries from -alpha to alpha about straight below.
+
+    The body is set down at rest: a leg that is in mid-stance then carries it from its next stance on.
+    """
+    angle = leg_angles(PRESETS[name], omega, np.maximum(t, 0.0))[0]
+    theta = angle[:, [0, 3]] + mount
+    steps = np.floor((theta + np.pi) / (2 * np.pi))
+    part = np.where(steps < 0, -alpha, np.clip(theta - 2 * np.pi * steps, -alpha, alpha))
+    steps = np.maximum(steps, 0)
+    x = R * (2 * np.sin(alpha) * steps + np.sin(part)).sum(axis=1)
+    return angle, x - x[0]
+
+
+@pytest.mark.parametrize("omega", [4.0, 12.0, 20.0, 30.0])
+@pytest.mark.parametrize(("name", "mount", "alpha"), [("SGCS", 0.0, 0.72), ("SGCS", 0.5, 0.5), ("UNIFORM", 0.0, 0.9)])
+def test_the_first_step_is_counted_to_rest_whatever_the_gait(omega, name, mount, alpha):
+    """SGCS without a mount carries its body on past half a period, to less than a frame before the handover."""
+    for shift in np.linspace(0.0, 0.01, 7):
+        t = np.arange(-0.1, 3.5, 0.01) + shift
+        x = stance(name, omega, t, alpha, mount)[1]
+        legs_t = np.arange(-0.2, 3.6, 0.005)
+        angle = stance(name, omega, legs_t, alpha, mount)[0] % (2 * np.pi)
+        z = np.full(t.size, H)
+        found = summarise(t, x, z, z, legs_t, angle, leg_mount_rad=mount)
+        assert found.first_step_m == pytest.approx(2 * R * np.sin(alpha), abs=2e-4)
+        assert found.speed_m_s == pytest.approx(omega / np.pi * 2 * R * np.sin(alpha), rel=2e-3)
+
+
+def test_a_swimmer_s_first_step_ends_with_the_clock(rng):
+    """Control: a body that never rests is read at the handover, not where it happens to be slowest."""
+    t = np.arange(-0.1, 3.0, 0.01)
+    found = [measure(rng, 0.02 * np.maximum(t, 0), np.full(t.size, H), t, 8.0).first_step_m for _ in range(40)]
+    assert np.mean(found) == pytest.approx(0.02 * np.pi / 8.0, abs=3e-5)
+    assert np.std(found) < 8e-5
 
 
 def test_shapes_that_do_not_fit_are_refused():

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_bed.protocol import prepare
-from sandbot_bringup.config import robot_and_cameras
+from sandbot_bringup.config import leg_mount_rad
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import Plan, PlannedTrial, to_yaml
 from sandbot_bringup.provenance import trial_message, trial_metadata
@@ -17,6 +17,7 @@ from sandbot_bringup.trial_bag import TrialBag
 from sandbot_clock.gait import leg_angles
 from sandbot_common import topics
 from sandbot_common.errors import InputError
+from sandbot_common.files import load_yaml
 from sandbot_lab.bed import LabBed
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.robot import Trace, simulate
@@ -47,9 +48,14 @@ class Setup:
     """The one trial whose frames are kept where the plan says ``images: one``."""
 
     @cached_property
+    def leg_mount_rad(self) -> float:
+        """What must be added to shaft angles."""
+        return leg_mount_rad(self.files)
+
+    @cached_property
     def cameras(self) -> Mapping[str, object]:
         """The sections of cameras.yaml."""
-        return robot_and_cameras(self.files)[1]
+        return dict(load_yaml(self.files["cameras.yaml"]))
 
     def images(self, trial: PlannedTrial) -> str:
         """How this trial's frames are kept: none, jpeg or raw."""
@@ -82,7 +88,7 @@ def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
     plan = setup.plan
     bed = LabBed(seed=trial.seed)
     bag = TrialBag(start_ns)
-    bag.announce(trial_message(plan, trial, start_ns))
+    bag.announce(trial_message(plan, trial, setup.leg_mount_rad, start_ns))
     prepared = prepare(plan.bed_protocol, bed, trial.phi, bed.advance, BED_STEP_S, observe=bag.bed)
     bag.legs_start(prepared.duration_s + plan.standing_s)
 
@@ -99,7 +105,7 @@ def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
     _film(setup, trial, trace, tracker, cameras, bag)
     path = setup.folder.bag(trial)
     files = {**setup.files, "campaign.yaml": to_yaml(plan)}
-    bag.write(path, trial_metadata(plan, trial, start_ns, "simulated", "ok"), files)
+    bag.write(path, trial_metadata(plan, trial, setup.leg_mount_rad, start_ns, "simulated", "ok"), files)
     return path
 
 

@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 from tqdm import tqdm
 
+from sandbot_bringup.config import leg_mount_rad
 from sandbot_bringup.folder import PARTIAL, CampaignFolder
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
@@ -51,7 +52,7 @@ def run_live(
     rclpy.init()
     failed: list[tuple[str, str]] = []
     try:
-        operator = Operator(plan)
+        operator = Operator(plan, leg_mount_rad(files))
         operator.find_nodes()
         folder.adopt(plan, files)
         for trial in tqdm(folder.missing(trials), unit="trial", desc="campaign"):
@@ -67,9 +68,9 @@ def run_live(
 class Operator(Node):
     """Does what a person at the trackway does, through the same services and parameters."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, leg_mount: float) -> None:
         super().__init__("campaign")
-        self._plan = plan
+        self._plan, self._leg_mount_rad = plan, leg_mount
         self._trial = publisher(self, topics.TRIAL)
         self._phi: float | None = None
         self._bed_stage = ""
@@ -147,7 +148,7 @@ class Operator(Node):
         if self._has_lab:
             self._set("lab", "trial_seed", trial.seed)
             self._call("/lab/reset")
-        self._trial.publish(messages.string(trial_message(self._plan, trial, time.time_ns())))
+        self._trial.publish(messages.string(trial_message(self._plan, trial, self._leg_mount_rad, time.time_ns())))
 
     def _prepare_bed(self) -> None:
         self._call("/bed/prepare")

@@ -1,12 +1,13 @@
 """Where the project's own plans, calibrations and tables lie once installed, and reading those a plan names."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 
 from sandbot_bringup.plan import Plan
+from sandbot_common.errors import InputError
 from sandbot_common.files import load_yaml, read_yaml
 
 
@@ -19,7 +20,7 @@ def files_of(plan: Plan, beside: Path, campaign: Path) -> dict[str, str]:
     """robot.yaml and cameras.yaml as text: the campaign's own once it has begun, else those the plan names (relative
     to ``beside``), else the project's.
 
-    Raises InputError where a file is missing or not YAML.
+    Raises InputError where a file is missing or not YAML, or gives no angle as the legs' mount.
     """
     files = {}
     for name, given in (("robot.yaml", plan.robot), ("cameras.yaml", plan.cameras)):
@@ -29,9 +30,13 @@ def files_of(plan: Plan, beside: Path, campaign: Path) -> dict[str, str]:
             path = campaign / name
         read_yaml(path)
         files[name] = path.read_text(encoding="utf-8")
+    leg_mount_rad(files)
     return files
 
 
-def robot_and_cameras(files: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The mappings in the texts of ``files_of``."""
-    return load_yaml(files["robot.yaml"]), load_yaml(files["cameras.yaml"])
+def leg_mount_rad(files: Mapping[str, str]) -> float:
+    """What must be added to shaft angles to give those of the c-legs' centres; 0 where robot.yaml does not say."""
+    value = load_yaml(files["robot.yaml"]).get("leg_mount_rad", 0.0)
+    if not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(f"robot.yaml: leg_mount_rad: {value!r} is not an angle [rad]")
+    return float(value)

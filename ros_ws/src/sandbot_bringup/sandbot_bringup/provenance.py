@@ -10,7 +10,7 @@ from pathlib import Path
 from sandbot_bringup.plan import Plan, PlannedTrial
 
 
-def trial_message(plan: Plan, trial: PlannedTrial, start_ns: int) -> str:
+def trial_message(plan: Plan, trial: PlannedTrial, leg_mount_rad: float, start_ns: int) -> str:
     """The JSON published latched on /trial: what is being run."""
     return json.dumps(
         {
@@ -19,6 +19,7 @@ def trial_message(plan: Plan, trial: PlannedTrial, start_ns: int) -> str:
             "phi_target": trial.phi,
             "omega_rad_s": trial.omega_rad_s,
             "gait": plan.gait,
+            "leg_mount_rad": leg_mount_rad,
             "replicate": trial.replicate,
             "seed": trial.seed,
             "software_version": version("sandbot_bringup"),
@@ -28,12 +29,14 @@ def trial_message(plan: Plan, trial: PlannedTrial, start_ns: int) -> str:
     )
 
 
-def trial_metadata(plan: Plan, trial: PlannedTrial, start_ns: int, clock: str, exit_status: str) -> dict[str, str]:
+def trial_metadata(
+    plan: Plan, trial: PlannedTrial, leg_mount_rad: float, start_ns: int, clock: str, exit_status: str
+) -> dict[str, str]:
     """The MCAP metadata record `trial`: id, plan, parameters, software, start, clock used, exit status."""
     return {
         "id": trial.trial_id,
         "plan": plan.name,
-        "parameters": trial_message(plan, trial, start_ns),
+        "parameters": trial_message(plan, trial, leg_mount_rad, start_ns),
         "software_version": version("sandbot_bringup"),
         "commit": commit(),
         "start": datetime.fromtimestamp(start_ns / 1e9, UTC).isoformat(),

@@ -88,7 +88,7 @@ def direct_trials(
                     "omega_rad_s": float(omega),
                     "gait": gait,
                     "replicate": replicate,
-                    **_read(trace, errors, rng),
+                    **_read(readings(trace, world.robot.leg_mount_rad), errors, rng),
                     "status": "ok",
                 }
                 rows.append({name: row[name] for name in COLUMNS})
@@ -105,14 +105,16 @@ class Readings:
     first_step_m: float
 
 
-def readings(trace: Trace) -> Readings:
+def readings(trace: Trace, leg_mount_rad: float = 0.0) -> Readings:
     """Speed over whole periods after the first, median rise a step, median peak a period, advance in the first step.
 
-    A step is a half period of the legs as they really turn, which may be slower than told: their mean angle grows by π.
+    A step ends where the mean angle of the legs as they really turn is a multiple of π: then both tripods are equally
+    far from straight below. The first is the one to whose beginning the start is nearest.
     """
-    turned = trace.leg_angle_rad.mean(axis=1) - trace.leg_angle_rad[0].mean()
-    steps = int(turned[-1] / pi + 1e-9)
-    edges = np.interp(pi * np.arange(steps + 1), np.maximum.accumulate(turned), trace.t_s)
+    turned = (trace.leg_angle_rad.mean(axis=1) + leg_mount_rad) / pi
+    begun = round(turned[0])
+    steps = int(turned[-1] - begun + 1e-9)
+    edges = np.interp(begun + np.arange(steps + 1), np.maximum.accumulate(turned), trace.t_s)
     first_step = _at(trace, trace.x_m, edges[1]) - trace.x_m[0] if steps else nan
     whole = steps // 2
     if whole < 2:
@@ -127,8 +129,8 @@ def readings(trace: Trace) -> Readings:
     )
 
 
-def _read(trace: Trace, errors: ReadingErrors, rng: np.random.Generator) -> dict[str, float]:
-    truth, chance = readings(trace), rng.standard_normal(4).tolist()
+def _read(truth: Readings, errors: ReadingErrors, rng: np.random.Generator) -> dict[str, float]:
+    chance = rng.standard_normal(4).tolist()
     return {
         "speed_m_s": truth.speed_m_s + errors.speed_m_s * chance[0],
         "speed_sd_m_s": errors.speed_m_s,

@@ -36,18 +36,17 @@ def slow_phase_ratio(gait: str) -> float:
     return theta_s / (2 * np.pi * duty)
 
 
-def half_period_angle(gait: str) -> float:
-    """Leg angle [rad] half a period after the start of the slow phase: where the first step is counted to."""
-    theta_s, theta_0, duty = GAITS.get(gait, GAITS["SGCS"])
-    if duty >= 0.5:
-        return theta_0 - theta_s / 2 + theta_s * 0.5 / duty
-    return theta_0 + theta_s / 2 + (2 * np.pi - theta_s) * (0.5 - duty) / (1 - duty)
-
-
 def thrust_phase(gait: str) -> float:
-    """ω × the time [rad] from the leg's lowest point to the end of the first half period: a swimmer's first thrust."""
-    theta_s, theta_0, _ = GAITS.get(gait, GAITS["SGCS"])
-    return float(np.clip(np.pi - (theta_s / 2 - theta_0) / slow_phase_ratio(gait), 0.0, np.pi))
+    """ω × the time [rad] from a leg's lowest point to the end of its step: a swimmer's thrust in the first step.
+
+    A step ends where both tripods are equally far from straight below, θ_A + θ_B = 0.
+    """
+    theta_s, theta_0, duty = GAITS.get(gait, GAITS["SGCS"])
+    knots = np.array([-1.0, duty - 1.0, 0.0, duty, 1.0])
+    angle = theta_0 + theta_s * np.array([-0.5, 0.5, -0.5, 0.5, -0.5]) + 2 * np.pi * np.array([-1, -1, 0, 0, 1])
+    phase = np.unique(np.concatenate((knots, knots + 0.5)).clip(0.0, 1.0))
+    both = np.interp(phase, knots, angle) + np.interp(phase - 0.5, knots, angle)
+    return float(2 * np.pi * (np.interp(0.0, both, phase) - np.interp(0.0, angle, knots)))
 
 
 STANCE_END = 0.75
@@ -79,7 +78,6 @@ class Cells:
     omega: Floats = field(metadata={"shape": "(n,)", "unit": "rad/s"})
     gait: tuple[str, ...] = field(metadata={"shape": "(n,)"})
     slow_phase_ratio: Floats = field(metadata={"shape": "(n,)", "doc": "β of the gait"})
-    half_period_angle: Floats = field(metadata={"shape": "(n,)", "unit": "rad", "doc": "of the gait"})
     thrust_phase: Floats = field(metadata={"shape": "(n,)", "unit": "rad", "doc": "of the gait"})
     level: Ints = field(metadata={"shape": "(n,)", "doc": "index into level_phi"})
     level_phi: Floats = field(metadata={"shape": "(levels,)", "doc": "mean volume fraction of a level"})
@@ -194,7 +192,6 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
         omega=average(omega),
         gait=names,
         slow_phase_ratio=np.array([slow_phase_ratio(name) for name in names]),
-        half_period_angle=np.array([half_period_angle(name) for name in names]),
         thrust_phase=np.array([thrust_phase(name) for name in names]),
         level=keys[0],
         level_phi=level_phi,

@@ -12,7 +12,7 @@ import numpy as np
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
 from sandbot_model.catalogue import catalogue
-from sandbot_model.cells import half_period_angle, slow_phase_ratio, thrust_phase
+from sandbot_model.cells import slow_phase_ratio, thrust_phase
 from sandbot_model.chain import Array
 from sandbot_model.model import Model, model_of
 from sandbot_model.walking import BASES, Inputs, KCurve
@@ -84,7 +84,6 @@ class Predictor:
         curve = KCurve(self.phi, self.k_n_per_m)
         clock = {
             "slow_phase_ratio": slow_phase_ratio(gait),
-            "half_period_angle_rad": half_period_angle(gait),
             "thrust_phase_rad": thrust_phase(gait),
         }
         inputs = Inputs(curve(np.asarray(phi)), omega, delta_t, phi, v_swim, k_of_phi=curve, **clock)

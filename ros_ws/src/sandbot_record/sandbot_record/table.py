@@ -26,7 +26,7 @@ from sandbot_tracking.trial import TrialSummary, summarise
 
 TRIALS_CSV = "trials.csv"
 CACHE = ".table-cache.json"
-RECIPE = "2"
+RECIPE = "3"
 """Part of the cache key: raise it when rows are made otherwise."""
 
 _POINT = ("point.x", "point.y", "point.z")
@@ -62,7 +62,7 @@ def row_from_bag(path: Path) -> Row:
     )
     exit_status = _exit_status(bag)
     try:
-        summary = _summary(bag)
+        summary = _summary(bag, plan)
     except InputError as error:
         return replace(row, status=str(error).removeprefix(f"{path}: "))
     row = replace(
@@ -182,7 +182,7 @@ def _plan(bag: Bag) -> dict[str, Any]:
     return plan
 
 
-def _summary(bag: Bag) -> TrialSummary:
+def _summary(bag: Bag, plan: dict[str, Any]) -> TrialSummary:
     start_ns = _start_ns(bag)
     com, front, rear = _landmarks(bag)
     frames = np.unique(np.concatenate([com[0], front[0], rear[0]]))
@@ -195,7 +195,16 @@ def _summary(bag: Bag) -> TrialSummary:
         _on(frames, *rear, 2),
         (leg_ns - start_ns) * 1e-9,
         legs["position"][first],
+        leg_mount_rad=_leg_mount_rad(plan),
     )
+
+
+def _leg_mount_rad(plan: dict[str, Any]) -> float:
+    """What must be added to shaft angles; 0 where /trial does not say."""
+    value = plan.get("leg_mount_rad", 0.0)
+    if not math.isfinite(_float(value)):
+        raise InputError(f"{topics.TRIAL.name}: leg_mount_rad: {value!r} is not an angle [rad]")
+    return float(value)
 
 
 def _landmarks(bag: Bag) -> list[tuple[Any, Floats]]:

@@ -86,7 +86,7 @@ def observables(tracker: OfflineTracker, omega_rad_s: float, start_s: float) -> 
     marks = tracker.landmarks()
     leg_t = np.arange(start_s, marks.t_s[-1] + 1e-9, min(0.005, 0.5 / omega_rad_s))
     turn = omega_rad_s * (leg_t - start_s)
-    angles = turn[:, None] + np.array([0.0] * 3 + [np.pi] * 3)
+    angles = turn[:, None] - np.array([np.pi / 2] * 3 + [3 * np.pi / 2] * 3)
     return summarise(
         marks.t_s, marks.com[:, 0], marks.front_axle[:, 2], marks.rear_axle[:, 2], leg_t, angles, start_s=start_s
     )

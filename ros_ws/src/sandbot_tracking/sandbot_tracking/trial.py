@@ -1,8 +1,8 @@
 """One trial's landmarks and leg angles to its observables: mean speed, lift, peak speed, first step.
 
-Definitions: docs/architecture.md. The clock is read from the legs as they really turned, for they may turn slower
-than told: the mean of the six unwrapped angles grows by exactly π each half period, whatever the gait, as tripod B
-follows A half a period later. A *step* is such a half period.
+Definitions: docs/architecture.md. The clock is read from the legs as they really turn, for they may turn slower
+than told. A *step* ends at a *handover*: both tripods are equally far from straight below, one past it, the other
+before it. From one to the next the mean of the six unwrapped angles grows by exactly π, whatever the gait.
 
 Steady steps are laid over one another (fold.py), each between its own two rest positions, so steps of slightly
 different length do not smear. ``peak_speed_m_s`` is then the steepest slope and ``lift_m`` the highest point of the
@@ -43,7 +43,7 @@ class TrialSummary:
     peak_speed_m_s: float
     """Largest v_x(t) of the steady cycle."""
     first_step_m: float
-    """Advance during the first half period from the standing start."""
+    """Advance from the standing start to the end of the first step."""
     frames: int
     """Frames since the start."""
     gaps: int
@@ -72,12 +72,13 @@ def summarise(
     *,
     start_s: float = 0.0,
     rest_height_m: float = AXLE_REST_M,
+    leg_mount_rad: float = 0.0,
 ) -> TrialSummary:
     """The observables of a trial whose clock started at ``start_s``.
 
     t_s, com_x_m, front_z_m, rear_z_m: (n,), metres in the trackway frame, NaN where a landmark is missing;
-    leg_t_s (m,) and leg_angle (m, 6) [rad], wrapped or not. Raises InputError if shapes do not fit or time does not
-    grow.
+    leg_t_s (m,) and leg_angle (m, 6) [rad], wrapped or not, plus ``leg_mount_rad``: the angles of the c-legs' centres.
+    Raises InputError if shapes do not fit or time does not grow.
     """
     t, x, front, rear = (np.asarray(values, dtype=float) for values in (t_s, com_x_m, front_z_m, rear_z_m))
     z = (front + rear) / 2
@@ -85,7 +86,7 @@ def summarise(
     moving = t >= start_s
     frames, gaps = int(moving.sum()), int((moving & ~np.isfinite(x + z)).sum())
     try:
-        edges = half_periods(leg_t_s, leg_angle, start_s)
+        edges = handovers(leg_t_s, np.asarray(leg_angle, dtype=float) + leg_mount_rad, start_s)
     except _NotMeasured as why:
         return TrialSummary(*(np.nan,) * 5, frames, gaps, 0, str(why))
 
@@ -130,8 +131,8 @@ def _check(t: Floats, others: tuple[Floats, ...]) -> None:
         raise InputError("frame times must be finite and grow")
 
 
-def half_periods(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> Floats:
-    """Times (n,) at which the clock passed 0, ½, 1, 1½ … periods since the start."""
+def handovers(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> Floats:
+    """Times (n,) of the start and of every end of a step after it."""
     t, angle = np.asarray(leg_t_s, dtype=float), np.asarray(leg_angle, dtype=float)
     if angle.ndim != 2 or len(angle) != t.size:
         raise InputError(f"leg angles of shape {angle.shape} with {t.size} times: (n, 6) is needed")
@@ -139,22 +140,30 @@ def half_periods(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> Fl
     t, angle = t[keep], angle[keep]
     if t.size < 2 or t[-1] <= start_s:
         raise _NotMeasured("no leg angles after the start")
-    phase = np.unwrap(angle, axis=0).mean(axis=1)
-    phase = phase - np.interp(start_s, t, phase)
+    turned = np.unwrap(angle, axis=0)
+    start = np.array([np.interp(start_s, t, leg) for leg in turned.T])
+    phase = (turned - start).mean(axis=1)
     # An encoder may tremble: time is taken at the first passage.
     advance = np.maximum.accumulate(phase)
-    halves = int(advance[-1] // np.pi)
-    if halves < 1:
-        raise _NotMeasured("the legs turned less than half a period")
+    ends = _to_handover(start) + np.pi * np.arange(1, advance[-1] // np.pi + 2)
+    ends = ends[ends <= advance[-1]]
+    if not ends.size:
+        raise _NotMeasured("the legs turned less than a step")
     ahead = np.concatenate(([True], np.diff(advance) > 0)) & (t >= start_s)
     clock, times = np.append(0.0, advance[ahead]), np.append(start_s, t[ahead])
-    return np.asarray(np.interp(np.pi * np.arange(halves + 1), clock, times), dtype=float)
+    return np.append(start_s, np.interp(ends, clock, times))
+
+
+def _to_handover(angle: Floats) -> float:
+    """How far the mean angle is before the handover nearest to leg angles (6,), [-π/2, π/2): the first step's begin."""
+    tripods = np.angle(np.exp(1j * angle).reshape(2, 3).sum(axis=1))
+    return float((-tripods.sum() + np.pi) % (2 * np.pi) - np.pi) / 2
 
 
 def _first_step(t: Floats, x: Floats, edges: Floats, reasons: list[str]) -> float:
     before = np.isfinite(x) & (t <= edges[0] + 1e-9)
     start = float(np.mean(x[before][-20:])) if before.any() else position_at(t, x, edges[0], edges[1] - edges[0])
-    advance = position_at(t, x, edges[1], edges[1] - edges[0]) - start
+    advance = rest_position(t, x, edges[1], edges[1] - edges[0]) - start
     if not np.isfinite(advance):
         reasons.append("first step: no centre of mass at its start or end")
     return advance
@@ -162,11 +171,26 @@ def _first_step(t: Floats, x: Floats, edges: Floats, reasons: list[str]) -> floa
 
 def position_at(t: Floats, x: Floats, when: float, period: float) -> float:
     """x at a time: a straight line through the frames within a tenth of a period (at least two); NaN in a gap."""
+    return _line(t, x, when, when, 0.1 * period)[1]
+
+
+def rest_position(t: Floats, x: Floats, when: float, period: float) -> float:
+    """x at the end of a step. A leg may leave the ground less than a frame before: of the lines through the frames
+    before, about and after it the flattest is continued to it.
+    """
+    reach = 0.07 * period
+    lines = [_line(t, x, when + shift, when, reach) for shift in (-reach, 0.0, reach)]
+    return min(lines, key=lambda line: abs(line[0]) if np.isfinite(line[0]) else np.inf)[1]
+
+
+def _line(t: Floats, x: Floats, middle: float, when: float, reach: float) -> tuple[float, float]:
+    """Slope and value at ``when`` of a line through the frames about ``middle``; NaN in a gap."""
     frame = float(np.median(np.diff(t)))
-    near = np.isfinite(x) & (np.abs(t - when) <= max(0.1 * period, 1.01 * frame))
-    if near.sum() < 2 or when < t[near][0] - 0.51 * frame or when > t[near][-1] + 0.51 * frame:
-        return np.nan
-    return float(np.polyfit(t[near] - when, x[near], 1)[1])
+    near = np.isfinite(x) & (np.abs(t - middle) <= max(reach, 1.01 * frame))
+    if near.sum() < 2 or middle < t[near][0] - 0.51 * frame or middle > t[near][-1] + 0.51 * frame:
+        return np.nan, np.nan
+    slope, value = np.polyfit(t[near] - when, x[near], 1)
+    return float(slope), float(value)
 
 
 def _mean_speed(t: Floats, x: Floats, edges: Floats, reasons: list[str]) -> tuple[float, float, int]:

@@ -1,7 +1,5 @@
 """In stance the legs turn as the clock says, not at the mean rate."""
 
-import numpy as np
-
 from sandbot_model.chain import Chain, Effect, Parameter, Values
 
 
@@ -10,15 +8,15 @@ class SlowPhaseSpeed(Effect):
 
     ρ is β where the whole stance lies in the slow phase; a stance that outlasts it (SGCS is slow until θ = 0.05 rad, a
     leg stands until asin(s/2R)) ends at the swing rate, ρ = (2π - θ_s)/(2π(1 - d_c)) = 1.5. The peak of v_x(t) tells
-    which; the mean speed can't (Δt → βΔt). The first step is counted to the end of half a period: a leg that has not
-    finished its stance by then (θ_h) has come R(sin θ_c + sin θ_h) far.
+    which; the mean speed can't (Δt → βΔt). A swimmer's first step is as long as the clock leaves it from a leg's lowest
+    point to the step's end.
     """
 
     identifier = "slow_phase_speed"
     stage = "balance"
-    formula = "dv = beta R omega, peak rho R omega, instead of R omega; first step R (sin theta_c + sin theta_h)"
+    formula = "dv = beta R omega, peak rho R omega, instead of R omega"
     source = "the clock: beta = theta_s/(2 pi d_c)"
-    seen_in = "W peak; first step of gaits with a late stance"
+    seen_in = "W peak"
     first_step_differs = True
     parameters = (
         Parameter(
@@ -32,6 +30,3 @@ class SlowPhaseSpeed(Effect):
         chain.peak_ratio = chain.peak_ratio * p["rho"]
         if chain.first_step:
             chain.thrust_time = chain.thrust_phase / chain.omega
-            stands = np.clip(chain.chord / (2 * chain.robot.leg_radius_m), 1e-6, 1.0)
-            reached = np.clip(np.sin(chain.half_period_angle), -stands, stands)
-            chain.step = chain.step * (stands + reached) / (2 * stands)
