@@ -12,13 +12,25 @@ from sandbot_bringup.tools import campaign
 from sandbot_lab.world import write_world
 from sandbot_record.trials import read_csv
 
-PHI, OMEGA, REPLICATES = hidden.PHI[::2], hidden.OMEGA, 3
+PHI, OMEGA, REPLICATES = hidden.PHI, hidden.OMEGA, 3
 NAMES = (
     "disturbed_ground(k_l_n_m=175, s_c=0.95)",
+    "exact_vertical_acceleration()",
+    "exact_leg_arc(tip_deg=45)",
     "stance_overlap(eta=0.1)",
+    "swimming_thrust(a_m_s2=0.32)",
+    "crater_refill(z0_m=0.01, tau_s=0.15)",
+    "phi_dependent_response(b=0.6)",
+    "belly_coast(mu_b=0.9)",
+    "motor_saturation(omega_s_rad_s=50)",
+    "carried_momentum(chi_m=0.6)",
+    "inertial_drag(lambda_=2)",
     "slow_phase_speed(SGCS)",
     "leg_slip(sigma=0.1)",
+    "disturbed_ground + stance_overlap",
     "x_resonance(loss=0.3, omega_0_rad_s=12, width_rad_s=2)",
+    "x_traction_loss(loss=0.4)",
+    "null",
     "null",
 )
 

@@ -49,6 +49,12 @@ def test_live_row_equals_batch_row_and_speed_is_seen_live(tmp_path, start, plan_
         assert float(other["lift_m"]) == pytest.approx(float(one["lift_m"]), abs=3e-4)
         assert float(other["peak_speed_m_s"]) == pytest.approx(float(one["peak_speed_m_s"]), rel=0.02)
         assert float(other["first_step_m"]) == pytest.approx(float(one["first_step_m"]), abs=1e-3)
+    # The plan keeps the frames of one trial, all that were tracked; its recorder was started with images paused.
+    frames = topics.LATERAL_JPEG.name
+    assert frames not in bag.topics
+    filmed = Bag.open(tmp_path / "live" / "trials" / TRIAL.replace("12.000", "20.000"))
+    kept, tracked = (filmed.columns(name, *FIELD_STAMP).stamp_ns for name in (frames, topics.FRONT_AXLE.name))
+    assert kept.tolist() == tracked.tolist()
     told = bag.provenance["trial"]
     known = ("id", "plan", "parameters", "software_version", "commit", "start", "clock", "exit_status")
     assert [name for name in known if not told.get(name)] == []

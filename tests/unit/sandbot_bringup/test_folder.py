@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from sandbot_bringup.folder import CampaignFolder, sample_trial
+from sandbot_bringup.folder import CampaignFolder, frames_kept, sample_trial
 from sandbot_bringup.plan import Plan, read_plan, trials_of
 from sandbot_bringup.tools.campaign import main
 from sandbot_common.errors import InputError
@@ -56,6 +56,17 @@ def test_missing_counts_only_closed_bags(tmp_path: Path) -> None:
 def test_sample_is_the_strongest_ground_at_the_middle_frequency() -> None:
     sample = sample_trial(PLAN)
     assert (sample.phi, sample.omega_rad_s, sample.replicate) == (0.62, 16.0, 1)
+
+
+@pytest.mark.parametrize(
+    ("images", "of_sample", "of_others"),
+    [("one", "jpeg", "none"), ("none", "none", "none"), ("jpeg", "jpeg", "jpeg"), ("raw", "raw", "raw")],
+)
+def test_frames_are_kept_as_the_plan_says(images: str, of_sample: str, of_others: str) -> None:
+    plan = dataclasses.replace(PLAN, images=images)
+    sample = sample_trial(plan)
+    assert frames_kept(plan, sample) == of_sample
+    assert {frames_kept(plan, one) for one in trials_of(plan) if one != sample} == {of_others}
 
 
 def test_campaign_without_a_plan_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:

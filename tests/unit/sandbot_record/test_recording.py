@@ -99,6 +99,20 @@ def test_paused_messages_are_neither_written_nor_lost(tmp_path):
     assert (made.written, made.lost) == (3, 0)
 
 
+def test_paused_images_leave_the_rest_as_it_is(tmp_path):
+    made = recording(tmp_path / "b", images="raw", images_paused=True)
+    made.add_topic("/image", "sensor_msgs/msg/Image")
+    frame = to_cdr(messages.image(bags.T0, "c", np.zeros((4, 4), np.uint8)))
+    for i in (1, 2, 3):
+        made.images_paused = i < 2
+        made.put(Received("/image", frame, bags.T0 + i, bags.T0 + i, i))
+        put(made, [i])
+    made.close()
+    assert made.lost == 0
+    kept = [(message.topic, message.sequence) for message in Bag.open(tmp_path / "b").messages()]
+    assert sorted(kept) == [("/image", 2), ("/image", 3), ("/x", 1), ("/x", 2), ("/x", 3)]
+
+
 def test_stops_when_space_runs_out(tmp_path):
     free = iter([1000, 1000, 5])
     made = recording(

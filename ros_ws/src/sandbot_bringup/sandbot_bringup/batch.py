@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sandbot_bed.protocol import prepare
 from sandbot_bringup.config import leg_mount_rad
-from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.folder import CampaignFolder, frames_kept
 from sandbot_bringup.plan import Plan, PlannedTrial, to_yaml
 from sandbot_bringup.provenance import trial_message, trial_metadata
 from sandbot_bringup.trial_bag import TrialBag
@@ -44,8 +44,6 @@ class Setup:
     folder: CampaignFolder
     files: Mapping[str, str]
     """robot.yaml and cameras.yaml as text, attached to every bag."""
-    sample: str
-    """The one trial whose frames are kept where the plan says ``images: one``."""
 
     @cached_property
     def leg_mount_rad(self) -> float:
@@ -56,12 +54,6 @@ class Setup:
     def cameras(self) -> Mapping[str, object]:
         """The sections of cameras.yaml."""
         return dict(load_yaml(self.files["cameras.yaml"]))
-
-    def images(self, trial: PlannedTrial) -> str:
-        """How this trial's frames are kept: none, jpeg or raw."""
-        if self.plan.images == "one":
-            return "jpeg" if trial.trial_id == self.sample else "none"
-        return self.plan.images
 
 
 def choose_world(folder: CampaignFolder, path: Path | None, hide: int | None) -> World:
@@ -122,7 +114,7 @@ def _film(
         name: LabCamera(name, setup.cameras[name], seed=trial.seed)  # type: ignore[arg-type]
         for name in ("dorsal", "lateral")
     }
-    kept = setup.images(trial)
+    kept = frames_kept(setup.plan, trial)
     means = PeriodMeans()
     advance = np.mean(np.unwrap(trace.leg_angle_rad, axis=0) - trace.leg_angle_rad[0], axis=1)
     first = -round(setup.plan.standing_s * FRAME_RATE_HZ)

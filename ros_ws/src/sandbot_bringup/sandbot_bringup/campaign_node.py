@@ -14,11 +14,11 @@ import rclpy
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from tqdm import tqdm
 
 from sandbot_bringup.config import leg_mount_rad
-from sandbot_bringup.folder import PARTIAL, CampaignFolder
+from sandbot_bringup.folder import PARTIAL, CampaignFolder, frames_kept
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
 from sandbot_common import messages, topics
@@ -87,6 +87,7 @@ class Operator(Node):
             name: self.create_client(Trigger, name)
             for name in ("/clock/home", "/clock/start", "/clock/stop", "/bed/prepare", "/bed/abort", "/lab/reset")
         }
+        self._pause_images = self.create_client(SetBool, "/recorder/pause_images")
         self._setters = {
             node: self.create_client(SetParameters, f"/{node}/set_parameters") for node in ("clock", "bed", "lab")
         }
@@ -118,9 +119,12 @@ class Operator(Node):
         aside = folder.trials / PARTIAL / trial.trial_id
         _set_aside_torn(aside)
         self._set_up(trial)
-        self._recorder = recorder = _start_recorder(aside)
+        images = frames_kept(self._plan, trial)
+        self._recorder = recorder = _start_recorder(aside, images)
         try:
             self._prepare_bed()
+            if images != "none":
+                self._film()
             self._wait(lambda: False, self._plan.standing_s)
             self._walk(self._plan.duration_s(trial.omega_rad_s))
         except (TrialFailed, KeyboardInterrupt):
@@ -155,6 +159,12 @@ class Operator(Node):
         done = self._wait(lambda: self._phi is not None or self._bed_stage == "failed", BED_S)
         if not done or self._phi is None:
             raise TrialFailed(f"the bed was not prepared (stage {self._bed_stage or 'unknown'})")
+
+    def _film(self) -> None:
+        """Keep frames from here on; those of the bed's preparation would only fill the disk."""
+        if not self._pause_images.wait_for_service(CALL_S):
+            raise TrialFailed(f"the recorder does not offer {self._pause_images.srv_name}")
+        self._complete(self._pause_images.call_async(SetBool.Request(data=False)), self._pause_images.srv_name)
 
     def _walk(self, duration_s: float) -> None:
         self._call("/clock/start")
@@ -231,10 +241,13 @@ class Operator(Node):
         self._speed_ns = messages.nanoseconds(message.header.stamp)
 
 
-def _start_recorder(bag: Path) -> subprocess.Popen[str]:
+def _start_recorder(bag: Path, images: str) -> subprocess.Popen[str]:
+    """``images``: none, jpeg or raw."""
     bag.parent.mkdir(parents=True, exist_ok=True)
-    names = [topic.name for topic in topics.ALL if topic not in _FRAMES]
-    command = [sys.executable, "-m", "sandbot_record.tools.record", *names, "--out", str(bag)]
+    left_out = _ENCODED if images != "none" else _ENCODED | _FRAMES
+    names = [topic.name for topic in topics.ALL if topic not in left_out]
+    command = [sys.executable, "-m", "sandbot_record.tools.record", *names, "--images", images, "--pause-images"]
+    command += ["--out", str(bag)]
     # A process of its own: if this one dies, the run under way is still recorded. Its own session, so that
     # Ctrl-C reaches us first and the legs are stopped while it still records.
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
@@ -270,4 +283,6 @@ def _set_aside_torn(bag: Path) -> None:
         bag.rename(kept)
 
 
-_FRAMES = {topics.DORSAL_IMAGE, topics.LATERAL_IMAGE, topics.DORSAL_JPEG, topics.LATERAL_JPEG}
+_FRAMES = {topics.DORSAL_IMAGE, topics.LATERAL_IMAGE}
+_ENCODED = {topics.DORSAL_JPEG, topics.LATERAL_JPEG}
+"""Written by the recorder itself, from the frames."""

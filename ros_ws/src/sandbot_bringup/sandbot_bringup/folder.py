@@ -86,6 +86,13 @@ def sample_trial(plan: Plan) -> PlannedTrial:
     return next(one for one in trials_of(plan) if one.phi == phi and one.omega_rad_s == omega)
 
 
+def frames_kept(plan: Plan, trial: PlannedTrial) -> str:
+    """How a trial's frames go into its bag: none, jpeg or raw."""
+    if plan.images != "one":
+        return plan.images
+    return "jpeg" if trial.trial_id == sample_trial(plan).trial_id else "none"
+
+
 def _difference(present: Plan, given: Plan) -> str:
     for field in dataclasses.fields(Plan):
         old, new = getattr(present, field.name), getattr(given, field.name)

@@ -159,6 +159,7 @@ class Recorder(Node):
         self.create_service(Trigger, "/recorder/start", self._on_start)
         self.create_service(Trigger, "/recorder/stop", self._on_stop)
         self.create_service(SetBool, "/recorder/pause", self._on_pause)
+        self.create_service(SetBool, "/recorder/pause_images", self._on_pause_images)
         self._health = Health(self, self._figures)
         for name in (*selection.names, NOTE.name):
             if name in _KNOWN:
@@ -285,6 +286,11 @@ class Recorder(Node):
     def _on_pause(self, request: Any, response: Any) -> Any:
         self._recording.paused = request.data
         response.success, response.message = True, "paused" if request.data else "recording"
+        return response
+
+    def _on_pause_images(self, request: Any, response: Any) -> Any:
+        self._recording.images_paused = request.data
+        response.success, response.message = True, "images paused" if request.data else "recording images"
         return response
 
 

@@ -74,6 +74,7 @@ class Recording:
         *,
         limits: Limits = Limits(),
         images: str = "raw",
+        images_paused: bool = False,
         codec: str = "rawvideo",
         monotonic_s: Callable[[], float],
         free_bytes: Callable[[Path], int] = lambda folder: shutil.disk_usage(folder).free,
@@ -87,6 +88,7 @@ class Recording:
         self._lock = threading.Lock()
         self._pending_topics: deque[Callable[[], None]] = deque()
         self._written_as: dict[str, str] = {}
+        self._image_topics: set[str] = set()
         self._convert: dict[str, Callable[[bytes], bytes]] = {}
         self._videos: list[VideoFile] = []
         self._torn = False
@@ -96,6 +98,7 @@ class Recording:
         self.reason = ""
         self.failed = False
         self.paused = False
+        self.images_paused = images_paused
         self._closed = False
         self._check_free()
         if self.failed:
@@ -116,6 +119,8 @@ class Recording:
         """Have the writer's thread register a topic before any of its messages."""
         self.tallies.setdefault(name, Tally())
         written = name
+        if type_name == frames.RAW:
+            self._image_topics.add(name)
         if type_name == frames.RAW and self._images != "raw":
             written, type_name = self._keep_frames(name)
             definition = type_hash = None
@@ -141,7 +146,7 @@ class Recording:
         if sole_publisher and message.sequence and tally.sequence:
             tally.gaps += max(0, message.sequence - tally.sequence - 1)
         tally.sequence = message.sequence
-        if self.paused or self.stopped.is_set():
+        if self.paused or self.stopped.is_set() or (self.images_paused and message.topic in self._image_topics):
             return
         if self._queued_bytes + len(message.data) > self._limits.queue_bytes:
             tally.dropped += 1

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from sandbot_bringup.config import config_folder, files_of
-from sandbot_bringup.folder import CampaignFolder, sample_trial
+from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import Plan, PlannedTrial, read_plan, trials_of, with_next_trials
 from sandbot_common import cli
 from sandbot_common.errors import InputError
@@ -109,7 +109,7 @@ def _batch(
     todo = folder.missing(trials)
     if len(todo) < len(trials):
         print(f"{folder.path}: {len(trials) - len(todo)} of {len(trials)} trials are there already")
-    setup = batch.Setup(plan, world, folder, files, sample_trial(plan).trial_id)
+    setup = batch.Setup(plan, world, folder, files)
     return runner.run(todo, functools.partial(batch.run_trial, setup), options.workers).failed
 
 

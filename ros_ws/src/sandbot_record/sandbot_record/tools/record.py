@@ -55,6 +55,7 @@ def _record(argv: Sequence[str]) -> int:
             writer,
             limits=Limits(int(options.min_free * MIB), options.duration),
             images=options.images,
+            images_paused=options.pause_images,
             codec=options.video_codec,
             monotonic_s=time.monotonic,
         )
@@ -79,6 +80,9 @@ def _parser() -> cli.Parser:
         choices=("raw", "jpeg", "video", "none"),
         default="raw",
         help="what becomes of raw images: messages as they are, JPEG messages, a video file for each camera, nothing",
+    )
+    parser.add_argument(
+        "--pause-images", action="store_true", help="raw images only once /recorder/pause_images is called with false"
     )
     parser.add_argument(
         "--video-codec", choices=tuple(CODECS), default="rawvideo", help="lossless both; ffv1 is smaller and slower"
