@@ -48,6 +48,21 @@ def test_a_file_adds_an_effect(tmp_path):
         (OWN.replace('"strength"', '"muscle"'), "stage 'muscle' is not one of"),
         (OWN.replace('    seen_in = "v"\n', ""), "has no seen_in"),
         (OWN.replace('"boost"', '"leg_slip"'), "already"),
+        (OWN.replace('"gain"),)', '"gain"))'), "parameters is no tuple; is a comma missing"),
+        (
+            OWN.replace('Parameter("a", "1", 0.0, 0.5, 0.1, "gain")', '"a"'),
+            "parameters holds 'a', expected a Parameter",
+        ),
+        (OWN.replace("0.5, 0.1", "0.5, 0.9"), "a: start 0.9 is not within 0.0 to 0.5"),
+        (OWN.replace('0.5, 0.1, "gain"', "0.5"), "TypeError: .* missing 2 required"),
+        (OWN.replace('p["a"]', 'p["b"]'), "Boost.apply: KeyError: 'b'"),
+        (OWN.replace("chain.k = ", "chain.kk = "), "Boost.apply: AttributeError: 'Chain' object has no attribute 'kk'"),
+        (OWN.replace("(1 +", "(float('nan') +"), "Boost.apply: gives no number"),
+        (
+            OWN.replace("    def apply", "    def __init__(self, x):\n        pass\n\n    def apply"),
+            "missing 1 required",
+        ),
+        (OWN.replace("def apply(self", "def applied(self"), "Boost.apply: NotImplementedError"),
     ],
 )
 def test_refuses_files_that_are_no_effect(tmp_path, text, message):

@@ -6,10 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 
+import numpy as np
+
 from sandbot_common.errors import InputError
-from sandbot_model.chain import STAGES, Effect
+from sandbot_model.chain import STAGES, Effect, Parameter
 from sandbot_model.effects import CATALOGUE
 from sandbot_model.formula import formula_effect
+from sandbot_model.walking import Inputs, Walker
 
 GROUP = "sandbot_model.effects"
 """Entry-point group: each entry names an Effect subclass."""
@@ -44,7 +47,7 @@ def effects_in(path: Path) -> list[Effect]:
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
-        raise InputError(f"{path}: {type(error).__name__}: {' '.join(str(error).split())}") from error
+        raise InputError(f"{path}: {_in_a_line(error)}") from error
     finally:
         sys.dont_write_bytecode = usual
     classes = [one for one in vars(module).values() if isinstance(one, type) and one.__module__ == module.__name__]
@@ -62,7 +65,43 @@ def _made(cls: object, where: str) -> Effect:
             raise InputError(f"{where}: {cls.__name__} has no {name}")
     if cls.stage not in STAGES:
         raise InputError(f"{where}: {cls.__name__}: stage {cls.stage!r} is not one of {', '.join(STAGES)}")
-    return cls()
+    try:
+        effect = cls()
+    except Exception as error:
+        raise InputError(f"{where}: {cls.__name__}: {_in_a_line(error)}") from error
+    _check_parameters(effect, where)
+    _try(effect, where)
+    return effect
+
+
+def _check_parameters(effect: Effect, where: str) -> None:
+    if not isinstance(effect.parameters, tuple):
+        raise InputError(f"{where}: {type(effect).__name__}: parameters is no tuple; is a comma missing?")
+    for one in effect.parameters:
+        if not isinstance(one, Parameter):
+            raise InputError(f"{where}: {type(effect).__name__}: parameters holds {one!r}, expected a Parameter")
+        numbers = (one.low, one.start, one.high)
+        if not (all(isinstance(value, int | float) for value in numbers) and one.low <= one.start <= one.high):
+            raise InputError(f"{where}: {one.name}: start {one.start!r} is not within {one.low!r} to {one.high!r}")
+
+
+def _try(effect: Effect, where: str) -> None:
+    """Run it once, so that a slip shows before any fit."""
+    values = {one.name: np.asarray(one.start, dtype=float) for one in effect.parameters}
+    walker, inputs = Walker((effect,)), Inputs(200.0, 8.0, 0.4, 0.61)
+    try:
+        with np.errstate(all="ignore"):
+            walker.predict(inputs, [values])
+            chain = walker.chain(inputs, [values], np.array([0.03, 0.04]), first_step=False)
+            sound = all(np.isfinite(part).all() for part in (chain.margin, chain.speed, chain.peak_ratio))
+    except Exception as error:
+        raise InputError(f"{where}: {type(effect).__name__}.apply: {_in_a_line(error)}") from error
+    if not sound:
+        raise InputError(f"{where}: {type(effect).__name__}.apply: gives no number where its parameters start")
+
+
+def _in_a_line(error: BaseException) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def _add(known: dict[str, Effect], effects: Iterable[Effect], where: str) -> None:

@@ -31,9 +31,9 @@ Values = Mapping[str, Array]
 STAGES = ("clock", "strength", "balance", "step", "speed")
 
 
-@dataclass
+@dataclass(slots=True)
 class Chain:
-    """Quantities of the chain, SI units, broadcastable against ``depth`` ``(..., depths)``."""
+    """Quantities of the chain, SI units, broadcastable against ``depth`` ``(..., depths)``; no others can be set."""
 
     robot: Robot
     depth: Array = field(
