@@ -81,12 +81,11 @@ def plan_of_one(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture
-def ros_env(request: pytest.FixtureRequest) -> dict[str, str]:
+def ros_env(domain: int) -> dict[str, str]:
     """An environment on a DDS domain of this test's own, on this host only."""
-    number = 1 + (os.getpid() * 7 + abs(hash(request.node.nodeid))) % 100
     return {
         **os.environ,
-        "ROS_DOMAIN_ID": str(number),
+        "ROS_DOMAIN_ID": str(domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "PYTHONUNBUFFERED": "1",
     }

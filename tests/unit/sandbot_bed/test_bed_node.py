@@ -1,6 +1,5 @@
 """The bed node as a real process over DDS, with a stand-in for blower and height sensor."""
 
-import os
 import subprocess
 import sys
 import time
@@ -87,11 +86,10 @@ class StandIn:
 
 
 @pytest.fixture
-def bed():
-    domain = 30 + os.getpid() % 50
+def bed(domain):
     given = [word for key, value in FAST.items() for word in ("-p", f"{key}:={value}")]
     command = [sys.executable, "-m", "sandbot_bed.bed_node", "--ros-args", *given]
-    process = subprocess.Popen(command, env={**os.environ, "ROS_DOMAIN_ID": str(domain)})
+    process = subprocess.Popen(command)
     try:
         beside = StandIn(domain)
         beside.process = process

@@ -1,6 +1,5 @@
 """The clock node as a real process over DDS."""
 
-import os
 import subprocess
 import sys
 import time
@@ -54,10 +53,8 @@ class Listener:
 
 
 @pytest.fixture
-def listener():
-    domain = 30 + os.getpid() % 50
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
-    process = subprocess.Popen([sys.executable, "-m", "sandbot_clock.clock_node"], env=environment)
+def listener(domain):
+    process = subprocess.Popen([sys.executable, "-m", "sandbot_clock.clock_node"])
     try:
         beside = Listener(domain)
         yield beside

@@ -1,6 +1,5 @@
 """The node over DDS: a trial played into it comes out as the batch's, frames on the robot's time, no truth told."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -23,16 +22,15 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
 ]
 
-DOMAIN = 60 + os.getpid() % 40
 HEARD = (topics.LEG_STATES, topics.SYNC_LED, topics.BED_HEIGHT, topics.DORSAL_IMAGE, topics.LATERAL_IMAGE)
 SETPOINTS = 100
 
 
 @pytest.fixture
-def probe():
+def probe(domain):
     """A node in the lab's domain, with what it heard by topic name."""
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=DOMAIN)
+    rclpy.init(context=context, domain_id=domain)
     listener = rclpy.create_node("probe", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(listener)
@@ -53,9 +51,9 @@ def probe():
 
 
 @pytest.fixture
-def lab():
+def lab(domain):
     command = [sys.executable, "-m", "sandbot_lab.lab_node", "--ros-args", "-p", "phi:=0.62", "-p", "trial_seed:=5"]
-    process = subprocess.Popen(command, env={**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)})
+    process = subprocess.Popen(command)
     yield process
     process.terminate()
     # Taken down before it was up, it is ended by the signal itself.

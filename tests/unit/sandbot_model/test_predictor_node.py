@@ -1,7 +1,6 @@
 """The predictor as a real process over DDS: told φ, ω and leg angles, it says speed, mean speed and error."""
 
 import json
-import os
 import subprocess
 import sys
 import time
@@ -17,15 +16,12 @@ pytestmark = [
 
 
 @pytest.fixture
-def bench():
+def bench(domain):
     """A node beside the predictor, on a domain of its own."""
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
 
-    domain = 80 + os.getpid() % 20
-    process = subprocess.Popen(
-        [sys.executable, "-m", "sandbot_model.predictor_node"], env={**os.environ, "ROS_DOMAIN_ID": str(domain)}
-    )
+    process = subprocess.Popen([sys.executable, "-m", "sandbot_model.predictor_node"])
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=domain)
     beside = rclpy.create_node("beside", context=context)
