@@ -15,6 +15,8 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from sandbot_bringup.tools import campaign, unseal
+from sandbot_record.film_strip import film_strip
+from sandbot_record.playback import Timeline
 from sandbot_record.reader import Bag
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
@@ -96,6 +98,21 @@ def test_frames_are_kept_of_one_trial_and_the_truth_only_in_its_place(done):
     (effect,) = world["effects"]
     said = [path for path in done.rglob("*") if path.is_file() and effect.encode() in path.read_bytes()]
     assert said == [done / "truth" / "world.yaml"]
+
+
+def test_frames_kept_as_video_are_the_raw_ones_to_the_last_bit(tmp_path):
+    plan, frames = write_plan(tmp_path, phi=[0.633], omega_rad_s=[20.0]), {}
+    for images in ("raw", "video"):
+        assert run(plan, "--out", tmp_path / images, "--batch", "--images", images) == 0
+        bag = Bag.open(bags(tmp_path / images)[0])
+        assert bool(bag.videos) == (images == "video")
+        shown = Timeline(bag, ["/camera/dorsal/image_raw", "/camera/lateral/image_raw"])
+        every = [shown[number] for number in range(len(shown))]
+        frames[images] = {(one.topic, one.log_time_ns - bag.start_ns): bytes(one.decode().data) for one in every}
+    assert len(frames["raw"]) > 250
+    assert frames["video"] == frames["raw"]
+    assert rows(tmp_path / "video") == rows(tmp_path / "raw")
+    assert film_strip(tmp_path / "video") == film_strip(tmp_path / "raw") != []
 
 
 def test_the_same_seed_gives_the_same_rows(done, tmp_path):

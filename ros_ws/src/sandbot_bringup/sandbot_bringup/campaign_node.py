@@ -242,7 +242,7 @@ class Operator(Node):
 
 
 def _start_recorder(bag: Path, images: str) -> subprocess.Popen[str]:
-    """``images``: none, jpeg or raw."""
+    """``images``: none, jpeg, video or raw."""
     bag.parent.mkdir(parents=True, exist_ok=True)
     left_out = _ENCODED if images != "none" else _ENCODED | _FRAMES
     names = [topic.name for topic in topics.ALL if topic not in left_out]

@@ -87,7 +87,7 @@ def sample_trial(plan: Plan) -> PlannedTrial:
 
 
 def frames_kept(plan: Plan, trial: PlannedTrial) -> str:
-    """How a trial's frames go into its bag: none, jpeg or raw."""
+    """How a trial's frames go into its bag: none, jpeg, video or raw."""
     if plan.images != "one":
         return plan.images
     return "jpeg" if trial.trial_id == sample_trial(plan).trial_id else "none"

@@ -55,7 +55,7 @@ class Plan:
     standing_s: float = parameter(0.25, unit="s", doc="recording before the legs start", low=0.0, high=60.0)
     setpoint_rate_hz: float = parameter(200.0, unit="Hz", doc="rate of leg set-points", low=50.0, high=1000.0)
     images: str = parameter(
-        "one", doc="frames kept: of one trial as JPEG, or of all", choices=("one", "none", "jpeg", "raw")
+        "one", doc="frames kept: of one trial as JPEG, or of all", choices=("one", "none", "jpeg", "video", "raw")
     )
     cameras: str = parameter("", doc="camera calibration file, relative to the plan; empty: the project's own")
     robot: str = parameter("", doc="robot file, relative to the plan; empty: the project's own SandBot")

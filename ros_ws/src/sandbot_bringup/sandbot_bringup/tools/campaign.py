@@ -64,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
         "--hide", type=int, metavar="SEED", help="draw a world with a hidden effect from SEED (--batch)"
     )
     parser.add_argument(
-        "--images", choices=("none", "jpeg", "raw"), help="frames in every bag; default: one trial, JPEG"
+        "--images", choices=("none", "jpeg", "video", "raw"), help="frames in every bag; default: one trial, JPEG"
     )
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="worker processes (--batch)")
     parser.add_argument("--config-folder", action="store_true", help="print where the example plans lie, and stop")
