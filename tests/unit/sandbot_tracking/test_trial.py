@@ -142,3 +142,24 @@ def test_a_peak_is_kept_only_where_the_body_can_have_reached_it(peak, speed, lif
     else:
         with pytest.raises(ValueError, match="m/s at a mean of"):
             trial._plausible(peak, speed, lift)
+
+
+@pytest.mark.parametrize(("omega", "alpha", "resolved"), [(8.0, 0.44, True), (4.0, 0.44, True), (16.0, 0.2, False)])
+def test_a_fast_end_of_a_stance_is_seen_or_the_peak_is_not_measured(rng, omega, alpha, resolved):
+    """SGCS: slow up to 0.05 rad, then 1.5 times the mean rate; 32, 65 and 6 ms of a stance are fast here.
+
+    Of what lasts less than a frame a third may be missing; it must never be the slow part's βRω, a quarter of it.
+    """
+    fast = 1.5 * R * omega
+    for _ in range(8):
+        t = np.arange(-0.1, 8 * np.pi / omega, 0.01) + rng.uniform(0, 0.01)
+        legs_t = np.arange(-0.2, t[-1] + 0.1, 0.005)
+        x, z = stance("SGCS", omega, t, alpha, 0.0)[1], np.full(t.size, H) + 0.002 * (t > 0)
+        x, z = (values + 5e-5 * rng.standard_normal(t.size) for values in (x, z))
+        found = summarise(t, x, z, z, legs_t, stance("SGCS", omega, legs_t, alpha, 0.0)[0])
+        if resolved:
+            assert found.peak_speed_m_s == pytest.approx(fast, rel=0.1)
+        elif np.isnan(found.peak_speed_m_s):
+            assert "too short to resolve" in found.reason
+        else:
+            assert found.peak_speed_m_s == pytest.approx(fast, rel=0.35)

@@ -16,9 +16,14 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 _CENTRES = 60
-_WIDTHS = 0.5 * 0.85 ** np.arange(16)
-"""Half-widths of windows, in steps: 0.5 down to 0.044 (the stance of a step of 0.3 R spans 0.095)."""
+_WIDTHS = 0.5 * 0.85 ** np.arange(22)
+"""Half-widths of windows, in steps: 0.5 down to 0.017 (the stance of a step of 0.3 R spans 0.095; with a soft-ground
+clock signal the fast end of one of 0.8 R 0.08)."""
 _MARGIN = 0.85
+_GROUP = 4
+"""Points in a mean that a secant is drawn through."""
+_MISSED = 1.1
+"""A curve that is so much steeper somewhere than its steepest slope has an arc that no window could hold."""
 _LEAST = 8
 """Points in a window at least, so that a cubic has residuals."""
 
@@ -64,6 +69,10 @@ def peak_slope(t_s: Floats, x_m: Floats, edges_s: Floats, rest_m: Floats) -> flo
     if line is not None:
         return line.slope / seconds
     best = _best(folded, lambda fit: fit.slope - 5 * fit.slope_se)
+    secant = _steepest_secant(folded)
+    if secant > _MISSED * best.slope:
+        found = f"{best.slope / seconds:.4f} m/s where it moves at {secant / seconds:.4f} m/s at least"
+        raise ValueError(f"an arc too short to resolve ({found})")
     return best.slope / seconds
 
 
@@ -128,6 +137,22 @@ def _best(folded: Folded, merit: Callable[[_Fit], float]) -> _Fit:
     if not fits:
         raise ValueError("the folded step is not sampled finely enough: more steps or another ω are needed")
     return max(fits, key=merit)
+
+
+def _steepest_secant(folded: Folded) -> float:
+    """What the curve's steepest slope is at least: no secant is steeper. Means of a few points, less 5 of their se."""
+    size, groups = _GROUP, folded.phase.size // _GROUP
+    phase, value, off = (
+        values[: groups * size].reshape(groups, size) for values in (folded.phase, folded.value, folded.off)
+    )
+    noise = np.maximum(1.4826 * np.median(np.abs(off), axis=1), folded.noise)
+    middle, level = phase.mean(axis=1), value.mean(axis=1)
+    found = 0.0
+    for apart in (1, 2, 3):
+        span = middle[apart:] - middle[:-apart]
+        se = np.hypot(noise[apart:], noise[:-apart]) / np.sqrt(size)
+        found = max(found, float(np.max((level[apart:] - level[:-apart] - 5 * se) / span)))
+    return found
 
 
 def _widest(folded: Folded, centre: float) -> _Fit | None:
