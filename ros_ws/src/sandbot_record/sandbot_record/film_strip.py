@@ -16,7 +16,7 @@ from sandbot_record import frames, metadata, video
 from sandbot_record.frames import Pixels
 from sandbot_record.playback import Timeline
 from sandbot_record.reader import FIELD_STAMP, Bag
-from sandbot_record.table import bags_in
+from sandbot_record.table import bags_in, start_ns
 from sandbot_tracking.calibration import Camera, cameras_from_mapping
 
 Strip = list[tuple[bytes, str]]
@@ -51,15 +51,14 @@ def _strip(bag: Bag, count: int) -> Strip:
     except (UnicodeDecodeError, yaml.YAMLError) as error:
         raise InputError(f"{bag.path}: attachment cameras.yaml: {error}") from None
     camera = cameras_from_mapping(content, f"{bag.path}: cameras.yaml")["lateral"]
-    led = bag.columns(topics.SYNC_LED.name, "stamp.sec", "stamp.nanosec")
-    start_ns = int(led["stamp.sec"][0]) * 1_000_000_000 + int(led["stamp.nanosec"][0])
+    zero_ns = start_ns(bag)
     marks = {topic: bag.columns(topic.name, *_POINT, *FIELD_STAMP) for topic in _MARKS}
     stamps, picture = _frames(bag)
-    wanted = [int(np.argmin(np.abs(stamps - t))) for t in _moments(marks[topics.FRONT_AXLE], start_ns, count)]
+    wanted = [int(np.argmin(np.abs(stamps - t))) for t in _moments(marks[topics.FRONT_AXLE], zero_ns, count)]
     return [
         (
             _drawn(picture(i), camera, marks, int(stamps[i])),
-            f"t = {(stamps[i] - start_ns) * 1e-9:.2f} s ({bag.path.name}, lateral camera)",
+            f"t = {(stamps[i] - zero_ns) * 1e-9:.2f} s ({bag.path.name}, lateral camera)",
         )
         for i in wanted
     ]
@@ -77,12 +76,12 @@ def _frames(bag: Bag) -> tuple[NDArray[np.int64], Callable[[int], Pixels]]:
     return stamps, lambda i: frames.pixels_of(timeline[i].data, "grey")[1]
 
 
-def _moments(axle: Any, start_ns: int, count: int) -> NDArray[np.float64]:
+def _moments(axle: Any, zero_ns: int, count: int) -> NDArray[np.float64]:
     """Instants through one rise and fall of the axle, about the highest one after the first second."""
     stamps, height = axle.stamp_ns, np.nan_to_num(axle["point.z"])
-    steady = stamps > start_ns + 400_000_000
+    steady = stamps > zero_ns + 400_000_000
     if not steady.any():
-        steady = stamps > start_ns
+        steady = stamps > zero_ns
     top = int(stamps[steady][np.argmax(height[steady])])
     return np.asarray(top + 1e9 * np.linspace(-0.06, 0.06, count))
 

@@ -183,17 +183,17 @@ def _plan(bag: Bag) -> dict[str, Any]:
 
 
 def _summary(bag: Bag, plan: dict[str, Any]) -> TrialSummary:
-    start_ns = _start_ns(bag)
+    zero_ns = start_ns(bag)
     com, front, rear = _landmarks(bag)
     frames = np.unique(np.concatenate([com[0], front[0], rear[0]]))
     legs = bag.columns(topics.LEG_STATES.name, "position", *FIELD_STAMP)
     leg_ns, first = np.unique(legs.stamp_ns, return_index=True)
     return summarise(
-        (frames - start_ns) * 1e-9,
+        (frames - zero_ns) * 1e-9,
         _on(frames, *com, 0),
         _on(frames, *front, 2),
         _on(frames, *rear, 2),
-        (leg_ns - start_ns) * 1e-9,
+        (leg_ns - zero_ns) * 1e-9,
         legs["position"][first],
         leg_mount_rad=_leg_mount_rad(plan),
     )
@@ -223,8 +223,8 @@ def _on(frames: Any, stamps: Any, xyz: Floats, axis: int) -> Floats:
     return values
 
 
-def _start_ns(bag: Bag) -> int:
-    """The LED's edge: when the legs started."""
+def start_ns(bag: Bag) -> int:
+    """The LED's edge: when the legs started. Raises InputError if there is none."""
     if topics.SYNC_LED.name not in bag.topics or not bag.topics[topics.SYNC_LED.name].count:
         raise InputError(f"no {topics.SYNC_LED.name} edge, so the start is not known")
     led = bag.columns(topics.SYNC_LED.name, "stamp.sec", "stamp.nanosec")
