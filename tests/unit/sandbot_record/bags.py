@@ -67,7 +67,7 @@ def trial_bag(path: Path, *, speed: float = 0.2, without: tuple[str, ...] = (), 
     for index in range(860):
         t_ns = T0 + index * 5_000_000
         t_s = max(0.0, (t_ns - start) * 1e-9)
-        angles = OMEGA * t_s + np.array([0, 0, 0, 1, 1, 1]) * math.pi
+        angles = OMEGA * t_s - math.pi / 2 + np.array([0, 0, 0, 1, 1, 1]) * math.pi
         add(topics.LEG_STATES, t_ns, messages.joint_state(t_ns, topics.LEGS, angles, angles * 0 + OMEGA, angles * 0))
     with BagWriter(path) as writer:
         for t_ns, topic, cdr in sorted(given, key=lambda one: one[0]):
