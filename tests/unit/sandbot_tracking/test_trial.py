@@ -112,6 +112,19 @@ def test_the_first_step_is_counted_to_rest_whatever_the_gait(omega, name, mount,
         assert found.speed_m_s == pytest.approx(omega / np.pi * 2 * R * np.sin(alpha), rel=2e-3)
 
 
+def test_legs_that_start_within_a_step_make_no_first_step():
+    """Encoders with another zero than straight below: what is counted in steps is as it was, the first is not."""
+    t = np.arange(-0.1, 3.5, 0.01)
+    legs_t = np.arange(-0.2, 3.6, 0.005)
+    x, z = stance("UNIFORM", 8.0, t, 0.6, 0.0)[1], np.full(t.size, H)
+    angle = stance("UNIFORM", 8.0, legs_t, 0.6, 0.0)[0]
+    right, wrong = (summarise(t, x, z, z, legs_t, angle + zero) for zero in (0.5, np.pi / 2))
+    assert right.first_step_m == pytest.approx(2 * R * np.sin(0.6), abs=2e-4)
+    assert np.isnan(wrong.first_step_m)
+    assert "is leg_mount_rad right?" in wrong.reason
+    assert wrong.speed_m_s == pytest.approx(right.speed_m_s, rel=1e-3)
+
+
 def test_a_swimmer_s_first_step_ends_with_the_clock(rng):
     """Control: a body that never rests is read at the handover, not where it happens to be slowest."""
     t = np.arange(-0.1, 3.0, 0.01)

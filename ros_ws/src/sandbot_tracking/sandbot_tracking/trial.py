@@ -26,6 +26,9 @@ AXLE_REST_M = 0.025
 SWIMMING_SLACK = 0.8
 """A swimmer's peak is its mean speed, measured to better than this."""
 
+STARTS_IN_STEP = np.pi / 4
+"""Legs that start so far [rad] from where a step begins make no whole first step."""
+
 NO_LIFT_M, FAR_ABOVE = 1e-4, 4.0
 """A body that rises less than this is not carried by its legs; a peak so many times the mean would need it to be."""
 
@@ -86,12 +89,12 @@ def summarise(
     moving = t >= start_s
     frames, gaps = int(moving.sum()), int((moving & ~np.isfinite(x + z)).sum())
     try:
-        edges = handovers(leg_t_s, np.asarray(leg_angle, dtype=float) + leg_mount_rad, start_s)
+        edges, early = handovers(leg_t_s, np.asarray(leg_angle, dtype=float) + leg_mount_rad, start_s)
     except _NotMeasured as why:
         return TrialSummary(*(np.nan,) * 5, frames, gaps, 0, str(why))
 
     reasons: list[str] = []
-    first = _first_step(t, x, edges, reasons)
+    first = _first_step(t, x, edges, early, reasons)
     speed, speed_sd, cycles = _mean_speed(t, x, edges, reasons)
     peak = lift = np.nan
     if cycles:
@@ -131,8 +134,8 @@ def _check(t: Floats, others: tuple[Floats, ...]) -> None:
         raise InputError("frame times must be finite and grow")
 
 
-def handovers(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> Floats:
-    """Times (n,) of the start and of every end of a step after it."""
+def handovers(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> tuple[Floats, float]:
+    """Times (n,) of the start and of every end of a step after it; how far [rad] the start is before a step's begin."""
     t, angle = np.asarray(leg_t_s, dtype=float), np.asarray(leg_angle, dtype=float)
     if angle.ndim != 2 or len(angle) != t.size:
         raise InputError(f"leg angles of shape {angle.shape} with {t.size} times: (n, 6) is needed")
@@ -145,13 +148,14 @@ def handovers(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> Float
     phase = (turned - start).mean(axis=1)
     # An encoder may tremble: time is taken at the first passage.
     advance = np.maximum.accumulate(phase)
-    ends = _to_handover(start) + np.pi * np.arange(1, advance[-1] // np.pi + 2)
+    early = _to_handover(start)
+    ends = early + np.pi * np.arange(1, advance[-1] // np.pi + 2)
     ends = ends[ends <= advance[-1]]
     if not ends.size:
         raise _NotMeasured("the legs turned less than a step")
     ahead = np.concatenate(([True], np.diff(advance) > 0)) & (t >= start_s)
     clock, times = np.append(0.0, advance[ahead]), np.append(start_s, t[ahead])
-    return np.append(start_s, np.interp(ends, clock, times))
+    return np.append(start_s, np.interp(ends, clock, times)), early
 
 
 def _to_handover(angle: Floats) -> float:
@@ -160,7 +164,10 @@ def _to_handover(angle: Floats) -> float:
     return float((-tripods.sum() + np.pi) % (2 * np.pi) - np.pi) / 2
 
 
-def _first_step(t: Floats, x: Floats, edges: Floats, reasons: list[str]) -> float:
+def _first_step(t: Floats, x: Floats, edges: Floats, early: float, reasons: list[str]) -> float:
+    if abs(early) > STARTS_IN_STEP:
+        reasons.append(f"first step: the legs start {abs(early):.2f} rad from its begin; is leg_mount_rad right?")
+        return np.nan
     before = np.isfinite(x) & (t <= edges[0] + 1e-9)
     start = float(np.mean(x[before][-20:])) if before.any() else position_at(t, x, edges[0], edges[1] - edges[0])
     advance = rest_position(t, x, edges[1], edges[1] - edges[0]) - start
