@@ -331,17 +331,19 @@ def test_trials_of_a_cell_are_its_replicates(trials):
 PACE = 8.0
 
 
-def walking_bag(path, *, v_x, legs=True):
+def walking_bag(path, *, v_x, legs=True, mount=0.0):
     """A second of ``v_x(t)`` at 100 Hz after 0.2 s at rest; the LED goes on as legs start from −π/2 at ``PACE``."""
     start = 1_700_000_000_200_000_000
     with BagWriter(path) as writer:
         writer.write(topics.SYNC_LED, to_cdr(messages.header(start, "sync_led")), start)
+        if mount:
+            writer.write(topics.TRIAL, to_cdr(messages.string(json.dumps({"leg_mount_rad": mount}))), start)
         for i in range(-20, 100):
             t_ns, t = start + i * 10_000_000, i / 100
             writer.write(topics.SPEED, to_cdr(messages.twist(t_ns, v_x(t), 0.0, 1e-4, 1e-4)), t_ns)
             if legs:
                 turned, rate = PACE * max(t, 0.0), PACE * (t >= 0)
-                angles = -np.pi / 2 + turned - np.repeat([0.0, np.pi], 3)
+                angles = -np.pi / 2 + turned - np.repeat([0.0, np.pi], 3) - mount
                 state = messages.joint_state(t_ns, topics.LEGS, angles, np.full(6, rate), np.zeros(6))
                 writer.write(topics.LEG_STATES, to_cdr(state), t_ns)
     return path
@@ -353,6 +355,13 @@ def test_time_of_a_waveform_runs_from_the_start_of_the_legs(tmp_path):
     assert missing == []
     assert found.time_s[[0, -1]] == pytest.approx([-0.2, 0.99])
     assert np.array_equal(found.speed_m_s > 0.05, found.time_s >= -1e-9)
+
+
+def test_shaft_angles_become_those_of_the_legs(tmp_path):
+    for name, mount in (("a", 0.0), ("b", 0.5)):
+        walking_bag(tmp_path / name, v_x=lambda t: 0.0, mount=mount)
+    (plain, mounted), _ = waveforms.read({name: tmp_path / name for name in "ab"}, ["a", "b"])
+    assert mounted.leg_angle_rad == pytest.approx(plain.leg_angle_rad)
 
 
 def test_the_modelled_waveform_is_the_arc_of_a_leg_that_holds(tmp_path, session):

@@ -55,9 +55,11 @@ def test_follows_a_trial(bench):
     node.subscription(beside, topics.MODEL_SPEED_MEAN, means.append)
     node.subscription(beside, topics.MODEL_ERROR, errors.append)
     trial.publish(messages.string("no JSON"))
-    trial.publish(messages.string(json.dumps({"trial_id": "t", "omega_rad_s": 16.0, "gait": "UNIFORM"})))
+    trial.publish(
+        messages.string(json.dumps({"trial_id": "t", "omega_rad_s": 16.0, "gait": "UNIFORM", "leg_mount_rad": 0.5}))
+    )
     phi.publish(messages.float64(0.633))
-    angles = np.array([0.0] * 3 + [np.pi] * 3)
+    angles = np.array([0.0] * 3 + [np.pi] * 3) - 0.5
 
     def step():
         legs.publish(messages.joint_state(1_000, topics.LEGS, angles, np.full(6, 16.0), np.zeros(6)))

@@ -24,7 +24,7 @@ class PredictorNode(Node):
         self._settings = node.Parameters(self, PredictorParameters, self._use)
         self._use(self._settings.current)
         self._phi = self._omega = math.nan
-        self._gait = ""
+        self._gait, self._leg_mount_rad = "", 0.0
         self._error = math.nan
         self._speed = node.publisher(self, topics.MODEL_SPEED)
         self._mean = node.publisher(self, topics.MODEL_SPEED_MEAN)
@@ -42,6 +42,7 @@ class PredictorNode(Node):
         try:
             trial = json.loads(message.data)
             self._omega, self._gait = float(trial["omega_rad_s"]), str(trial.get("gait", ""))
+            self._leg_mount_rad = float(trial.get("leg_mount_rad", 0.0))
             if math.isnan(self._phi) and "phi" in trial:
                 self._phi = float(trial["phi"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
@@ -60,7 +61,7 @@ class PredictorNode(Node):
     def _on_legs(self, message: JointState) -> None:
         if not self._known:
             return
-        angles, rates = np.array(message.position), np.array(message.velocity)
+        angles, rates = np.array(message.position) + self._leg_mount_rad, np.array(message.velocity)
         here = self._predictor.velocity(self._phi, self._omega, self._gait, angles, rates)
         t_ns = messages.nanoseconds(message.header.stamp)
         self._speed.publish(messages.twist(t_ns, here.v_x, here.v_z, NO_VARIANCE, NO_VARIANCE))

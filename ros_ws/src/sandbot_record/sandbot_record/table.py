@@ -51,7 +51,7 @@ def row_from_bag(path: Path) -> Row:
     bag = Bag.open(path)
     if not bag.count:
         raise InputError(f"{path}: empty bag, no messages")
-    plan = _plan(bag)
+    plan = plan_of(bag)
     row = Row(
         trial_id=str(plan.get("trial_id") or path.stem),
         phi=_last(bag, topics.BED_PHI.name),
@@ -167,8 +167,8 @@ def _exit_status(bag: Bag) -> str:
     return bag.provenance.get("trial", {}).get("exit_status", OK)
 
 
-def _plan(bag: Bag) -> dict[str, Any]:
-    """What /trial says was run; else what the provenance record says."""
+def plan_of(bag: Bag) -> dict[str, Any]:
+    """What /trial says was run; else what the provenance record says. Raises InputError if neither says anything."""
     texts = [message.decode().data for message in bag.messages([topics.TRIAL.name])]
     texts += [bag.provenance.get("trial", {}).get("parameters", "")]
     if not texts[0]:
@@ -195,12 +195,12 @@ def _summary(bag: Bag, plan: dict[str, Any]) -> TrialSummary:
         _on(frames, *rear, 2),
         (leg_ns - zero_ns) * 1e-9,
         legs["position"][first],
-        leg_mount_rad=_leg_mount_rad(plan),
+        leg_mount_rad=leg_mount_rad(plan),
     )
 
 
-def _leg_mount_rad(plan: dict[str, Any]) -> float:
-    """What must be added to shaft angles; 0 where /trial does not say."""
+def leg_mount_rad(plan: dict[str, Any]) -> float:
+    """What must be added to shaft angles; 0 where /trial does not say. Raises InputError if it is no angle."""
     value = plan.get("leg_mount_rad", 0.0)
     if not math.isfinite(_float(value)):
         raise InputError(f"{topics.TRIAL.name}: leg_mount_rad: {value!r} is not an angle [rad]")

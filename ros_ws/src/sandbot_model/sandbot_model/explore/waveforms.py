@@ -22,6 +22,7 @@ from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
 from sandbot_model.report.view import CM
 from sandbot_record.film_strip import Strip, film_strip
 from sandbot_record.reader import FIELD_STAMP, Bag
+from sandbot_record.table import leg_mount_rad, plan_of, start_ns
 from sandbot_record.trials import Trials
 
 NEAR_OMEGA = 5e-3
@@ -38,7 +39,7 @@ class Waveform:
     time_s: Floats = field(metadata={"shape": "(n,)", "unit": "s"})
     speed_m_s: Floats = field(metadata={"shape": "(n,)", "unit": "m/s", "doc": "NaN where a marker was lost"})
     leg_time_s: Floats = field(metadata={"shape": "(m,)", "unit": "s", "doc": "empty without leg states"})
-    leg_angle_rad: Floats = field(metadata={"shape": "(m, 6)", "unit": "rad"})
+    leg_angle_rad: Floats = field(metadata={"shape": "(m, 6)", "unit": "rad", "doc": "of the c-legs' centres"})
     leg_rate_rad_s: Floats = field(metadata={"shape": "(m, 6)", "unit": "rad/s"})
 
 
@@ -85,18 +86,25 @@ def _read_one(trial_id: str, path: Path) -> Waveform:
     if topics.LEG_STATES.name in bag.topics:
         states = bag.columns(topics.LEG_STATES.name, "position", "velocity", *FIELD_STAMP)
         sparse = slice(None, None, max(1, len(states.log_time_ns) // MAX_POINTS))
-        legs = (states.stamp_ns[sparse] - start) / 1e9, states["position"][sparse], states["velocity"][sparse]
+        angles = states["position"][sparse] + _leg_mount_rad(bag)
+        legs = (states.stamp_ns[sparse] - start) / 1e9, angles, states["velocity"][sparse]
     return Waveform(trial_id, time[::every], speed["twist.twist.linear.x"][::every], *legs)
 
 
 def _start_ns(bag: Bag, otherwise: int) -> int:
     """When the legs started: the sync LED's edge, if it was recorded."""
-    if topics.SYNC_LED.name not in bag.topics:
+    try:
+        return start_ns(bag)
+    except InputError:
         return otherwise
-    led = bag.columns(topics.SYNC_LED.name, "stamp.sec", "stamp.nanosec")
-    if not len(led.log_time_ns):
-        return otherwise
-    return int(led["stamp.sec"][0]) * 1_000_000_000 + int(led["stamp.nanosec"][0])
+
+
+def _leg_mount_rad(bag: Bag) -> float:
+    """What the trial's robot adds to shaft angles, if it is known."""
+    try:
+        return leg_mount_rad(plan_of(bag))
+    except InputError:
+        return 0.0
 
 
 def modelled(waveform: Waveform, fit: Fit, cell: int) -> Floats:
