@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_smoothing_spline
 from scipy.signal import savgol_filter
 
-from sandbot_tracking.speed import HarmonicSpeed, smooth
+from sandbot_tracking.smooth import smooth
+from sandbot_tracking.speed import HarmonicSpeed
 
 Floats = NDArray[np.float64]
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from sandbot_common.errors import InputError
-from sandbot_tracking.speed import HarmonicSpeed, smooth
+from sandbot_tracking.smooth import smooth
+from sandbot_tracking.speed import HarmonicSpeed
 
 T = np.arange(0, 5, 0.01)
 W = 10 * np.pi
@@ -24,7 +25,32 @@ def test_the_smoother_halves_the_error_of_differences(rng):
     assert np.mean(error**2 / found.var) < 2
 
 
-def test_the_clock_locked_filter_beats_the_smoother_without_lag(rng):
+@pytest.mark.parametrize(("noise", "tuned"), [(2e-5, 0.00043), (6e-5, 0.00101), (5e-4, 0.00539)])
+def test_the_smoother_finds_the_period_by_itself(rng, noise, tuned):
+    """``tuned``: an integrated-noise smoother tuned to this very truth [m/s]."""
+    found = smooth(T, X + noise * rng.standard_normal(T.size))
+    assert np.sqrt(np.mean((found.v - V) ** 2)) < 0.8 * tuned
+    assert 0.3 < np.mean((found.v - V) ** 2 / found.var) < 2.5
+
+
+def test_kinks_are_no_noise(rng):
+    """A body carried for a third of each step has more harmonics than ours: its variance must stay honest."""
+    phase = 30.0 * T / np.pi
+    theta = np.clip((phase % 1.0) * np.pi - np.pi / 2, -0.5, 0.5)
+    x = 0.0355 * (2 * np.sin(0.5) * np.floor(phase) + np.sin(theta))
+    v = np.where(np.abs(theta) < 0.5, 0.0355 * 30.0 * np.cos(theta), 0.0)
+    found = smooth(T, x + 5e-5 * rng.standard_normal(T.size))
+    assert np.mean((found.v - v)[5:-5] ** 2 / found.var[5:-5]) < 2
+
+
+def test_uneven_frames_have_no_spectrum_and_are_smoothed_all_the_same(rng):
+    uneven = np.sort(T + 0.002 * rng.uniform(-1, 1, T.size))
+    x = 0.2 * uneven - 0.05 * np.cos(W * uneven) / W
+    found = smooth(uneven, x + 6e-5 * rng.standard_normal(T.size))
+    assert np.sqrt(np.mean((found.v - 0.2 - 0.05 * np.sin(W * uneven)) ** 2)) < 0.003
+
+
+def test_the_clock_locked_filter_has_no_lag(rng):
     x = X + 6e-5 * rng.standard_normal(T.size)
     v, var = online(x, 6e-5)[0][200:].T
     assert np.sqrt(np.mean((v - V[200:]) ** 2)) < 0.0009

@@ -1,23 +1,17 @@
-"""Positions to velocity: a smoother for afterwards, a clock-locked filter for now.
+"""Positions to velocity now, without lag: v = mean + 3 harmonics of the known step frequency (afterwards: smooth.py).
 
-``smooth``         offline: Rauch–Tung–Striebel on an integrated-noise model, its order and noise by maximum likelihood.
-``HarmonicSpeed``  online, no lag: v = mean + 3 harmonics of the known step frequency. One filter cannot be both calm
-                   on steady gait and quick where walking turns into swimming; an interacting bank of filters with
-                   process noise from calm to wild (Blom & Bar-Shalom 1988) is, and says by its variance which it
-                   just was.
+One filter cannot be both calm on steady gait and quick where walking turns into swimming; an interacting bank of
+filters with process noise from calm to wild (Blom & Bar-Shalom 1988) is, and says by its variance which it just was.
 
 Positions [m], times [s], velocities [m/s]. A missing position is NaN and so is its velocity: nothing is interpolated.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
-from math import factorial
 
 import numba
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.linalg import expm
-from scipy.optimize import minimize_scalar
 
 from sandbot_common.errors import InputError
 
@@ -31,118 +25,6 @@ MISFIT_M2 = np.array([0.0, 2e-4**2, 1e-3**2, 0.0, 0.0])
 STAY = 0.999
 """Probability that the filter which is right stays right for a frame."""
 _START_V, _START_H = 0.3**2, 0.2**2
-
-
-@dataclass(frozen=True)
-class Velocity:
-    """Velocity of each sample."""
-
-    v: Floats
-    """[m/s], (n,); NaN where the position was missing."""
-    var: Floats
-    """[m²/s²], (n,); NaN likewise."""
-    gaps: int
-    """How many are missing."""
-
-
-def smooth(t_s: ArrayLike, x_m: ArrayLike, var: ArrayLike | None = None) -> Velocity:
-    """Velocity of a whole record, (n,), from positions with relative variances ``var`` (their scale is estimated).
-
-    The model: the ``order``-th derivative of x is white noise, order 2 to 4 by likelihood. Raises InputError on times
-    that do not grow, or fewer than 8 positions.
-    """
-    t, x = np.asarray(t_s, dtype=float), np.asarray(x_m, dtype=float)
-    r = np.ones_like(x) if var is None else np.asarray(var, dtype=float)
-    if t.ndim != 1 or x.shape != t.shape or r.shape != t.shape:
-        raise InputError(f"shapes of time {t.shape}, position {x.shape} and variance {r.shape} must be one (n,)")
-    if not np.isfinite(t).all() or (np.diff(t) <= 0).any():
-        raise InputError("times must be finite and grow")
-    seen = np.isfinite(x) & np.isfinite(r) & (r > 0)
-    if seen.sum() < 8:
-        raise InputError(f"{int(seen.sum())} positions: at least 8 are needed for a velocity")
-    r = np.where(seen, r / np.median(r[seen]), np.nan)
-    y = np.where(seen, x - x[seen][0], np.nan)
-    order, ratio = _most_likely(t, y, r)
-    transition, noise = _integrated_noise(t, order, ratio)
-    v, v_var, _, scale = _rts(y, r, transition, noise)
-    return Velocity(np.where(seen, v, np.nan), np.where(seen, v_var * scale, np.nan), int((~seen).sum()))
-
-
-def _most_likely(t: Floats, y: Floats, r: Floats) -> tuple[int, float]:
-    """Order of the model and its noise ratio q/r; in units of one frame, so that a ratio of 1 is even."""
-    best: tuple[float, int, float] | None = None
-    for order in (2, 3, 4):
-
-        def cost(log_ratio: float, order: int = order) -> float:
-            transition, noise = _integrated_noise(t, order, 10.0**log_ratio)
-            return -float(_rts(y, r, transition, noise)[2])
-
-        # Two basins are possible (calm with noise, wild without): a coarse scan chooses one.
-        scan = np.arange(-9.0, 4.0, 1.0)
-        start = scan[int(np.argmin([cost(value) for value in scan]))]
-        found = minimize_scalar(cost, bounds=(start - 1, start + 1), method="bounded", options={"xatol": 0.02})
-        if best is None or found.fun < best[0]:
-            best = (float(found.fun), order, 10.0 ** float(found.x))
-    assert best is not None
-    return best[1], best[2]
-
-
-def _integrated_noise(t: Floats, order: int, ratio: float) -> tuple[Floats, Floats]:
-    """Transitions and process noise (n, order, order) of dⁿx/dtⁿ = white noise, before each sample."""
-    frame = float(np.median(np.diff(t)))
-    step = np.diff(t, prepend=t[0] - frame) / frame
-    power = np.subtract.outer(np.arange(order), np.arange(order)).T
-    exact = np.array([[1 / factorial(p) if p >= 0 else 0.0 for p in row] for row in power])
-    transition = exact * step[:, None, None] ** np.maximum(power, 0)
-    i = order - 1 - np.arange(order)
-    weight = np.array([[1 / (factorial(a) * factorial(b) * (a + b + 1)) for b in i] for a in i])
-    noise = ratio * weight * step[:, None, None] ** (i[:, None] + i[None, :] + 1)
-    # The state is (x, x', x'' …) per frame; velocity per second is what callers get.
-    return _per_second(transition, frame), _per_second(noise, frame, both=True)
-
-
-def _per_second(matrix: Floats, frame: float, both: bool = False) -> Floats:
-    scale = frame ** -np.arange(matrix.shape[-1], dtype=float)
-    return matrix * scale[:, None] * (scale[None, :] if both else 1 / scale[None, :])
-
-
-@numba.njit(cache=True)
-def _rts(y, r, transition, noise):  # type: ignore[no-untyped-def]
-    """Velocity, its variance (in units of the scale), concentrated log-likelihood, scale of all variances."""
-    n, k = transition.shape[0], transition.shape[1]
-    mean, cov = np.zeros(k), np.eye(k)
-    for i in range(k):
-        # Diffuse to begin with, relative to the process noise in each derivative.
-        cov[i, i] = 1e6 * (noise[0, i, i] + (1.0 if i == 0 else noise[0, i, i]))
-    means, covs = np.empty((n, k)), np.empty((n, k, k))
-    predicted, spread = np.empty((n, k)), np.empty((n, k, k))
-    squares, logs, count = 0.0, 0.0, 0
-    for j in range(n):
-        if j > 0:
-            mean = transition[j] @ mean
-            cov = transition[j] @ cov @ transition[j].T + noise[j]
-        predicted[j], spread[j] = mean, cov
-        if not np.isnan(y[j]):
-            total = cov[0, 0] + r[j]
-            gain = cov[:, 0] / total
-            error = y[j] - mean[0]
-            if j >= k:
-                squares, logs, count = squares + error * error / total, logs + np.log(total), count + 1
-            mean = mean + gain * error
-            rest = np.eye(k)
-            rest[:, 0] -= gain
-            cov = rest @ cov @ rest.T + r[j] * np.outer(gain, gain)
-        means[j], covs[j] = mean, cov
-    scale = squares / max(count, 1)
-    v, v_var = np.empty(n), np.empty(n)
-    v[n - 1], v_var[n - 1] = means[n - 1, 1], covs[n - 1, 1, 1]
-    late, late_cov = means[n - 1].copy(), covs[n - 1].copy()
-    for j in range(n - 2, -1, -1):
-        back = np.linalg.solve(spread[j + 1], transition[j + 1] @ covs[j]).T
-        late = means[j] + back @ (late - predicted[j + 1])
-        late_cov = covs[j] + back @ (late_cov - spread[j + 1]) @ back.T
-        v[j], v_var[j] = late[1], max(late_cov[1, 1], 0.0)
-    return v, v_var, -0.5 * (count * np.log(max(scale, 1e-30)) + logs), scale
 
 
 class HarmonicSpeed:
@@ -183,7 +65,7 @@ class HarmonicSpeed:
             self._forget_harmonics()
         self._clock = clock
         dt = round(t_s - self._t_s, 9)
-        transition, noise = _harmonic_model(self._harmonics, 0.0 if clock is None else clock * self._base, dt)
+        transition, noise = harmonic_model(self._harmonics, 0.0 if clock is None else clock * self._base, dt)
         self._t_s = t_s
         v, var = _imm(
             self._means,
@@ -211,7 +93,7 @@ class HarmonicSpeed:
 
 
 @lru_cache(maxsize=256)
-def _harmonic_model(harmonics: int, base_rad_s: float, dt: float) -> tuple[Floats, Floats]:
+def harmonic_model(harmonics: int, base_rad_s: float, dt: float) -> tuple[Floats, Floats]:
     """Transition and process noise per unit of the bank, over ``dt``.
 
     State: x, mean, then for each harmonic (c, s) with v = mean + Σ c and (c, s) turning at its frequency. Noise by

@@ -15,8 +15,8 @@ from sandbot_common.files import whole_file
 from sandbot_tracking.calibration import Camera, read_cameras
 from sandbot_tracking.led import LedEdge
 from sandbot_tracking.offline import OfflineTracker
+from sandbot_tracking.smooth import Velocity, smooth
 from sandbot_tracking.source import Source
-from sandbot_tracking.speed import Velocity, smooth
 from sandbot_tracking.trial import TrialSummary, summarise
 
 COLUMNS = ("t_s", "com_x_m", "com_y_m", "front_x_m", "front_z_m", "rear_x_m", "rear_z_m", "v_x_m_s", "v_x_sd_m_s")

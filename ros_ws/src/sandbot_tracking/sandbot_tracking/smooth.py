@@ -1,0 +1,215 @@
+"""Positions to velocity afterwards: Rauch–Tung–Striebel on the likeliest of a few models (now, without lag: speed.py).
+
+White noise integrated two to four times is for anything that moves; a mean with harmonics of one frequency that wander
+slowly is for steady gait. Which one, its noise and its frequency are chosen by maximum likelihood, without a clock.
+
+Positions [m], times [s], velocities [m/s]. A missing position is NaN and so is its velocity: nothing is interpolated.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from math import factorial
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize_scalar
+
+from sandbot_common.errors import InputError
+from sandbot_tracking.speed import HARMONICS, harmonic_model
+
+Floats = NDArray[np.float64]
+
+MISFIT = 4.0
+"""Variance left over by harmonics, in that left over without them, from which on they miss something."""
+_DIFFUSE = 1e10
+"""Variance of a state nothing is known of, in that of a position."""
+
+
+@dataclass(frozen=True)
+class Velocity:
+    """Velocity of each sample."""
+
+    v: Floats
+    """[m/s], (n,); NaN where the position was missing."""
+    var: Floats
+    """[m²/s²], (n,); NaN likewise."""
+    gaps: int
+    """How many are missing."""
+
+
+def smooth(t_s: ArrayLike, x_m: ArrayLike, var: ArrayLike | None = None) -> Velocity:
+    """Velocity of a whole record, (n,), from positions with relative variances ``var`` (their scale is estimated).
+
+    Raises InputError on times that do not grow, or fewer than 8 positions.
+    """
+    t, x = np.asarray(t_s, dtype=float), np.asarray(x_m, dtype=float)
+    r = np.ones_like(x) if var is None else np.asarray(var, dtype=float)
+    if t.ndim != 1 or x.shape != t.shape or r.shape != t.shape:
+        raise InputError(f"shapes of time {t.shape}, position {x.shape} and variance {r.shape} must be one (n,)")
+    if not np.isfinite(t).all() or (np.diff(t) <= 0).any():
+        raise InputError("times must be finite and grow")
+    seen = np.isfinite(x) & np.isfinite(r) & (r > 0)
+    if seen.sum() < 8:
+        raise InputError(f"{int(seen.sum())} positions: at least 8 are needed for a velocity")
+    r = np.where(seen, r / np.median(r[seen]), np.nan)
+    y = np.where(seen, x - x[seen][0], np.nan)
+    v, v_var, _, scale = _rts(y, r, *_likeliest(t, y, r))
+    return Velocity(np.where(seen, v, np.nan), np.where(seen, v_var * scale, np.nan), int((~seen).sum()))
+
+
+class _Model(NamedTuple):
+    """Linear, of k states, the first of them x; noises relative to that of a position."""
+
+    transition: Floats
+    """(n, k, k), to each sample from the one before."""
+    noise: Floats
+    """(n, k, k)."""
+    start: Floats
+    """(k,) variances at the first sample."""
+    velocity: Floats
+    """(k,): v is this times the state."""
+
+
+_Judged = tuple[float, _Model]
+"""-ln likelihood, and the model."""
+
+
+def _likeliest(t: Floats, y: Floats, r: Floats) -> _Model:
+    """A step whose kinks have more harmonics than ours leaves something that is no noise of positions."""
+    cost, usual = min(_integrated(t, y, r), key=lambda one: one[0])
+    noise = _rts(y, r, *usual)[3]
+    periodic = [one for one in _periodic(t, y, r) if _rts(y, r, *one[1])[3] < MISFIT * noise]
+    return min(((cost, usual), *periodic), key=lambda one: one[0])[1]
+
+
+def _integrated(t: Floats, y: Floats, r: Floats) -> Iterator[_Judged]:
+    """White noise integrated two to four times, each at its most likely strength."""
+    for order in (2, 3, 4):
+        yield _at_best(y, r, partial(_integrated_noise, t, order), np.arange(-9.0, 4.0))
+
+
+def _periodic(t: Floats, y: Floats, r: Floats) -> Iterator[_Judged]:
+    """A mean and harmonics of one frequency that wander slowly; even frames only, at most likely frequencies."""
+    frame = float(np.median(np.diff(t)))
+    if not np.allclose(np.diff(t), frame, rtol=1e-3):
+        return
+    for first in _frequencies(y, frame):
+        ratios = np.arange(-6.0, 7.0, 2.0)
+        log_ratio = _best_ratio(y, r, partial(_harmonics, t.size, frame, first), ratios)[1]
+
+        def cost(base: float, log_ratio: float = log_ratio) -> float:
+            return _unlikely(y, r, _harmonics(t.size, frame, base, 10.0**log_ratio))
+
+        # A line of the spectrum is known to a part of its width, 2π over the record.
+        width = np.pi / (t.size * frame)
+        near = (first - width, first + width)
+        base = float(minimize_scalar(cost, bounds=near, method="bounded", options={"xatol": width / 50}).x)
+        yield _at_best(y, r, partial(_harmonics, t.size, frame, base), ratios)
+
+
+def _at_best(y: Floats, r: Floats, model: Callable[[float], _Model], scan: Floats) -> _Judged:
+    """The model at its most likely noise ratio."""
+    cost, log_ratio = _best_ratio(y, r, model, scan)
+    return cost, model(10.0**log_ratio)
+
+
+def _best_ratio(y: Floats, r: Floats, model: Callable[[float], _Model], scan: Floats) -> tuple[float, float]:
+    """-ln likelihood and log10 of the ratio. Two basins are possible (calm with noise, wild without): a coarse scan of
+    ``scan`` chooses one."""
+
+    def cost(log_ratio: float) -> float:
+        return _unlikely(y, r, model(10.0**log_ratio))
+
+    start, step = scan[int(np.argmin([cost(value) for value in scan]))], scan[1] - scan[0]
+    found = minimize_scalar(cost, bounds=(start - step, start + step), method="bounded", options={"xatol": 0.02})
+    return float(found.fun), float(found.x)
+
+
+def _unlikely(y: Floats, r: Floats, model: _Model) -> float:
+    return -float(_rts(y, r, *model)[2])
+
+
+def _frequencies(y: Floats, frame: float) -> list[float]:
+    """The strongest line of the speed's spectrum and half of it [rad/s]: steps may differ left and right."""
+    seen = np.isfinite(y)
+    v = np.diff(np.interp(np.arange(y.size), np.flatnonzero(seen), y[seen]))
+    size = 8 * v.size
+    power = np.abs(np.fft.rfft((v - v.mean()) * np.hanning(v.size), size))
+    # Below three turns in all there is no period to speak of.
+    power[: 3 * 8] = 0.0
+    line = 2 * np.pi * float(np.argmax(power)) / (size * frame)
+    return [line, line / 2] if line > 0 else []
+
+
+def _harmonics(n: int, frame: float, base_rad_s: float, ratio: float) -> _Model:
+    transition, noise = harmonic_model(HARMONICS, base_rad_s, frame)
+    k = len(transition)
+    velocity = np.array([0.0, 1.0, *(1.0, 0.0) * HARMONICS])
+    start = np.full(k, _DIFFUSE / frame**2)
+    start[0] = _DIFFUSE
+    every = np.empty((2, n, k, k))
+    # Per frame the noise of x must be of the order of a position's own for a ratio of 1.
+    every[0], every[1] = transition, noise * ratio / frame**3
+    return _Model(every[0], every[1], start, velocity)
+
+
+def _integrated_noise(t: Floats, order: int, ratio: float) -> _Model:
+    """Transitions and process noise (n, order, order) of dⁿx/dtⁿ = white noise, before each sample."""
+    frame = float(np.median(np.diff(t)))
+    step = np.diff(t, prepend=t[0] - frame) / frame
+    power = np.subtract.outer(np.arange(order), np.arange(order)).T
+    exact = np.array([[1 / factorial(p) if p >= 0 else 0.0 for p in row] for row in power])
+    transition = exact * step[:, None, None] ** np.maximum(power, 0)
+    i = order - 1 - np.arange(order)
+    weight = np.array([[1 / (factorial(a) * factorial(b) * (a + b + 1)) for b in i] for a in i])
+    noise = ratio * weight * step[:, None, None] ** (i[:, None] + i[None, :] + 1)
+    # The state is (x, x', x'' …) per frame; velocity per second is what callers get.
+    noise = _per_second(noise, frame, both=True)
+    # Diffuse to begin with, relative to the process noise in each derivative.
+    start = 1e6 * np.diag(noise[0]) * 2.0
+    start[0] = 1e6 * (noise[0, 0, 0] + 1.0)
+    return _Model(_per_second(transition, frame), noise, start, np.eye(order)[1])
+
+
+def _per_second(matrix: Floats, frame: float, both: bool = False) -> Floats:
+    scale = frame ** -np.arange(matrix.shape[-1], dtype=float)
+    return matrix * scale[:, None] * (scale[None, :] if both else 1 / scale[None, :])
+
+
+@numba.njit(cache=True)
+def _rts(y, r, transition, noise, start, velocity):  # type: ignore[no-untyped-def]
+    """Velocity, its variance (in units of the scale), concentrated log-likelihood, scale of all variances."""
+    n, k = transition.shape[0], transition.shape[1]
+    mean, cov = np.zeros(k), np.diag(start)
+    means, covs = np.empty((n, k)), np.empty((n, k, k))
+    predicted, spread = np.empty((n, k)), np.empty((n, k, k))
+    squares, logs, count = 0.0, 0.0, 0
+    for j in range(n):
+        if j > 0:
+            mean = transition[j] @ mean
+            cov = transition[j] @ cov @ transition[j].T + noise[j]
+        predicted[j], spread[j] = mean, cov
+        if not np.isnan(y[j]):
+            total = cov[0, 0] + r[j]
+            gain = cov[:, 0] / total
+            error = y[j] - mean[0]
+            if j >= k:
+                squares, logs, count = squares + error * error / total, logs + np.log(total), count + 1
+            mean = mean + gain * error
+            rest = np.eye(k)
+            rest[:, 0] -= gain
+            cov = rest @ cov @ rest.T + r[j] * np.outer(gain, gain)
+        means[j], covs[j] = mean, cov
+    scale = squares / max(count, 1)
+    v, v_var = np.empty(n), np.empty(n)
+    v[n - 1], v_var[n - 1] = velocity @ means[n - 1], velocity @ covs[n - 1] @ velocity
+    late, late_cov = means[n - 1].copy(), covs[n - 1].copy()
+    for j in range(n - 2, -1, -1):
+        back = np.linalg.solve(spread[j + 1], transition[j + 1] @ covs[j]).T
+        late = means[j] + back @ (late - predicted[j + 1])
+        late_cov = covs[j] + back @ (late_cov - spread[j + 1]) @ back.T
+        v[j], v_var[j] = velocity @ late, max(velocity @ late_cov @ velocity, 0.0)
+    return v, v_var, -0.5 * (count * np.log(max(scale, 1e-30)) + logs), scale
