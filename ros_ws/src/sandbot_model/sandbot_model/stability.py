@@ -1,6 +1,6 @@
 """Would another sample of trials have led to the same set? A parametric bootstrap of the cell means.
 
-What an effect must bring to be claimed (``verdict.CLAIM``) it must bring in each draw.
+What an effect must bring to be claimed (``verdict.claim``) it must bring in each draw.
 
 Each draw adds noise of the cell means' own covariance to the data; to first order a set's misfit is then that of its
 residual plus the noise, projected off what its parameters can follow. No fit is repeated, so hundreds of draws cost
@@ -14,7 +14,7 @@ import numpy as np
 from sandbot_model.chain import Array
 from sandbot_model.descent import full_jacobian
 from sandbot_model.fit import Fit
-from sandbot_model.verdict import CLAIM
+from sandbot_model.verdict import claim
 
 DRAWS = 400
 
@@ -22,7 +22,7 @@ DRAWS = 400
 def win_shares(fits: Sequence[Fit], rng: np.random.Generator, draws: int = DRAWS) -> list[float]:
     """Share of draws in which each set has the least BIC, plus the claim for every effect in it, of all given."""
     noise = rng.normal(size=(fits[0].state.missed.size, draws))
-    scores = np.stack([_bic(fit, noise) + CLAIM * len(fit.effects) for fit in fits])
+    scores = np.stack([_bic(fit, noise) + claim(fit) * len(fit.effects) for fit in fits])
     winners = scores.argmin(axis=0)
     return [float(np.mean(winners == index)) for index in range(len(fits))]
 

@@ -52,11 +52,11 @@ def worth(fits: Mapping[tuple[str, ...], Fit], larger: tuple[str, ...], smaller:
     if not sound(fits[larger]):
         return False
     gain = _parts(fits[smaller]) - _parts(fits[larger])
-    claim = _claim(fits[larger]) * (len(larger) - len(smaller))
-    return bool(gain.sum() > claim and gain.sum() - gain.max() > ONE_CELL * claim)
+    price = claim(fits[larger]) * (len(larger) - len(smaller))
+    return bool(gain.sum() > price and gain.sum() - gain.max() > ONE_CELL * price)
 
 
-def _claim(fit: Fit) -> float:
+def claim(fit: Fit) -> float:
     """``CLAIM`` where pure error is known only so well: with few replicates chance gains more.
 
     χ² becomes F on the replicates' degrees of freedom, and is counted in units of the scatter about the larger set,
