@@ -44,6 +44,19 @@ def test_walking_is_measured_to_its_stated_accuracy(rng, omega, ratio):
     assert summary.first_step_m == pytest.approx(ratio * R, abs=2e-4)
 
 
+def test_steps_of_whole_frames_are_measured_or_refused(rng):
+    """ω = 10π: ten frames a step, all steps at the same ten phases."""
+    t = np.arange(-0.1, 3.0, 0.01)
+    for ratio in (0.3, 0.9, 1.6):
+        x, z = walk(t, 10 * np.pi, ratio)
+        summary = measure(rng, x, z, t, 10 * np.pi)
+        assert summary.speed_m_s == pytest.approx(10 * ratio * R, rel=0.002)
+        if np.isnan(summary.peak_speed_m_s):
+            assert "peak speed: " in summary.reason
+        else:
+            assert summary.peak_speed_m_s == pytest.approx(10 * np.pi * R, rel=0.1)
+
+
 @pytest.mark.parametrize("omega", [4.0, 24.0, 30.0])
 def test_swimming_has_no_lift_and_no_false_peak(rng, omega):
     t = np.arange(-0.1, max(3.0, 8 * np.pi / omega), 0.01)

@@ -22,6 +22,8 @@ clock signal the fast end of one of 0.8 R 0.08)."""
 _MARGIN = 0.85
 _GROUP = 4
 """Points in a mean that a secant is drawn through."""
+_SECANT = 0.003
+"""Length of a secant at least, in steps."""
 _MISSED = 1.1
 """A curve that is so much steeper somewhere than its steepest slope has an arc that no window could hold."""
 _LEAST = 8
@@ -149,9 +151,11 @@ def _steepest_secant(folded: Folded) -> float:
     middle, level = phase.mean(axis=1), value.mean(axis=1)
     found = 0.0
     for apart in (1, 2, 3):
-        span = middle[apart:] - middle[:-apart]
+        span, rise = middle[apart:] - middle[:-apart], level[apart:] - level[:-apart]
         se = np.hypot(noise[apart:], noise[:-apart]) / np.sqrt(size)
-        found = max(found, float(np.max((level[apart:] - level[:-apart] - 5 * se) / span)))
+        # Where steps last a whole number of frames many points have one phase.
+        wide = span > _SECANT
+        found = max(found, float(np.max((rise - 5 * se)[wide] / span[wide], initial=0.0)))
     return found
 
 
