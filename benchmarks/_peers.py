@@ -23,7 +23,7 @@ from sandbot_model.cells import (
     cells_of,
     peak_is_resolved,
     slow_phase_ratio,
-    thrust_phase,
+    swum_at_once,
 )
 from sandbot_model.fit import Fit, fit
 from sandbot_model.levels import phi_levels
@@ -76,7 +76,7 @@ class Table:
         delta_t, v_swim, params = model.arguments(theta)
         curve = KCurve(self.level_phi, k[self._first] if k.ndim == 1 else np.linspace(170, 220, len(self.level_phi)))
         phi = self.level_phi[self.level]
-        inputs = Inputs(k, self.omega, delta_t, phi, v_swim, *clock(self.gait), k_of_phi=curve)
+        inputs = Inputs(k, self.omega, delta_t, phi, v_swim, slow_phase_ratio(self.gait), k_of_phi=curve)
         return np.broadcast_to(
             model.walker.predict(inputs, params).observables,
             (*np.broadcast_shapes(k.shape, delta_t.shape, phi.shape), 4),
@@ -87,16 +87,12 @@ class Table:
         return np.unique(self.level, return_index=True)[1]
 
 
-def clock(gait: str) -> tuple[float, float]:
-    """What the model wants to know of a gait."""
-    return slow_phase_ratio(gait), thrust_phase(gait)
-
-
 def table_of(trials: Trials) -> Table:
-    """All trials of one gait; peaks too short for the cameras are left out here as for everybody."""
+    """All trials of one gait; what is left out for everybody is left out here."""
     values = np.stack([np.asarray(getattr(trials, name), dtype=float) for name in COLUMNS], axis=-1)
     omega, gait = np.asarray(trials.omega_rad_s, dtype=float), str(trials.gait[0])
     values[[not peak_is_resolved(gait, one) for one in omega], 2] = np.nan
+    values[swum_at_once([gait] * len(omega), omega, values), 3] = np.nan
     phi = np.asarray(trials.phi, dtype=float)
     level = phi_levels(phi)
     keys, condition = np.unique(np.stack([level, omega]), axis=1, return_inverse=True)
@@ -119,7 +115,7 @@ class LmfitFit:
         curve = KCurve(table.level_phi, self.k)
 
         def speed(phi: Floats, omega: Floats) -> Floats:
-            inputs = Inputs(curve(phi), omega, delta_t, phi, v_swim, *clock(table.gait), k_of_phi=curve)
+            inputs = Inputs(curve(phi), omega, delta_t, phi, v_swim, slow_phase_ratio(table.gait), k_of_phi=curve)
             return np.asarray(self.model.walker.predict(inputs, params).speed_m_s)
 
         return speed

@@ -5,18 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandbot_clock.gait import PRESETS, angle_of_phase
 from sandbot_common.errors import InputError
 from sandbot_model.cells import (
-    GAITS,
     cells_of,
     noise_floor,
     peak_is_resolved,
     slow_phase_ratio,
-    thrust_phase,
+    swum_at_once,
 )
 from sandbot_model.levels import phi_levels, same_within
 from sandbot_model.noise import pure_error
+from sandbot_record.trials import Row, from_rows
 
 
 @given(
@@ -147,11 +146,19 @@ def test_gaits():
     assert not peak_is_resolved("SGCS", 30.0)
 
 
-@pytest.mark.parametrize("name", GAITS)
-def test_a_swimmer_s_first_thrust_lasts_from_the_lowest_point_to_the_handover(name):
-    phase = np.linspace(0.0, 1.0, 100_001)
-    leg, other = (angle_of_phase(PRESETS[name], phase - lag)[0] for lag in (0.0, 0.5))
-    lowest, handover = phase[leg >= 0.0][0], phase[leg + other >= 0.0][0]
-    assert thrust_phase(name) == pytest.approx(2 * np.pi * (handover - lowest), abs=2e-4)
-    if name == "UNIFORM":
-        assert thrust_phase(name) == pytest.approx(np.pi / 2)
+@pytest.mark.parametrize(
+    ("gait", "speed", "lift", "first", "left_out"),
+    [
+        ("SGCS", 0.02, 0.0, 0.002, True),
+        ("SGCS", 0.02, np.nan, 0.002, True),
+        ("UNIFORM", 0.02, 0.0, 0.002, False),
+        ("SGCS", 0.02, 0.0, 0.035, False),
+        ("SGCS", 0.2, 0.008, 0.03, False),
+    ],
+)
+def test_the_first_step_of_a_swimmer_with_uneven_legs_says_nothing(gait, speed, lift, first, left_out):
+    """Controls: even legs, a first step that held before the collapse, a walker."""
+    omega, values = np.full(3, 12.0), np.tile([speed, lift, 0.1, first], (3, 1))
+    assert swum_at_once([gait] * 3, omega, values).tolist() == [left_out] * 3
+    trials = from_rows([Row("t", 0.6, 0.001, 12.0, gait, n, speed, np.nan, lift, 0.1, first, "ok") for n in range(3)])
+    assert bool(np.isnan(cells_of(trials).mean[0, 3])) == left_out

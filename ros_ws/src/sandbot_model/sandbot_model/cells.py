@@ -3,6 +3,7 @@
 Everything after this works on cells, so its cost does not grow with the number of trials.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from sandbot_record.trials import Trials
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 OBSERVABLES = ("speed", "lift", "peak_speed", "first_step")
 """What is measured of a trial, in the order of every ``(..., 4)`` array."""
@@ -34,19 +36,6 @@ def slow_phase_ratio(gait: str) -> float:
     """β = θ_s/(2π d_c): leg rate in the slow phase over the mean rate."""
     theta_s, _, duty = GAITS.get(gait, GAITS["SGCS"])
     return theta_s / (2 * np.pi * duty)
-
-
-def thrust_phase(gait: str) -> float:
-    """ω × the time [rad] from a leg's lowest point to the end of its step: a swimmer's thrust in the first step.
-
-    A step ends where both tripods are equally far from straight below, θ_A + θ_B = 0.
-    """
-    theta_s, theta_0, duty = GAITS.get(gait, GAITS["SGCS"])
-    knots = np.array([-1.0, duty - 1.0, 0.0, duty, 1.0])
-    angle = theta_0 + theta_s * np.array([-0.5, 0.5, -0.5, 0.5, -0.5]) + 2 * np.pi * np.array([-1, -1, 0, 0, 1])
-    phase = np.unique(np.concatenate((knots, knots + 0.5)).clip(0.0, 1.0))
-    both = np.interp(phase, knots, angle) + np.interp(phase - 0.5, knots, angle)
-    return float(2 * np.pi * (np.interp(0.0, both, phase) - np.interp(0.0, angle, knots)))
 
 
 STANCE_END = 0.75
@@ -70,6 +59,22 @@ def peak_is_resolved(gait: str, omega: float) -> bool:
     return (STANCE_END - slow_end) / swing >= FRAMES_OF_A_PEAK * FRAME_S
 
 
+FAR_M = 0.01
+"""What a first step is longer at least than a swimmer's if the leg held in it."""
+
+
+def swum_at_once(gaits: Sequence[str], omega: Floats, values: Floats) -> Bools:
+    """Trials ``(n,)`` of values ``(n, 4)`` that swam from the first step on, with legs of uneven pace.
+
+    How far they get in it is the clock's affair: where on its shaft the leg is mounted says when it passes its lowest
+    point, and the table does not say that. A trial that swims after a first step that held is none of them.
+    """
+    uneven = np.array([slow_phase_ratio(one) != 1.0 for one in gaits])
+    speed, lift, first = values[:, 0], values[:, 1], values[:, 3]
+    swims = np.where(np.isfinite(lift), lift <= WALKING_LIFT_M, speed <= WALKING_SPEED_M_S)
+    return np.asarray(uneven & swims & (first < speed * np.pi / omega + FAR_M))
+
+
 @dataclass(frozen=True, eq=False)
 class Cells:
     """Cells sorted by φ level, then ω. All arrays over cells have length n; the last axis is ``OBSERVABLES``."""
@@ -78,7 +83,6 @@ class Cells:
     omega: Floats = field(metadata={"shape": "(n,)", "unit": "rad/s"})
     gait: tuple[str, ...] = field(metadata={"shape": "(n,)"})
     slow_phase_ratio: Floats = field(metadata={"shape": "(n,)", "doc": "β of the gait"})
-    thrust_phase: Floats = field(metadata={"shape": "(n,)", "unit": "rad", "doc": "of the gait"})
     level: Ints = field(metadata={"shape": "(n,)", "doc": "index into level_phi"})
     level_phi: Floats = field(metadata={"shape": "(levels,)", "doc": "mean volume fraction of a level"})
     n: Ints = field(metadata={"shape": "(n, 4)", "doc": "replicates in which the observable was measured"})
@@ -150,9 +154,9 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
             f"none of {len(phi)} trials can be used: phi, omega_rad_s and speed_m_s of an ok trial are needed"
         )
     gait = np.asarray([str(one) for one in trials.gait])[usable]
-    for row in np.flatnonzero(usable):
-        if not peak_is_resolved(str(trials.gait[int(row)]), float(omega[row])):
-            values[row, 2] = np.nan
+    gaits = [str(one) for one in trials.gait]
+    values[[not peak_is_resolved(one, frequency) for one, frequency in zip(gaits, omega, strict=True)], 2] = np.nan
+    values[swum_at_once(gaits, omega, values), 3] = np.nan
     cells = _gather(phi[usable], omega[usable], gait, values[usable], excluded=int((~usable).sum()))
     return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi))
 
@@ -192,7 +196,6 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
         omega=average(omega),
         gait=names,
         slow_phase_ratio=np.array([slow_phase_ratio(name) for name in names]),
-        thrust_phase=np.array([thrust_phase(name) for name in names]),
         level=keys[0],
         level_phi=level_phi,
         phi_reliability=rho,

@@ -143,9 +143,6 @@ class Fit:
         at, k = np.asarray(phi, dtype=float), np.exp(ln_k)
         cells = self.cells
         beta = cells.slow_phase_ratio[0] if slow_phase_ratio is None else slow_phase_ratio
-        # The swimmer's clock goes with β; a β of no gait in the data is that of uniform rotation.
-        thrust = dict(zip(np.round(cells.slow_phase_ratio, 9), cells.thrust_phase, strict=True))
-        phase = np.vectorize(lambda ratio: thrust.get(round(ratio, 9), np.pi / 2), otypes=[float])(beta)
         delta_t, v_swim, params = self.fitted.arguments(theta)
         inputs = Inputs(
             k_n_per_m=np.interp(at, self.level_phi, k),
@@ -154,7 +151,6 @@ class Fit:
             phi=at,
             v_swim_m_s=v_swim,
             slow_phase_ratio=beta,
-            thrust_phase_rad=phase,
             k_of_phi=KCurve(self.level_phi, k),
         )
         shape = np.broadcast_shapes(np.shape(at), np.shape(omega), np.shape(beta))

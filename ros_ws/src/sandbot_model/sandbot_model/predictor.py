@@ -12,7 +12,7 @@ import numpy as np
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
 from sandbot_model.catalogue import catalogue
-from sandbot_model.cells import slow_phase_ratio, thrust_phase
+from sandbot_model.cells import slow_phase_ratio
 from sandbot_model.chain import Array
 from sandbot_model.model import Model, model_of
 from sandbot_model.walking import BASES, Inputs, KCurve
@@ -82,11 +82,8 @@ class Predictor:
     def _solve(self, phi: float, omega: float, gait: str) -> tuple[float, float]:
         delta_t, v_swim, params = self.model.arguments(self.theta)
         curve = KCurve(self.phi, self.k_n_per_m)
-        clock = {
-            "slow_phase_ratio": slow_phase_ratio(gait),
-            "thrust_phase_rad": thrust_phase(gait),
-        }
-        inputs = Inputs(curve(np.asarray(phi)), omega, delta_t, phi, v_swim, k_of_phi=curve, **clock)
+        k, ratio = curve(np.asarray(phi)), slow_phase_ratio(gait)
+        inputs = Inputs(k, omega, delta_t, phi, v_swim, slow_phase_ratio=ratio, k_of_phi=curve)
         found = self.model.walker.predict(inputs, params)
         if not bool(found.walking):
             return float(found.speed_m_s), 0.0

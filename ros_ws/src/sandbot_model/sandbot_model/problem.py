@@ -300,7 +300,6 @@ class Problem:
             phi=phi,
             v_swim_m_s=v_swim,
             slow_phase_ratio=cells.slow_phase_ratio[:, None],
-            thrust_phase_rad=cells.thrust_phase[:, None],
             k_of_phi=KCurve(cells.level_phi, level_k, inner=3),
         )
         return inputs, params

@@ -139,7 +139,7 @@ def _pressed_table(problem: Problem, theta: Array, k_grid: Array, slope: Array) 
 def _table(problem: Problem, theta: Array, k_grid: Array, slope: Array, k_curve: Array) -> Array:
     """Predictions ``(cells, m, k, 4)``; levels share them unless an effect depends on φ."""
     cells, model = problem.cells, problem.model
-    clock = np.stack([cells.omega, cells.slow_phase_ratio, cells.thrust_phase])
+    clock = np.stack([cells.omega, cells.slow_phase_ratio])
     conditions, index = np.unique(clock, axis=1, return_inverse=True)
     delta_t, v_swim, params = model.arguments(theta[:, None, None, None, :])
     inputs = Inputs(
@@ -149,7 +149,6 @@ def _table(problem: Problem, theta: Array, k_grid: Array, slope: Array, k_curve:
         phi=cells.level_phi[:, None, None],
         v_swim_m_s=v_swim,
         slow_phase_ratio=conditions[1],
-        thrust_phase_rad=conditions[2],
         k_of_phi=KCurve(cells.level_phi, k_curve),
     )
     values = model.walker.predict(inputs, params).observables

@@ -63,7 +63,6 @@ class Inputs:
     phi: ArrayLike = np.nan
     v_swim_m_s: ArrayLike = V_SWIM_M_S
     slow_phase_ratio: ArrayLike = 1.0
-    thrust_phase_rad: ArrayLike = np.pi / 2
     k_of_phi: Callable[[Array], Array] | None = None
     """The stiffness at another volume fraction, for effects that ask for it; by default the same everywhere."""
 
@@ -157,7 +156,6 @@ class Walker:
             delta_t=_column(inputs.delta_t_s),
             v_swim=_column(inputs.v_swim_m_s),
             slow_phase_ratio=_column(inputs.slow_phase_ratio),
-            thrust_phase=_column(inputs.thrust_phase_rad),
             first_step=first_step,
             k_of_phi=inputs.k_of_phi or (lambda _phi: k),
             one_leg=one_leg,

@@ -8,8 +8,7 @@ class SlowPhaseSpeed(Effect):
 
     ρ is β where the whole stance lies in the slow phase; a stance that outlasts it (SGCS is slow until θ = 0.05 rad, a
     leg stands until asin(s/2R)) ends at the swing rate, ρ = (2π - θ_s)/(2π(1 - d_c)) = 1.5. The peak of v_x(t) tells
-    which; the mean speed can't (Δt → βΔt). A swimmer's first step is as long as the clock leaves it from a leg's lowest
-    point to the step's end.
+    which; the mean speed can't (Δt → βΔt).
     """
 
     identifier = "slow_phase_speed"
@@ -17,7 +16,6 @@ class SlowPhaseSpeed(Effect):
     formula = "dv = beta R omega, peak rho R omega, instead of R omega"
     source = "the clock: beta = theta_s/(2 pi d_c)"
     seen_in = "W peak"
-    first_step_differs = True
     parameters = (
         Parameter(
             "rho", "1", 0.2, 1.6, 0.9, "largest leg rate in stance over the mean rate", neutral=1.0, hard_low=0.05
@@ -28,5 +26,3 @@ class SlowPhaseSpeed(Effect):
         """Set what the formula says."""
         chain.delta_v = chain.delta_v * chain.slow_phase_ratio
         chain.peak_ratio = chain.peak_ratio * p["rho"]
-        if chain.first_step:
-            chain.thrust_time = chain.thrust_phase / chain.omega

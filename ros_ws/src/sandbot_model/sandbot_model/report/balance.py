@@ -39,7 +39,6 @@ def forces(fit: Fit, omega_rad_s: float) -> Forces:
         phi=cells.level_phi[level],
         v_swim_m_s=v_swim,
         slow_phase_ratio=cells.slow_phase_ratio[first],
-        thrust_phase_rad=cells.thrust_phase[first],
         k_of_phi=KCurve(fit.level_phi, fit.k_n_per_m),
     )
     depth = np.linspace(0.0, fit.fitted.robot.deepest_m, DEPTH_POINTS)
