@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sandbot_bed.protocol import PreparationFailed, ProtocolParameters, PulseProtocol, Stage, prepare
@@ -188,7 +188,6 @@ def test_a_driver_that_breaks_leaves_the_air_off():
 HEIGHTS = st.one_of(st.floats(0.09, 0.101), st.floats(allow_nan=True, allow_infinity=True))
 
 
-@settings(deadline=None)
 @given(
     st.floats(0.58, 0.633),
     st.lists(st.tuples(st.floats(0, 3), HEIGHTS, st.sampled_from("ssssssssap")), max_size=150),

@@ -136,7 +136,7 @@ def test_replicates_differ_as_the_noise_says():
     assert read(null_world(), 0.62, 12.0, seed=7) == read(null_world(), 0.62, 12.0, seed=7)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     effects=st.sets(st.sampled_from(sorted(EFFECTS)), max_size=4),
     phi=st.floats(0.57, 0.64),

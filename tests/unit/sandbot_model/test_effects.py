@@ -70,7 +70,7 @@ def test_slow_phase_speed_vanishes_for_uniform_rotation():
     )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.sampled_from(range(len(CATALOGUE))), min_size=2, max_size=4, unique=True))
 def test_any_set_composes_to_finite_observables(which):
     effects = [CATALOGUE[i] for i in sorted(which)]
@@ -96,7 +96,7 @@ COMMUTING = [
 ]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.sampled_from(range(len(COMMUTING))), min_size=2, max_size=2, unique=True))
 def test_order_does_not_matter_between_stages(which):
     one, other = (COMMUTING[i] for i in which)

@@ -133,7 +133,7 @@ def random_message(draw, type_name):
     return message(type_name)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data(), type_name=st.sampled_from(USED_TYPES), compression=st.sampled_from(["none", "lz4", "zstd"]))
 def test_write_then_read_is_equal(tmp_path, data, type_name, compression):
     shutil.rmtree(tmp_path / "b", ignore_errors=True)

@@ -117,7 +117,7 @@ rows = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(rows, min_size=1, max_size=5, unique_by=lambda row: row.trial_id))
 def test_written_and_read_back_is_equal(tmp_path, table):
     path = tmp_path / "t.csv"
@@ -134,7 +134,7 @@ def test_not_measured_is_an_empty_cell(tmp_path):
     assert row["replicate"] == "1"
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.binary(max_size=200) | st.text('phi,omega_rd.speed\n"0123456789-;\r\t e', max_size=200).map(str.encode))
 def test_any_file_is_a_table_or_one_line(tmp_path, content):
     path = tmp_path / "t.csv"

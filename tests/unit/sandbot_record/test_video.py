@@ -65,7 +65,7 @@ def test_every_pixel_comes_back_in_any_order(tmp_path, codec):
     assert frames_back.codec == codec
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(8, 90), st.integers(8, 90), st.integers(0, 1000), st.sampled_from(sorted(CODECS)))
 def test_any_even_size(tmp_path_factory, rows, columns, seed, codec):
     pixels = noise(3, (2 * rows, 2 * columns), seed)
