@@ -38,11 +38,12 @@ class Group:
         self._lock = threading.Lock()
         self._say = say or (lambda line: print(line, flush=True))
         self._grace_s = grace_s
-        self._stop = threading.Event()
+        # A plain flag, no Event: a signal handler that sets an Event in whose wait it came waits for itself for ever.
+        self._stopping = False
 
     def interrupt(self) -> None:
         """Ask for the end (from a signal handler or another thread)."""
-        self._stop.set()
+        self._stopping = True
 
     def run(self) -> int:
         """Start all, wait until asked to stop or a required process ends, stop all; 1 if a required one died."""
@@ -52,7 +53,7 @@ class Group:
             for process in self._processes:
                 self._start(process)
                 alive.append(process)
-            while alive and not self._stop.is_set():
+            while alive and not self._stopping:
                 for process in [one for one in alive if _ended(one)]:
                     alive.remove(process)
                     died = self._report(process)
@@ -61,8 +62,8 @@ class Group:
                         self._line(
                             "INFO", "launch", f"process[{process.label}] was required: shutting down launched system"
                         )
-                        self._stop.set()
-                self._stop.wait(0.05)
+                        self._stopping = True
+                time.sleep(0.05)
         finally:
             self._stop_all(alive)
         return code
@@ -134,7 +135,7 @@ class Group:
                 self._say(line)
             except BrokenPipeError:
                 # The reader (head, less) has gone; the processes must be stopped all the same.
-                self._stop.set()
+                self._stopping = True
                 self._say = lambda _: None
 
 
