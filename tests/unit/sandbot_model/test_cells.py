@@ -146,6 +146,12 @@ def test_gaits():
     assert not peak_is_resolved("SGCS", 30.0)
 
 
+def test_a_row_without_a_frequency_is_left_out_in_silence(recwarn):
+    good, bad = (Row("t", 0.6, 0.001, omega, "SGCS", 1, 0.1, np.nan, 0.005, 0.4, 0.03, "ok") for omega in (12.0, 0.0))
+    assert cells_of(from_rows([good, bad])).n.tolist() == [[1, 1, 1, 1]]
+    assert [str(one.message) for one in recwarn] == []
+
+
 @pytest.mark.parametrize(
     ("gait", "speed", "lift", "first", "left_out"),
     [

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_bed.protocol import prepare
-from sandbot_bringup.config import leg_mount_rad
+from sandbot_bringup.config import leg_mount_of
 from sandbot_bringup.folder import CampaignFolder, frames_kept
 from sandbot_bringup.plan import Plan, PlannedTrial, to_yaml
 from sandbot_bringup.provenance import trial_message, trial_metadata
@@ -48,7 +48,7 @@ class Setup:
     @cached_property
     def leg_mount_rad(self) -> float:
         """What must be added to shaft angles."""
-        return leg_mount_rad(self.files)
+        return leg_mount_of(self.files)
 
     @cached_property
     def cameras(self) -> Mapping[str, object]:

@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 from tqdm import tqdm
 
-from sandbot_bringup.config import leg_mount_rad
+from sandbot_bringup.config import leg_mount_of
 from sandbot_bringup.folder import PARTIAL, CampaignFolder, frames_kept
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
@@ -52,7 +52,7 @@ def run_live(
     rclpy.init()
     failed: list[tuple[str, str]] = []
     try:
-        operator = Operator(plan, leg_mount_rad(files))
+        operator = Operator(plan, leg_mount_of(files))
         operator.find_nodes()
         folder.adopt(plan, files)
         for trial in tqdm(folder.missing(trials), unit="trial", desc="campaign"):

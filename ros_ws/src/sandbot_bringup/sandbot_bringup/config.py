@@ -1,14 +1,13 @@
 """Where the project's own plans, calibrations and tables lie once installed, and reading those a plan names."""
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 
 from sandbot_bringup.plan import Plan
-from sandbot_common.errors import InputError
 from sandbot_common.files import load_yaml, read_yaml
+from sandbot_common.legs import leg_mount_rad
 
 
 def config_folder() -> Path:
@@ -30,13 +29,10 @@ def files_of(plan: Plan, beside: Path, campaign: Path) -> dict[str, str]:
             path = campaign / name
         read_yaml(path)
         files[name] = path.read_text(encoding="utf-8")
-    leg_mount_rad(files)
+    leg_mount_of(files)
     return files
 
 
-def leg_mount_rad(files: Mapping[str, str]) -> float:
-    """What must be added to shaft angles to give those of the c-legs' centres; 0 where robot.yaml does not say."""
-    value = load_yaml(files["robot.yaml"]).get("leg_mount_rad", 0.0)
-    if not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(f"robot.yaml: leg_mount_rad: {value!r} is not an angle [rad]")
-    return float(value)
+def leg_mount_of(files: Mapping[str, str]) -> float:
+    """The robot's ``leg_mount_rad``. Raises InputError if it is no angle."""
+    return leg_mount_rad(load_yaml(files["robot.yaml"]), "robot.yaml")

@@ -24,8 +24,8 @@ Floats = NDArray[np.float64]
 HEIGHT_PERIOD_S = 0.1
 _RAW = {"dorsal": topics.DORSAL_IMAGE, "lateral": topics.LATERAL_IMAGE}
 _JPEG = {"dorsal": topics.DORSAL_JPEG, "lateral": topics.LATERAL_JPEG}
-_INDEX = {topic: Topic(index_name(topic.name), INDEX) for topic in _RAW.values()}
-LOSSLESS = "rawvideo"
+_INDEX = {name: Topic(index_name(topic.name), INDEX) for name, topic in _RAW.items()}
+_LOSSLESS = "rawvideo"
 _INFO = {"dorsal": topics.DORSAL_INFO, "lateral": topics.LATERAL_INFO}
 
 
@@ -36,7 +36,6 @@ class TrialBag:
         self._start_ns = start_ns
         self._zero_ns = start_ns
         self._messages: list[tuple[int, Topic, bytes]] = []
-        self._filmed = False
         self._stage: tuple[Stage, int] | None = None
         self._blower = -1.0
         self._next_height_s = 0.0
@@ -63,9 +62,10 @@ class TrialBag:
     def frame(self, camera: str, t_s: float, pixels: NDArray[np.uint8], kept: str) -> None:
         """One frame: ``kept`` raw, as jpeg, in a video beside the messages, or none at all."""
         stamp = self._at(t_s)
-        if kept in ("raw", "video"):
+        if kept == "raw":
             self.add(_RAW[camera], stamp, messages.image(stamp, camera, pixels))
-            self._filmed |= kept == "video"
+        elif kept == "video":
+            self.add(_INDEX[camera], stamp, messages.image(stamp, camera, pixels))
         elif kept == "jpeg":
             self.add(_JPEG[camera], stamp, messages.jpeg(stamp, camera, encode_jpeg(pixels)))
 
@@ -105,20 +105,15 @@ class TrialBag:
     def write(self, path: Path, metadata: Mapping[str, str], attachments: Mapping[str, str]) -> None:
         """Write the bag under its name, whole or not at all."""
         with BagWriter(path) as writer:
-            videos = self._videos(writer.folder) if self._filmed else {}
+            # A file is opened at its first frame. Until then its index holds the frames themselves.
+            videos = {_INDEX[name]: VideoFile(writer.folder / file_name(_RAW[name].name), _LOSSLESS) for name in _INDEX}
             for t_ns, topic, cdr in sorted(self._messages, key=lambda message: message[0]):
-                if topic in videos:
-                    topic, cdr = _INDEX[topic], videos[topic].add(cdr)
-                writer.write(topic, cdr, t_ns)
+                writer.write(topic, videos[topic].add(cdr) if topic in videos else cdr, t_ns)
             for video in videos.values():
                 video.close()
             writer.metadata("trial", metadata)
             for name, text in attachments.items():
                 writer.attach(name, text.encode(), "application/yaml")
-
-    @staticmethod
-    def _videos(folder: Path) -> dict[Topic, VideoFile]:
-        return {topic: VideoFile(folder / file_name(topic.name), LOSSLESS) for topic in _INDEX}
 
     def _at(self, t_s: float) -> int:
         return self._zero_ns + round(float(t_s) * 1e9)

@@ -3,7 +3,7 @@
 Everything after this works on cells, so its cost does not grow with the number of trials.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -63,7 +63,7 @@ FAR_M = 0.01
 """What a first step is longer at least than a swimmer's if the leg held in it."""
 
 
-def swum_at_once(gaits: Sequence[str], omega: Floats, values: Floats) -> Bools:
+def swum_at_once(gaits: Iterable[str], omega: Floats, values: Floats) -> Bools:
     """Trials ``(n,)`` of values ``(n, 4)`` that swam from the first step on, with legs of uneven pace.
 
     How far they get in it is the clock's affair: where on its shaft the leg is mounted says when it passes its lowest
@@ -154,10 +154,10 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
             f"none of {len(phi)} trials can be used: phi, omega_rad_s and speed_m_s of an ok trial are needed"
         )
     gait = np.asarray([str(one) for one in trials.gait])[usable]
-    gaits = [str(one) for one in trials.gait]
-    values[[not peak_is_resolved(one, frequency) for one, frequency in zip(gaits, omega, strict=True)], 2] = np.nan
-    values[swum_at_once(gaits, omega, values), 3] = np.nan
-    cells = _gather(phi[usable], omega[usable], gait, values[usable], excluded=int((~usable).sum()))
+    phi, omega, values = phi[usable], omega[usable], values[usable]
+    values[[not peak_is_resolved(one, frequency) for one, frequency in zip(gait, omega, strict=True)], 2] = np.nan
+    values[swum_at_once(gait, omega, values), 3] = np.nan
+    cells = _gather(phi, omega, gait, values, excluded=int((~usable).sum()))
     return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi))
 
 

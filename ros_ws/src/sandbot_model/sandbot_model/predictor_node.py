@@ -10,6 +10,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 
 from sandbot_common import messages, node, topics
+from sandbot_common.legs import leg_mount_rad
 from sandbot_model.predictor import Predictor, PredictorParameters, predictor_of
 
 NO_VARIANCE = -1.0
@@ -42,7 +43,7 @@ class PredictorNode(Node):
         try:
             trial = json.loads(message.data)
             self._omega, self._gait = float(trial["omega_rad_s"]), str(trial.get("gait", ""))
-            self._leg_mount_rad = float(trial.get("leg_mount_rad", 0.0))
+            self._leg_mount_rad = leg_mount_rad(trial, topics.TRIAL.name)
             if math.isnan(self._phi) and "phi" in trial:
                 self._phi = float(trial["phi"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:

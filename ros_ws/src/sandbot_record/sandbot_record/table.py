@@ -19,6 +19,7 @@ import numpy as np
 
 from sandbot_common import files, topics
 from sandbot_common.errors import InputError
+from sandbot_common.legs import leg_mount_rad
 from sandbot_record import reader
 from sandbot_record.reader import FIELD_STAMP, Bag
 from sandbot_record.trials import OK, Floats, Row, Trials, from_rows, read_csv, write_csv
@@ -195,16 +196,8 @@ def _summary(bag: Bag, plan: dict[str, Any]) -> TrialSummary:
         _on(frames, *rear, 2),
         (leg_ns - zero_ns) * 1e-9,
         legs["position"][first],
-        leg_mount_rad=leg_mount_rad(plan),
+        leg_mount_rad=leg_mount_rad(plan, topics.TRIAL.name),
     )
-
-
-def leg_mount_rad(plan: dict[str, Any]) -> float:
-    """What must be added to shaft angles; 0 where /trial does not say. Raises InputError if it is no angle."""
-    value = plan.get("leg_mount_rad", 0.0)
-    if not math.isfinite(_float(value)):
-        raise InputError(f"{topics.TRIAL.name}: leg_mount_rad: {value!r} is not an angle [rad]")
-    return float(value)
 
 
 def _landmarks(bag: Bag) -> list[tuple[Any, Floats]]:

@@ -146,14 +146,12 @@ def _frequencies(y: Floats, frame: float) -> list[float]:
 
 def _harmonics(n: int, frame: float, base_rad_s: float, ratio: float) -> _Model:
     transition, noise = harmonic_model(HARMONICS, base_rad_s, frame)
-    k = len(transition)
     velocity = np.array([0.0, 1.0, *(1.0, 0.0) * HARMONICS])
-    start = np.full(k, _DIFFUSE / frame**2)
+    start = np.full(len(transition), _DIFFUSE / frame**2)
     start[0] = _DIFFUSE
-    every = np.empty((2, n, k, k))
     # Per frame the noise of x must be of the order of a position's own for a ratio of 1.
-    every[0], every[1] = transition, noise * ratio / frame**3
-    return _Model(every[0], every[1], start, velocity)
+    noise = noise * ratio / frame**3
+    return _Model(np.tile(transition, (n, 1, 1)), np.tile(noise, (n, 1, 1)), start, velocity)
 
 
 def _integrated_noise(t: Floats, order: int, ratio: float) -> _Model:

@@ -13,6 +13,7 @@ import numpy as np
 
 from sandbot_common import topics
 from sandbot_common.errors import InputError
+from sandbot_common.legs import leg_mount_rad
 from sandbot_model.cells import Cells, Floats
 from sandbot_model.fit import Fit
 from sandbot_model.predictor import Predictor
@@ -22,7 +23,7 @@ from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
 from sandbot_model.report.view import CM
 from sandbot_record.film_strip import Strip, film_strip
 from sandbot_record.reader import FIELD_STAMP, Bag
-from sandbot_record.table import leg_mount_rad, plan_of, start_ns
+from sandbot_record.table import plan_of, start_ns
 from sandbot_record.trials import Trials
 
 NEAR_OMEGA = 5e-3
@@ -102,7 +103,7 @@ def _start_ns(bag: Bag, otherwise: int) -> int:
 def _leg_mount_rad(bag: Bag) -> float:
     """What the trial's robot adds to shaft angles, if it is known."""
     try:
-        return leg_mount_rad(plan_of(bag))
+        return leg_mount_rad(plan_of(bag), topics.TRIAL.name)
     except InputError:
         return 0.0
 
