@@ -159,7 +159,10 @@ class Page:
         for _ in range(limit):
             if self.driver.execute_script(f"const at = document.activeElement; return {script}"):
                 return
+            before = self.driver.switch_to.active_element
             self.keys(key)
+            # A list moves its focus with the next frame drawn, not at once.
+            self.until(lambda left=before: self.driver.switch_to.active_element != left)
         raise AssertionError(f"no element that {script} is reached by Tab")
 
     def background(self, figure):
