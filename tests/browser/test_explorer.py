@@ -198,6 +198,23 @@ def test_switching_the_hidden_effect_on_brings_the_error_to_what_compare_says(pa
     assert page.complaints() == []
 
 
+def test_controls_used_before_the_page_has_answered_all_count(page, folder):
+    """An effect and at once another view, then three controls in one moment: a fit takes longer than a second click."""
+    with explorer(folder / "trials.csv") as fresh:
+        page.open(fresh)
+        page.choose("effects", HIDDEN)
+        page.choose("view", "residuals")
+        page.until(lambda: "cells fail" in page.text("figure-box") and "disturbed ground" in page.text("status"))
+        three = ("#effects input[value='leg_slip']", "#observable input[value='lift']", "#pin")
+        page.driver.execute_script("for (const one of arguments) document.querySelector(one).click()", *three)
+        page.until(lambda: "disturbed ground + leg slip" in page.text("status"))
+        chosen = page.driver.current_url.split("?")[1]
+        assert "view=residuals" in chosen
+        assert "observable=lift" in chosen
+        assert "against=" in chosen
+        assert page.complaints() == []
+
+
 def test_every_view_draws(page, address):
     for view in ("speed", "residuals", "critical", "step", "balance", "lock"):
         page.open(f"{address}?view={view}&effect={HIDDEN}&cell=3")

@@ -21,7 +21,7 @@ from sandbot_model.cells import OBSERVABLES, cells_of
 from sandbot_model.compare import compare
 from sandbot_model.effects import CATALOGUE
 from sandbot_model.explore import behind, nothing, views, waveforms
-from sandbot_model.explore.actions import act, clicked_cell, moved
+from sandbot_model.explore.actions import act, clicked_cell, moved, used, values_of
 from sandbot_model.explore.app import SHOW_OUTPUTS, Beside, Explorer
 from sandbot_model.explore.selection import VIEWS, Selection, from_mapping, from_query, to_query, to_yaml
 from sandbot_model.explore.session import Session
@@ -189,6 +189,17 @@ def test_controls_change_what_they_name_and_nothing_else():
     assert act(start, "model", "full") == replace(start, model="full", by_hand=())
     assert act(start, "adopt", ("cable_drag",)).effects == ("cable_drag",)
     assert act(start, "unheard of", 1) == start
+
+
+def test_a_control_used_adds_to_what_was_asked_for_and_is_not_shown_yet():
+    shown = Selection(effects=("leg_slip", "cable_drag"))
+    asked = replace(shown.toggled(["cable_drag", "dilation"]), view="lock", by_hand=(("delta_t_s", 0.3),))
+    assert used(asked, shown, values_of(shown)) == asked
+    both = used(asked, shown, values_of(replace(shown, cell=2).toggled(["leg_slip", "cable_drag", "cohesion"])))
+    assert both == replace(asked, effects=("cable_drag", "dilation", "cohesion"), cell=2)
+    assert used(asked, shown, values_of(shown.toggled(["leg_slip"]))).effects == ("dilation",)
+    assert used(shown, shown, values_of(asked)) == replace(asked, by_hand=())
+    assert used(asked, asked, values_of(replace(asked, model="full"))).by_hand == ()
 
 
 def test_a_model_set_beside_stays_while_the_other_changes():
@@ -439,8 +450,6 @@ def test_the_page_shows_one_value_for_each_output(session, trials, tmp_path):
     session.ahead = lambda selection: None
     values = dict(zip((f"{o.component_id}.{o.component_property}" for o in SHOW_OUTPUTS),
                       explorer.show(Selection(effects=("leg_slip",), cell=1), "dark"), strict=True))  # fmt: skip
-    assert values["address.search"] == "?effect=leg_slip&cell=1"
-    assert values["effects.value"] == ["leg_slip"]
     assert "leg slip" in values["status.children"]
     assert values["message.children"] == ""
     explorer.app()

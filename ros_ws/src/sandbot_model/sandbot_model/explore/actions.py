@@ -9,6 +9,8 @@ from sandbot_model.explore.selection import Selection
 from sandbot_model.formula import formula_effect
 from sandbot_model.report.figures import map_cells
 
+CONTROLS = ("model", "effects", "view", "observable", "cell")
+"""The controls that have a value; the others are buttons and sliders."""
 SAME = 2e-5
 """Relative change below which a slider has not been moved: it shows five digits."""
 
@@ -33,6 +35,27 @@ def act(selection: Selection, control: str, value: Any) -> Selection:
             return selection.pin()
         case "unpin":
             return replace(selection, against="")
+    return selection
+
+
+def values_of(selection: Selection) -> dict[str, Any]:
+    """Where the controls stand when ``selection`` is shown."""
+    return {name: getattr(selection, name) for name in CONTROLS} | {"effects": list(selection.effects)}
+
+
+def used(selection: Selection, shown: Selection, values: Mapping[str, Any]) -> Selection:
+    """``selection`` after the controls whose ``values`` are no longer those of ``shown``, which the page last showed.
+
+    By difference: what was asked for meanwhile, and is not shown yet, stays.
+    """
+    for control, stood in values_of(shown).items():
+        value = values[control]
+        if control == "effects":
+            wanted = [name for name in selection.effects if name in value or name not in stood]
+            value = [*wanted, *(name for name in value if name not in stood)]
+            selection = act(selection, control, value)
+        elif value != stood:
+            selection = act(selection, control, value)
     return selection
 
 

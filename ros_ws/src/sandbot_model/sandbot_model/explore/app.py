@@ -1,7 +1,8 @@
 """The page itself: Dash wiring between the controls, the session and the figures. It listens on this host only.
 
 The address is the state: every control changes it, everything shown follows from it, so undo is the browser's own
-"back" and a page can be bookmarked or sent.
+"back" and a page can be bookmarked or sent. The two are separate steps: changing the address takes no fit, so that a
+control used while figures are still on their way (and those are then dropped) adds to the change before it.
 """
 
 import threading
@@ -10,14 +11,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from dash import ALL, Dash, Input, Output, State, ctx, html, no_update
+from dash import ALL, Dash, Input, Output, State, ctx, html, no_update, set_props
 from dash.exceptions import PreventUpdate
 from flask import Response, abort, send_file
 
 from sandbot_common.errors import InputError
 from sandbot_model.discover import Discovery
 from sandbot_model.explore import behind, controls, views, waveforms
-from sandbot_model.explore.actions import act, clicked_cell, moved
+from sandbot_model.explore.actions import CONTROLS, act, clicked_cell, moved, used, values_of
 from sandbot_model.explore.loopback import own_host_only
 from sandbot_model.explore.reproduce import steps_of
 from sandbot_model.explore.selection import Selection, from_query, to_query, to_yaml
@@ -44,16 +45,10 @@ INDEX = """<!doctype html>
 </body>
 </html>"""
 SHOW_OUTPUTS = (
-    Output("address", "search"),
-    Output("model", "value"),
-    Output("effects", "value"),
     Output("effects", "options"),
     Output("promise-clock", "disabled"),
-    Output("view", "value"),
-    Output("observable", "value"),
     Output("observable-row", "hidden"),
     Output("parameters-box", "hidden"),
-    Output("cell", "value"),
     Output("by-hand", "children"),
     Output("figure", "figure"),
     Output("figure", "style"),
@@ -141,15 +136,9 @@ class Explorer:
             views.same_ranges([shown.figure, *(pane.figure for pane in panes if pane.figure)])
         by_hand = selection.view == "parameters"
         return (
-            to_query(selection),
-            selection.model,
-            list(selection.effects),
             *self._promised(selection),
-            selection.view,
-            selection.observable,
             selection.view != "residuals",
             selection.view != "parameters",
-            selection.cell,
             # Sliders are slow to make and seldom looked at: only with their view.
             controls.by_hand(views.sliders(selection, shown.current, effects)) if by_hand else [],
             shown.figure,
@@ -208,19 +197,26 @@ class Explorer:
         return send_file(files[name].resolve(), as_attachment=True) if name in files else abort(404)
 
     def _wire(self, app: Dash) -> None:
-        controls_in = ("model", "effects", "view", "observable", "cell")
         app.callback(
             *SHOW_OUTPUTS,
             Input("address", "search"),
             Input("theme", "data"),
-            *(Input(name, "value") for name in controls_in),
+            *(State(name, "value") for name in CONTROLS),
+        )(self.on_address)
+        # What is shown sets the controls and they set the address, all by set_props: Outputs would be a circle to Dash,
+        # and it would let a control wait until the figures before have come, and then set it back.
+        app.callback(
+            *(Input(name, "value") for name in CONTROLS),
             Input("figure", "clickData"),
             *(Input(name, "n_clicks") for name in ("add", "release", "adopt", "pin", "unpin")),
             Input("formula", "n_submit"),
             Input({"by_hand": ALL}, "value"),
-            State("formula", "value"),
             State({"by_hand": ALL}, "id"),
-        )(self.on_change)
+            State("formula", "value"),
+            State("address", "search"),
+            State("shown", "data"),
+            prevent_initial_call=True,
+        )(self.on_control)
         app.callback(
             Output("effects", "options", allow_duplicate=True),
             Output("promise-clock", "disabled", allow_duplicate=True),
@@ -254,39 +250,54 @@ class Explorer:
             prevent_initial_call=True,
         )
 
-    def on_change(self, search: str | None, theme: str | None, *rest: Any) -> tuple[Any, ...]:
-        """A control was used or the address has changed."""
+    def on_address(self, search: str | None, theme: str | None, *stood: Any) -> tuple[Any, ...]:
+        """The address has changed: show what it says, and set the controls that stood elsewhere."""
         if theme is None:
             raise PreventUpdate
-        values, formula, ids = rest[-3:]
+        try:
+            selection = from_query(search or "")
+            shown = self.show(selection, theme)
+        except InputError as error:
+            return (*(no_update for _ in SHOW_OUTPUTS[:-1]), _said(error))
+        for (control, value), before in zip(values_of(selection).items(), stood, strict=True):
+            if value != before:
+                set_props(control, {"value": value})
+        # Last: a control that does not stand at what is "shown" has been used.
+        set_props("shown", {"data": to_query(selection)})
+        return shown
+
+    def on_control(self, *given: Any) -> None:
+        """A control was used: add to the address whatever differs from what the page shows, and what was pressed."""
+        values, ids, formula, search, seen = given[-5:]
         sliders = {one["by_hand"].replace("/", "."): value for one, value in zip(ids, values, strict=True)}
         try:
-            before = from_query(search or "")
-            if ctx.triggered_id in (None, "address", "theme"):
-                return self.show(before, theme)
-            after = self._after(before, formula, sliders)
-            if after == before:
-                raise PreventUpdate
-            return self.show(after, theme)
+            before, shown = from_query(search or ""), from_query(seen or "")
+            after = used(before, shown, dict(zip(CONTROLS, given, strict=False)))
+            if sliders:
+                fitted = self.session.shown(shown).fit.parameters
+                after = moved(after, {name: one.value for name, one in fitted.items()}, sliders)
+            for fired in ctx.triggered:
+                after = self._pressed(after, ctx.triggered_prop_ids[fired["prop_id"]], fired["value"], formula or "")
+            self.session.catalogue(after.formulas)
         except InputError as error:
-            # What the command line calls --effect is the box here.
-            return (*(no_update for _ in SHOW_OUTPUTS[:-1]), str(error).removeprefix("--effect "))
+            set_props("message", {"children": _said(error)})
+            return
+        if after != before:
+            set_props("address", {"search": to_query(after)})
 
-    def _after(self, selection: Selection, formula: str | None, sliders: dict[str, float]) -> Selection:
-        """The selection after the control that fired."""
-        control, value = ctx.triggered_id, ctx.triggered[0]["value"]
-        if isinstance(control, dict):
-            shown = self.session.shown(selection).fit.parameters
-            return moved(selection, {name: one.value for name, one in shown.items()}, sliders)
+    def _pressed(self, selection: Selection, control: Any, value: Any, formula: str) -> Selection:
+        """The selection after a click on a button or a figure; of other controls it is the value that counts."""
         match control:
             case "figure":
                 return act(selection, "cell", clicked_cell(value, self.session.cells))
             case "add" | "formula":
-                return act(selection, "formula", formula or "")
+                return act(selection, "formula", formula)
             case "adopt":
                 found = self.job.found
                 return act(selection, "adopt", found.verdict.effects) if found else selection
-        return act(selection, str(control), value)
+            case "release" | "pin" | "unpin":
+                return act(selection, control, value)
+        return selection
 
     def on_promise_clock(self, _tick: int, search: str | None) -> tuple[list[dict[str, Any]], bool]:
         """Show what fits made ahead have brought since; the clock stops when all have come in."""
@@ -349,3 +360,8 @@ class Explorer:
                 job.running = False
 
         threading.Thread(target=run, name="suggest", daemon=True).start()
+
+
+def _said(error: InputError) -> str:
+    """The error in the page's words: what the command line calls --effect is the box here."""
+    return str(error).removeprefix("--effect ")

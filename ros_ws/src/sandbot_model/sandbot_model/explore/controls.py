@@ -32,6 +32,7 @@ def page(title: str, data_line: str, known: Provenance, cells: Cells) -> html.Di
         [
             dcc.Location(id="address", refresh=False),
             dcc.Store(id="theme", data=None),
+            dcc.Store(id="shown"),
             dcc.Store(id="undone"),
             dcc.Interval(id="promise-clock", interval=1000),
             dcc.Interval(id="suggest-clock", interval=500, disabled=True),
