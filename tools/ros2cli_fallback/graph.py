@@ -19,6 +19,7 @@ QUIET_S = 2.0
 """Measured on two busy cores: up to 1.7 s pass between one node's being discovered and the next one's."""
 
 PATIENCE_S = 4.0
+ASK_AGAIN_S = 1.0
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"
 NamesAndTypes = list[tuple[str, list[str]]]
 
@@ -98,11 +99,18 @@ def require_node(on: Node, name: str, patience_s: float = PATIENCE_S) -> str:
 
 
 def call(on: Node, kind: Any, name: str, request: Any, patience_s: float = 5.0) -> Any:
-    """Call a service and return its response; Failure where it does not answer in time."""
+    """Ask a service that may be asked twice and return its response; Failure where it does not answer in time."""
     client = on.create_client(kind, name)
     if not client.wait_for_service(timeout_sec=patience_s):
         raise Failure("Wait for service timed out")
-    return answer(on, client.call_async(request), name, patience_s)
+    # A server may hear a new client before it knows where to answer, and gives the answer up: ask again.
+    asked = []
+    for _ in range(max(1, round(patience_s / ASK_AGAIN_S))):
+        asked.append(client.call_async(request))
+        rclpy.spin_until_future_complete(on, asked[-1], timeout_sec=ASK_AGAIN_S)
+        if done := [future for future in asked if future.done()]:
+            return answer(on, done[0], name)
+    raise Failure(f"No response from service {name} within {patience_s:g} s")
 
 
 def answer(on: Node, future: Any, name: str, patience_s: float | None = None) -> Any:

@@ -7,11 +7,7 @@ import time
 import numpy as np
 import pytest
 
-pytestmark = [
-    pytest.mark.ros,
-    # rclpy loads its type supports through lark, which still imports sre_parse and friends.
-    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
-]
+pytestmark = pytest.mark.ros
 
 
 class Listener:
@@ -24,7 +20,7 @@ class Listener:
 
         from sandbot_common import node, topics
 
-        self.rclpy, self.trigger = rclpy, Trigger
+        self.rclpy, self.trigger, self.ask = rclpy, Trigger, node.ask
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=domain)
         self.node = rclpy.create_node("listener", context=self.context)
@@ -34,18 +30,19 @@ class Listener:
         node.subscription(self.node, topics.LEG_SETPOINTS, self.setpoints.append)
         self.blower = node.publisher(self.node, topics.BED_BLOWER)
 
-    def until(self, true, seconds=20.0):
+    def wait(self, true, seconds):
         end = time.monotonic() + seconds
-        while not true():
-            assert time.monotonic() < end, "waited in vain"
+        while not true() and time.monotonic() < end:
             self.executor.spin_once(timeout_sec=0.05)
+        return true()
+
+    def until(self, true, seconds=20.0):
+        assert self.wait(true, seconds), "waited in vain"
 
     def call(self, name):
         client = self.node.create_client(self.trigger, name)
         self.until(client.service_is_ready)
-        future = client.call_async(self.trigger.Request())
-        self.until(future.done)
-        return future.result()
+        return self.ask(client, self.trigger.Request(), self.wait, 20.0)
 
     def close(self):
         self.node.destroy_node()
@@ -69,6 +66,7 @@ def test_runs_on_schedule_stops_at_rest_and_heeds_the_air(listener):
 
     assert listener.call("/clock/start").success
     listener.until(lambda: len(listener.setpoints) > 100)
+    assert listener.call("/clock/start").message == "was running"  # the answer to the first may have been lost
     refused = listener.call("/clock/home")
     assert not refused.success
     assert listener.call("/clock/stop").success

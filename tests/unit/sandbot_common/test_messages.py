@@ -7,9 +7,6 @@ from hypothesis import strategies as st
 
 from sandbot_common import messages, topics
 
-# The first use of a type support imports lark, which still imports sre_parse and friends.
-pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
-
 T = 1_700_000_000_123_456_789
 
 

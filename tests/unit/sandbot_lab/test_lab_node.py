@@ -16,11 +16,7 @@ from sandbot_common import messages, node, topics
 from sandbot_lab.robot import simulate
 from sandbot_lab.world import null_world
 
-pytestmark = [
-    pytest.mark.ros,
-    # rclpy loads its type supports through lark, which still imports sre_parse and friends.
-    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
-]
+pytestmark = pytest.mark.ros
 
 HEARD = (topics.LEG_STATES, topics.SYNC_LED, topics.BED_HEIGHT, topics.DORSAL_IMAGE, topics.LATERAL_IMAGE)
 SETPOINTS = 100
@@ -38,13 +34,16 @@ def probe(domain):
     for topic in HEARD:
         node.subscription(listener, topic, heard[topic.name].append)
 
-    def until(condition, seconds=60.0):
+    def wait(condition, seconds=60.0):
         end = time.monotonic() + seconds
-        while not condition():
-            assert time.monotonic() < end, {name: len(messages) for name, messages in heard.items()}
+        while not condition() and time.monotonic() < end:
             executor.spin_once(timeout_sec=0.01)
+        return condition()
 
-    yield listener, heard, until
+    def until(condition):
+        assert wait(condition), {name: len(messages) for name, messages in heard.items()}
+
+    yield listener, heard, until, wait
     listener.destroy_node()
     executor.shutdown()
     rclpy.shutdown(context=context)
@@ -61,7 +60,7 @@ def lab(domain):
 
 
 def test_a_trial_over_dds_is_the_batch_trial(lab, probe):
-    listener, heard, until = probe
+    listener, heard, until, wait = probe
     publisher = node.publisher(listener, topics.LEG_SETPOINTS)
     until(lambda: publisher.get_subscription_count() and heard["/bed/height"])
     t_s, angles, rates = (values[:SETPOINTS] for values in setpoints(16.0))
@@ -84,9 +83,7 @@ def test_a_trial_over_dds_is_the_batch_trial(lab, probe):
         after = t0_ns + round((t_s[-1] + 0.005 * (1 + allowed)) * 1e9)
         publisher.publish(messages.joint_state(after, topics.LEGS, angles[-1], np.full(6, last_rate), np.zeros(6)))
         until(lambda: len(heard["/leg_states"]) == SETPOINTS + 1 + allowed)  # noqa: B023
-        answer = client.call_async(Trigger.Request())
-        until(answer.done)
-        assert answer.result().success is allowed
+        assert node.ask(client, Trigger.Request(), wait, 60.0).success is allowed
 
     # No topic of the lab's own carries more than the design's list.
     names = {name for name, _ in listener.get_publisher_names_and_types_by_node("lab", "/")}

@@ -35,9 +35,6 @@ from sandbot_model.walking import Inputs
 from sandbot_record.trials import Row, from_rows, read, write_csv
 from sandbot_record.writer import BagWriter
 
-# The first use of a type support imports lark, which still imports sre_parse and friends.
-pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
-
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
 BOOST = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
 

@@ -8,11 +8,7 @@ import time
 import numpy as np
 import pytest
 
-pytestmark = [
-    pytest.mark.ros,
-    # rclpy loads its type supports through lark, which still imports sre_parse and friends.
-    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
-]
+pytestmark = pytest.mark.ros
 
 
 @pytest.fixture

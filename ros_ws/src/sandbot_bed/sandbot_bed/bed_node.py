@@ -151,6 +151,10 @@ class BedNode(Node):
 
     def _on_prepare(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         target_phi = self._settings.current.target_phi
+        if self._protocol.command.stage.busy:
+            # The same target: it can't change during a preparation.
+            response.success, response.message = True, f"φ = {target_phi:g} was being prepared"
+            return response
         if self._legs_move:
             response.success, response.message = False, "legs move (/leg_setpoints); call /clock/stop first"
             return response

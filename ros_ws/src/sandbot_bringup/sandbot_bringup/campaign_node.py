@@ -12,6 +12,7 @@ from typing import Any
 
 import rclpy
 from rcl_interfaces.srv import SetParameters
+from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
@@ -23,7 +24,7 @@ from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import publisher, subscription, use_shared_memory
+from sandbot_common.node import ask, publisher, subscription, use_shared_memory
 
 DISCOVERY_S = 20.0
 """Nodes that just started need this long at most to be seen on a busy machine."""
@@ -164,7 +165,7 @@ class Operator(Node):
         """Keep frames from here on; those of the bed's preparation would only fill the disk."""
         if not self._pause_images.wait_for_service(CALL_S):
             raise TrialFailed(f"the recorder does not offer {self._pause_images.srv_name}")
-        self._complete(self._pause_images.call_async(SetBool.Request(data=False)), self._pause_images.srv_name)
+        self._ask(self._pause_images, SetBool.Request(data=False), self._pause_images.srv_name)
 
     def _walk(self, duration_s: float) -> None:
         self._call("/clock/start")
@@ -193,21 +194,21 @@ class Operator(Node):
         self._wait(lambda: False, 0.2)
 
     def _call(self, name: str) -> None:
-        answer = self._complete(self._triggers[name].call_async(Trigger.Request()), name)
+        answer = self._ask(self._triggers[name], Trigger.Request(), name)
         if not answer.success:
             raise TrialFailed(f"{name} refused: {answer.message}")
 
     def _set(self, node: str, name: str, value: Any) -> None:
         request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-        answer = self._complete(self._setters[node].call_async(request), f"parameters of {node}")
+        answer = self._ask(self._setters[node], request, f"parameters of {node}")
         if not answer.results[0].successful:
             raise TrialFailed(f"{node} refused {name}={value}: {answer.results[0].reason}")
 
-    def _complete(self, future: Any, what: str) -> Any:
-        rclpy.spin_until_future_complete(self, future, timeout_sec=CALL_S)
-        if not future.done():
+    def _ask(self, client: Client, request: Any, what: str) -> Any:
+        answer = ask(client, request, self._wait, CALL_S)
+        if answer is None:
             raise TrialFailed(f"no answer from {what} within {CALL_S:g} s")
-        return future.result()
+        return answer
 
     def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         deadline = time.monotonic() + timeout_s

@@ -161,6 +161,9 @@ class ClockNode(Node):
             self.get_logger().error(f"autostart: {reason}")
 
     def _on_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self.running:
+            response.success, response.message = True, "was running"
+            return response
         reason = self.start()
         response.success, response.message = not reason, reason or "running"
         return response

@@ -13,6 +13,7 @@ from typing import Any, Generic, TypeVar
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.client import Client
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
@@ -29,6 +30,7 @@ from sandbot_common.parameters import Spec, from_mapping, specs
 
 T = TypeVar("T")
 
+ASK_AGAIN_S = 2.0
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
@@ -48,6 +50,27 @@ def subscription(
 ) -> Subscription:
     """A subscription on a trackway topic; ``raw`` hands the serialized bytes to the callback."""
     return node.create_subscription(messages.message_class(topic.type), topic.name, callback, qos(topic), raw=raw)
+
+
+def ask(client: Client, request: Any, wait: Callable[[Callable[[], bool], float], bool], patience_s: float) -> Any:
+    """The answer of a service, asked for again every two seconds; None if there is none within ``patience_s``.
+
+    A server may hear a new client before it knows where to answer; rmw_fastrtps gives the answer up after 0.1 s then
+    ("client will not receive response"). The order was obeyed all the same, so it must be one that may be given twice.
+    ``wait(condition, timeout_s)`` spins until the condition holds, and says whether it does.
+    """
+    asked: list[Any] = []
+
+    def answered() -> bool:
+        return any(one.done() for one in asked)
+
+    for _ in range(math.ceil(patience_s / ASK_AGAIN_S)):
+        asked.append(client.call_async(request))
+        if wait(answered, ASK_AGAIN_S):
+            break
+    for one in asked:
+        client.remove_pending_request(one)
+    return next((one.result() for one in asked if one.done()), None)
 
 
 class Parameters(Generic[T]):
