@@ -67,14 +67,24 @@ class Process:
         return self._process.wait(5)
 
 
+QUICK_BED = {"fluidise_s": 0.7, "ramp_s": 0.3, "settle_s": 0.4, "pulse_off_s": 0.3, "average_s": 0.2}
+"""A bed prepared in seconds; the real one takes a quarter of a minute and more."""
+
+
+@pytest.fixture
+def quick_bed() -> list[str]:
+    """The bed of ``plan_of_one`` as arguments of ``ros2 launch``."""
+    return [f"bed.{name}:={value}" for name, value in QUICK_BED.items()]
+
+
 @pytest.fixture
 def plan_of_one(tmp_path: Path) -> Callable[..., Path]:
-    """Write a plan of one trial, or as changed, on a quicker bed than the real one: no second for each settling."""
+    """Write a plan of one trial, or as changed, on the quick bed."""
 
     def write(**changed: object) -> Path:
         plan = {"name": "one", "seed": 5, "gait": "UNIFORM", "phi": [0.605], "omega_rad_s": [12.0], "replicates": 1}
         path = tmp_path / "one.yaml"
-        path.write_text(yaml.safe_dump(plan | {"bed": {"pulse_off_s": 0.3, "average_s": 0.2}} | changed))
+        path.write_text(yaml.safe_dump(plan | {"bed": QUICK_BED} | changed))
         return path
 
     return write

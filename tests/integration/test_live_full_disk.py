@@ -10,9 +10,9 @@ KIB = 900
 """Room for a second or two of the trial."""
 
 
-def test_a_full_disk_stops_the_legs_and_says_why(tmp_path, start, plan_of_one):
+def test_a_full_disk_stops_the_legs_and_says_why(tmp_path, start, plan_of_one, quick_bed):
     plan = plan_of_one(omega_rad_s=[2.0])
-    start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", "bed.pulse_off_s:=0.3", "bed.average_s:=0.2")
+    start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", *quick_bed)
     witness = start("ros2", "run", "sandbot_record", "record", "/leg_states", "--out", tmp_path / "witness")
     witness.until(lambda line: line.startswith("recording to"))
     campaign = f"ros2 run sandbot_bringup campaign {plan} --out {tmp_path / 'live'}"

@@ -41,12 +41,11 @@ def same_ground(monkeypatch):
     monkeypatch.setattr(runner, "run", run)
 
 
-def test_live_row_equals_batch_row_and_speed_is_seen_live(tmp_path, start, plan_of_one, same_ground):
+def test_live_row_equals_batch_row_and_speed_is_seen_live(tmp_path, start, plan_of_one, quick_bed, same_ground):
     plan = plan_of_one(omega_rad_s=[12.0, 20.0])
     assert campaign([str(plan), "--out", str(tmp_path / "batch"), "--batch"]) == 0
 
-    given = ("bed.pulse_off_s:=0.3", "bed.average_s:=0.2", f"lab.phi:={PHI}")
-    nodes = start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", *given)
+    nodes = start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", *quick_bed, f"lab.phi:={PHI}")
     echo = start("ros2", "topic", "echo", "/speed", "geometry_msgs/msg/TwistWithCovarianceStamped")
     rate = start("ros2", "topic", "hz", "/speed")
     live = start("ros2", "run", "sandbot_bringup", "campaign", plan, "--out", tmp_path / "live")
