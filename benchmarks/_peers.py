@@ -21,11 +21,10 @@ from sandbot_model.cells import (
     COLUMNS,
     USUAL_NOISE,
     cells_of,
-    peak_is_resolved,
-    slow_phase_ratio,
     swum_at_once,
 )
 from sandbot_model.fit import Fit, fit
+from sandbot_model.gaits import peak_is_resolved, slow_phase_ratio
 from sandbot_model.levels import phi_levels
 from sandbot_model.minimise import Known
 from sandbot_model.model import Model, model_of

@@ -17,6 +17,7 @@ import psutil
 import pytest
 import yaml
 from selenium import webdriver
+from selenium.common.exceptions import TimeoutException
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -133,7 +134,13 @@ class Page:
         return self
 
     def until(self, condition):
-        return WebDriverWait(self.driver, PATIENCE_S, poll_frequency=0.05).until(lambda _: condition())
+        """Wait for something to come; where it does not, say what the page says."""
+        try:
+            return WebDriverWait(self.driver, PATIENCE_S, poll_frequency=0.05).until(lambda _: condition())
+        except TimeoutException:
+            at = self.driver.switch_to.active_element.get_attribute("outerHTML")[:200]
+            said = {name: self.text(name) for name in ("status", "message")}
+            raise AssertionError(f"{self.driver.current_url} {said} focus at {at} {self.complaints()}") from None
 
     def text(self, name):
         return self.driver.execute_script("return document.getElementById(arguments[0])?.innerText ?? ''", name)

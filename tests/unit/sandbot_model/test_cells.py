@@ -9,8 +9,6 @@ from sandbot_common.errors import InputError
 from sandbot_model.cells import (
     cells_of,
     noise_floor,
-    peak_is_resolved,
-    slow_phase_ratio,
     swum_at_once,
 )
 from sandbot_model.levels import phi_levels, same_within
@@ -135,15 +133,6 @@ def test_a_phi_that_is_all_sensor_noise_is_left_alone(drawn):
     scrambled = np.round(trials.phi * 0 + np.repeat(np.linspace(0.58, 0.633, 7), 21), 6)
     scrambled = scrambled + np.random.default_rng(0).normal(0, 6e-4, len(scrambled))
     assert cells_of(dataclasses.replace(trials, phi=scrambled)).phi_reliability < 0.35
-
-
-def test_gaits():
-    assert slow_phase_ratio("SGCS") == pytest.approx(0.389, abs=5e-4)
-    assert slow_phase_ratio("HGCS") == pytest.approx(0.242, abs=5e-4)
-    assert slow_phase_ratio("UNIFORM") == 1.0
-    assert peak_is_resolved("UNIFORM", 30.0)
-    assert peak_is_resolved("SGCS", 16.0)
-    assert not peak_is_resolved("SGCS", 30.0)
 
 
 def test_a_row_without_a_frequency_is_left_out_in_silence(recwarn):

@@ -70,6 +70,13 @@ class Plan:
         return Gait.from_name(self.gait)
 
     @property
+    def gait_name(self) -> str:
+        """The gait as trials are told and the table has it: a preset's name, or CUSTOM(θ_s θ_0 d_c)."""
+        gait = self.clock_gait
+        custom = f"({gait.theta_s_rad:.6g} {gait.theta_0_rad:.6g} {gait.duty:.6g})"
+        return self.gait + custom if self.gait == "CUSTOM" else self.gait
+
+    @property
     def bed_protocol(self) -> ProtocolParameters:
         """The pulse protocol's parameters."""
         return from_mapping(ProtocolParameters, self.bed, f"plan {self.name}: bed")

@@ -18,7 +18,7 @@ def trial_message(plan: Plan, trial: PlannedTrial, leg_mount_rad: float, start_n
             "campaign": plan.name,
             "phi_target": trial.phi,
             "omega_rad_s": trial.omega_rad_s,
-            "gait": plan.gait,
+            "gait": plan.gait_name,
             "leg_mount_rad": leg_mount_rad,
             "replicate": trial.replicate,
             "seed": trial.seed,

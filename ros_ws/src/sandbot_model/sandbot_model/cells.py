@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
 from sandbot_model.adjust import local_slope, reliability
+from sandbot_model.gaits import peak_is_resolved, slow_phase_ratio
 from sandbot_model.levels import phi_levels, same_within
 from sandbot_model.noise import pure_error
 from sandbot_model.penetration import Pressed, Readings, at_levels
@@ -27,37 +28,6 @@ UNITS = {"speed": "m/s", "lift": "m", "peak_speed": "m/s", "first_step": "m"}
 
 COLUMNS = ("speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m")
 """The columns of the trials table, in the order of ``OBSERVABLES``."""
-
-GAITS = {"SGCS": (1.1, -0.5, 0.45), "HGCS": (0.85, 0.13, 0.56), "UNIFORM": (np.pi, 0.0, 0.5)}
-"""θ_s, θ_0 [rad] and d_c of the clock signal (physics §1). A gait of another name is taken for SGCS."""
-
-
-def slow_phase_ratio(gait: str) -> float:
-    """β = θ_s/(2π d_c): leg rate in the slow phase over the mean rate."""
-    theta_s, _, duty = GAITS.get(gait, GAITS["SGCS"])
-    return theta_s / (2 * np.pi * duty)
-
-
-STANCE_END = 0.75
-"""Leg angle [rad] at which a long stance ends, asin(s/2R)."""
-FRAME_S = 0.01
-"""Time between camera frames (physics §1)."""
-FRAMES_OF_A_PEAK = 2.5
-
-
-def peak_is_resolved(gait: str, omega: float) -> bool:
-    """Whether the fastest part of a stance lasts long enough to be seen at 100 frames/s.
-
-    A gait that passes into the fast phase before the leg leaves the ground ends its stance at (2π - θ_s)/(2π(1 -
-    d_c)) ω for (0.75 - θ_e)/that seconds; below two frames the largest v_x(t) is the cameras' and not the robot's.
-    """
-    theta_s, theta_0, duty = GAITS.get(gait, GAITS["SGCS"])
-    slow_end = theta_0 + theta_s / 2
-    if slow_end >= STANCE_END:
-        return True
-    swing = (2 * np.pi - theta_s) / (2 * np.pi * (1 - duty)) * omega
-    return (STANCE_END - slow_end) / swing >= FRAMES_OF_A_PEAK * FRAME_S
-
 
 FAR_M = 0.01
 """What a first step is longer at least than a swimmer's if the leg held in it."""

@@ -12,8 +12,8 @@ import numpy as np
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
 from sandbot_model.catalogue import catalogue
-from sandbot_model.cells import slow_phase_ratio
 from sandbot_model.chain import Array
+from sandbot_model.gaits import slow_phase_ratio
 from sandbot_model.model import Model, model_of
 from sandbot_model.walking import BASES, Inputs, KCurve
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_model.cells import OBSERVABLES, Cells, Floats
+from sandbot_model.gaits import assumption
 from sandbot_model.report.view import NAMES, Provenance
 from sandbot_record import table
 from sandbot_record.reader import is_bag
@@ -88,6 +89,10 @@ def limits(cells: Cells) -> tuple[str, ...]:
         notes.append(
             "Noise floor, error bars and the lack-of-fit test: no condition was repeated, so scatter can't be told "
             "from model error. Two or more trials at one (φ, ω) would do."
+        )
+    if assumed := assumption(cells.gait):
+        notes.append(
+            f"How fast legs turn while they stand: {assumed}. A table tells another one as CUSTOM(θ_s θ_0 d_c), in rad."
         )
     absent = [NAMES[name] for name in OBSERVABLES if name not in cells.observables]
     if absent:

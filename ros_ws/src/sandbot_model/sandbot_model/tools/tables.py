@@ -8,6 +8,7 @@ from sandbot_model.cells import OBSERVABLES, noise_floor
 from sandbot_model.chain import Array
 from sandbot_model.discover import Discovery
 from sandbot_model.fit import Fit
+from sandbot_model.gaits import assumption
 
 CM = 100.0
 READER_UNIT = {"speed": "cm/s", "lift": "cm", "peak_speed": "cm/s", "first_step": "cm"}
@@ -30,9 +31,10 @@ def data_line(fit: Fit) -> str:
     """What was read, in one line."""
     cells = fit.cells
     left_out = f", {cells.excluded} trials left out" if cells.excluded else ""
+    assumed = assumption(cells.gait)
     return (
         f"{cells.trials} trials in {len(cells)} cells ({len(cells.level_phi)} volume fractions){left_out}; "
-        f"measured: {', '.join(cells.observables)}"
+        f"measured: {', '.join(cells.observables)}{assumed and f'; {assumed}'}"
     )
 
 

@@ -1,0 +1,56 @@
+"""What the model needs to know of a gait: how fast the leg turns while it stands (physics §1, Li09 clock signal)."""
+
+import re
+from collections.abc import Iterable
+
+import numpy as np
+
+GAITS = {"SGCS": (1.1, -0.5, 0.45), "HGCS": (0.85, 0.13, 0.56), "UNIFORM": (np.pi, 0.0, 0.5)}
+"""θ_s, θ_0 [rad] and d_c of the clock signal. The name of a custom one tells them: CUSTOM(θ_s θ_0 d_c)."""
+ASSUMED = "SGCS"
+"""The gait that trials are taken to have whose table does not tell."""
+STANCE_END = 0.75
+"""Leg angle [rad] at which a long stance ends, asin(s/2R)."""
+FRAME_S = 0.01
+"""Time between camera frames (physics §1)."""
+FRAMES_OF_A_PEAK = 2.5
+_CUSTOM = re.compile(r"CUSTOM\((\S+) (\S+) (\S+)\)")
+
+
+def clock_signal(gait: str) -> tuple[float, float, float] | None:
+    """θ_s, θ_0 [rad] and d_c of a gait by its name; None where the name does not tell."""
+    custom = _CUSTOM.fullmatch(gait)
+    if custom is None:
+        return GAITS.get(gait)
+    try:
+        theta_s, theta_0, duty = map(float, custom.groups())
+    except ValueError:
+        return None
+    possible = 0 < theta_s < 2 * np.pi and abs(theta_0) <= np.pi and 0 < duty < 1
+    return (theta_s, theta_0, duty) if possible else None
+
+
+def assumption(gaits: Iterable[str]) -> str:
+    """What is assumed of gaits whose name does not tell their clock signal; empty where all do."""
+    unknown = sorted({repr(gait) if gait else "not given" for gait in gaits if clock_signal(gait) is None})
+    return f"gait {', '.join(unknown)}: the clock signal of {ASSUMED} is assumed" if unknown else ""
+
+
+def slow_phase_ratio(gait: str) -> float:
+    """β = θ_s/(2π d_c): leg rate in the slow phase over the mean rate; of the gait assumed where it is not known."""
+    theta_s, _, duty = clock_signal(gait) or GAITS[ASSUMED]
+    return theta_s / (2 * np.pi * duty)
+
+
+def peak_is_resolved(gait: str, omega: float) -> bool:
+    """Whether the fastest part of a stance lasts long enough to be seen at 100 frames/s.
+
+    A gait that passes into the fast phase before the leg leaves the ground ends its stance at (2π - θ_s)/(2π(1 -
+    d_c)) ω for (0.75 - θ_e)/that seconds; below two frames the largest v_x(t) is the cameras' and not the robot's.
+    """
+    theta_s, theta_0, duty = clock_signal(gait) or GAITS[ASSUMED]
+    slow_end = theta_0 + theta_s / 2
+    if slow_end >= STANCE_END:
+        return True
+    swing = (2 * np.pi - theta_s) / (2 * np.pi * (1 - duty)) * omega
+    return (STANCE_END - slow_end) / swing >= FRAMES_OF_A_PEAK * FRAME_S
