@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from sandbot_bringup import batch, runner
+from sandbot_bringup.plan import read_plan
 from sandbot_bringup.tools.campaign import main as campaign
 from sandbot_common import topics
 from sandbot_lab.robot import simulate
@@ -70,12 +71,16 @@ def test_live_row_equals_batch_row_and_speed_is_seen_live(tmp_path, start, plan_
         assert float(other["lift_m"]) == pytest.approx(float(one["lift_m"]), abs=1e-4)
         assert float(other["peak_speed_m_s"]) == pytest.approx(float(one["peak_speed_m_s"]), rel=0.02)
         assert float(other["first_step_m"]) == pytest.approx(float(one["first_step_m"]), abs=4e-4)
-    # The plan keeps the frames of one trial, all that were tracked; its recorder was started with images paused.
+    # The plan keeps the frames of one trial; its recorder was started with images paused. All that were tracked are
+    # there, and all were tracked until the trial was over: what came after may still have been under way.
     frames = topics.LATERAL_JPEG.name
     assert frames not in bag.topics
     filmed = Bag.open(tmp_path / "live" / "trials" / TRIAL.replace("12.000", "20.000"))
     kept, tracked = (filmed.columns(name, *FIELD_STAMP).stamp_ns for name in (frames, topics.FRONT_AXLE.name))
-    assert kept.tolist() == tracked.tolist()
+    assert kept[: len(tracked)].tolist() == tracked.tolist()
+    legs = filmed.columns(topics.LEG_STATES.name, "velocity", *FIELD_STAMP)
+    start_ns = legs.stamp_ns[(legs["velocity"] != 0.0).any(axis=1)][0]
+    assert (kept[len(tracked) :] >= start_ns + 1e9 * read_plan(plan).duration_s(20.0)).all()
     told = bag.provenance["trial"]
     known = ("id", "plan", "parameters", "software_version", "commit", "start", "clock", "exit_status")
     assert [name for name in known if not told.get(name)] == []

@@ -1,3 +1,6 @@
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -116,6 +119,30 @@ def test_refuses_formulas_that_do_not_fit(text, message):
     with pytest.raises(InputError, match=message) as raised:
         formula_effect(text)
     assert "\n" not in str(raised.value)
+
+
+@pytest.fixture
+def hasty_threads():
+    """Threads that take turns a thousand times more often than usual."""
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(5e-6)
+    yield
+    sys.setswitchinterval(usual)
+
+
+def test_a_formula_effect_is_used_by_threads_at_once(hasty_threads):
+    """As the explorer does, whose page asks again before it has been answered."""
+    walker = Walker((formula_effect("boost: strength: k*a + 0*phi; a in 0.5..2"),))
+
+    def depths(count):
+        k = np.linspace(150.0, 250.0, count)
+        given = Inputs(k, 8.0, 0.4, np.full(count, 0.6))
+        return [walker.predict(given, [{"a": 1.2}]).depth_m for _ in range(60)]
+
+    with ThreadPoolExecutor(4) as threads:
+        for count, found in zip((3, 40, 7, 100), threads.map(depths, (3, 40, 7, 100)), strict=True):
+            expected = Walker().predict(Inputs(1.2 * np.linspace(150.0, 250.0, count), 8.0, 0.4)).depth_m
+            np.testing.assert_allclose(found, [expected] * 60)
 
 
 def test_a_formula_effect_travels_between_processes():

@@ -8,6 +8,7 @@ import, no files.
 
 import ast
 import re
+import threading
 from dataclasses import fields
 from typing import Any
 
@@ -71,16 +72,20 @@ class _Formula(Effect):
         self.__dict__.update(identifier=name, stage=stage, formula=f"{quantity} -> {expression}", parameters=parameters)
         self._quantity, self._expression = quantity, expression
         self.readable = _readable(stage)
-        self._interpreter: asteval.Interpreter | None = None
+        # What an interpreter evaluates stands in a table of its own, and the explorer fits in several threads.
+        self._each_thread = threading.local()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_interpreter": None}
+        return {name: value for name, value in self.__dict__.items() if name != "_each_thread"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, _each_thread=threading.local())
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Evaluate the expression on the chain's arrays."""
-        if self._interpreter is None:
-            self._interpreter = _interpreter()
-        interpreter = self._interpreter
+        interpreter: asteval.Interpreter | None = getattr(self._each_thread, "interpreter", None)
+        if interpreter is None:
+            interpreter = self._each_thread.interpreter = _interpreter()
         robot = chain.robot
         interpreter.symtable.update(
             {name: getattr(chain, name) for name in self.readable},

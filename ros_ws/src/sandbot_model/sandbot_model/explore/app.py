@@ -221,7 +221,7 @@ class Explorer:
             Output("effects", "options", allow_duplicate=True),
             Output("promise-clock", "disabled", allow_duplicate=True),
             Input("promise-clock", "n_intervals"),
-            State("address", "search"),
+            State("shown", "data"),
             prevent_initial_call=True,
         )(self.on_promise_clock)
         app.callback(
@@ -299,10 +299,10 @@ class Explorer:
                 return act(selection, control, value)
         return selection
 
-    def on_promise_clock(self, _tick: int, search: str | None) -> tuple[list[dict[str, Any]], bool]:
+    def on_promise_clock(self, _tick: int, seen: str | None) -> tuple[list[dict[str, Any]], bool]:
         """Show what fits made ahead have brought since; the clock stops when all have come in."""
         try:
-            return self._promised(from_query(search or ""))
+            return self._promised(from_query(seen or ""))
         except InputError:
             raise PreventUpdate from None
 
