@@ -38,6 +38,19 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(180)]
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
 HIDDEN = "disturbed_ground"
+FAILING = """
+from sandbot_model.chain import Effect, Parameter
+
+class Brittle(Effect):
+    identifier, stage, source, seen_in = "brittle", "strength", "me", "v"
+    formula = "k -> k (1 + a)"
+    parameters = (Parameter("a", "1", 0.0, 0.5, 0.1, "gain"),)
+
+    def apply(self, chain, p):
+        if (chain.k > 300).any():
+            raise RuntimeError("no ground so hard")
+        chain.k = chain.k * (1 + p["a"])
+"""
 TORN = "phi0.6000_w08.000_r01"
 BOOST = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
 PATIENCE_S = 60
@@ -81,7 +94,11 @@ def explorer(*arguments, fits=True):
     command = [sys.executable, "-m", "sandbot_model.tools.explore", *map(str, arguments), "--port", "0"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     line = server.stdout.readline()
-    yield re.search(r"http://127\.0\.0\.1:\d+/", line)[0]
+    try:
+        yield re.search(r"http://127\.0\.0\.1:\d+/", line)[0]
+    except BaseException:
+        server.terminate()
+        raise
     workers = psutil.Process(server.pid).children()
     server.send_signal(signal.SIGINT)
     assert server.wait(20) == 0
@@ -245,6 +262,20 @@ def test_a_wrong_formula_gives_a_message_and_loses_nothing_a_right_one_is_fitted
     page.until(lambda: "boost" in page.text("status"))
     assert page.text("message") == ""
     assert "disturbed ground + boost" in page.text("status")
+
+
+def test_an_effect_that_fails_half_way_is_named_and_the_page_goes_on(page, folder, tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text(FAILING)
+    with explorer(folder / "trials.csv", "--effects-from", own) as where:
+        page.open(where)
+        before = page.text("status")
+        page.choose("effects", "brittle")
+        page.until(lambda: "RuntimeError: no ground so hard" in page.text("message"))
+        assert page.text("status") == before
+        page.choose("effects", "brittle")
+        page.choose("effects", HIDDEN)
+        page.until(lambda: "disturbed ground" in page.text("status") and page.text("message") == "")
 
 
 def test_an_unknown_effect_in_the_address_is_named(page, address):

@@ -6,6 +6,7 @@ control used while figures are still on their way (and those are then dropped) a
 """
 
 import threading
+import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -115,6 +116,7 @@ class Explorer:
             assets_folder=str(Path(__file__).parent / "assets"),
             serve_locally=True,
             suppress_callback_exceptions=True,
+            on_error=_failed,
             index_string=INDEX.replace("{export}", source("export.js")),
         )
         own_host_only(app.server)
@@ -256,15 +258,14 @@ class Explorer:
             raise PreventUpdate
         try:
             selection = from_query(search or "")
-            shown = self.show(selection, theme)
+            for (control, value), before in zip(values_of(selection).items(), stood, strict=True):
+                if value != before:
+                    set_props(control, {"value": value})
+            # Last: a control that does not stand at what is "shown" has been used.
+            set_props("shown", {"data": to_query(selection)})
+            return self.show(selection, theme)
         except InputError as error:
             return (*(no_update for _ in SHOW_OUTPUTS[:-1]), _said(error))
-        for (control, value), before in zip(values_of(selection).items(), stood, strict=True):
-            if value != before:
-                set_props(control, {"value": value})
-        # Last: a control that does not stand at what is "shown" has been used.
-        set_props("shown", {"data": to_query(selection)})
-        return shown
 
     def on_control(self, *given: Any) -> None:
         """A control was used: add to the address whatever differs from what the page shows, and what was pressed."""
@@ -273,7 +274,7 @@ class Explorer:
         try:
             before, shown = from_query(search or ""), from_query(seen or "")
             after = used(before, shown, dict(zip(CONTROLS, given, strict=False)))
-            if sliders:
+            if any(isinstance(control, dict) for control in ctx.triggered_prop_ids.values()):
                 fitted = self.session.shown(shown).fit.parameters
                 after = moved(after, {name: one.value for name, one in fitted.items()}, sliders)
             for fired in ctx.triggered:
@@ -299,12 +300,12 @@ class Explorer:
                 return act(selection, control, value)
         return selection
 
-    def on_promise_clock(self, _tick: int, seen: str | None) -> tuple[list[dict[str, Any]], bool]:
+    def on_promise_clock(self, _tick: int, seen: str | None) -> tuple[Any, bool]:
         """Show what fits made ahead have brought since; the clock stops when all have come in."""
         try:
             return self._promised(from_query(seen or ""))
         except InputError:
-            raise PreventUpdate from None
+            return no_update, True
 
     def on_save(self, _yaml: int, _csv: int, search: str | None) -> dict[str, Any]:
         """The selection as YAML, or the cells as CSV, to the browser's downloads."""
@@ -360,6 +361,13 @@ class Explorer:
                 job.running = False
 
         threading.Thread(target=run, name="suggest", daemon=True).start()
+
+
+def _failed(error: Exception) -> None:
+    """A fault of ours, or of a user's effect: the page stays as it is and says so, the terminal says where."""
+    traceback.print_exception(error)
+    set_props("promise-clock", {"disabled": True})
+    set_props("message", {"children": f"That failed: {type(error).__name__}: {error} (the terminal says where)"})
 
 
 def _said(error: InputError) -> str:
