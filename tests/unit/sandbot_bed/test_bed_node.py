@@ -2,12 +2,11 @@
 
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 
-from sandbot_common import messages, topics
+from sandbot_common import messages, node, topics
 
 pytestmark = pytest.mark.ros
 FAST = {"fluidise_s": 0.3, "ramp_s": 0.3, "settle_s": 0.3, "pulse_off_s": 0.2, "average_s": 0.1, "target_phi": 0.59}
@@ -16,19 +15,8 @@ FAST = {"fluidise_s": 0.3, "ramp_s": 0.3, "settle_s": 0.3, "pulse_off_s": 0.2, "
 class StandIn:
     """A bed that packs by 0.002 a pulse, and ears for what the node says."""
 
-    def __init__(self, domain):
-        import rclpy
-        from rclpy.executors import SingleThreadedExecutor
-        from std_srvs.srv import Trigger
-
-        from sandbot_common import node
-
-        self.trigger, self.ask = Trigger, node.ask
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=domain)
-        self.node = rclpy.create_node("stand_in", context=self.context)
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
+    def __init__(self, beside):
+        self.until, self.call = beside.until, beside.call
         self.rng, self.phi, self.level, self.levels, self.stages, self.final = (
             np.random.default_rng(0),
             0.6,
@@ -37,12 +25,12 @@ class StandIn:
             [],
             [],
         )
-        self.height = node.publisher(self.node, topics.BED_HEIGHT)
-        self.setpoints = node.publisher(self.node, topics.LEG_SETPOINTS)
-        node.subscription(self.node, topics.BED_BLOWER, self.on_blower)
-        node.subscription(self.node, topics.BED_STATUS, self.on_status)
-        node.subscription(self.node, topics.BED_PHI, lambda message: self.final.append(message.data))
-        self.node.create_timer(0.01, self.read)
+        self.height = node.publisher(beside.node, topics.BED_HEIGHT)
+        self.setpoints = node.publisher(beside.node, topics.LEG_SETPOINTS)
+        node.subscription(beside.node, topics.BED_BLOWER, self.on_blower)
+        node.subscription(beside.node, topics.BED_STATUS, self.on_status)
+        node.subscription(beside.node, topics.BED_PHI, lambda message: self.final.append(message.data))
+        beside.node.create_timer(0.01, self.read)
 
     def on_blower(self, message):
         if self.level > 0 and message.data == 0:
@@ -63,37 +51,21 @@ class StandIn:
         height_m = 79.75 / (1100 * 1.25 * self.phi) + 2e-5 * self.rng.standard_normal()
         self.height.publish(messages.range_(0, height_m, 0.05, 0.2, "trackway"))
 
-    def wait(self, true, seconds):
-        end = time.monotonic() + seconds
-        while not true() and time.monotonic() < end:
-            self.executor.spin_once(timeout_sec=0.05)
-        return true()
-
-    def until(self, true, seconds=30.0):
-        assert self.wait(true, seconds), "waited in vain"
-
-    def call(self, name):
-        client = self.node.create_client(self.trigger, name)
-        self.until(client.service_is_ready)
-        return self.ask(client, self.trigger.Request(), self.wait, 30.0)
-
     def move_legs(self, rate):
         legs = np.zeros(6)
         self.setpoints.publish(messages.joint_state(0, topics.LEGS, legs, legs + rate, legs))
 
 
 @pytest.fixture
-def bed(domain):
+def bed(beside):
     given = [word for key, value in FAST.items() for word in ("-p", f"{key}:={value}")]
     command = [sys.executable, "-m", "sandbot_bed.bed_node", "--ros-args", *given]
     process = subprocess.Popen(command)
     try:
-        beside = StandIn(domain)
-        beside.process = process
-        beside.until(lambda: beside.levels and beside.height.get_subscription_count())
-        yield beside
-        beside.node.destroy_node()
-        beside.context.try_shutdown()
+        stand_in = StandIn(beside)
+        stand_in.process = process
+        stand_in.until(lambda: stand_in.levels and stand_in.height.get_subscription_count())
+        yield stand_in
     finally:
         process.terminate()
         assert process.wait(timeout=10) == 0

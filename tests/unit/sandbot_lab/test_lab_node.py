@@ -3,14 +3,10 @@
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rig import setpoints
-from std_srvs.srv import Trigger
 
 from sandbot_common import messages, node, topics
 from sandbot_lab.robot import simulate
@@ -23,30 +19,12 @@ SETPOINTS = 100
 
 
 @pytest.fixture
-def probe(domain):
-    """A node in the lab's domain, with what it heard by topic name."""
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=domain)
-    listener = rclpy.create_node("probe", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(listener)
-    heard = {topic.name: [] for topic in HEARD}
+def heard(beside):
+    """What the lab said, by topic name."""
+    messages = {topic.name: [] for topic in HEARD}
     for topic in HEARD:
-        node.subscription(listener, topic, heard[topic.name].append)
-
-    def wait(condition, seconds=60.0):
-        end = time.monotonic() + seconds
-        while not condition() and time.monotonic() < end:
-            executor.spin_once(timeout_sec=0.01)
-        return condition()
-
-    def until(condition):
-        assert wait(condition), {name: len(messages) for name, messages in heard.items()}
-
-    yield listener, heard, until, wait
-    listener.destroy_node()
-    executor.shutdown()
-    rclpy.shutdown(context=context)
+        node.subscription(beside.node, topic, messages[topic.name].append)
+    return messages
 
 
 @pytest.fixture
@@ -59,8 +37,8 @@ def lab(domain):
     assert process.wait(20) in (0, -signal.SIGTERM)
 
 
-def test_a_trial_over_dds_is_the_batch_trial(lab, probe):
-    listener, heard, until, wait = probe
+def test_a_trial_over_dds_is_the_batch_trial(lab, beside, heard):
+    listener, until = beside.node, beside.until
     publisher = node.publisher(listener, topics.LEG_SETPOINTS)
     until(lambda: publisher.get_subscription_count() and heard["/bed/height"])
     t_s, angles, rates = (values[:SETPOINTS] for values in setpoints(16.0))
@@ -78,12 +56,11 @@ def test_a_trial_over_dds_is_the_batch_trial(lab, probe):
     assert [messages.nanoseconds(edge.stamp) for edge in heard["/sync_led"]] == [t0_ns]
 
     # Moving legs can't be reset; standing ones can, and the next start is a new trial.
-    client = listener.create_client(Trigger, "/lab/reset")
     for last_rate, allowed in ((16.0, False), (0.0, True)):
         after = t0_ns + round((t_s[-1] + 0.005 * (1 + allowed)) * 1e9)
         publisher.publish(messages.joint_state(after, topics.LEGS, angles[-1], np.full(6, last_rate), np.zeros(6)))
         until(lambda: len(heard["/leg_states"]) == SETPOINTS + 1 + allowed)  # noqa: B023
-        assert node.ask(client, Trigger.Request(), wait, 60.0).success is allowed
+        assert beside.call("/lab/reset").success is allowed
 
     # No topic of the lab's own carries more than the design's list.
     names = {name for name, _ in listener.get_publisher_names_and_types_by_node("lab", "/")}
