@@ -1,5 +1,6 @@
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
@@ -7,10 +8,13 @@ import pytest
 from sandbot_model.catalogue import catalogue
 from sandbot_model.cells import cells_of
 from sandbot_model.discover import discover
+from sandbot_model.fit import fit
+from sandbot_model.model import model_of
 from sandbot_model.parallel import workers
 from sandbot_model.tools import compare as compare_tool
 from sandbot_model.tools import discover as discover_tool
 from sandbot_model.tools import effects as effects_tool
+from sandbot_model.verdict import judge
 from sandbot_record.trials import write_csv
 
 FEW = {
@@ -47,6 +51,19 @@ def test_a_planted_effect_is_identified_and_the_file_says_so(drawn):
         "replicated_cells": 35,
         "observables": ["speed", "lift", "peak_speed", "first_step"],
     }
+
+
+def test_a_set_left_out_for_a_parameter_at_its_bound_is_named(drawn):
+    cells = cells_of(drawn(("stance_overlap",), seed=6))
+    sets = ((), ("stance_overlap",), ("leg_slip",), ("swimming_thrust",))
+    fits = {names: fit(model_of("simple", names, FEW), cells) for names in sets}
+    second = judge(fits).because
+    assert "the next best, leg_slip, has ΔBIC" in second
+    assert "at or beyond its bound" not in second
+    fits[("leg_slip",)] = dataclasses.replace(fits[("leg_slip",)], at_bounds=("leg_slip.sigma",))
+    third = judge(fits).because
+    assert "the next best, swimming_thrust, has ΔBIC" in third
+    assert re.search(r"\(leg_slip \d+, but with leg_slip.sigma at or beyond its bound\)", third)
 
 
 def test_twins_are_ambiguous(drawn):

@@ -43,8 +43,13 @@ def passes(fit: Fit) -> bool:
 
 
 def sound(fit: Fit) -> bool:
-    """Whether every parameter is inside its range."""
-    return not [name for name in (*fit.at_bounds, *fit.implausible) if "." in name]
+    """Whether every parameter of an effect is inside its range."""
+    return not _odd(fit)
+
+
+def _odd(fit: Fit) -> list[str]:
+    """Parameters of effects that are at a bound, or are not believable."""
+    return [name for name in (*fit.at_bounds, *fit.implausible) if "." in name]
 
 
 def worth(fits: Mapping[tuple[str, ...], Fit], larger: tuple[str, ...], smaller: tuple[str, ...]) -> bool:
@@ -119,9 +124,14 @@ def _all_needed(fits: Mapping[tuple[str, ...], Fit], key: tuple[str, ...]) -> bo
 
 def _because(fits: Mapping[tuple[str, ...], Fit], best: Fit) -> str:
     base = fits[()]
-    others = [one for key, one in fits.items() if len(key) == len(best.effects) and one is not best and sound(one)]
-    second = min(others, key=lambda one: one.bic, default=None)
+    others = [one for key, one in fits.items() if len(key) == len(best.effects) and one is not best]
+    second = min(filter(sound, others), key=lambda one: one.bic, default=None)
     rest = f"; the next best, {_name(second.effects)}, has ΔBIC {second.bic - best.bic:.0f}" if second else ""
+    nearest = min(others, key=lambda one: one.bic, default=None)
+    if nearest is not None and nearest is not second:
+        # Left out for its parameters, not for its fit: the reader may think otherwise of them.
+        but = f"but with {_odd(nearest)[0]} at or beyond its bound"
+        rest += f" ({_name(nearest.effects)} {nearest.bic - best.bic:.0f}, {but})"
     return (
         f"with {_name(best.effects)} the deviance falls from {base.deviance:.0f} to {best.deviance:.0f} "
         f"on {best.dof} degrees of freedom and replicates leave nothing to explain {_p(best)}{rest}"
