@@ -29,8 +29,8 @@ from sandbot_model.tools import arguments
 from sandbot_record import trials as trials_table
 from sandbot_record.trials import Trials
 
-NICE = 15
-"""Fits made ahead give way to the page."""
+NICE = 5
+"""Workers give way to the page, but not for ever to whatever else runs here: a discovery is made by them, too."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
