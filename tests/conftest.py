@@ -46,7 +46,7 @@ class Beside:
             self._executor.spin_once(timeout_sec=0.02)
         return bool(condition())
 
-    def until(self, condition: Callable[[], Any], seconds: float = 60.0) -> None:
+    def until(self, condition: Callable[[], Any], seconds: float = 20.0) -> None:
         """Wait for the condition to hold."""
         assert self.wait(condition, seconds), "waited in vain"
 
@@ -58,7 +58,7 @@ class Beside:
 
         client = self.node.create_client(Trigger, service)
         self.until(client.service_is_ready)
-        answer = ask(client, Trigger.Request(), self.wait, 60.0)
+        answer = ask(client, Trigger.Request(), self.wait, 20.0)
         self.node.destroy_client(client)
         return answer
 

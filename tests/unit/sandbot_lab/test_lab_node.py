@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ def lab(domain):
 
 
 def test_a_trial_over_dds_is_the_batch_trial(lab, beside, heard):
-    listener, until = beside.node, beside.until
+    listener, until = beside.node, partial(beside.until, seconds=60.0)
     publisher = node.publisher(listener, topics.LEG_SETPOINTS)
     until(lambda: publisher.get_subscription_count() and heard["/bed/height"])
     t_s, angles, rates = (values[:SETPOINTS] for values in setpoints(16.0))

@@ -20,7 +20,7 @@ from sandbot_common.serialization import to_cdr
 from sandbot_model.cells import OBSERVABLES, cells_of
 from sandbot_model.compare import compare
 from sandbot_model.effects import CATALOGUE
-from sandbot_model.explore import behind, nothing, views, waveforms
+from sandbot_model.explore import app, behind, nothing, views, waveforms
 from sandbot_model.explore.actions import act, clicked_cell, moved, used, values_of
 from sandbot_model.explore.app import SHOW_OUTPUTS, Beside, Explorer
 from sandbot_model.explore.selection import VIEWS, Selection, from_mapping, from_query, to_query, to_yaml
@@ -450,6 +450,19 @@ def test_the_page_shows_one_value_for_each_output(session, trials, tmp_path):
     assert "leg slip" in values["status.children"]
     assert values["message.children"] == ""
     explorer.app()
+
+
+def test_an_address_sets_the_controls_that_stand_elsewhere(session, trials, tmp_path, monkeypatch):
+    explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "test")
+    session.ahead = lambda selection: None
+    made = {}
+    monkeypatch.setattr(app, "set_props", made.__setitem__)
+    explorer.on_address("?effect=leg_slip&cell=1", "dark", "simple", [], "speed", "speed", None)
+    assert made == {
+        "effects": {"value": ["leg_slip"]},
+        "cell": {"value": 1},
+        "shown": {"data": "?effect=leg_slip&cell=1"},
+    }
 
 
 def test_the_saved_file_carries_the_numbers_shown(session, trials, tmp_path):

@@ -42,7 +42,7 @@ def test_follows_a_trial(predictor, beside):
         assert predictor.poll() is None, "the predictor has gone"
         return speeds and means and errors
 
-    beside.until(answered)
+    beside.until(answered, 30.0)
     assert speeds[-1].twist.twist.linear.x == pytest.approx(0.0355 * 16.0)
     assert means[-1].data == pytest.approx(0.2135, abs=5e-4)
     assert errors[-1].data == pytest.approx(0.25 - means[-1].data)

@@ -72,9 +72,10 @@ class Plan:
     @property
     def gait_name(self) -> str:
         """The gait as trials are told and the table has it: a preset's name, or CUSTOM(θ_s θ_0 d_c)."""
+        if self.gait != "CUSTOM":
+            return self.gait
         gait = self.clock_gait
-        custom = f"({gait.theta_s_rad:.6g} {gait.theta_0_rad:.6g} {gait.duty:.6g})"
-        return self.gait + custom if self.gait == "CUSTOM" else self.gait
+        return f"CUSTOM({gait.theta_s_rad:.6g} {gait.theta_0_rad:.6g} {gait.duty:.6g})"
 
     @property
     def bed_protocol(self) -> ProtocolParameters:

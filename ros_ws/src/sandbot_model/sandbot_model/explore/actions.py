@@ -50,12 +50,12 @@ def used(selection: Selection, shown: Selection, values: Mapping[str, Any]) -> S
     """
     for control, stood in values_of(shown).items():
         value = values[control]
+        if value == stood:
+            continue
         if control == "effects":
             wanted = [name for name in selection.effects if name in value or name not in stood]
             value = [*wanted, *(name for name in value if name not in stood)]
-            selection = act(selection, control, value)
-        elif value != stood:
-            selection = act(selection, control, value)
+        selection = act(selection, control, value)
     return selection
 
 
