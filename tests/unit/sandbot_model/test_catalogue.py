@@ -1,3 +1,4 @@
+import gc
 import sys
 from concurrent.futures import ThreadPoolExecutor
 
@@ -143,6 +144,41 @@ def test_a_formula_effect_is_used_by_threads_at_once(hasty_threads):
         for count, found in zip((3, 40, 7, 100), threads.map(depths, (3, 40, 7, 100)), strict=True):
             expected = Walker().predict(Inputs(1.2 * np.linspace(150.0, 250.0, count), 8.0, 0.4)).depth_m
             np.testing.assert_allclose(found, [expected] * 60)
+
+
+def test_a_formula_is_parsed_once(monkeypatch):
+    """Parsing is not safe in threads (CPython issue 106905), evaluating is."""
+    walker = Walker((formula_effect("boost: strength: k*a; a in 0.5..2"),))
+    monkeypatch.setattr("ast.parse", None)
+    walker.predict(Inputs(200.0, 8.0, 0.4), [{"a": 1.1}])
+
+
+class Straggler:
+    """Garbage whose end gives other threads a turn, wherever it is collected."""
+
+    def __init__(self):
+        self.itself = self
+
+    def __del__(self):
+        for _ in range(300):
+            pass
+
+
+def test_formulas_are_parsed_by_threads_at_once(hasty_threads):
+    """As the explorer does, which reads the address's formulas in each of its threads."""
+    usual = gc.get_threshold()
+    gc.set_threshold(20)
+
+    def parse_many(_):
+        for _ in range(300):
+            Straggler()
+            formula_effect("boost: strength: k*(1 + a*(phi - (0.6 + 0*(k - 1)))); a in 0.5..2")
+
+    try:
+        with ThreadPoolExecutor(4) as threads:
+            list(threads.map(parse_many, range(4)))
+    finally:
+        gc.set_threshold(*usual)
 
 
 def test_a_formula_effect_travels_between_processes():

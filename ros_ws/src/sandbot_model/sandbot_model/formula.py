@@ -40,6 +40,7 @@ FORM = "name: stage: formula; parameter [unit] in low..high; ..."
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PARAMETER = re.compile(rf"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\])?\s+in\s+({_NUMBER})\s*\.\.\s*({_NUMBER})\s*")
 _ASSIGNMENT = re.compile(r"\s*([A-Za-z_]\w*)\s*=(?!=)\s*(.*)")
+_PARSING = threading.Lock()
 
 
 def formula_effect(text: str) -> Effect:
@@ -56,7 +57,7 @@ def formula_effect(text: str) -> Effect:
     parameters = tuple(_parameter(one, text) for one in declared if one.strip())
     assigned = _ASSIGNMENT.fullmatch(body)
     quantity, expression = assigned.groups() if assigned else (MAIN[stage], body)
-    return _checked(_Formula(name, stage, quantity, expression, parameters), text)
+    return _checked(_Formula(name, stage, quantity, expression, _parsed(expression, text), parameters), text)
 
 
 class _Formula(Effect):
@@ -66,11 +67,17 @@ class _Formula(Effect):
     seen_in = "-"
 
     def __init__(
-        self, name: str, stage: str, quantity: str, expression: str, parameters: tuple[Parameter, ...]
+        self,
+        name: str,
+        stage: str,
+        quantity: str,
+        expression: str,
+        parsed: ast.Expr,
+        parameters: tuple[Parameter, ...],
     ) -> None:
         # An effect's description is a class attribute elsewhere; here each instance is its own kind.
         self.__dict__.update(identifier=name, stage=stage, formula=f"{quantity} -> {expression}", parameters=parameters)
-        self._quantity, self._expression = quantity, expression
+        self._quantity, self._expression, self._parsed = quantity, expression, parsed
         self.readable = _readable(stage)
         # What an interpreter evaluates stands in a table of its own, and the explorer fits in several threads.
         self._each_thread = threading.local()
@@ -97,11 +104,12 @@ class _Formula(Effect):
             d=chain.depth,
             **p,
         )
-        value = interpreter(self._expression, show_errors=False)
+        value = interpreter(self._parsed, show_errors=False)
+        interpreter.code_text.clear()  # it would keep an entry for every call
         if interpreter.error:
-            message = interpreter.error[0].get_error()
-            interpreter.error = []
-            raise InputError(f"effect {self.identifier}: {' '.join(str(message[1]).split())}")
+            fault = interpreter.error[0]
+            message = " ".join(f"{fault.exc.__name__}: {fault.msg}".split())
+            raise InputError(f"effect {self.identifier}: {self._expression}: {message}")
         if value is None or not np.issubdtype(np.asarray(value).dtype, np.number) or np.iscomplexobj(value):
             raise InputError(f"effect {self.identifier}: {self._expression!r} gives {value!r}, expected a number")
         setattr(chain, self._quantity, np.asarray(value, dtype=float))
@@ -133,16 +141,25 @@ def _parameter(text: str, whole: str) -> Parameter:
     return Parameter(name, unit, low, high, 0.5 * (low + high) + 0.1 * (high - low), "given on the command line")
 
 
+def _parsed(expression: str, text: str) -> ast.Expr:
+    """The expression as a tree, read once and in one thread at a time: Python 3.11 counts the depth of all threads'
+    trees in one place and raises SystemError where a second one begins within the first (CPython issue 106905).
+    """
+    try:
+        with _PARSING:
+            parsed = ast.Expr(ast.parse(expression, mode="eval").body)
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:  # the last: nested too deep
+        why = getattr(error, "msg", None) or str(error) or "nested too deep"
+        raise InputError(f"--effect {text!r}: {expression!r} is not an expression: {why}") from None
+    if any(isinstance(part, ast.Attribute | ast.Lambda | ast.Subscript) for part in ast.walk(parsed)):
+        raise InputError(f"--effect {text!r}: only names, numbers, operators and functions; no '.', '[' or lambda")
+    return parsed
+
+
 def _checked(effect: _Formula, text: str) -> Effect:
     """Run it once, so that a slip shows before any fit."""
     from sandbot_model.walking import Inputs, Walker
 
-    try:
-        parts = list(ast.walk(ast.parse(effect._expression, mode="eval")))
-    except SyntaxError as error:
-        raise InputError(f"--effect {text!r}: {effect._expression!r} is not an expression: {error.msg}") from None
-    if any(isinstance(part, ast.Attribute | ast.Lambda | ast.Subscript) for part in parts):
-        raise InputError(f"--effect {text!r}: only names, numbers, operators and functions; no '.', '[' or lambda")
     if effect._quantity not in effect.readable:
         raise InputError(
             f"--effect {text!r}: {effect._quantity!r} can't be set at stage {effect.stage}; "
