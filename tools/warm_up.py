@@ -1,13 +1,17 @@
 """Compile the numba kernels once, as part of the set-up, so that no first run waits a minute for them.
 
-One short trial of the virtual lab goes through every compiled kernel: dynamics, drawing, tracking, folding.
+One short trial of the virtual lab goes through the compiled kernels: dynamics, drawing, tracking, folding; the smoother
+of a video's track, which no campaign uses, is called by itself.
 """
 
 import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
 from sandbot_bringup.tools import campaign
+from sandbot_tracking.smooth import smooth
 
 PLAN = """
 name: warm_up
@@ -20,7 +24,9 @@ images: none
 
 
 def main() -> int:
-    """Run the trial in a temporary folder."""
+    """Run the trial in a temporary folder, and the smoother."""
+    t_s = 0.01 * np.arange(200)
+    smooth(t_s, 0.2 * t_s + 1e-5 * np.sin(1e3 * t_s))
     with tempfile.TemporaryDirectory() as folder:
         plan = Path(folder) / "plan.yaml"
         plan.write_text(PLAN, encoding="utf-8")

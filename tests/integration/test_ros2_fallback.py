@@ -97,9 +97,8 @@ def test_echo_waits_for_a_typed_topic_and_ends_on_ctrl_c(start, ros_env):
 
 def test_the_rate_is_measured(talker, start):
     rate = start("ros2", "topic", "hz", "-w", "200", "/talk")
-    average = rate.until(lambda line: line.startswith("average rate: "))
-    # A busy host may be late now and then; the mean of a hundred intervals is not far off.
-    assert float(average.split(":")[1]) == pytest.approx(100.0, rel=0.1)
+    # A busy host may be late now and then; the mean of a hundred or two hundred intervals comes to what was meant.
+    rate.until(lambda line: line.startswith("average rate: ") and 90.0 < float(line.split(":")[1]) < 110.0)
     rate.until(lambda line: re.fullmatch(r"\tmin: [\d.]+s max: [\d.]+s std dev: [\d.]+s window: \d+", line) is not None)
     rate.stop()
     assert not any("Traceback" in line for line in rate.lines)

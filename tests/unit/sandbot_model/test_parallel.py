@@ -114,7 +114,7 @@ def test_a_scheduler_without_workers_is_one_line():
     with (
         LocalCluster(n_workers=0, dashboard_address=":0", host="127.0.0.1") as empty,
         pytest.raises(InputError, match="no workers yet; start some with dask worker tcp://"),
-        cluster(empty.scheduler_address, 0.3),
+        cluster(empty.scheduler_address, 2.0),
     ):
         pass
 
