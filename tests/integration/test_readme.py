@@ -215,6 +215,13 @@ def test_the_effect_as_a_formula_is_the_one_in_python(run, table, boost_file):
     assert speed(written, a=0.0) == speed()
 
 
+def test_the_formula_that_was_offered_can_be_added(run, table):
+    (formula,) = re.findall(r"--effect '(residual: .*\d)'", README)
+    out = run("sandbot_model", "compare", table, "--effects", "residual", "--effect", formula)
+    assert "+ residual" in out
+    assert "residual.c0" in out
+
+
 def test_effects_prints_the_catalogue_with_ones_own(run, boost_file):
     assert "boost  [strength]" not in run("sandbot_model", "effects")
     assert "boost  [strength]" in run("sandbot_model", "effects", "--effects-from", boost_file)

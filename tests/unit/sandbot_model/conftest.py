@@ -5,6 +5,7 @@ import pytest
 
 from sandbot_model.cells import COLUMNS
 from sandbot_model.effects import CATALOGUE
+from sandbot_model.formula import formula_effect
 from sandbot_model.walking import Inputs, KCurve, Walker
 from sandbot_record.trials import Row, from_rows
 
@@ -13,15 +14,18 @@ CURVE = KCurve(np.array([0.58, 0.6, 0.633]), np.array([170.0, 205.0, 220.0]))
 NOISE = np.array([0.005, 0.0004, 0.006, 0.001])
 
 
-def draw(effects=(), *, seed=0, levels=5, omega=(4, 8, 12, 16, 20, 24, 30), replicates=3, noise=1.0, values=None):
-    """A trials table; ``values`` are parameters by effect, each at its start otherwise."""
+def draw(
+    effects=(), *, seed=0, levels=5, omega=(4, 8, 12, 16, 20, 24, 30), replicates=3, noise=1.0, values=None, formulas=()
+):
+    """A trials table; ``values`` are parameters by effect, each at its start otherwise. ``formulas`` act as well."""
     rng = np.random.default_rng(seed)
     grid = np.meshgrid(
         np.linspace(0.58, 0.633, levels), np.array(omega, dtype=float), np.arange(replicates), indexing="ij"
     )
     phi, frequency, replicate = (axis.ravel() for axis in grid)
     true = phi + rng.normal(0.0, 6e-4, phi.shape)
-    walker = Walker(tuple(effect for name, effect in EFFECTS.items() if name in effects))
+    known = (effect for name, effect in EFFECTS.items() if name in effects)
+    walker = Walker((*known, *map(formula_effect, formulas)))
     params = [
         {**{p.name: p.start for p in e.parameters}, **(values or {}).get(e.identifier, {})} for e in walker.effects
     ]

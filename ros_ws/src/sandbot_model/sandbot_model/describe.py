@@ -1,92 +1,251 @@
-"""Nothing in the catalogue fits: what the residual looks like in the field's terms, as a formula to try.
+"""Nothing in the catalogue fits: what is left, in the field's terms, as a formula to try.
 
-The ratio of measured to modelled advance, v̄/v̄_model, is regressed on a short library of dimensionless groups, one term,
-then two, as long as the information criterion gains. The result is an expression for ``--effect`` at the speed stage.
+Each term of a short library on each lever of the chain (``terms``) is judged by a score test (Rao 1948): to first
+order, how far would the deviance fall if it were added, all parameters of the fit following? The most promising are
+fitted in earnest, the best is kept; then a second term on the same lever, if that is worth it. So every number that is
+told is that of a fit to all observables, and the formula is the very effect that was fitted.
 """
 
-from dataclasses import dataclass
-from itertools import combinations
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from sandbot_model.chain import Array
-from sandbot_model.fit import Fit
+from sandbot_model.chain import Array, Effect
+from sandbot_model.descent import full_jacobian
+from sandbot_model.fit import Fit, fitted_at
+from sandbot_model.formula import formula_effect
+from sandbot_model.minimise import solve
+from sandbot_model.model import model_of
+from sandbot_model.parallel import Map, Progress
+from sandbot_model.problem import Problem
+from sandbot_model.terms import LEVERS, Lever, Term, terms
+from sandbot_model.verdict import CLEARLY, LACK_OF_FIT
 
+NAME = "residual"
 MOST_TERMS = 2
-WORTH = 10.0
-"""Gain in χ² + penalty below which a term is not reported."""
+WORTH = 22.0
+"""Gain in deviance below which a term is not reported: chance gives the best of some 600 that are not there as much in
+about 1 % of cases (χ² with one degree of freedom)."""
+EACH = 3
+"""Terms of one lever that are fitted."""
+FREE = 0.5
+"""How far a fit may take what a term stands for; a score test far from the minimum foretells the sign at best."""
+CLOSER = 4
+"""Levers whose best term gets a global search after a first look, and of the best lever all."""
+CLOSE = 0.98
+"""Correlation from which two terms say the same."""
 
 
 @dataclass(frozen=True)
 class Description:
-    """``sentence`` for a person, ``formula`` for ``--effect``; terms with their coefficients."""
+    """What is missing, ``sentence`` for a person and ``formula`` for ``--effect``, and what adding it does."""
 
     sentence: str
     formula: str
+    effects: tuple[str, ...]
+    """Of the catalogue, on top of which the formula was fitted."""
+    stage: str
     terms: tuple[tuple[str, float], ...]
-    explained: float
-    """Share of the speed's χ² about the model that the terms take away."""
+    """In words, with their coefficients."""
+    deviance: tuple[float, float]
+    """Without the formula and with it."""
+    cv_rmse_m_s: tuple[float, float]
+    """The same of the mean speed's error out of sample."""
+    lack_of_fit_p: float
+    """With the formula: whether the replicates leave anything to explain."""
+    bic: float
+    """With the formula, its thresholds counted as parameters."""
+
+    @property
+    def options(self) -> str:
+        """What ``compare`` needs to be told to add it."""
+        return f"--effect '{self.formula}' --effects {','.join((*self.effects, NAME))}"
 
 
-def library(fit: Fit) -> dict[str, tuple[str, str, Array]]:
-    """name → (in words, expression for ``--effect``, values ``(cells,)``)."""
-    cells, robot = fit.cells, fit.fitted.robot
-    radius, g = robot.leg_radius_m, robot.gravity_m_s2
-    found = fit.predict(cells.level_phi[cells.level], cells.omega, cells.slow_phase_ratio)
-    delta_t = fit.parameters["delta_t_s"].value
-    one = np.ones(len(cells))
-    resonance = {
-        f"near {w:g} rad/s": (
-            f"near ω = {w:g} rad/s",
-            f"exp(-((omega - {w:g})/3)**2)",
-            np.exp(-(((cells.omega - w) / 3) ** 2)),
+@dataclass(frozen=True, eq=False)
+class _Guess:
+    """Terms on a lever, with coefficients to start from, and the gain expected of it."""
+
+    lever: Lever
+    terms: tuple[Term, ...]
+    coefficients: tuple[float, ...]
+    gain: float
+    direction: Array
+
+    def formula(self, least_change: float = 0.0) -> str:
+        """The effect. Coefficients may go to minus themselves or thrice as far, at least so far that what they stand
+        for changes by ``least_change``.
+        """
+        body = " + ".join(one.times(f"c{i}") for i, one in enumerate(self.terms))
+        ranges = ""
+        for i, (c, one) in enumerate(zip(self.coefficients, self.terms, strict=True)):
+            span = max(2 * abs(c), least_change / max(float(np.abs(one.values).max()), 1e-9))
+            ranges += f"; c{i} [1] in {c - span:.3g}..{c + span:.3g}"
+        return f"{NAME}: {self.lever.stage}: {self.lever.assignment(body)}{ranges}"
+
+    @property
+    def price(self) -> int:
+        """Numbers taken from the data: coefficients and thresholds."""
+        return len(self.terms) + sum(one.switches for one in self.terms)
+
+
+def describe_residual(
+    fit: Fit, effects: Mapping[str, Effect], fit_all: Map = map, progress: Progress = lambda _stage, _done, _total: None
+) -> Description | None:
+    """The formula that repairs most of what this fit misses; None if none of the library is worth it."""
+    library = terms(fit)
+    best, found, rival = None, fit, None
+    for number in range(1, MOST_TERMS + 1):
+        tried = _tried(
+            fit, _guesses(found, library, best), effects, fit_all, partial(progress, f"formula, term {number}")
         )
-        for w in np.unique(np.round(cells.omega, 1))
-    }
-    return {
-        "constant": ("everywhere alike", "1", one),
-        "froude": ("Rω²/g", "R*omega**2/g", radius * cells.omega**2 / g),
-        "omega_dt": ("ωΔt", "omega*delta_t", cells.omega * delta_t),
-        "depth": ("d/R", "d/R", found.depth_m / radius),
-        "step": ("s/R", "chord/R", found.step_m / radius),
-        "phi": ("φ - 0.6", "(phi - 0.6)", cells.level_phi[cells.level] - 0.6),
-        **resonance,
-    }
-
-
-def describe_residual(fit: Fit) -> Description | None:
-    """The terms that say most of what the model misses in the mean speed of walking cells; None if nothing does."""
-    ratio = fit.cells.mean[:, 0] / fit.predicted[:, 0] - 1
-    error = fit.cells.sem[:, 0] / fit.predicted[:, 0]
-    terms = library(fit)
-    usable = np.isfinite(ratio) & np.isfinite(terms["depth"][2]) & (fit.predicted[:, 0] > 0.04)
-    if usable.sum() < 8:
-        return None
-    target = ratio[usable] / error[usable]
-    columns = {name: values[usable] / error[usable] for name, (_, _, values) in terms.items()}
-    whole = float(target @ target)
-    chosen: tuple[str, ...] = ()
-    best, coefficients = whole, np.zeros(0)
-    for size in range(1, MOST_TERMS + 1):
-        trials = [(names, *_regress(target, [columns[n] for n in names])) for names in combinations(columns, size)]
-        names, chi2, values = min(trials, key=lambda one: one[1])
-        if best - chi2 < WORTH + np.log(usable.sum()) * (size - len(chosen)):
+        if not tried or tried[0].score > _score(found, best) - WORTH:
             break
-        best, chosen, coefficients = chi2, names, values
-    if not chosen:
+        best, found = tried[0].guess, tried[0].fit
+        if number == 1:
+            rival = next((one for one in tried if one.guess.lever != best.lever), None)
+    return None if best is None else _told(fit, found, best, rival)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A guess with the coefficients of its fit."""
+
+    guess: _Guess
+    fit: Fit
+
+    @property
+    def score(self) -> float:
+        """See ``_score``."""
+        return _score(self.fit, self.guess)
+
+
+def _tried(
+    fit: Fit,
+    guesses: Sequence[_Guess],
+    effects: Mapping[str, Effect],
+    fit_all: Map,
+    progress: Callable[[int, int], None],
+) -> list[_Tried]:
+    """All guesses fitted near this fit, the best of each lever once more anywhere; best first."""
+
+    def fitted(some: Sequence[_Guess], *, nearby: bool) -> list[_Tried]:
+        names = (*fit.effects, NAME)
+        models = [
+            model_of(fit.model, names, {**effects, NAME: formula_effect(one.formula(FREE))}, fit.fitted.robot)
+            for one in some
+        ]
+        found = []
+        points = fit_all(solve, [(model, fit.cells, fit.known, nearby) for model in models])
+        for guess, model, point in zip(some, models, points, strict=True):
+            end = fitted_at(model, fit.cells, point)
+            values = tuple(end.parameters[f"{NAME}.c{i}"].value for i in range(len(guess.terms)))
+            found.append(_Tried(replace(guess, coefficients=values), end))
+            progress(len(found), len(some))
+        return sorted(found, key=lambda one: one.score)
+
+    near = fitted(guesses, nearby=True)
+    best = {one.guess.lever: one.guess for one in reversed(near)}
+    leading = [one.guess for one in near if best[one.guess.lever] is one.guess][:CLOSER]
+    leading += [one.guess for one in near if leading and one.guess.lever == leading[0].lever][1:]
+    return sorted([*near, *fitted(leading, nearby=False)], key=lambda one: one.score)
+
+
+def _guesses(found: Fit, library: Sequence[Term], so_far: _Guess | None) -> list[_Guess]:
+    """What to fit next: the best few terms of every lever, or of the one there is."""
+    jacobian = full_jacobian(found.problem, found.state)[0]
+    basis, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
+    basis = basis[:, singular > 1e-9 * singular[0]]
+    missed = _off(found.state.missed[0], basis)
+    guesses = []
+    for lever in LEVERS if so_far is None else (so_far.lever,):
+        slopes = _slopes(found, lever)
+        usable = [one for one in library if not (one.needs_depth and lever.stage == "clock")]
+        tried = [_guess(lever, one, slopes, missed, basis, so_far) for one in usable]
+        guesses += _distinct([one for one in tried if one is not None])
+    return guesses
+
+
+def _guess(
+    lever: Lever, term: Term, slopes: Array, missed: Array, basis: Array, so_far: _Guess | None
+) -> _Guess | None:
+    """One more term on a lever; None where the data say too little of it."""
+    column = np.zeros(len(missed))
+    column[: slopes.size] = (slopes * term.values[:, None]).ravel()
+    direction = _off(column, basis)
+    length = float(direction @ direction)
+    if length < 1e-6 * float(column @ column) or length < 1.0:
         return None
-    found = tuple((name, float(value)) for name, value in zip(chosen, coefficients, strict=True))
-    share = 1 - best / whole
-    words = " and ".join(f"{terms[name][0]} (coefficient {value:+.3g})" for name, value in found)
-    body = " + ".join(f"c{i}*{terms[name][1]}" for i, (name, _) in enumerate(found))
-    ranges = "; ".join(f"c{i} [1] in {-2 * abs(value):.3g}..{2 * abs(value):.3g}" for i, (_, value) in enumerate(found))
-    sentence = (
-        f"where it walks, the advance differs from the model's in proportion to {words}: {100 * share:.0f} % of χ²"
+    coefficient = float(missed @ direction) / length
+    before = ((), ()) if so_far is None else (so_far.terms, so_far.coefficients)
+    return _Guess(
+        lever, (*before[0], term), (*before[1], coefficient), length * coefficient**2, direction / np.sqrt(length)
     )
-    return Description(sentence, f"residual: speed: kept*(1 + {body}); {ranges}", found, share)
 
 
-def _regress(target: Array, columns: list[Array]) -> tuple[float, Array]:
-    design = np.stack(columns, axis=-1)
-    values = np.linalg.lstsq(design, target, rcond=None)[0]
-    return float(np.sum((target - design @ values) ** 2)), np.asarray(values)
+def _distinct(guesses: Sequence[_Guess]) -> list[_Guess]:
+    """The most promising that do not all say the same."""
+    # The plainest is always tried: what is the same everywhere moves the fit most, and is foretold worst.
+    chosen = [one for one in guesses if one.gain > WORTH and one.terms[-1].expression == "1"]
+    for one in sorted(guesses, key=lambda one: one.gain - WORTH * one.price, reverse=True):
+        if one.gain > WORTH and all(abs(float(one.direction @ other.direction)) < CLOSE for other in chosen):
+            chosen.append(one)
+        if len(chosen) > EACH:
+            break
+    return chosen
+
+
+def _off(values: Array, basis: Array) -> Array:
+    """What the fit's own parameters can't follow."""
+    return np.asarray(values - basis @ (basis.T @ values))
+
+
+def _slopes(found: Fit, lever: Lever) -> Array:
+    """d(whitened prediction)/d(relative change of the lever), ``(cells, 4)``."""
+    change = formula_effect(f"lever: {lever.stage}: {lever.assignment('c')}; c [1] in -1..1")
+    known = found.fitted.catalogue
+    model = model_of(found.model, (*found.effects, "lever"), {**known, "lever": change}, found.fitted.robot)
+    at = model.names.index("lever.c")
+    theta = np.insert(found.state.theta[0], at, 0.0)
+    problem = Problem(model, found.cells)
+    states = problem.states(theta[None], found.state.ln_k, found.state.slope)
+    return np.asarray(problem.jacobian(states)[0][..., at])
+
+
+def _score(fit: Fit, guess: _Guess | None) -> float:
+    """Deviance, and what each number taken from the data must bring."""
+    return fit.deviance + WORTH * (guess.price if guess else 0)
+
+
+def _told(fit: Fit, found: Fit, guess: _Guess, rival: _Tried | None) -> Description:
+    errors = [found.parameters[f"{NAME}.c{i}"].stderr for i in range(len(guess.terms))]
+    parts = [
+        one.words.format(f"({value:+.3g} ± {error:.1g})")
+        for one, value, error in zip(guess.terms, guess.coefficients, errors, strict=True)
+    ]
+    on_top = f"on top of {' + '.join(fit.effects)}, " if fit.effects else ""
+    cv = (fit.cv_rmse_m_s, found.cv_rmse_m_s)
+    enough = "leave nothing to explain" if found.lack_of_fit_p >= LACK_OF_FIT else "still leave something to explain"
+    sentence = (
+        f"{on_top}{guess.lever.words} differs from the model's by {' and '.join(parts)} ({guess.lever.unit}): the "
+        f"deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on {found.dof} degrees of freedom, the error "
+        f"out of sample goes from {100 * cv[0]:.2f} to {100 * cv[1]:.2f} cm/s, and replicates {enough} "
+        f"(p = {found.lack_of_fit_p:.2g})"
+    )
+    if rival is not None and rival.score < _score(found, guess) + CLEARLY:
+        sentence += f"; {rival.guess.lever.words}, by {rival.guess.terms[0].words.format('so much')}, does as well"
+    return Description(
+        sentence=sentence,
+        formula=guess.formula(),
+        effects=fit.effects,
+        stage=guess.lever.stage,
+        terms=tuple(
+            (one.words.format("").strip(), value) for one, value in zip(guess.terms, guess.coefficients, strict=True)
+        ),
+        deviance=(fit.deviance, found.deviance),
+        cv_rmse_m_s=cv,
+        lack_of_fit_p=found.lack_of_fit_p,
+        bic=found.bic + float(np.log(found.state.missed.size)) * sum(one.switches for one in guess.terms),
+    )

@@ -4,7 +4,7 @@ None, then every single effect, then pairs (all among the survivors, the best wi
 fitted to its global minimum and judged against the replicates. ``verdict`` draws the conclusion.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -16,15 +16,14 @@ from sandbot_model.cells import Cells, noise_floor
 from sandbot_model.chain import Effect
 from sandbot_model.describe import Description, describe_residual
 from sandbot_model.fit import Fit, fitted_at
-from sandbot_model.minimise import Known, Point, best_state, nearby_state
+from sandbot_model.minimise import solve
 from sandbot_model.model import Model, model_of
 from sandbot_model.next_trials import NextTrial, excluding, next_trials
-from sandbot_model.parallel import Map
-from sandbot_model.problem import Problem
+from sandbot_model.parallel import Map, Progress
 from sandbot_model.robot import Robot
 from sandbot_model.stability import win_shares
 from sandbot_model.stages import StageTest, stage_tests
-from sandbot_model.verdict import Verdict, judge, passes, sound, worth
+from sandbot_model.verdict import Verdict, best_earned, judge, passes, sound, worth
 
 SCHEMA = "sandbot.discovery/1"
 SURVIVORS = 9
@@ -101,9 +100,6 @@ class Discovery:
         }
 
 
-Progress = Callable[[str, int, int], None]
-
-
 def discover(
     cells: Cells,
     effects: Mapping[str, Effect],
@@ -140,7 +136,7 @@ def discover(
         unseen=tuple(one.effects[0] for one in unseen),
         stability=_stability(search.fits, verdict),
         stages=stage_tests(search.fits[()]),
-        residual=describe_residual(search.fits[()]) if verdict.status == "unexplained" else None,
+        residual=search.residual() if verdict.status == "unexplained" else None,
         fits=tuple(sorted(search.fits.values(), key=lambda one: one.bic)),
     )
 
@@ -209,9 +205,17 @@ class _Search:
         base = self.fits[()]
         names = [name for name in self.names if not worth(self.fits, (name,), ())]
         models = [model_of(self.base, (name,), self._at_start(name), self.robot) for name in names]
-        points = self.fit_all(_solve, [(model, self.cells, base.known, True) for model in models])
+        points = self.fit_all(solve, [(model, self.cells, base.known, True) for model in models])
         found = [fitted_at(model, self.cells, point) for model, point in zip(models, points, strict=True)]
         return [one for one in found if one.deviance < base.deviance + NOT_EXCLUDED]
+
+    def residual(self) -> Description | None:
+        """What is left as a formula, on top of nothing or of the best set that earns what is in it."""
+        if np.isnan(self.fits[()].lack_of_fit_p):
+            return None  # without replicates nothing says what is noise
+        ends = dict.fromkeys(((), best_earned(self.fits).effects))
+        found = [describe_residual(self.fits[one], self.effects, self.fit_all, self.progress) for one in ends]
+        return min((one for one in found if one is not None), key=lambda one: one.bic, default=None)
 
     def _at_start(self, name: str) -> Mapping[str, Effect]:
         """The catalogue with one effect's parameters held where they usually are."""
@@ -271,7 +275,7 @@ class _Search:
             parent = self._parent(one)
             known = None if parent is None else parent.known
             tasks.append((self._model(one), self.cells, known, nearby))
-        for done, (one, task, point) in enumerate(zip(sets, tasks, self.fit_all(_solve, tasks), strict=True), start=1):
+        for done, (one, task, point) in enumerate(zip(sets, tasks, self.fit_all(solve, tasks), strict=True), start=1):
             found = fitted_at(task[0], self.cells, point)
             if one not in self.fits or found.deviance < self.fits[one].deviance:
                 self.fits[one] = found
@@ -292,13 +296,6 @@ class _Search:
     def _sorted(self, names: Iterable[str]) -> tuple[str, ...]:
         wanted = set(names)
         return tuple(name for name in self.effects if name in wanted)
-
-
-def _solve(task: tuple[Model, Cells, Known | None, bool]) -> Point:
-    model, cells, near, nearby = task
-    problem = Problem(model, cells)
-    state = nearby_state(problem, near) if nearby and near is not None else best_state(problem, near)
-    return Point(state.theta[0], state.ln_k[0], state.slope[0])
 
 
 def bic_weights(fits: Sets) -> dict[tuple[str, ...], float]:

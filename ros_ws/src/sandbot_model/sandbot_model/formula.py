@@ -1,22 +1,25 @@
 """An effect from a line of text: ``"boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"``.
 
 The expression gives the new value of the stage's quantity (``k``, ``force``, ``step``, ``kept`` or ``omega``), or of
-another one if it says so: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"``. Names are quantities of the
-chain, the robot's R, h, w, m, g, the parameters, and numpy functions. asteval evaluates it: no attribute access, no
-import, no files.
+another one if it says so: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"``. ``*=`` and ``+=`` change
+what is there, also several quantities alike: ``"slip: speed: kept, peak_ratio *= 1 - a*d/R; a [1] in 0..1"``. Names are
+quantities of the
+chain, the robot's R, h, w, m, g, the parameters, ``first`` (1 in the first step, on virgin ground, 0 in all others),
+and numpy functions. asteval evaluates it: no attribute access, no import, no files.
 """
 
 import ast
 import re
 import threading
+from collections.abc import Callable
 from dataclasses import fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import asteval
 import numpy as np
 
 from sandbot_common.errors import InputError
-from sandbot_model.chain import STAGES, Chain, Effect, Parameter, Values
+from sandbot_model.chain import STAGES, Array, Chain, Effect, Parameter, Values
 
 MAIN = {"clock": "omega", "strength": "k", "balance": "force", "step": "step", "speed": "kept"}
 """What a bare expression sets at each stage."""
@@ -39,7 +42,8 @@ FUNCTIONS = (
 FORM = "name: stage: formula; parameter [unit] in low..high; ..."
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PARAMETER = re.compile(rf"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\])?\s+in\s+({_NUMBER})\s*\.\.\s*({_NUMBER})\s*")
-_ASSIGNMENT = re.compile(r"\s*([A-Za-z_]\w*)\s*=(?!=)\s*(.*)")
+_ASSIGNMENT = re.compile(r"\s*([A-Za-z_]\w*(?:\s*,\s*[A-Za-z_]\w*)*)\s*([*+]?)=(?!=)\s*(.*)")
+_CHANGES: dict[str, Callable[[Array, Array], Array]] = {"*": np.multiply, "+": np.add, "": lambda _, new: new}
 _PARSING = threading.Lock()
 
 
@@ -56,28 +60,37 @@ def formula_effect(text: str) -> Effect:
         raise InputError(f"--effect {text!r}: stage {stage!r} is not one of {', '.join(STAGES)}")
     parameters = tuple(_parameter(one, text) for one in declared if one.strip())
     assigned = _ASSIGNMENT.fullmatch(body)
-    quantity, expression = assigned.groups() if assigned else (MAIN[stage], body)
-    return _checked(_Formula(name, stage, quantity, expression, _parsed(expression, text), parameters), text)
+    left, how, expression = assigned.groups() if assigned else (MAIN[stage], "", body)
+    sets = _Sets(tuple(one.strip() for one in left.split(",")), how, expression, _parsed(expression, text))
+    return _checked(_Formula(name, stage, sets, parameters), text)
+
+
+class _Sets(NamedTuple):
+    """Quantities, how they change (``*``, ``+``, or nothing where they are replaced), by what."""
+
+    quantities: tuple[str, ...]
+    how: str
+    expression: str
+    parsed: ast.Expr
 
 
 class _Formula(Effect):
-    """Sets one quantity of the chain to an expression's value."""
+    """Changes quantities of the chain by an expression's value."""
 
     source = "given on the command line"
     seen_in = "-"
 
-    def __init__(
-        self,
-        name: str,
-        stage: str,
-        quantity: str,
-        expression: str,
-        parsed: ast.Expr,
-        parameters: tuple[Parameter, ...],
-    ) -> None:
+    def __init__(self, name: str, stage: str, sets: _Sets, parameters: tuple[Parameter, ...]) -> None:
         # An effect's description is a class attribute elsewhere; here each instance is its own kind.
-        self.__dict__.update(identifier=name, stage=stage, formula=f"{quantity} -> {expression}", parameters=parameters)
-        self._quantity, self._expression, self._parsed = quantity, expression, parsed
+        formula = ", ".join(
+            f"{one} -> {one} {sets.how} ({sets.expression})" if sets.how else f"{one} -> {sets.expression}"
+            for one in sets.quantities
+        )
+        names = {one.id for one in ast.walk(sets.parsed) if isinstance(one, ast.Name)}
+        self.__dict__.update(
+            identifier=name, stage=stage, formula=formula, parameters=parameters, first_step_differs="first" in names
+        )
+        self.sets = sets
         self.readable = _readable(stage)
         # What an interpreter evaluates stands in a table of its own, and the explorer fits in several threads.
         self._each_thread = threading.local()
@@ -102,17 +115,20 @@ class _Formula(Effect):
             m=robot.mass_per_leg_kg,
             g=robot.gravity_m_s2,
             d=chain.depth,
+            first=float(chain.first_step),
             **p,
         )
-        value = interpreter(self._parsed, show_errors=False)
+        value = interpreter(self.sets.parsed, show_errors=False)
         interpreter.code_text.clear()  # it would keep an entry for every call
         if interpreter.error:
             fault = interpreter.error[0]
             message = " ".join(f"{fault.exc.__name__}: {fault.msg}".split())
-            raise InputError(f"effect {self.identifier}: {self._expression}: {message}")
+            raise InputError(f"effect {self.identifier}: {self.sets.expression}: {message}")
         if value is None or not np.issubdtype(np.asarray(value).dtype, np.number) or np.iscomplexobj(value):
-            raise InputError(f"effect {self.identifier}: {self._expression!r} gives {value!r}, expected a number")
-        setattr(chain, self._quantity, np.asarray(value, dtype=float))
+            raise InputError(f"effect {self.identifier}: {self.sets.expression!r} gives {value!r}, expected a number")
+        change = _CHANGES[self.sets.how]
+        for name in self.sets.quantities:
+            setattr(chain, name, change(getattr(chain, name), np.asarray(value, dtype=float)))
 
 
 def _interpreter() -> asteval.Interpreter:
@@ -136,7 +152,7 @@ def _parameter(text: str, whole: str) -> Parameter:
     name, unit, low, high = found[1], found[2] or "1", float(found[3]), float(found[4])
     if not low < high:
         raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high")
-    if name in {one.name for one in fields(Chain)} or name in set("RhwmgdK"):
+    if name in {one.name for one in fields(Chain)} or name in {*"RhwmgdK", "first"}:
         raise InputError(f"--effect {whole!r}: {name!r} is a quantity of the chain, choose another name")
     return Parameter(name, unit, low, high, 0.5 * (low + high) + 0.1 * (high - low), "given on the command line")
 
@@ -160,11 +176,12 @@ def _checked(effect: _Formula, text: str) -> Effect:
     """Run it once, so that a slip shows before any fit."""
     from sandbot_model.walking import Inputs, Walker
 
-    if effect._quantity not in effect.readable:
-        raise InputError(
-            f"--effect {text!r}: {effect._quantity!r} can't be set at stage {effect.stage}; "
-            f"known there: {', '.join(effect.readable)}"
-        )
+    for name in effect.sets.quantities:
+        if name not in effect.readable:
+            raise InputError(
+                f"--effect {text!r}: {name!r} can't be set at stage {effect.stage}; "
+                f"known there: {', '.join(effect.readable)}"
+            )
     with np.errstate(all="ignore"):
         Walker((effect,)).predict(Inputs(200.0, 10.0, 0.4, 0.6), [{one.name: one.start for one in effect.parameters}])
     return effect

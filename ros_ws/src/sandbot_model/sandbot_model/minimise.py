@@ -6,6 +6,7 @@ from itertools import cycle, islice
 
 import numpy as np
 
+from sandbot_model.cells import Cells
 from sandbot_model.chain import Array
 from sandbot_model.descent import bounded, bounds, descend, following, look_along_k, look_along_theta
 from sandbot_model.model import Model
@@ -55,6 +56,14 @@ class Known:
     k_n_per_m: Array
     parameters: Mapping[str, float]
     deviance: float
+
+
+def solve(task: tuple[Model, Cells, Known | None, bool]) -> Point:
+    """The minimum for (model, cells, what a smaller model has found, whether to look near that only)."""
+    model, cells, near, nearby = task
+    problem = Problem(model, cells)
+    state = nearby_state(problem, near) if nearby and near is not None else best_state(problem, near)
+    return Point(state.theta[0], state.ln_k[0], state.slope[0])
 
 
 def best_state(problem: Problem, near: Known | None = None) -> States:

@@ -20,6 +20,8 @@ from sandbot_model.catalogue import USER_MODULE
 
 Map = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 """What ``map`` does, in order."""
+Progress = Callable[[str, int, int], None]
+"""Hears of each fit that is done: (what for, how many, of how many)."""
 
 PATIENCE_S = 10.0
 """How long a cluster is waited for."""

@@ -138,9 +138,13 @@ def _because(fits: Mapping[tuple[str, ...], Fit], best: Fit) -> str:
     )
 
 
+def best_earned(fits: Mapping[tuple[str, ...], Fit]) -> Fit:
+    """Of the sets that earn what is in them: a larger one may pass, bought with parameters that nothing speaks for."""
+    return min((one for key, one in fits.items() if not key or _all_needed(fits, key)), key=lambda one: one.bic)
+
+
 def _unexplained(fits: Mapping[tuple[str, ...], Fit]) -> Verdict:
-    # Of the sets that earn what is in them: a larger one may pass, bought with parameters that nothing speaks for.
-    best = min((one for key, one in fits.items() if not key or _all_needed(fits, key)), key=lambda one: one.bic)
+    best = best_earned(fits)
     fails = best.fails
     where = ""
     if fails:

@@ -29,6 +29,8 @@ V_SWIM_M_S = 0.02
 """Swimming speed of Li09, the same for every φ at ω ≥ 28 rad/s."""
 
 DEPTHS = 40
+"""Depths at which the margin is tried. Ground that holds over less than their spacing (2 mm at the surface, 0.7 mm
+where legs stand) may be missed: a hump of some mN that a sinking body's inertia carries it through."""
 POLISH = 3
 
 Params = Sequence[Mapping[str, ArrayLike]]

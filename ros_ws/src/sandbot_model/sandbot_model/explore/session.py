@@ -18,11 +18,12 @@ from sandbot_common.errors import InputError
 from sandbot_model.catalogue import catalogue
 from sandbot_model.cells import Cells, noise_floor
 from sandbot_model.chain import Effect
-from sandbot_model.discover import Discovery, Progress, discover
+from sandbot_model.discover import Discovery, discover
 from sandbot_model.explore.selection import Selection
 from sandbot_model.fit import Fit, fit, fitted_at
 from sandbot_model.minimise import Known, Point
 from sandbot_model.model import Model, model_of
+from sandbot_model.parallel import Progress
 from sandbot_model.report.curves import steps as with_curves
 from sandbot_model.report.view import Step
 

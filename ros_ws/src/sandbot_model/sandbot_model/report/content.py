@@ -55,6 +55,7 @@ def discovery_page(
         sections=(
             *_figure_sections(steps, discovery.noise_floor_m_s),
             *_candidates(discovery),
+            *_left(discovery),
             _parameters(steps),
             *_next_trials(discovery),
             _failing(steps),
@@ -263,6 +264,15 @@ def _candidates(discovery: Discovery) -> list[Section]:
     if rest := rows[BEST_CANDIDATES:]:
         tables.append(Table(f"{len(rest)} more effects that help less", head, rest, words, folded=True))
     return [Section("candidates", "Effects tried", tables=tuple(tables))]
+
+
+def _left(discovery: Discovery) -> list[Section]:
+    """What no effect of the catalogue explains, as a formula to try."""
+    left = discovery.residual
+    if left is None:
+        return []
+    said = f"{left.sentence[:1].upper()}{left.sentence[1:]}."
+    return [Section("left", "What is left", text=(said, f"To add it: compare DATA {left.options}"))]
 
 
 def _parameters(steps: tuple[Step, ...]) -> Section:

@@ -65,7 +65,7 @@ def _print(found: Discovery) -> None:
     if found.next_trials:
         print(tables.next_trials(found), "\n")
     if found.residual is not None:
-        print(f"what is left: {found.residual.sentence}\ntry: --effect '{found.residual.formula}'\n")
+        print(f"what is left: {found.residual.sentence}\ntry: compare DATA {found.residual.options}\n")
     verdict = found.verdict
     named = f": {' + '.join(verdict.effects)}" if verdict.status in ("identified", "ambiguous") else ""
     print(f"stability: best in {100 * found.stability:.0f} % of bootstrap draws")
