@@ -106,9 +106,10 @@ def ours_speed_only(trials: Trials) -> Choice:
     return Choice(choice.named, lambda others: choice.refit(speed_only(others)))
 
 
+WITH_FORMULA = "discover, and the formula it offers"
 METHODS: Mapping[str, Callable[[Trials], Choice]] = {
     "discover": ours,
-    "discover, and the formula it offers": ours_with_formula,
+    WITH_FORMULA: ours_with_formula,
     "discover, mean speed alone": ours_speed_only,
     "lmfit + AIC, all observables": lmfit_aic((0, 1, 2, 3)),
     "lmfit + AIC, mean speed alone": lmfit_aic((0,)),
@@ -292,14 +293,14 @@ def _prediction(by: Mapping[str, Sequence[Score]]) -> list[str]:
 
 
 def _better(errors: Mapping[str, Mapping[str, float]]) -> list[str]:
-    """Where a peer predicts better than discover by more than ``BETTER``."""
-    lines = []
-    for head, mine in errors["discover"].items():
-        ahead = [(row[head], name) for name, row in errors.items() if row[head] < mine / (1 + BETTER)]
+    """Where a peer predicts better than all that discover offers by more than ``BETTER``."""
+    lines, peers = [], {name: row for name, row in errors.items() if not name.startswith("discover")}
+    for head, mine in errors[WITH_FORMULA].items():
+        ahead = [(row[head], name) for name, row in peers.items() if row[head] < mine / (1 + BETTER)]
         if ahead:
             names = ", ".join(f"{name} ({_number(value)})" for value, name in sorted(ahead))
-            lines.append(f"* {head}: discover {_number(mine)}; better: {names}")
-    said = f"Better than discover by more than {100 * BETTER:.0f} %" + (":" if lines else ": nobody, nowhere.")
+            lines.append(f"* {head}: {WITH_FORMULA} {_number(mine)}; better: {names}")
+    said = f"Better than {WITH_FORMULA} by more than {100 * BETTER:.0f} %" + (":" if lines else ": nobody, nowhere.")
     return [said, *([""] if lines else []), *lines]
 
 
