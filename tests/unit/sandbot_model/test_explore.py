@@ -19,9 +19,10 @@ from sandbot_common.errors import InputError
 from sandbot_common.serialization import to_cdr
 from sandbot_model.cells import OBSERVABLES, cells_of
 from sandbot_model.compare import compare
+from sandbot_model.discover import discover
 from sandbot_model.effects import CATALOGUE
 from sandbot_model.explore import app, behind, nothing, views, waveforms
-from sandbot_model.explore.actions import act, clicked_cell, moved, used, values_of
+from sandbot_model.explore.actions import act, adopted, clicked_cell, moved, used, values_of
 from sandbot_model.explore.app import SHOW_OUTPUTS, Beside, Explorer
 from sandbot_model.explore.selection import VIEWS, Selection, from_mapping, from_query, to_query, to_yaml
 from sandbot_model.explore.session import Session
@@ -184,8 +185,23 @@ def test_controls_change_what_they_name_and_nothing_else():
     assert act(start, "cell", 3) == replace(start, cell=3)
     assert act(start, "release", 1) == replace(start, by_hand=())
     assert act(start, "model", "full") == replace(start, model="full", by_hand=())
-    assert act(start, "adopt", ("cable_drag",)).effects == ("cable_drag",)
     assert act(start, "unheard of", 1) == start
+
+
+def test_what_discovery_found_is_switched_on(session, drawn):
+    start = Selection(effects=("leg_slip",), by_hand=(("delta_t_s", 0.3),))
+    hidden = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.1..0.3"
+    found = discover(cells_of(drawn(levels=3, formulas=[hidden])), {}, max_effects=0)
+    named = replace(found, verdict=replace(found.verdict, effects=("cable_drag",)))
+    assert adopted(start, named) == Selection(effects=("cable_drag",))
+    # Nothing of the catalogue fits: what is left is added as a formula, on top of what it was fitted with.
+    assert found.verdict.effects == ()
+    assert found.residual is not None
+    left = adopted(start, replace(found, residual=replace(found.residual, effects=("dilation",))))
+    assert left.effects == ("dilation", "residual")
+    assert left.formulas == (found.residual.formula,)
+    assert "residual" in session.catalogue(left.formulas)
+    assert adopted(start, replace(found, residual=None)) == Selection()
 
 
 def test_a_control_used_adds_to_what_was_asked_for_and_is_not_shown_yet():

@@ -222,7 +222,7 @@ def _score(fit: Fit, guess: _Guess | None) -> float:
 def _told(fit: Fit, found: Fit, guess: _Guess, rival: _Tried | None) -> Description:
     errors = [found.parameters[f"{NAME}.c{i}"].stderr for i in range(len(guess.terms))]
     parts = [
-        one.words.format(f"({value:+.3g} ± {error:.1g})")
+        one.words.format(f"({value:+.3g} ± {error:.2g})")
         for one, value, error in zip(guess.terms, guess.coefficients, errors, strict=True)
     ]
     on_top = f"on top of {' + '.join(fit.effects)}, " if fit.effects else ""

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from sandbot_model.cells import Cells
+from sandbot_model.discover import Discovery
 from sandbot_model.explore.selection import Selection
 from sandbot_model.formula import formula_effect
 from sandbot_model.report.figures import map_cells
@@ -23,8 +24,6 @@ def act(selection: Selection, control: str, value: Any) -> Selection:
             return replace(changed, by_hand=()) if control == "model" else changed
         case "effects":
             return selection.toggled(value)
-        case "adopt":
-            return replace(selection.toggled(value), by_hand=())
         case "formula":
             return with_formula(selection, value)
         case "release":
@@ -36,6 +35,14 @@ def act(selection: Selection, control: str, value: Any) -> Selection:
         case "unpin":
             return replace(selection, against="")
     return selection
+
+
+def adopted(selection: Selection, found: Discovery) -> Selection:
+    """With the verdict's effects switched on, or, where it names none, with the formula for what is left."""
+    left = found.residual
+    effects = left.effects if left and not found.verdict.effects else found.verdict.effects
+    changed = replace(selection.toggled(effects), by_hand=())
+    return with_formula(changed, left.formula) if left and not found.verdict.effects else changed
 
 
 def values_of(selection: Selection) -> dict[str, Any]:

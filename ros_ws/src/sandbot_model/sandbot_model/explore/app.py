@@ -19,7 +19,7 @@ from flask import Response, abort, send_file
 from sandbot_common.errors import InputError
 from sandbot_model.discover import Discovery
 from sandbot_model.explore import behind, controls, views, waveforms
-from sandbot_model.explore.actions import CONTROLS, act, clicked_cell, moved, used, values_of
+from sandbot_model.explore.actions import CONTROLS, act, adopted, clicked_cell, moved, used, values_of
 from sandbot_model.explore.loopback import own_host_only
 from sandbot_model.explore.reproduce import steps_of
 from sandbot_model.explore.selection import Selection, from_query, to_query, to_yaml
@@ -295,7 +295,7 @@ class Explorer:
                 return act(selection, "formula", formula)
             case "adopt":
                 found = self.job.found
-                return act(selection, "adopt", found.verdict.effects) if found else selection
+                return adopted(selection, found) if found else selection
             case "release" | "pin" | "unpin":
                 return act(selection, control, value)
         return selection
@@ -329,7 +329,7 @@ class Explorer:
             return controls.progress(*job.stage), False, True
         if job.found is None:
             return html.P(job.failed), True, True
-        return controls.suggestion(job.found), True, not job.found.verdict.effects
+        return controls.suggestion(job.found), True, not (job.found.verdict.effects or job.found.residual)
 
     def saved(self, selection: Selection) -> str:
         """The selection as YAML with the numbers that ``compare`` gives for it."""
