@@ -93,8 +93,8 @@ def ours_with_formula(trials: Trials) -> Choice:
     left = found.residual
     if left is None:
         return choice
-    effects = {**CATALOGUE, "residual": formula_effect(left.formula)}
-    model = model_of(found.model, (*left.effects, "residual"), effects)
+    effects = {**CATALOGUE, left.name: formula_effect(left.formula)}
+    model = model_of(found.model, (*left.effects, left.name), effects)
     near = found.steps[0].known
     return Choice(choice.named, lambda others: speed_of(fit(model, cells_of(others), near)))
 

@@ -12,6 +12,7 @@ from sandbot_model.effects import CATALOGUE
 from sandbot_model.fit import fit
 from sandbot_model.formula import formula_effect
 from sandbot_model.model import model_of
+from sandbot_model.parallel import workers
 from sandbot_model.terms import LEVERS, terms
 from sandbot_model.walking import Inputs, Walker
 
@@ -97,6 +98,22 @@ def test_it_stands_on_top_of_an_effect_of_the_catalogue(drawn):
     assert found.to_json()["residual"]["effects"] == ["stance_overlap"]
 
 
+def test_a_users_effect_of_the_same_name_is_left_alone_and_workers_change_nothing(drawn):
+    formulas = [PLANTED[0][0], "more: step: peak_ratio *= 1 - a*maximum(0.633 - phi, 0); a [1] in 2..4"]
+    cells = cells_of(drawn(seed=3, formulas=formulas))
+    base = fit(model_of("simple", (), EFFECTS), cells)
+    first = formula_effect(describe_residual(base, EFFECTS).formula)
+    known = {**EFFECTS, "residual": first}
+    better = fit(model_of("simple", ("residual",), known), cells, base.known)
+    left = describe_residual(better, known)
+    assert (left.name, left.effects) == ("residual_2", ("residual",))
+    assert left.options.endswith("--effects residual,residual_2")
+    assert left.sentence.startswith("on top of residual, ")
+    assert left.lack_of_fit_p > 5e-3
+    with workers(2) as fit_all:
+        assert describe_residual(better, known, fit_all) == left
+
+
 def test_without_replicates_nothing_is_described(drawn):
     found = discover(cells_of(drawn(seed=3, replicates=1, formulas=[PLANTED[0][0]])), EFFECTS, max_effects=0)
     assert found.verdict.status == "unexplained"
@@ -107,7 +124,7 @@ def test_the_score_foretells_what_the_fit_gains(drawn):
     """A small effect: the first order is all there is."""
     formula = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.01..0.03"
     base = base_fit(drawn(seed=5, formulas=[formula]))
-    guesses = _guesses(base, terms(base), None)
+    guesses = _guesses(base, "residual", terms(base), None)
     assert guesses
     tried = _tried(base, guesses, EFFECTS, map, lambda _done, _total: None)
     gains = np.array([base.deviance - one.fit.deviance for one in tried])
