@@ -124,7 +124,7 @@ def test_stops_cleanly(tmp_path, how):
         until(record, "recording to")
         until(source, "done")
         if how == "service":
-            call("/recorder/stop")
+            stop_by_service()
         else:
             record.send_signal(how)
         assert record.wait(20) == 0
@@ -134,19 +134,29 @@ def test_stops_cleanly(tmp_path, how):
     assert "/camera/dorsal/image_raw" not in bag.topics
 
 
-def call(service: str) -> None:
-    code = """
-import sys, rclpy
+CALLER = """
+import rclpy
 from std_srvs.srv import Trigger
 rclpy.init()
 node = rclpy.create_node("caller")
-client = node.create_client(Trigger, sys.argv[1])
-assert client.wait_for_service(10)
-future = client.call_async(Trigger.Request())
-rclpy.spin_until_future_complete(node, future, timeout_sec=10)
-assert future.result().success
+stop, start = (node.create_client(Trigger, f"/recorder/{name}") for name in ("stop", "start"))
+assert stop.wait_for_service(10)
+assert start.wait_for_service(10)
+
+def answer(client, patience_s):
+    future = client.call_async(Trigger.Request())
+    rclpy.spin_until_future_complete(node, future, timeout_sec=patience_s)
+    return future.result()
+
+# A server that has not met its client yet loses the answer, and this one stops once. It meets clients in their order.
+while answer(start, 1) is None:
+    pass
+assert answer(stop, 10).success
 """
-    subprocess.run([sys.executable, "-c", code, service], check=True, timeout=60)
+
+
+def stop_by_service() -> None:
+    subprocess.run([sys.executable, "-c", CALLER], check=True, timeout=60)
 
 
 def test_killed_at_twenty_moments_all_but_the_last_second_comes_back(tmp_path):
