@@ -1,0 +1,106 @@
+"""What is left where nothing of the catalogue fits: is it put in words, and does adding it repair the model?"""
+
+import dataclasses
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+
+from threadpoolctl import threadpool_limits
+from tqdm import tqdm
+
+import hidden
+from sandbot_model.catalogue import catalogue
+from sandbot_model.cells import cells_of
+from sandbot_model.compare import compare
+from sandbot_model.discover import discover
+from sandbot_model.formula import formula_effect
+from sandbot_model.verdict import LACK_OF_FIT
+
+BESIDE = ("x_foot_clogging", "x_resonance", "x_traction_loss")
+"""Effects that are also hidden beside one of the catalogue."""
+CATALOGUE = catalogue()
+
+
+@dataclasses.dataclass(frozen=True)
+class Left:
+    """One world: the verdict, what was said, and what adding it did."""
+
+    case: hidden.Case
+    status: str
+    said: str
+    on_top_of: tuple[str, ...]
+    p: float
+    over_floor: tuple[float, float]
+    """Error out of sample over the noise floor: base model, formula added as a user adds it."""
+
+    @property
+    def repaired(self) -> bool:
+        """Replicates leave nothing to explain, and the error out of sample is that of the noise."""
+        return self.p >= LACK_OF_FIT and self.over_floor[1] <= 1.1
+
+
+def cases() -> list[hidden.Case]:
+    """The outside worlds of the matrix with their noise, and some of them with a stance overlap as well."""
+    outside = [one for one in hidden.cases() if one.world.kind == "outside"]
+    first = {name: next(one.world for one in outside if one.world.truth == (name,)) for name in BESIDE}
+    beside = [
+        dataclasses.replace(
+            world,
+            name=f"{world.name} + stance_overlap(eta=0.1)",
+            kind="beside",
+            effects={**world.effects, hidden.OVERLAP[0]: hidden.OVERLAP[1]},
+        )
+        for world in first.values()
+    ]
+    return [*outside, *(hidden.Case(world, 900 + i) for i, world in enumerate(beside))]
+
+
+def run(case: hidden.Case) -> Left:
+    """Discover, then add what is offered by ``compare`` and look."""
+    with threadpool_limits(1):
+        cells = cells_of(case.world.trials(case.seed, noise=case.noise))
+        found = discover(cells, CATALOGUE, max_effects=1)
+        floor, base = found.noise_floor_m_s, found.steps[0].cv_rmse_m_s
+        left = found.residual
+        if left is None:
+            return Left(case, found.verdict.status, "–", (), found.steps[0].lack_of_fit_p, (base / floor,) * 2)
+        effects = {**CATALOGUE, left.name: formula_effect(left.formula)}
+        last = compare(cells, effects, [*left.effects, left.name])[-1]
+        words = left.sentence.split(" (relative)")[0].split(" (body weights)")[0]
+        ratios = (base / floor, last.cv_rmse_m_s / floor)
+    return Left(case, found.verdict.status, words, left.effects, last.lack_of_fit_p, ratios)
+
+
+def report(all_left: Sequence[Left]) -> str:
+    """The section of the report, in Markdown."""
+    asked = [one for one in all_left if one.status == "unexplained"]
+    lines = [
+        "# What is left where nothing of the catalogue fits",
+        "",
+        f"{len(all_left)} worlds of the virtual lab with an effect outside the catalogue, {len(hidden.PHI)} φ × "
+        f"{len(hidden.OMEGA)} ω × 3 trials; `discover` with single effects, then the formula it offers added as "
+        "`compare --effect` does. Repaired: replicates then leave nothing to explain, and the error out of sample is "
+        "at most 1.10 × the noise floor.",
+        "",
+        f"Unexplained: {len(asked)} of {len(all_left)}; of these a formula repairs "
+        f"{sum(one.repaired for one in asked)}, does not repair {sum(not one.repaired for one in asked)}.",
+        "",
+        "| world | noise | verdict | what is left | repaired | lack of fit p | error / noise floor: base, with it |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for one in all_left:
+        repaired = ("yes" if one.repaired else "no") if one.status == "unexplained" else ""
+        errors = f"{one.over_floor[0]:.2f}, {one.over_floor[1]:.2f}"
+        cells = [one.case.world.name, f"{one.case.noise:g}", one.status, one.said, repaired, f"{one.p:.2g}", errors]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> str:
+    """Run every world; the section of the report, in Markdown."""
+    with ProcessPoolExecutor() as pool:
+        tasks = cases()
+        return report(list(tqdm(pool.map(run, tasks), total=len(tasks))))
+
+
+if __name__ == "__main__":
+    print(main())
