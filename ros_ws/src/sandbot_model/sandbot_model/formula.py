@@ -2,10 +2,10 @@
 
 The expression gives the new value of the stage's quantity (``k``, ``force``, ``step``, ``kept`` or ``omega``), or of
 another one if it says so: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"``. ``*=`` and ``+=`` change
-what is there, also several quantities alike: ``"slip: speed: kept, peak_ratio *= 1 - a*d/R; a [1] in 0..1"``. Names are
-quantities of the
-chain, the robot's R, h, w, m, g, the parameters, ``first`` (1 in the first step, on virgin ground, 0 in all others),
-and numpy functions. asteval evaluates it: no attribute access, no import, no files.
+what is there, also several quantities alike: ``"slip: speed: kept, peak_ratio *= 1 - a*d/R; a [1] in 0..1"``.
+
+Names are quantities of the chain, the robot's R, h, w, m, g, the parameters, ``first`` (1 in the first step, on virgin
+ground, 0 in all others), and numpy functions. asteval evaluates it: no attribute access, no import, no files.
 """
 
 import ast
