@@ -32,9 +32,10 @@ class Lever:
 
     def assignment(self, term: str) -> str:
         """What a formula effect does to the chain."""
-        several = " + " in term
-        term = f"first*({term})" if self.first and several else f"first*{term}" if self.first else term
-        return self.formula.format(f"({term})" if several and self.formula.endswith("g*{}") else term)
+        factor = f"({term})" if " + " in term else term
+        if self.first:
+            factor = term = f"first*{factor}"
+        return self.formula.format(factor if self.formula.endswith("*{}") else term)
 
 
 @dataclass(frozen=True)
