@@ -184,6 +184,25 @@ def test_formulas_are_parsed_by_threads_at_once(hasty_threads):
         gc.set_threshold(*usual)
 
 
+@pytest.mark.parametrize("formula", ["k*exp(a)", "k*a"])
+def test_ctrl_c_in_the_middle_of_a_formula_is_ctrl_c(formula):
+    class Interrupted:
+        __array_ufunc__ = None
+
+        def __rmul__(self, _):
+            raise KeyboardInterrupt
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    effect = formula_effect(f"boost: strength: {formula}; a in 0..1")
+    interpreter = effect._each_thread.interpreter
+    interpreter.symtable["exp"] = interrupted
+    chain = Walker().chain(Inputs(200.0, 8.0, 0.4), (), np.array([0.02]), first_step=False)
+    with pytest.raises(KeyboardInterrupt):
+        effect.apply(chain, {"a": Interrupted()})
+
+
 def test_a_formula_effect_travels_between_processes():
     import pickle
 

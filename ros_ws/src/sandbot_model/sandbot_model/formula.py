@@ -118,10 +118,15 @@ class _Formula(Effect):
             first=float(chain.first_step),
             **p,
         )
-        value = interpreter(self.sets.parsed, show_errors=False)
+        try:
+            value = interpreter(self.sets.parsed, show_errors=False)
+        except Exception as error:
+            _pass_on_interrupt(error)
+            raise
         interpreter.code_text.clear()  # it would keep an entry for every call
         if interpreter.error:
             fault = interpreter.error[0]
+            _pass_on_interrupt(fault.exc_info[1])
             message = " ".join(f"{fault.exc.__name__}: {fault.msg}".split())
             raise InputError(f"effect {self.identifier}: {self.sets.expression}: {message}")
         if value is None or not np.issubdtype(np.asarray(value).dtype, np.number) or np.iscomplexobj(value):
@@ -129,6 +134,14 @@ class _Formula(Effect):
         change = _CHANGES[self.sets.how]
         for name in self.sets.quantities:
             setattr(chain, name, change(getattr(chain, name), np.asarray(value, dtype=float)))
+
+
+def _pass_on_interrupt(error: BaseException | None) -> None:
+    """Ctrl-C, of which asteval makes an error of its own, stays Ctrl-C."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            raise KeyboardInterrupt
+        error = error.__context__
 
 
 def _interpreter() -> asteval.Interpreter:
