@@ -118,17 +118,16 @@ class _Formula(Effect):
             first=float(chain.first_step),
             **p,
         )
+        interpreter.error, interpreter.error_msg = [], None
         try:
-            value = interpreter(self.sets.parsed, show_errors=False)
+            value = interpreter.run(self.sets.parsed, expr=self.sets.expression)
         except Exception as error:
             _pass_on_interrupt(error)
-            raise
-        interpreter.code_text.clear()  # it would keep an entry for every call
-        if interpreter.error:
             fault = interpreter.error[0]
-            _pass_on_interrupt(fault.exc_info[1])
             message = " ".join(f"{fault.exc.__name__}: {fault.msg}".split())
-            raise InputError(f"effect {self.identifier}: {self.sets.expression}: {message}")
+            raise InputError(f"effect {self.identifier}: {self.sets.expression}: {message}") from None
+        finally:
+            interpreter.code_text.clear()  # it would keep an entry for every call
         if value is None or not np.issubdtype(np.asarray(value).dtype, np.number) or np.iscomplexobj(value):
             raise InputError(f"effect {self.identifier}: {self.sets.expression!r} gives {value!r}, expected a number")
         change = _CHANGES[self.sets.how]
