@@ -98,6 +98,18 @@ def test_it_stands_on_top_of_an_effect_of_the_catalogue(drawn):
     assert found.to_json()["residual"]["effects"] == ["stance_overlap"]
 
 
+def test_an_effect_is_found_beside_what_hides_it(drawn):
+    """By itself motor saturation looks far better than the overlap that is there."""
+    formula = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.3..0.5"
+    trials = drawn(("stance_overlap",), seed=4, formulas=[formula], values={"stance_overlap": {"eta": 0.1}})
+    few = {name: EFFECTS[name] for name in ("stance_overlap", "leg_slip", "motor_saturation", "inertial_drag")}
+    found = discover(cells_of(trials), few, max_effects=1)
+    assert found.verdict.status == "unexplained"
+    assert found.residual.effects == ("stance_overlap",)
+    assert "above ω = 14 rad/s" in found.residual.sentence
+    assert found.residual.enough
+
+
 def test_a_users_effect_of_the_same_name_is_left_alone_and_workers_change_nothing(drawn):
     formulas = [PLANTED[0][0], "more: step: peak_ratio *= 1 - a*maximum(0.633 - phi, 0); a [1] in 2..4"]
     cells = cells_of(drawn(seed=3, formulas=formulas))

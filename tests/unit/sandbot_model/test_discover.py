@@ -193,7 +193,7 @@ def test_says_at_which_stage_it_fails(drawn):
     from sandbot_model.stages import stage_tests
 
     def failing(effects, values=None):
-        base = discover(cells_of(drawn(effects, seed=9, values=values)), {}, max_effects=0).steps[0]
+        base = fit(model_of("simple", (), {}), cells_of(drawn(effects, seed=9, values=values)))
         return {one.stage for one in stage_tests(base) if one.p < 1e-4}
 
     assert failing(()) == set()

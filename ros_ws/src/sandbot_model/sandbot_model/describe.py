@@ -63,6 +63,11 @@ class Description:
     """With the formula, its thresholds counted as parameters."""
 
     @property
+    def enough(self) -> bool:
+        """Whether replicates leave nothing to explain."""
+        return self.lack_of_fit_p >= LACK_OF_FIT
+
+    @property
     def name(self) -> str:
         """Of the formula as an effect."""
         return self.formula.split(":")[0]
@@ -106,17 +111,19 @@ def describe_residual(
 ) -> Description | None:
     """The formula that repairs most of what this fit misses; None if none of the library is worth it."""
     library, name = terms(fit), _free(NAME, effects)
-    best, found, rival = None, fit, None
+    best: _Tried | None = None
+    rival: _Tried | None = None
     for number in range(1, MOST_TERMS + 1):
+        found, so_far = (fit, None) if best is None else (best.fit, best.guess)
         tried = _tried(
-            fit, _guesses(found, name, library, best), effects, fit_all, partial(progress, f"formula, term {number}")
+            fit, _guesses(found, name, library, so_far), effects, fit_all, partial(progress, f"formula, term {number}")
         )
-        if not tried or tried[0].score > _score(found, best) - WORTH:
+        if not tried or tried[0].score > _score(found, so_far) - WORTH:
             break
-        best, found = tried[0].guess, tried[0].fit
+        best = tried[0]
         if number == 1:
-            rival = next((one for one in tried if one.guess.lever != best.lever), None)
-    return None if best is None else _told(fit, found, best, rival)
+            rival = next((one for one in tried if one.guess.lever != best.guess.lever), None)
+    return None if best is None else _told(fit, best, rival)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +132,11 @@ class _Tried:
 
     guess: _Guess
     fit: Fit
+
+    @property
+    def errors(self) -> list[float]:
+        """Standard errors of the coefficients, NaN where the data can't tell one."""
+        return [self.fit.parameters[f"{self.guess.name}.c{i}"].stderr for i in range(len(self.guess.terms))]
 
     @property
     def score(self) -> float:
@@ -158,7 +170,8 @@ def _tried(
             values = tuple(end.parameters[f"{guess.name}.c{i}"].value for i in range(len(guess.terms)))
             found.append(_Tried(replace(guess, coefficients=values), end))
             progress(len(found), len(some))
-        return sorted(found, key=lambda one: one.score)
+        told = [one for one in found if all(np.isfinite(one.errors))]
+        return sorted(told, key=lambda one: one.score)
 
     near = fitted(guesses, nearby=True)
     best = {one.guess.lever: one.guess for one in reversed(near)}
@@ -250,11 +263,11 @@ def _score(fit: Fit, guess: _Guess | None) -> float:
     return fit.deviance + WORTH * (guess.price if guess else 0)
 
 
-def _told(fit: Fit, found: Fit, guess: _Guess, rival: _Tried | None) -> Description:
-    errors = [found.parameters[f"{guess.name}.c{i}"].stderr for i in range(len(guess.terms))]
+def _told(fit: Fit, best: _Tried, rival: _Tried | None) -> Description:
+    found, guess = best.fit, best.guess
     parts = [
         one.words.format(f"({value:+.3g} ± {error:.2g})")
-        for one, value, error in zip(guess.terms, guess.coefficients, errors, strict=True)
+        for one, value, error in zip(guess.terms, guess.coefficients, best.errors, strict=True)
     ]
     on_top = f"on top of {' + '.join(fit.effects)}, " if fit.effects else ""
     cv = (fit.cv_rmse_m_s, found.cv_rmse_m_s)
@@ -265,7 +278,7 @@ def _told(fit: Fit, found: Fit, guess: _Guess, rival: _Tried | None) -> Descript
         f"out of sample goes from {100 * cv[0]:.2f} to {100 * cv[1]:.2f} cm/s, and replicates {enough} "
         f"(p = {found.lack_of_fit_p:.2g})"
     )
-    if rival is not None and rival.score < _score(found, guess) + CLEARLY:
+    if rival is not None and rival.score < best.score + CLEARLY:
         sentence += f"; {rival.guess.lever.words}, by {rival.guess.terms[0].words.format('so much')}, does as well"
     return Description(
         sentence=sentence,

@@ -16,6 +16,7 @@ from sandbot_model.cells import Cells, noise_floor
 from sandbot_model.chain import Effect
 from sandbot_model.describe import Description, describe_residual
 from sandbot_model.fit import Fit, fitted_at
+from sandbot_model.formula import formula_effect
 from sandbot_model.minimise import solve
 from sandbot_model.model import Model, model_of
 from sandbot_model.next_trials import NextTrial, excluding, next_trials
@@ -23,7 +24,7 @@ from sandbot_model.parallel import Map, Progress
 from sandbot_model.robot import Robot
 from sandbot_model.stability import win_shares
 from sandbot_model.stages import StageTest, stage_tests
-from sandbot_model.verdict import Verdict, best_earned, judge, passes, sound, worth
+from sandbot_model.verdict import Verdict, best_earned, claim, judge, passes, sound, worth
 
 SCHEMA = "sandbot.discovery/1"
 SURVIVORS = 9
@@ -36,6 +37,8 @@ LEADING = 8
 """Sets compared in the bootstrap."""
 REFINED = 8
 """Larger sets that get a global search after a first look."""
+NEARLY = 5.0
+"""Deviance per degree of freedom up to which a formula may lack just one effect of the catalogue beside it."""
 LEADERS = 3
 """Sets that are tried with one more effect of the whole catalogue."""
 
@@ -210,12 +213,46 @@ class _Search:
         return [one for one in found if one.deviance < base.deviance + NOT_EXCLUDED]
 
     def residual(self) -> Description | None:
-        """What is left as a formula, on top of nothing or of the best set that earns what is in it."""
+        """What is left as a formula: on top of nothing if that is enough, or of effects that go with it."""
         if np.isnan(self.fits[()].lack_of_fit_p):
             return None  # without replicates nothing says what is noise
-        ends = dict.fromkeys(((), best_earned(self.fits).effects))
-        found = [describe_residual(self.fits[one], self.effects, self.fit_all, self.progress) for one in ends]
-        return min((one for one in found if one is not None), key=lambda one: one.bic, default=None)
+        found = []
+        for effects in dict.fromkeys(((), best_earned(self.fits).effects)):
+            if (one := self._described(effects)) is not None:
+                if one.enough:
+                    return one
+                found.append(one)
+        if not found:
+            return None
+        best = min(found, key=lambda one: one.bic)
+        if best.deviance[1] > NEARLY * self.fits[best.effects].dof:
+            return best
+        more = self._described(beside) if (beside := self._beside(best)) else None
+        return more if more is not None and more.bic < best.bic else best
+
+    def _described(self, effects: tuple[str, ...]) -> Description | None:
+        if effects not in self.fits:
+            self._fit("formula, beside an effect", [effects], nearby=False)
+        return describe_residual(self.fits[effects], self.effects, self.fit_all, self.progress)
+
+    def _beside(self, left: Description) -> tuple[str, ...]:
+        """The formula's set with the effect more that goes with it best; empty if none is worth it.
+
+        An effect of the catalogue beside a strong one of another kind may not be seen before that is described.
+        """
+        effects = {**self.effects, left.name: formula_effect(left.formula)}
+        sets = [self._sorted((*left.effects, name)) for name in self.names if name not in left.effects]
+        with_it = [(*left.effects, left.name), *((*one, left.name) for one in sets)]
+        models = [model_of(self.base, names, effects, self.robot) for names in with_it]
+        alone = fitted_at(models[0], self.cells, solve((models[0], self.cells, self.fits[left.effects].known, False)))
+        points = self.fit_all(solve, [(model, self.cells, alone.known, True) for model in models[1:]])
+        fits = [fitted_at(model, self.cells, point) for model, point in zip(models[1:], points, strict=True)]
+        helpful = [
+            (one.bic, effects)
+            for effects, one in zip(sets, fits, strict=True)
+            if sound(one) and alone.deviance - one.deviance > claim(one)
+        ]
+        return min(helpful, default=(0.0, ()))[1]
 
     def _at_start(self, name: str) -> Mapping[str, Effect]:
         """The catalogue with one effect's parameters held where they usually are."""
