@@ -29,10 +29,10 @@ from _peers import (
     speed_only,
 )
 from hidden import NULL, OMEGA, PHI, WORLDS, Hidden
+from sandbot_model.catalogue import catalogue
 from sandbot_model.cells import cells_of, noise_floor
 from sandbot_model.discover import Discovery, discover
 from sandbot_model.fit import fit
-from sandbot_model.formula import formula_effect
 from sandbot_model.levels import phi_levels
 from sandbot_model.model import model_of
 from sandbot_record.trials import Trials
@@ -93,16 +93,14 @@ def ours_with_formula(trials: Trials) -> Choice:
     left = found.residual
     if left is None:
         return choice
-    effects = {**CATALOGUE, left.name: formula_effect(left.formula)}
-    model = model_of(found.model, (*left.effects, left.name), effects)
+    model = model_of(found.model, (*left.effects, left.name), catalogue(formulas=[left.formula]))
     near = found.steps[0].known
     return Choice(choice.named, lambda others: speed_of(fit(model, cells_of(others), near)))
 
 
 def ours_speed_only(trials: Trials) -> Choice:
     """The same, given mean speed alone."""
-    few = speed_only(trials)
-    choice = ours(few)
+    choice = ours(speed_only(trials))
     return Choice(choice.named, lambda others: choice.refit(speed_only(others)))
 
 

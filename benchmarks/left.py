@@ -12,7 +12,6 @@ from sandbot_model.catalogue import catalogue
 from sandbot_model.cells import cells_of
 from sandbot_model.compare import compare
 from sandbot_model.discover import discover
-from sandbot_model.formula import formula_effect
 from sandbot_model.verdict import LACK_OF_FIT
 
 BESIDE = ("x_foot_clogging", "x_resonance", "x_traction_loss")
@@ -27,7 +26,6 @@ class Left:
     case: hidden.Case
     status: str
     said: str
-    on_top_of: tuple[str, ...]
     p: float
     over_floor: tuple[float, float]
     """Error out of sample over the noise floor: base model, formula added as a user adds it."""
@@ -41,7 +39,7 @@ class Left:
 def cases() -> list[hidden.Case]:
     """The outside worlds of the matrix with their noise, and some of them with a stance overlap as well."""
     outside = [one for one in hidden.cases() if one.world.kind == "outside"]
-    first = {name: next(one.world for one in outside if one.world.truth == (name,)) for name in BESIDE}
+    first = [next(one.world for one in outside if one.world.truth == (name,)) for name in BESIDE]
     beside = [
         dataclasses.replace(
             world,
@@ -49,7 +47,7 @@ def cases() -> list[hidden.Case]:
             kind="beside",
             effects={**world.effects, hidden.OVERLAP[0]: hidden.OVERLAP[1]},
         )
-        for world in first.values()
+        for world in first
     ]
     return [*outside, *(hidden.Case(world, 900 + i) for i, world in enumerate(beside))]
 
@@ -62,12 +60,11 @@ def run(case: hidden.Case) -> Left:
         floor, base = found.noise_floor_m_s, found.steps[0].cv_rmse_m_s
         left = found.residual
         if left is None:
-            return Left(case, found.verdict.status, "–", (), found.steps[0].lack_of_fit_p, (base / floor,) * 2)
-        effects = {**CATALOGUE, left.name: formula_effect(left.formula)}
-        last = compare(cells, effects, [*left.effects, left.name])[-1]
+            return Left(case, found.verdict.status, "–", found.steps[0].lack_of_fit_p, (base / floor,) * 2)
+        last = compare(cells, catalogue(formulas=[left.formula]), [*left.effects, left.name])[-1]
         words = left.sentence.split(" (relative)")[0].split(" (body weights)")[0]
         ratios = (base / floor, last.cv_rmse_m_s / floor)
-    return Left(case, found.verdict.status, words, left.effects, last.lack_of_fit_p, ratios)
+    return Left(case, found.verdict.status, words, last.lack_of_fit_p, ratios)
 
 
 def report(all_left: Sequence[Left]) -> str:

@@ -260,14 +260,14 @@ def test_fuzzed_bags_give_a_bag_or_one_line(tmp_path):
         (file,) = bag.glob("*.mcap")
         target = bag / "metadata.yaml" if draw.random() < 0.1 and (bag / "metadata.yaml").exists() else file
         target.write_bytes(spoil(target.read_bytes(), draw))
-        start = time.process_time()
+        start = time.perf_counter()
         if refusal(lambda: use_recovered(bag, tmp_path / "out")):  # noqa: B023 (called at once)
             refused += 1
         else:
             opened += 1
         refusal(lambda: Bag.open(bag).columns("/leg_states", "position"))  # noqa: B023
         refusal(lambda: Timeline(Bag.open(bag))[0])  # noqa: B023
-        slowest = max(slowest, time.process_time() - start)
+        slowest = max(slowest, time.perf_counter() - start)
     assert opened > FUZZ_CASES / 2
     assert refused > 0
     assert slowest < 5.0

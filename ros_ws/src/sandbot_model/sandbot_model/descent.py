@@ -83,6 +83,17 @@ def full_jacobian(problem: Problem, states: States) -> Array:
     return np.concatenate([full.reshape(len(local), -1, count + levels), problem.pressed_jacobian(states)], axis=1)
 
 
+def followed(problem: Problem, states: States) -> Array:
+    """Orthonormal columns ``(4 cells + readings, rank)``: the residuals that one fit's own parameters can follow."""
+    basis, singular, _ = np.linalg.svd(full_jacobian(problem, states)[0], full_matrices=False)
+    return np.asarray(basis[:, singular > 1e-9 * singular[0]])
+
+
+def off(values: Array, basis: Array) -> Array:
+    """What of ``values (4 cells + readings, ...)`` is left beside what can be followed."""
+    return np.asarray(values - basis @ (basis.T @ values))
+
+
 def bounds(problem: Problem) -> tuple[Array, Array]:
     """What a fit may search, ``(parameters,)`` each."""
     search = np.array([one.search for one in problem.model.parameters])

@@ -14,7 +14,7 @@ from itertools import count
 import numpy as np
 
 from sandbot_model.chain import Array, Effect
-from sandbot_model.descent import full_jacobian
+from sandbot_model.descent import followed, off
 from sandbot_model.fit import Fit, fitted_at
 from sandbot_model.formula import formula_effect
 from sandbot_model.minimise import solve
@@ -192,10 +192,8 @@ def _free(name: str, known: Iterable[str]) -> str:
 
 def _guesses(found: Fit, name: str, library: Sequence[Term], so_far: _Guess | None) -> list[_Guess]:
     """What to fit next: the best few terms of every lever, or of the one there is."""
-    jacobian = full_jacobian(found.problem, found.state)[0]
-    basis, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
-    basis = basis[:, singular > 1e-9 * singular[0]]
-    missed = _off(found.state.missed[0], basis)
+    basis = followed(found.problem, found.state)
+    missed = off(found.state.missed[0], basis)
     guesses = []
     for lever in LEVERS if so_far is None else (so_far.lever,):
         slopes = _slopes(found, lever)
@@ -212,7 +210,7 @@ def _guess(
     """One more term on a lever; None where the data say too little of it."""
     column = np.zeros(len(missed))
     column[: slopes.size] = (slopes * term.values[:, None]).ravel()
-    direction = _off(column, basis)
+    direction = off(column, basis)
     length = float(direction @ direction)
     if length < 1e-6 * float(column @ column) or length < 1.0:
         return None
@@ -238,11 +236,6 @@ def _distinct(guesses: Sequence[_Guess]) -> list[_Guess]:
         if len(chosen) > EACH:
             break
     return chosen
-
-
-def _off(values: Array, basis: Array) -> Array:
-    """What the fit's own parameters can't follow."""
-    return np.asarray(values - basis @ (basis.T @ values))
 
 
 def _slopes(found: Fit, lever: Lever) -> Array:

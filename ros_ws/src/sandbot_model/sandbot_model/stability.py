@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sandbot_model.chain import Array
-from sandbot_model.descent import full_jacobian
+from sandbot_model.descent import followed, off
 from sandbot_model.fit import Fit
 from sandbot_model.verdict import claim
 
@@ -30,14 +30,11 @@ def win_shares(fits: Sequence[Fit], rng: np.random.Generator, draws: int = DRAWS
 def _bic(fit: Fit, noise: Array) -> Array:
     """BIC in each draw ``(draws,)``; ``noise (4 cells, draws)`` is white in the pure error's own frame."""
     problem, state = fit.problem, fit.state
-    jacobian = full_jacobian(problem, state)[0]
     cells = len(fit.cells)
     # From the pure error's frame to that of this set, which may weigh a cell beside a switch less.
     turn = state.whiten[0] @ np.linalg.inv(problem.whiten)
     moved = np.einsum("cij,cjd->cid", turn, noise[: 4 * cells].reshape(cells, 4, -1))
     moved = np.where(problem.measured[:, :, None], moved, 0.0).reshape(4 * cells, -1)
     residual = state.missed[0][:, None] + np.concatenate([moved, noise[4 * cells :]])
-    basis, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
-    basis = basis[:, singular > 1e-9 * singular[0]]
-    off = residual - basis @ (basis.T @ residual)
-    return np.asarray(np.sum(off**2, axis=0) + fit.bic - fit.chi2)
+    left = off(residual, followed(problem, state))
+    return np.asarray(np.sum(left**2, axis=0) + fit.bic - fit.chi2)
