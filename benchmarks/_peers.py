@@ -16,20 +16,20 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Kernel, Matern, WhiteKernel
 
-from sandbot_model.catalogue import catalogue
-from sandbot_model.cells import (
+from sandbot_model.data.clustering import phi_levels
+from sandbot_model.data.conditions import (
     COLUMNS,
     USUAL_NOISE,
     cells_of,
     swum_at_once,
 )
-from sandbot_model.fit import Fit, fit
-from sandbot_model.gaits import peak_is_resolved, slow_phase_ratio
-from sandbot_model.levels import phi_levels
-from sandbot_model.minimise import Known
-from sandbot_model.model import Model, model_of
-from sandbot_model.walking import Inputs, KCurve
-from sandbot_record.trials import Trials
+from sandbot_model.fitting.fit import Fit, fit
+from sandbot_model.fitting.global_minimum import Known
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.gait import peak_is_resolved, slow_phase_ratio
+from sandbot_model.physics.model import Model, model_of
+from sandbot_model.physics.walking import Inputs, KCurve
+from sandbot_record.trials.table import Trials
 
 Floats = NDArray[np.float64]
 Predict = Callable[[Floats, Floats], Floats]

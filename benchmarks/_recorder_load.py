@@ -16,7 +16,7 @@ import numpy as np
 
 from sandbot_common import messages, topics
 from sandbot_common.serialization import to_cdr
-from sandbot_record.reader import Bag
+from sandbot_record.bags.reader import Bag
 
 CAMERAS = (topics.DORSAL_IMAGE, topics.LATERAL_IMAGE)
 SMALL = (topics.COM, topics.FRONT_AXLE, topics.REAR_AXLE, topics.SPEED, topics.DORSAL_INFO, topics.LATERAL_INFO)

@@ -29,13 +29,13 @@ from _peers import (
     speed_only,
 )
 from hidden import NULL, OMEGA, PHI, WORLDS, Hidden
-from sandbot_model.catalogue import catalogue
-from sandbot_model.cells import cells_of, noise_floor
-from sandbot_model.discover import Discovery, discover
-from sandbot_model.fit import fit
-from sandbot_model.levels import phi_levels
-from sandbot_model.model import model_of
-from sandbot_record.trials import Trials
+from sandbot_model.data.clustering import phi_levels
+from sandbot_model.data.conditions import cells_of, noise_floor
+from sandbot_model.discovery.discover import Discovery, discover
+from sandbot_model.fitting.fit import fit
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+from sandbot_record.trials.table import Trials
 
 Bools = NDArray[np.bool_]
 

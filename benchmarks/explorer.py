@@ -13,10 +13,11 @@ import numpy as np
 from selenium import webdriver
 from selenium.webdriver.support.ui import WebDriverWait
 
-from sandbot_model.catalogue import catalogue
-from sandbot_model.model import model_of
-from sandbot_model.walking import Inputs
-from sandbot_record.trials import Row, from_rows, write_csv
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.walking import Inputs
+from sandbot_record.trials.csv_table import write_csv
+from sandbot_record.trials.table import Row, from_rows
 
 TOGGLES = 50
 NAMES = ("disturbed_ground", "leg_slip", "stance_overlap", "cable_drag", "cohesion")

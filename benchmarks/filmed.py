@@ -10,7 +10,7 @@ from tqdm import tqdm
 import hidden
 from sandbot_bringup.tools import campaign
 from sandbot_lab.world import write_world
-from sandbot_record.trials import read_csv
+from sandbot_record.trials.csv_table import read_csv
 
 PHI, OMEGA, REPLICATES = hidden.PHI, hidden.OMEGA, 3
 NAMES = (

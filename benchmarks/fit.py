@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeWarning, curve_fit
 
-from sandbot_model.catalogue import catalogue
-from sandbot_model.cells import cells_of
-from sandbot_model.fit import fit
-from sandbot_model.model import model_of
-from sandbot_model.walking import Inputs, Walker
-from sandbot_record.trials import Row, from_rows
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting.fit import fit
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.walking import Inputs, Walker
+from sandbot_record.trials.table import Row, from_rows
 
 Floats = NDArray[np.float64]
 PHI = np.linspace(0.58, 0.633, 7)

@@ -16,12 +16,12 @@ from tqdm import tqdm
 
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.world import Noise, World
-from sandbot_model.catalogue import catalogue
-from sandbot_model.cells import cells_of
-from sandbot_model.discover import discover
-from sandbot_model.fit import fit
-from sandbot_model.model import model_of
-from sandbot_record.trials import Row, Trials, from_rows
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.discover import discover
+from sandbot_model.fitting.fit import fit
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+from sandbot_record.trials.table import Row, Trials, from_rows
 
 NULLS, MAX_EFFECTS = 100, 3
 REPEATS = {1.0: {"separable": 3, "alike": 1, "faint": 1, "outside": 2, "pair": 2}}

@@ -8,11 +8,11 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 import hidden
-from sandbot_model.catalogue import catalogue
-from sandbot_model.cells import cells_of
-from sandbot_model.compare import compare
-from sandbot_model.discover import discover
-from sandbot_model.verdict import LACK_OF_FIT
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.compare import compare
+from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.verdict import LACK_OF_FIT
+from sandbot_model.physics.catalogue import catalogue
 
 BESIDE = ("x_foot_clogging", "x_resonance", "x_traction_loss")
 """Effects that are also hidden beside one of the catalogue."""

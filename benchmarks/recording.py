@@ -19,10 +19,10 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 import _recorder_load
 from sandbot_common import messages, topics
 from sandbot_common.serialization import to_cdr
-from sandbot_record import interfaces
-from sandbot_record.playback import Timeline
-from sandbot_record.reader import Bag
-from sandbot_record.writer import BagWriter
+from sandbot_record.bags import interfaces
+from sandbot_record.bags.playback import Timeline
+from sandbot_record.bags.reader import Bag
+from sandbot_record.bags.writer import BagWriter
 
 COUNT, IMAGES = 20_000, 300
 SECONDS = float(os.environ.get("RECORDING_SECONDS", "60"))

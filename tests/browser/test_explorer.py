@@ -24,22 +24,23 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
 from sandbot_bringup.tools.campaign import main as run_campaign
-from sandbot_model.cells import cells_of
-from sandbot_model.compare import compare
-from sandbot_model.effects import CATALOGUE
-from sandbot_model.explore.selection import from_mapping, to_query
-from sandbot_model.model import model_of
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.choice import from_mapping, to_query
+from sandbot_model.discovery.compare import compare
+from sandbot_model.physics.effects import CATALOGUE
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.walking import Inputs
 from sandbot_model.report import write_comparison
 from sandbot_model.tools.compare import main as compare_main
-from sandbot_model.walking import Inputs
-from sandbot_record.trials import Row, from_rows, write_csv
+from sandbot_record.trials.csv_table import write_csv
+from sandbot_record.trials.table import Row, from_rows
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(180)]
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
 HIDDEN = "disturbed_ground"
 FAILING = """
-from sandbot_model.chain import Effect, Parameter
+from sandbot_model.physics.effect import Effect, Parameter
 
 class Brittle(Effect):
     identifier, stage, source, seen_in = "brittle", "strength", "me", "v"

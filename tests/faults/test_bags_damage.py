@@ -15,10 +15,11 @@ from mcap.writer import Writer as McapLibraryWriter
 from rosbags.rosbag2 import Reader
 
 from sandbot_common.errors import InputError
-from sandbot_record import interfaces, mcap_scan, metadata, table
-from sandbot_record.playback import Timeline
-from sandbot_record.reader import Bag, mapped
-from sandbot_record.recover import recover
+from sandbot_record.bags import interfaces, mcap_scan, metadata
+from sandbot_record.bags.playback import Timeline
+from sandbot_record.bags.reader import Bag, mapped
+from sandbot_record.bags.recover import recover
+from sandbot_record.trials import from_bags as table
 
 COUNT = 500
 CHUNK = 9_000

@@ -20,10 +20,10 @@ import pytest
 from rosbags.rosbag2 import Reader
 
 from sandbot_common import topics
-from sandbot_record.playback import Timeline
-from sandbot_record.reader import FIELD_STAMP, Bag
-from sandbot_record.recover import recover
-from sandbot_record.writer import BagWriter
+from sandbot_record.bags.playback import Timeline
+from sandbot_record.bags.reader import FIELD_STAMP, Bag
+from sandbot_record.bags.recover import recover
+from sandbot_record.bags.writer import BagWriter
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(300)]
 

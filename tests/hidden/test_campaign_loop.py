@@ -7,7 +7,7 @@ import pytest
 from sandbot_bringup.config import config_folder
 from sandbot_bringup.tools import campaign
 from sandbot_model.tools import discover
-from sandbot_record.trials import read_csv
+from sandbot_record.trials.csv_table import read_csv
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
 

@@ -3,10 +3,10 @@
 import pytest
 from worlds import BY_NAME, EFFECTS, hidden
 
-from sandbot_model.cells import cells_of
-from sandbot_model.discover import discover
-from sandbot_model.fit import fit
-from sandbot_model.model import model_of
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.discover import discover
+from sandbot_model.fitting.fit import fit
+from sandbot_model.physics.model import model_of
 
 IDENTIFIED = [
     "disturbed_ground(k_l_n_m=175, s_c=0.95)",

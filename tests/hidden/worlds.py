@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from sandbot_lab.world import World
-from sandbot_model.catalogue import catalogue
+from sandbot_model.physics.catalogue import catalogue
 
 PATH = Path(__file__).parents[2] / "benchmarks" / "hidden.py"
 SPEC = importlib.util.spec_from_file_location("trackway_hidden_worlds", PATH)

@@ -12,9 +12,9 @@ import pytest
 
 from sandbot_bringup.tools import campaign, unseal
 from sandbot_model.tools import compare, discover, effects
+from sandbot_record.bags.writer import BagWriter
 from sandbot_record.tools import info, recover, table
-from sandbot_record.writer import BagWriter
-from sandbot_tracking import calibrate, track_video
+from sandbot_tracking.tools import calibrate, track_video
 
 PLAN = "name: small\ngait: UNIFORM\nphi: [0.6, 0.633]\nomega_rad_s: [8, 20]\nreplicates: 1\n"
 
@@ -397,7 +397,7 @@ def test_unseal_agrees_where_the_seal_and_the_discovery_are_whole(tmp_path, run)
 def test_libraries_below_keep_quiet_about_a_bad_video(tmp_path):
     # In a process of its own: FFmpeg writes past Python's stderr.
     fill(tmp_path, {"top.mp4": "hello", "c.yaml": CAMERAS})
-    start = "import sys; from sandbot_tracking.track_video import main; sys.exit(main())"
+    start = "import sys; from sandbot_tracking.tools.track_video import main; sys.exit(main())"
     command = [sys.executable, "-c", start, str(tmp_path / "top.mp4"), "--cameras", str(tmp_path / "c.yaml")]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert ended.returncode == 2

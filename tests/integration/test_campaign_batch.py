@@ -15,9 +15,9 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from sandbot_bringup.tools import campaign, unseal
-from sandbot_record.film_strip import film_strip
-from sandbot_record.playback import Timeline
-from sandbot_record.reader import Bag
+from sandbot_record.bags.playback import Timeline
+from sandbot_record.bags.reader import Bag
+from sandbot_record.trials.film_strip import film_strip
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sandbot_record.reader import FIELD_STAMP, Bag
+from sandbot_record.bags.reader import FIELD_STAMP, Bag
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(240)]
 

@@ -15,7 +15,7 @@ from sandbot_bringup.plan import read_plan
 from sandbot_bringup.tools.campaign import main as campaign
 from sandbot_common import topics
 from sandbot_lab.robot import simulate
-from sandbot_record.reader import FIELD_STAMP, Bag
+from sandbot_record.bags.reader import FIELD_STAMP, Bag
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(240)]
 

@@ -10,9 +10,9 @@ import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 
 from sandbot_bringup import nodes
-from sandbot_model.catalogue import effects_in
-from sandbot_model.formula import formula_effect
-from sandbot_model.walking import Inputs, Walker
+from sandbot_model.physics.catalogue import effects_in
+from sandbot_model.physics.formula import formula_effect
+from sandbot_model.physics.walking import Inputs, Walker
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

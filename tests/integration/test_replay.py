@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sandbot_common import topics
-from sandbot_record.reader import Bag
-from sandbot_record.table import row_from_bag
+from sandbot_record.bags.reader import Bag
+from sandbot_record.trials.from_bags import row_from_bag
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(240)]
 

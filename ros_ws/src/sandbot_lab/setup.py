@@ -19,7 +19,7 @@ setup(
     entry_points={
         "console_scripts": [
             "lab = sandbot_lab.lab_node:main",
-            "penetrometer = sandbot_lab.penetrometer:main",
+            "penetrometer = sandbot_lab.tools.penetrometer:main",
         ],
     },
 )

@@ -20,8 +20,8 @@ setup(
         "console_scripts": [
             "tracker = sandbot_tracking.tracker_node:main",
             "camera = sandbot_tracking.camera_node:main",
-            "calibrate = sandbot_tracking.calibrate:main",
-            "track_video = sandbot_tracking.track_video:main",
+            "calibrate = sandbot_tracking.tools.calibrate:main",
+            "track_video = sandbot_tracking.tools.track_video:main",
         ],
     },
 )

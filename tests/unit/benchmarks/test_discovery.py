@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from sandbot_model.catalogue import catalogue
-from sandbot_model.fit import fit
-from sandbot_model.model import model_of
-from sandbot_model.walking import Inputs
-from sandbot_record.trials import Row, from_rows
+from sandbot_model.fitting.fit import fit
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.walking import Inputs
+from sandbot_record.trials.table import Row, from_rows
 
 K, DELTA_T, V_SWIM = np.array([172.0, 205.0, 220.0]), 0.4, 0.02
 NOISE = np.array([0.003, 0.0003, 0.006, 0.001])

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from sandbot_model.cells import COLUMNS
-from sandbot_model.effects import CATALOGUE
-from sandbot_model.formula import formula_effect
-from sandbot_model.walking import Inputs, KCurve, Walker
-from sandbot_record.trials import Row, from_rows
+from sandbot_model.data.conditions import COLUMNS
+from sandbot_model.physics.effects import CATALOGUE
+from sandbot_model.physics.formula import formula_effect
+from sandbot_model.physics.walking import Inputs, KCurve, Walker
+from sandbot_record.trials.table import Row, from_rows
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
 CURVE = KCurve(np.array([0.58, 0.6, 0.633]), np.array([170.0, 205.0, 220.0]))

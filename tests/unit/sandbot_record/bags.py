@@ -8,8 +8,8 @@ import numpy as np
 
 from sandbot_common import messages, topics
 from sandbot_common.serialization import to_cdr
-from sandbot_record import interfaces
-from sandbot_record.writer import BagWriter
+from sandbot_record.bags import interfaces
+from sandbot_record.bags.writer import BagWriter
 
 T0 = 1_700_000_000_000_000_000
 OMEGA = 8.0

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sandbot_common.errors import InputError
-from sandbot_tracking import calibrate
 from sandbot_tracking.calibration import camera_from_mapping, read_cameras
+from sandbot_tracking.tools import calibrate
 
 DORSAL = {
     "width": 640, "height": 480, "fx": 1066.0, "fy": 1050.0, "cx": 319.5, "cy": 239.5,

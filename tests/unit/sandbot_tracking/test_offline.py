@@ -8,10 +8,10 @@ import pytest
 import yaml
 
 from sandbot_common.errors import InputError
-from sandbot_tracking import track_video
 from sandbot_tracking.calibration import camera_from_mapping
 from sandbot_tracking.offline import LegClock, OfflineTracker
 from sandbot_tracking.source import Source
+from sandbot_tracking.tools import track_video
 from sandbot_tracking.trial import summarise
 
 R, H = 0.0355, 0.025

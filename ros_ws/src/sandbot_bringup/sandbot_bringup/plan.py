@@ -24,7 +24,7 @@ from sandbot_clock.gait import PRESETS, Gait
 from sandbot_common.errors import InputError
 from sandbot_common.files import dump_yaml, read_yaml
 from sandbot_common.parameters import from_mapping, parameter
-from sandbot_model.next_trials import PENETRATION
+from sandbot_model.discovery.next_trials import PENETRATION
 
 PHI_LOW, PHI_HIGH = 0.57, 0.64
 OMEGA_HIGH = 60.0

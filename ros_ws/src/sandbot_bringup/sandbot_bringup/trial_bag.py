@@ -12,9 +12,9 @@ from sandbot_bed.status import status_message
 from sandbot_common import messages, topics
 from sandbot_common.serialization import to_cdr
 from sandbot_common.topics import Topic
-from sandbot_record.frames import encode_jpeg
-from sandbot_record.video import INDEX, VideoFile, file_name, index_name
-from sandbot_record.writer import BagWriter
+from sandbot_record.bags.frames import encode_jpeg
+from sandbot_record.bags.video import INDEX, VideoFile, file_name, index_name
+from sandbot_record.bags.writer import BagWriter
 from sandbot_tracking.calibration import Camera
 from sandbot_tracking.offline import Sample
 from sandbot_tracking.period import PeriodMean

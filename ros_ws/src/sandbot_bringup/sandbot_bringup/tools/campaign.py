@@ -114,7 +114,7 @@ def _batch(
 
 
 def _finish(folder: CampaignFolder, trials: Sequence[PlannedTrial], failures: Sequence[tuple[str, str]]) -> int:
-    from sandbot_record import table
+    from sandbot_record.trials import from_bags as table
 
     for trial_id, reason in failures:
         print(f"{trial_id}: failed: {reason}")

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from sandbot_model.cells import Cells
-from sandbot_model.discover import Discovery
-from sandbot_model.explore.selection import Selection
-from sandbot_model.formula import formula_effect
+from sandbot_model.data.conditions import Cells
+from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.discover import Discovery
+from sandbot_model.physics.formula import formula_effect
 from sandbot_model.report.figures import map_cells
 
 CONTROLS = ("model", "effects", "view", "observable", "cell")

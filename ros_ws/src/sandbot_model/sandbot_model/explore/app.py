@@ -17,18 +17,18 @@ from dash.exceptions import PreventUpdate
 from flask import Response, abort, send_file
 
 from sandbot_common.errors import InputError
-from sandbot_model.discover import Discovery
+from sandbot_model.discovery.choice import Selection, from_query, to_query, to_yaml
+from sandbot_model.discovery.discover import Discovery
+from sandbot_model.discovery.reproduce import steps_of
 from sandbot_model.explore import behind, controls, views, waveforms
 from sandbot_model.explore.actions import CONTROLS, act, adopted, clicked_cell, moved, used, values_of
 from sandbot_model.explore.loopback import own_host_only
-from sandbot_model.explore.reproduce import steps_of
-from sandbot_model.explore.selection import Selection, from_query, to_query, to_yaml
 from sandbot_model.explore.session import Session
 from sandbot_model.report.content import cells_csv
 from sandbot_model.report.page import source
 from sandbot_model.report.provenance import bags_of, lost_bags, provenance
 from sandbot_model.report.theme import LIGHT, THEMES, Spec, Theme
-from sandbot_record.trials import Trials
+from sandbot_record.trials.table import Trials
 
 INDEX = """<!doctype html>
 <html lang="en">

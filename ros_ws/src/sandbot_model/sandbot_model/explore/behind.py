@@ -9,10 +9,10 @@ from dash import html
 
 from sandbot_common.errors import InputError
 from sandbot_model.explore import controls, waveforms
-from sandbot_model.fit import Fit
+from sandbot_model.fitting.fit import Fit
 from sandbot_model.report.theme import Theme
 from sandbot_model.report.view import CM
-from sandbot_record.trials import Trials
+from sandbot_record.trials.table import Trials
 
 COLUMNS = (
     ("φ", "phi", 1.0),

@@ -5,16 +5,16 @@ from typing import Any
 
 from dash import dcc, html
 
-from sandbot_model.cells import OBSERVABLES, Cells
-from sandbot_model.chain import Effect
-from sandbot_model.discover import Discovery
+from sandbot_model.data.conditions import OBSERVABLES, Cells
+from sandbot_model.discovery.discover import Discovery
 from sandbot_model.explore.views import TITLES, Pane, Slider, promise, values
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.walking import BASES
 from sandbot_model.report import text
 from sandbot_model.report.captions import HOW
 from sandbot_model.report.page import data_uri
 from sandbot_model.report.theme import Spec
 from sandbot_model.report.view import NAMES, PEOPLE_UNITS, Provenance, Step, bands, readable
-from sandbot_model.walking import BASES
 
 GRAPH = {
     "displaylogo": False,

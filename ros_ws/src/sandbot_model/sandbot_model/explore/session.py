@@ -15,15 +15,16 @@ from pathlib import Path
 import numpy as np
 
 from sandbot_common.errors import InputError
-from sandbot_model.catalogue import catalogue
-from sandbot_model.cells import Cells, noise_floor
-from sandbot_model.chain import Effect
-from sandbot_model.discover import Discovery, discover
-from sandbot_model.explore.selection import Selection
-from sandbot_model.fit import Fit, fit, fitted_at
-from sandbot_model.minimise import Known, Point
-from sandbot_model.model import Model, model_of
-from sandbot_model.parallel import Progress
+from sandbot_model.data.conditions import Cells, noise_floor
+from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.discover import Discovery, discover
+from sandbot_model.discovery.reproduce import point_of
+from sandbot_model.fitting.fit import Fit, fit, fitted_at
+from sandbot_model.fitting.global_minimum import Known, Point
+from sandbot_model.fitting.parallel import Progress
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.model import Model, model_of
 from sandbot_model.report.curves import steps as with_curves
 from sandbot_model.report.view import Step
 
@@ -52,17 +53,6 @@ def solve(model: Model, cells: Cells, near: Known | None) -> Solved:
 def solved(found: Fit) -> Solved:
     """What of a fit is enough to make it again."""
     return Solved(point_of(found), found.rmse_m_s, found.cv_rmse_m_s)
-
-
-def point_of(found: Fit, by_hand: Mapping[str, float] | None = None) -> Point:
-    """Where a fit lies, with some shared parameters put elsewhere. Raises InputError for one it does not have."""
-    values = {name: estimate.value for name, estimate in found.parameters.items()}
-    for name, value in (by_hand or {}).items():
-        if name not in values:
-            raise InputError(f"parameter {name!r} is not one of {', '.join(values)}")
-        values[name] = value
-    theta = np.array([values[name] for name in found.fitted.names])
-    return Point(theta, found.state.ln_k[0], found.state.slope[0])
 
 
 class Session:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sandbot_common.errors import InputError
-from sandbot_model.chain import Effect
-from sandbot_model.explore.selection import Selection
+from sandbot_model.discovery.choice import Selection
 from sandbot_model.explore.session import Session
+from sandbot_model.physics.effect import Effect
 from sandbot_model.report import balance, captions, figures, mechanics, text
 from sandbot_model.report.theme import Spec, Theme, layout, note
 from sandbot_model.report.view import Step, readable

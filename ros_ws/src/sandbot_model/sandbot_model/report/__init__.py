@@ -10,8 +10,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from sandbot_model.discover import Discovery
-from sandbot_model.fit import Fit
+from sandbot_model.discovery.discover import Discovery
+from sandbot_model.fitting.fit import Fit
 from sandbot_model.report import page
 from sandbot_model.report.content import Frames, comparison_page, discovery_page
 from sandbot_model.report.curves import steps

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from sandbot_model import compare
-from sandbot_model.cells import Cells
-from sandbot_model.fit import Fit
+from sandbot_model.data.conditions import Cells
+from sandbot_model.discovery import compare
+from sandbot_model.fitting.fit import Fit
 from sandbot_model.report import text
 from sandbot_model.report.balance import forces
 from sandbot_model.report.figures import failing_cells

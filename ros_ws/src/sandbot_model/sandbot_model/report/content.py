@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_model.cells import OBSERVABLES, Cells, noise_floor
-from sandbot_model.discover import Discovery
-from sandbot_model.fit import Fit
+from sandbot_model.data.conditions import OBSERVABLES, Cells, noise_floor
+from sandbot_model.discovery.discover import Discovery
+from sandbot_model.fitting.fit import Fit
 from sandbot_model.report import balance, captions, figures, mechanics, text
 from sandbot_model.report.page import Download, Figure, Page, Section, Table, data_uri
 from sandbot_model.report.view import (

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sandbot_model.cells import Floats
-from sandbot_model.fit import Fit
+from sandbot_model.data.conditions import Floats
+from sandbot_model.fitting.fit import Fit
 from sandbot_model.report.view import Step, bands
 
 Curve = Callable[[Fit, Floats], Floats]

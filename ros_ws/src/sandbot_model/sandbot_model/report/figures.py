@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_model.cells import Cells, Floats
-from sandbot_model.fit import Fit
+from sandbot_model.data.conditions import Cells, Floats
+from sandbot_model.fitting.fit import Fit
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
 from sandbot_model.report.view import (
     BAND_SDS,

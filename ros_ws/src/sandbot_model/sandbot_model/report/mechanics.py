@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sandbot_model.cells import Cells, Floats
-from sandbot_model.fit import Fit
+from sandbot_model.data.conditions import Cells, Floats
+from sandbot_model.fitting.fit import Fit
 from sandbot_model.report.figures import SYMBOLS, as_json, model_name
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
 from sandbot_model.report.view import CM, Step, bands, measured, scatter, walks

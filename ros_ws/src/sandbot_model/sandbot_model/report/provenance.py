@@ -7,15 +7,15 @@ from typing import Protocol
 import numpy as np
 
 from sandbot_common.errors import InputError
-from sandbot_model.cells import OBSERVABLES, Cells, Floats
-from sandbot_model.gaits import assumption
+from sandbot_model.data.conditions import OBSERVABLES, Cells, Floats
+from sandbot_model.physics.gait import assumption
 from sandbot_model.report.view import NAMES, Provenance
-from sandbot_record import table
-from sandbot_record.reader import is_bag
+from sandbot_record.bags.reader import is_bag
+from sandbot_record.trials import from_bags as table
 
 
 class Trials(Protocol):
-    """What is needed of ``sandbot_record.trials.Trials``."""
+    """What is needed of ``sandbot_record.trials.read.Trials``."""
 
     @property
     def trial_id(self) -> Iterable[str]: ...  # noqa: D102

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Iterable
 
-from sandbot_model.chain import Effect
-from sandbot_model.effects import CATALOGUE
-from sandbot_model.model import BASE_PARAMETERS
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.effects import CATALOGUE
+from sandbot_model.physics.model import BASE_PARAMETERS
 from sandbot_model.report.view import CM, readable
 
 UNKNOWN = "not known"

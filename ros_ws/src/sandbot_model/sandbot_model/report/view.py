@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_model.cells import OBSERVABLES, OMEGA_TOLERANCE, WALKING_LIFT_M, WALKING_SPEED_M_S, Cells, Floats
-from sandbot_model.fit import Fit
-from sandbot_model.levels import same_within
+from sandbot_model.data.clustering import same_within
+from sandbot_model.data.conditions import OBSERVABLES, OMEGA_TOLERANCE, WALKING_LIFT_M, WALKING_SPEED_M_S, Cells, Floats
+from sandbot_model.fitting.fit import Fit
 
 CM = 100.0
 """Centimetres in a metre: all four observables are lengths or speeds a person reads in cm or cm/s."""

@@ -10,11 +10,11 @@ from typing import Any
 from sandbot_common.cli import Parser
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_text
-from sandbot_model.cells import Cells, cells_of
-from sandbot_model.parallel import Map, cluster, workers
-from sandbot_model.penetration import Readings, read_readings
-from sandbot_model.walking import BASES
-from sandbot_record.trials import Trials
+from sandbot_model.data.conditions import Cells, cells_of
+from sandbot_model.data.penetrometer import Readings, read_readings
+from sandbot_model.fitting.parallel import Map, cluster, workers
+from sandbot_model.physics.walking import BASES
+from sandbot_record.trials.table import Trials
 
 
 def add_catalogue(parser: Parser) -> None:
@@ -25,7 +25,7 @@ def add_catalogue(parser: Parser) -> None:
         action="append",
         default=[],
         metavar="FILE.py",
-        help="your own effects: subclasses of sandbot_model.chain.Effect",
+        help="your own effects: subclasses of sandbot_model.physics.chain.Effect",
     )
     parser.add_argument(
         "--effect",

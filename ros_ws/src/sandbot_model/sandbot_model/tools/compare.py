@@ -11,17 +11,17 @@ from tqdm import tqdm
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
-from sandbot_model.bootstrap import bootstrap
-from sandbot_model.catalogue import catalogue
-from sandbot_model.cells import cells_of
-from sandbot_model.compare import geometry_lock, to_json
-from sandbot_model.explore.reproduce import steps_of
-from sandbot_model.explore.selection import Selection, from_mapping, held_by_text
-from sandbot_model.model import model_of
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.choice import Selection, from_mapping, held_by_text
+from sandbot_model.discovery.compare import geometry_lock, to_json
+from sandbot_model.discovery.reproduce import steps_of
+from sandbot_model.fitting.bootstrap import bootstrap
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
 from sandbot_model.report import write_comparison
 from sandbot_model.tools import arguments, tables
-from sandbot_record import trials as trials_table
-from sandbot_record.film_strip import film_strip
+from sandbot_record.trials.film_strip import film_strip
+from sandbot_record.trials.read import read
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -48,7 +48,7 @@ def _compare(argv: Sequence[str]) -> None:
         raise InputError("--dask: only the draws of --bootstrap N go to a cluster; give that too")
     selection = _selection(args)
     effects = catalogue(args.effects_from, selection.formulas)
-    trials = trials_table.read(args.data)
+    trials = read(args.data)
     readings = arguments.readings(args)
     cells = cells_of(trials, readings)
     steps = steps_of(selection, cells, effects)

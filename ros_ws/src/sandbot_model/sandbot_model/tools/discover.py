@@ -7,12 +7,12 @@ from tqdm import tqdm
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_model.catalogue import catalogue
-from sandbot_model.discover import Discovery, discover
+from sandbot_model.discovery.discover import Discovery, discover
+from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.report import write_report
 from sandbot_model.tools import arguments, tables
-from sandbot_record import trials as trials_table
-from sandbot_record.film_strip import film_strip
+from sandbot_record.trials.film_strip import film_strip
+from sandbot_record.trials.read import read
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -31,7 +31,7 @@ def _discover(argv: Sequence[str]) -> None:
         raise InputError(f"--max-effects {args.max_effects}: 0 or more are needed")
     fitters = arguments.fitters(args)
     effects = catalogue(args.effects_from, args.effect)
-    trials = trials_table.read(args.data)
+    trials = read(args.data)
     cells = arguments.cells(args, trials)
     with fitters as fit_all, tqdm(unit="fit", file=sys.stderr, disable=None) as bar:
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from sandbot_common import cli
-from sandbot_model.catalogue import catalogue, describe
+from sandbot_model.physics.catalogue import catalogue, describe
 from sandbot_model.tools import arguments
 
 

@@ -18,16 +18,16 @@ from werkzeug.serving import make_server
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
-from sandbot_model.cells import Cells, cells_of
+from sandbot_model.data.conditions import Cells, cells_of
+from sandbot_model.discovery.choice import from_mapping, from_query, to_query
 from sandbot_model.explore import nothing
 from sandbot_model.explore.app import Beside, Explorer
 from sandbot_model.explore.loopback import HOST
-from sandbot_model.explore.selection import from_mapping, from_query, to_query
 from sandbot_model.explore.session import Session
-from sandbot_model.parallel import start_worker
+from sandbot_model.fitting.parallel import start_worker
 from sandbot_model.tools import arguments
-from sandbot_record import trials as trials_table
-from sandbot_record.trials import Trials
+from sandbot_record.trials.read import read
+from sandbot_record.trials.table import Trials
 
 NICE = 5
 """Workers give way to the page, but not for ever to whatever else runs here: a discovery is made by them, too."""
@@ -58,7 +58,7 @@ def _explore(argv: Sequence[str]) -> None:
     query = to_query(from_mapping(read_yaml(args.selection), str(args.selection))) if args.selection else ""
     title = args.title or args.data[0].resolve().stem
     try:
-        trials = trials_table.read(args.data)
+        trials = read(args.data)
         cells = arguments.cells(args, trials)
     except InputError as error:
         # A name that is none is a slip of the command line; data that say nothing are for the page to tell.
@@ -71,7 +71,7 @@ def _explore(argv: Sequence[str]) -> None:
 
 
 def _explore_cells(args: argparse.Namespace, trials: Trials, cells: Cells, title: str, query: str) -> None:
-    other = cells_of(trials_table.read(args.beside)) if args.beside else None
+    other = cells_of(read(args.beside)) if args.beside else None
     with _fitters(args.workers) as workers:
         session = Session(cells, workers, effect_files=args.effects_from)
         session.catalogue()

@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sandbot_model.cells import OBSERVABLES, noise_floor
-from sandbot_model.chain import Array
-from sandbot_model.discover import Discovery
-from sandbot_model.fit import Fit
-from sandbot_model.gaits import assumption
+from sandbot_model.data.conditions import OBSERVABLES, noise_floor
+from sandbot_model.discovery.discover import Discovery
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.gait import assumption
 
 CM = 100.0
 READER_UNIT = {"speed": "cm/s", "lift": "cm", "peak_speed": "cm/s", "first_step": "cm"}

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_record.reader import Bag
-from sandbot_record.video import VideoFrames, place
+from sandbot_record.bags.reader import Bag
+from sandbot_record.bags.video import VideoFrames, place
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_record.mcap_writer import COMPRESSIONS
-from sandbot_record.recorder_node import Selection, record
-from sandbot_record.recording import Limits, Recording
-from sandbot_record.video import CODECS
-from sandbot_record.writer import BagWriter, Split
+from sandbot_record.bags.mcap_writer import COMPRESSIONS
+from sandbot_record.bags.recording import Limits, Recording
+from sandbot_record.bags.video import CODECS
+from sandbot_record.bags.writer import BagWriter, Split
+from sandbot_record.tools.recorder_node import Selection, record
 
 MIB = 1 << 20
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_record.recover import recover
+from sandbot_record.bags.recover import recover
 
 
 def main(argv: Sequence[str] | None = None) -> int:

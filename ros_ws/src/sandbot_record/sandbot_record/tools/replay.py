@@ -5,9 +5,9 @@ from pathlib import Path
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_record.playback import Player, Timeline
-from sandbot_record.reader import Bag
-from sandbot_record.replay_node import Options, replay
+from sandbot_record.bags.playback import Player, Timeline
+from sandbot_record.bags.reader import Bag
+from sandbot_record.tools.replay_node import Options, replay
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -5,7 +5,11 @@ from pathlib import Path
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_record import reader, table, trials
+from sandbot_record.bags import reader
+from sandbot_record.trials import from_bags as table
+from sandbot_record.trials.csv_table import to_csv, write_csv
+from sandbot_record.trials.read import read
+from sandbot_record.trials.table import OK
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -31,16 +35,16 @@ def _table(argv: Sequence[str]) -> None:
         rows, skipped = report.trials, report.skipped
         out = out or first / table.TRIALS_CSV
     else:
-        rows = trials.read(options.data)
+        rows = read(options.data)
     if out is None:
-        print(trials.to_csv(rows), end="")
+        print(to_csv(rows), end="")
     else:
         try:
-            trials.write_csv(rows, out)
+            write_csv(rows, out)
         except OSError as error:
             raise InputError(f"{out}: can't be written: {error.strerror}") from None
         print(f"{out}: {len(rows)} trials, {rows.excluded} of them not usable, {len(skipped)} bags skipped")
-    for row in rows.select(rows.status != trials.OK).rows():
+    for row in rows.select(rows.status != OK).rows():
         print(f"not usable: {row.trial_id}: {row.status}")
     for line in skipped:
         print(f"skipped: {line}")

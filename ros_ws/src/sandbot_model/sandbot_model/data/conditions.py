@@ -1,0 +1,206 @@
+"""Trials gathered into cells: the replicates of one (volume fraction, leg frequency, gait) and what they scatter.
+
+Everything after this works on cells, so its cost does not grow with the number of trials.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_common.errors import InputError
+from sandbot_model.data.clustering import phi_levels, same_within
+from sandbot_model.data.covariate import local_slope, reliability
+from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
+from sandbot_model.data.pure_error import pure_error
+from sandbot_model.physics.gait import peak_is_resolved, slow_phase_ratio
+from sandbot_record.trials.table import Trials
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+OBSERVABLES = ("speed", "lift", "peak_speed", "first_step")
+"""What is measured of a trial, in the order of every ``(..., 4)`` array."""
+
+UNITS = {"speed": "m/s", "lift": "m", "peak_speed": "m/s", "first_step": "m"}
+
+COLUMNS = ("speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m")
+"""The columns of the trials table, in the order of ``OBSERVABLES``."""
+
+FAR_M = 0.01
+"""What a first step is longer at least than a swimmer's if the leg held in it."""
+
+
+def swum_at_once(gaits: Iterable[str], omega: Floats, values: Floats) -> Bools:
+    """Trials ``(n,)`` of values ``(n, 4)`` that swam from the first step on, with legs of uneven pace.
+
+    How far they get in it is the clock's affair: where on its shaft the leg is mounted says when it passes its lowest
+    point, and the table does not say that. A trial that swims after a first step that held is none of them.
+    """
+    uneven = np.array([slow_phase_ratio(one) != 1.0 for one in gaits])
+    speed, lift, first = values[:, 0], values[:, 1], values[:, 3]
+    swims = np.where(np.isfinite(lift), lift <= WALKING_LIFT_M, speed <= WALKING_SPEED_M_S)
+    return np.asarray(uneven & swims & (first < speed * np.pi / omega + FAR_M))
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Cells sorted by φ level, then ω. All arrays over cells have length n; the last axis is ``OBSERVABLES``."""
+
+    phi: Floats = field(metadata={"shape": "(n,)", "doc": "mean measured volume fraction"})
+    omega: Floats = field(metadata={"shape": "(n,)", "unit": "rad/s"})
+    gait: tuple[str, ...] = field(metadata={"shape": "(n,)"})
+    slow_phase_ratio: Floats = field(metadata={"shape": "(n,)", "doc": "β of the gait"})
+    level: Ints = field(metadata={"shape": "(n,)", "doc": "index into level_phi"})
+    level_phi: Floats = field(metadata={"shape": "(levels,)", "doc": "mean volume fraction of a level"})
+    n: Ints = field(metadata={"shape": "(n, 4)", "doc": "replicates in which the observable was measured"})
+    mean: Floats = field(
+        metadata={"shape": "(n, 4)", "doc": "cell means brought to the level's φ; NaN where not measured"}
+    )
+    sd: Floats = field(metadata={"shape": "(n, 4)", "doc": "replicate scatter of the cell; NaN below two"})
+    sem: Floats = field(metadata={"shape": "(n, 4)", "doc": "standard error of the mean, from pooled pure error"})
+    noise: Floats = field(metadata={"shape": "(4,)", "doc": "pure error: pooled sd of one trial; NaN if unknown"})
+    covariance: Floats = field(metadata={"shape": "(n, 4, 4)", "doc": "covariance of the cell means"})
+    pure_error_dof: Ints = field(metadata={"shape": "(4,)", "doc": "degrees of freedom of the pure error"})
+    own_scatter: NDArray[np.bool_] = field(metadata={"doc": "(n,), cells taken at their own scatter (see noise)"})
+    phi_scatter: float = field(metadata={"doc": "sd of measured φ among replicates: how well the bed meets its target"})
+    phi_reliability: float = field(metadata={"doc": "share ρ of the measured deviation of φ that is real (see adjust)"})
+    trials: int
+    excluded: int = 0
+    pressed: Pressed | None = None
+    """What a penetrometer says of the levels (see ``penetration``)."""
+
+    @property
+    def observables(self) -> tuple[str, ...]:
+        """The observables that were measured at all."""
+        return tuple(name for name, column in zip(OBSERVABLES, self.mean.T, strict=True) if np.isfinite(column).any())
+
+    def __len__(self) -> int:
+        return len(self.omega)
+
+    def without(self, cell: int) -> "Cells":
+        """All cells but one; the levels stay, even if one of them is empty then."""
+        keep = np.arange(len(self)) != cell
+        each = {one.name: getattr(self, one.name) for one in fields(self)}
+        shorter = {
+            name: values[keep] for name, values in each.items() if isinstance(values, np.ndarray) and name not in WHOLE
+        }
+        return replace(self, gait=tuple(gait for gait, kept in zip(self.gait, keep, strict=True) if kept), **shorter)
+
+
+WHOLE = ("level_phi", "noise", "pure_error_dof")
+"""Arrays of ``Cells`` that are not over cells."""
+
+USUAL_NOISE = (5e-3, 5e-4, 1e-2, 1.5e-3)
+"""Standard deviation of one trial [SI] that weighs observables against each other where nothing was replicated."""
+
+ACCURACY = ((0.0, 0.0), (1e-4, 0.0), (0.0, 0.015), (3e-4, 0.0))
+"""How well the tracking measures each observable, (constant [SI], share of the value): an error all replicates share,
+so that they can't show it. Mean speed is a distance over a time and has none to speak of; the rise and the steepest
+slope of a folded curve have, as tests/unit/sandbot_tracking/test_trial.py bounds them on drawn truth."""
+
+OMEGA_TOLERANCE = 5e-3
+"""Leg frequencies closer than this (relative) are the same condition."""
+
+WALKING_LIFT_M = 3e-4
+WALKING_SPEED_M_S = 0.035
+"""A cell walks if its body is lifted, or where lift was not measured, if it is clearly faster than swimming."""
+
+
+def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
+    """Gather trials into cells. Trials without φ, ω or any observable, or not ended ``ok``, are left out and counted.
+
+    ``readings`` are a penetrometer's. Raises InputError if no trial is left, or no reading is at the trials' φ.
+    """
+    phi, omega = np.asarray(trials.phi, dtype=float), np.asarray(trials.omega_rad_s, dtype=float)
+    values = np.stack([np.asarray(getattr(trials, column), dtype=float) for column in COLUMNS], axis=-1)
+    status = np.asarray([str(one) for one in trials.status])
+    usable = np.isfinite(phi) & np.isfinite(omega) & (omega > 0) & np.isfinite(values).any(axis=-1)
+    usable &= np.isin(status, ["", "ok"])
+    if not usable.any():
+        raise InputError(
+            f"none of {len(phi)} trials can be used: phi, omega_rad_s and speed_m_s of an ok trial are needed"
+        )
+    gait = np.asarray([str(one) for one in trials.gait])[usable]
+    phi, omega, values = phi[usable], omega[usable], values[usable]
+    values[[not peak_is_resolved(one, frequency) for one, frequency in zip(gait, omega, strict=True)], 2] = np.nan
+    values[swum_at_once(gait, omega, values), 3] = np.nan
+    cells = _gather(phi, omega, gait, values, excluded=int((~usable).sum()))
+    return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi))
+
+
+def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, excluded: int) -> Cells:
+    level, frequency = phi_levels(phi), same_within(omega, OMEGA_TOLERANCE)
+    gaits, gait_index = np.unique(gait, return_inverse=True)
+    keys, cell = np.unique(np.stack([level, gait_index, frequency]), axis=1, return_inverse=True)
+    cells = keys.shape[1]
+
+    def average(column: Floats, index: Ints = cell, length: int = cells) -> Floats:
+        known = np.isfinite(column)
+        total = np.bincount(index, np.where(known, column, 0.0), length)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(total / np.bincount(index, known, length))
+
+    count = np.stack([np.bincount(cell, np.isfinite(column), cells) for column in values.T], axis=-1).astype(np.int64)
+    level_phi = average(phi, level, int(level.max()) + 1)
+    mean = np.stack([average(column) for column in values.T], axis=-1)
+    walks = np.where(np.isfinite(mean[:, 1]), mean[:, 1] > WALKING_LIFT_M, mean[:, 0] > WALKING_SPEED_M_S)
+    slope = local_slope(mean, keys, level_phi, walks)[cell]
+    rho = reliability(values - mean[cell], slope * (phi - average(phi)[cell])[:, None])
+    values = values - rho * slope * (phi - level_phi[level])[:, None]
+    mean = np.stack([average(column) for column in values.T], axis=-1)
+    error = pure_error(values - mean[cell], cell, count, walks, average(omega))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        root = np.sqrt(np.where(count > 0, count, np.nan).astype(float))
+        spread = np.where(count > 1, np.sqrt(_squares(values - mean[cell], cell, cells) / (count - 1)), np.nan)
+    variance = np.diagonal(error.covariance, axis1=1, axis2=2)
+    # Without any replicates pure error is unknown: weights are then the usual ones, and nothing can be tested.
+    unknown = ~np.isfinite(variance)
+    scale = np.where(unknown[:, :, None] | unknown[:, None, :], np.diag(np.square(USUAL_NOISE)), error.covariance)
+    covariance = scale / root[:, :, None] / root[:, None, :] + _accuracy(mean)
+    names = tuple(str(gaits[index]) for index in keys[1])
+    return Cells(
+        phi=average(phi),
+        omega=average(omega),
+        gait=names,
+        slow_phase_ratio=np.array([slow_phase_ratio(name) for name in names]),
+        level=keys[0],
+        level_phi=level_phi,
+        phi_reliability=rho,
+        phi_scatter=_scatter(phi - average(phi)[cell], cells),
+        n=count,
+        mean=mean,
+        sd=spread,
+        sem=np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)),
+        noise=error.sd,
+        covariance=covariance,
+        pure_error_dof=error.dof,
+        own_scatter=error.own,
+        trials=len(phi),
+        excluded=excluded,
+    )
+
+
+def _accuracy(mean: Floats) -> Floats:
+    """Variances ``(n, 4, 4)`` that ``ACCURACY`` adds to the cell means ``mean (n, 4)``."""
+    offset, share = np.array(ACCURACY).T
+    return np.asarray((offset**2 + (share * np.nan_to_num(mean)) ** 2)[:, :, None] * np.eye(len(OBSERVABLES)))
+
+
+def _squares(residual: Floats, cell: Ints, cells: int) -> Floats:
+    return np.stack([np.bincount(cell, np.nan_to_num(column) ** 2, cells) for column in residual.T], axis=-1)
+
+
+def _scatter(residual: Floats, cells: int) -> float:
+    dof = len(residual) - cells
+    return float(np.sqrt(np.sum(residual**2) / dof)) if dof > 0 else 0.0
+
+
+def noise_floor(cells: Cells) -> dict[str, float]:
+    """Pure error of one trial for each observable: rms scatter of replicates about their mean [SI].
+
+    Cells where some replicates walk and others swim scatter between two values, not about one; they are not in.
+    """
+    return dict(zip(OBSERVABLES, cells.noise.tolist(), strict=True))

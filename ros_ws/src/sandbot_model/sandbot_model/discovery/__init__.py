@@ -1,0 +1,1 @@
+"""Which effects are missing: comparison, search over the catalogue, verdict, next trials."""

@@ -1,0 +1,193 @@
+"""What the user of the explorer chose: base model, effects, formulas, values by hand, and what is looked at.
+
+It is plain data that goes into the page's address and into a YAML file and comes back the same; the YAML holds the
+``compare`` command line that gives the same numbers.
+"""
+
+import dataclasses
+import math
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import parse_qsl, urlencode
+
+import yaml
+
+from sandbot_common.errors import InputError
+from sandbot_model.data.conditions import OBSERVABLES
+from sandbot_model.physics.walking import BASES
+
+SCHEMA = "sandbot.selection/1"
+KEYS = ("model", "view", "observable", "effect", "formula", "hold", "cell", "against")
+"""What an address may hold."""
+BASE_QUERY = "?model=simple"
+"""The query of a selection that is all at its default."""
+VIEWS = ("speed", "residuals", "critical", "step", "balance", "lock", "parameters")
+
+
+@dataclass(frozen=True)
+class Selection:
+    """One state of the explorer; ``effects`` in the order in which they were switched on (the ladder's order)."""
+
+    model: str = "simple"
+    effects: tuple[str, ...] = ()
+    formulas: tuple[str, ...] = ()
+    """Effects given as a line of text (see ``formula``), whether switched on or not."""
+    by_hand: tuple[tuple[str, float], ...] = ()
+    """Shared parameters held at a value instead of the fitted one."""
+    view: str = "speed"
+    observable: str = "speed"
+    cell: int | None = None
+    """Index of the cell whose trials are shown."""
+    against: str = ""
+    """A model set beside this one: its query, as ``pin`` makes it."""
+
+    @property
+    def other(self) -> "Selection | None":
+        """This view with the model set beside; None if there is none."""
+        if not self.against:
+            return None
+        pinned = from_query(self.against)
+        return dataclasses.replace(
+            pinned, formulas=tuple(dict.fromkeys((*pinned.formulas, *self.formulas))), view=self.view,
+            observable=self.observable, cell=self.cell,
+        )  # fmt: skip
+
+    def pin(self) -> "Selection":
+        """With the model of now set beside."""
+        plain = dataclasses.replace(self, view="speed", observable="speed", cell=None, against="")
+        return dataclasses.replace(self, against=to_query(plain) or BASE_QUERY)
+
+    def toggled(self, wanted: Sequence[str]) -> "Selection":
+        """With exactly the effects in ``wanted``: those already on keep their place, new ones come last."""
+        kept = [name for name in self.effects if name in wanted]
+        new = [name for name in wanted if name not in self.effects]
+        effects = (*kept, *new)
+        by_hand = tuple((n, v) for n, v in self.by_hand if "." not in n or n.split(".")[0] in effects)
+        return dataclasses.replace(self, effects=effects, by_hand=by_hand)
+
+    def held(self, name: str, value: float | None) -> "Selection":
+        """With one parameter held at ``value``, or fitted again if it is None."""
+        others = tuple((n, v) for n, v in self.by_hand if n != name)
+        return dataclasses.replace(self, by_hand=others if value is None else (*others, (name, float(value))))
+
+
+def to_query(selection: Selection) -> str:
+    """The selection as the query of an address; what is at its default is left out."""
+    default = Selection()
+    pairs: list[tuple[str, str]] = []
+    for name in ("model", "view", "observable"):
+        if getattr(selection, name) != getattr(default, name):
+            pairs.append((name, getattr(selection, name)))
+    pairs += [("effect", name) for name in selection.effects]
+    pairs += [("formula", text) for text in selection.formulas]
+    pairs += [("hold", f"{name}={value!r}") for name, value in selection.by_hand]
+    if selection.cell is not None:
+        pairs.append(("cell", str(selection.cell)))
+    if selection.against:
+        pairs.append(("against", selection.against))
+    return f"?{urlencode(pairs)}" if pairs else ""
+
+
+def from_query(query: str) -> Selection:
+    """The selection in an address. Raises InputError for anything it does not know; effects are checked at the fit."""
+    found = Selection()
+    for key, value in parse_qsl(query.lstrip("?"), keep_blank_values=True):
+        match key:
+            case "model" | "view" | "observable":
+                found = dataclasses.replace(found, **{str(key): value})  # type: ignore[arg-type]
+            case "effect" if value not in found.effects:
+                found = dataclasses.replace(found, effects=(*found.effects, value))
+            case "formula" if value not in found.formulas:
+                found = dataclasses.replace(found, formulas=(*found.formulas, value))
+            case "hold":
+                found = held_by_text(found, value, "address: hold")
+            case "cell":
+                found = dataclasses.replace(found, cell=_index(value))
+            case "against":
+                from_query(value)
+                found = dataclasses.replace(found, against=value)
+            case "effect" | "formula":
+                pass
+            case _:
+                raise InputError(f"address: unknown key {key!r}; known: {', '.join(KEYS)}")
+    return _checked(found, "address")
+
+
+def held_by_text(selection: Selection, text: str, where: str) -> Selection:
+    """With the parameter held that ``name=value`` says. Raises InputError for anything else."""
+    name, _, number = text.partition("=")
+    return selection.held(name, _finite(number, f"{where} {text!r}"))
+
+
+def to_yaml(selection: Selection, data: Sequence[str], result: Mapping[str, float], options: Sequence[str] = ()) -> str:
+    """The selection as YAML with the command that reproduces it and the numbers it gave (SI).
+
+    ``options`` are words of the command line that are no choice of the page: files read beside the data.
+    """
+    command = ["compare", *data, *options, "--model", selection.model]
+    command += ["--effects", ",".join(selection.effects)] if selection.effects else []
+    for text in selection.formulas:
+        command += ["--effect", text]
+    for name, value in selection.by_hand:
+        command += ["--hold", f"{name}={value!r}"]
+    content = {
+        "schema": SCHEMA,
+        "command": shlex.join(command),
+        "model": selection.model,
+        "effects": list(selection.effects),
+        "formulas": list(selection.formulas),
+        "by_hand": dict(selection.by_hand),
+        "result": {name: float(value) for name, value in result.items()},
+    }
+    # Escaped: a line separator of Unicode written as it is would come back as a space.
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=False, width=1000)
+
+
+def from_mapping(content: Mapping[str, Any], where: str) -> Selection:
+    """The selection in a saved YAML's mapping. Raises InputError (file, key, what would be right)."""
+    if content.get("schema") != SCHEMA:
+        raise InputError(f"{where}: schema is {content.get('schema')!r}, expected {SCHEMA!r}")
+    unknown = set(content) - {"schema", "command", "model", "effects", "formulas", "by_hand", "result"}
+    if unknown:
+        raise InputError(f"{where}: unknown key {min(unknown)!r}")
+    effects, formulas = (_texts(content.get(key, []), f"{where}: {key}") for key in ("effects", "formulas"))
+    found = Selection(str(content.get("model", "simple")), effects, formulas)
+    by_hand = content.get("by_hand", {})
+    if not isinstance(by_hand, Mapping):
+        raise InputError(f"{where}: by_hand: expected parameter: value, got {by_hand!r}")
+    for name, value in by_hand.items():
+        found = found.held(str(name), _finite(value, f"{where}: by_hand: {name}"))
+    return _checked(found, where)
+
+
+def _checked(selection: Selection, where: str) -> Selection:
+    allowed = (("model", tuple(BASES)), ("view", VIEWS), ("observable", OBSERVABLES))
+    for name, known in allowed:
+        value = getattr(selection, name)
+        if value not in known:
+            raise InputError(f"{where}: {name} {value!r} is not one of {', '.join(known)}")
+    return selection
+
+
+def _finite(value: Any, where: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(f"{where}: a finite number is needed")
+    return number
+
+
+def _index(value: str) -> int:
+    if not value.isdecimal():
+        raise InputError(f"address: cell={value!r}: a whole number is needed")
+    return int(value)
+
+
+def _texts(value: Any, where: str) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(one, str) for one in value):
+        raise InputError(f"{where}: expected a list of texts, got {value!r}")
+    return tuple(dict.fromkeys(value))

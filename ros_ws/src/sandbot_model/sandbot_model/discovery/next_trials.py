@@ -1,0 +1,198 @@
+"""Which trials would tell the surviving sets apart (T-optimality: Atkinson & Fedorov 1975)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+import numpy as np
+
+from sandbot_model.data.conditions import OBSERVABLES, USUAL_NOISE
+from sandbot_model.data.penetrometer import USUAL_SD
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.arrays import Array
+
+MOST = 6
+CONTENDERS = 6
+"""Sets that are told from one another."""
+READINGS = 2
+"""Penetrometer readings among them, if there are trials enough."""
+LEAST_SD = 0.3
+"""Expected gap below which a measurement is not proposed: it would take hundreds."""
+FINER = 3
+"""Frequencies tried between neighbouring ones."""
+PENETRATION = "penetration_force"
+"""The force on a leg pressed into the ground: no trial, but a measurement that tells what trials can't."""
+DEPTHS_M = (0.01, 0.02, 0.03, 0.044)
+"""Depths at which it is proposed."""
+SETTLED_SD = 5.0
+"""Gap in standard errors at which a pair of sets counts as told apart."""
+
+
+Condition = tuple[bool, float, float]
+"""Whether a leg is pressed, φ, and the depth [m] or ω [rad/s]."""
+
+
+@dataclass(frozen=True)
+class NextTrial:
+    """A measurement worth making: the two sets it separates and by how many standard deviations of one replicate.
+
+    ``observable`` is one of ``cells.OBSERVABLES``, of a trial at ``omega_rad_s``, or ``PENETRATION``, at ``depth_m``.
+    """
+
+    phi: float
+    omega_rad_s: float
+    observable: str
+    separates: tuple[str, str]
+    expected_gap_sd: float
+    replicates: int
+    depth_m: float = float("nan")
+
+    @property
+    def condition(self) -> Condition:
+        """What has to be set up for it."""
+        pressed = self.observable == PENETRATION
+        return pressed, self.phi, self.depth_m if pressed else self.omega_rad_s
+
+    @property
+    def where(self) -> str:
+        """The condition for a reader."""
+        if self.observable == PENETRATION:
+            return f"φ {self.phi:.3f}, {100 * self.depth_m:.1f} cm deep"
+        return f"φ {self.phi:.3f}, ω {self.omega_rad_s:.3g} rad/s"
+
+
+def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
+    """The measurements that together tell most, best first, no two at one condition; none where none within reach does.
+
+    Each is the one that brings all pairs farthest towards being told apart by what has been chosen before it: a gap
+    beyond ``SETTLED_SD`` counts no more, so a pair that is easily told does not take all of them.
+    """
+    pairs = [between(one, other) for one, other in combinations(map(Foretold.by, contenders[:CONTENDERS]), 2)]
+    gaps = [{trial.condition: trial for trial in reversed(trials)} for trials in pairs]
+    told = np.zeros(len(pairs))
+    chosen: list[NextTrial] = []
+    while len(chosen) < MOST and (best := _most_telling(gaps, told, chosen)) is not None:
+        chosen.append(best)
+        told += [_weight(gap.get(best.condition)) for gap in gaps]
+    return sorted(chosen, key=lambda trial: -trial.expected_gap_sd)
+
+
+def _most_telling(
+    gaps: Sequence[Mapping[Condition, NextTrial]], told: Array, chosen: Sequence[NextTrial]
+) -> NextTrial | None:
+    """The measurement that adds most to ``told (pairs,)``, or None. It is shown for the pair that gains most."""
+    taken = {trial.condition for trial in chosen}
+    readings = sum(trial.observable == PENETRATION for trial in chosen)
+    conditions = {key: trial for gap in gaps for key, trial in gap.items() if key not in taken}
+    best, most = None, 0.0
+    for key, trial in conditions.items():
+        if trial.observable == PENETRATION and readings == READINGS:
+            continue
+        after = np.array([_weight(gap.get(key)) for gap in gaps]) + told
+        gain = np.minimum(after, SETTLED_SD**2) - np.minimum(told, SETTLED_SD**2)
+        # Once all are told apart, the widest gap still counts for a little: more of it is more certain.
+        score = float(gain.sum() + 1e-3 * np.minimum(after - told, SETTLED_SD**2).sum())
+        if score > most:
+            best, most = gaps[int(np.argmax(gain))].get(key, trial), score
+    return best
+
+
+def _weight(trial: NextTrial | None) -> float:
+    """χ² that two replicates of it are expected to bring."""
+    return 0.0 if trial is None else 2 * trial.expected_gap_sd**2
+
+
+def excluding(base: Fit, unseen: Sequence[Fit]) -> list[NextTrial]:
+    """What would show each of the effects that are not seen but not excluded: the best for each, then more."""
+    known = Foretold.by(base)
+    each = [between(known, Foretold.by(other)) for other in unseen]
+    best = _distinct([trials[0] for trials in each if trials])
+    more = _distinct([*best, *(trial for trials in each for trial in trials[1:])])
+    return [*best, *(one for one in more if one not in best)][:MOST]
+
+
+@dataclass(frozen=True, eq=False)
+class Foretold:
+    """What a fit says of every measurement that could be made: levels φ × frequencies ω, and levels × depths."""
+
+    name: str
+    phi: Array
+    omega: Array
+    noise: Array
+    """Standard deviation of one replicate ``(4,)``."""
+    trials: Array
+    """Observables ``(φ, ω, 4)``."""
+    variance: Array
+    """Of those, from not knowing the parameters and from the bed missing φ, ``(φ, ω, 4)``."""
+    force: Array
+    """Force of the penetrometer ``(φ, depths)``."""
+    force_sd: Array
+
+    @classmethod
+    def by(cls, fit: Fit) -> "Foretold":
+        """Of one fit, at frequencies finer than those measured."""
+        cells = fit.cells
+        phi, omega = cells.level_phi[:, None], _finer(np.unique(np.round(cells.omega, 3)))[None, :]
+        sides = [fit.predict(phi + sign * cells.phi_scatter, omega).observables for sign in (-1.0, 1.0)]
+        at_phi, at_depth = np.meshgrid(cells.level_phi, DEPTHS_M, indexing="ij")
+        force, force_sd = fit.press(at_phi.ravel(), at_depth.ravel())
+        return cls(
+            name=" + ".join(fit.effects) or "base",
+            phi=cells.level_phi,
+            omega=omega[0],
+            noise=np.where(np.isfinite(cells.noise), cells.noise, USUAL_NOISE),
+            trials=fit.predict(phi, omega).observables,
+            variance=fit.uncertainty(phi, omega) ** 2 + (0.5 * (sides[1] - sides[0])) ** 2,
+            force=force.reshape(at_phi.shape),
+            force_sd=np.broadcast_to(force_sd, force.shape).reshape(at_phi.shape),
+        )
+
+
+def between(one: Foretold, other: Foretold) -> list[NextTrial]:
+    """Measurements by which two fits differ, the most telling first; also of what has not been measured yet."""
+    found = [*_trials_between(one, other), *_readings_between(one, other)]
+    return sorted(found, key=lambda trial: -trial.expected_gap_sd)
+
+
+def _distinct(trials: Sequence[NextTrial]) -> list[NextTrial]:
+    chosen: list[NextTrial] = []
+    for trial in sorted(trials, key=lambda trial: -trial.expected_gap_sd):
+        if all(trial.condition != other.condition for other in chosen):
+            chosen.append(trial)
+    return chosen
+
+
+def _trials_between(one: Foretold, other: Foretold) -> list[NextTrial]:
+    """One trial a condition, by the observable that tells most."""
+    gap = np.abs(one.trials - other.trials) / np.sqrt(one.noise**2 + one.variance + other.variance)
+    best, names = gap.argmax(axis=-1), (one.name, other.name)
+    found = []
+    for p, w in np.argwhere(gap.max(axis=-1) > LEAST_SD):
+        size = float(gap[p, w].max())
+        at = (float(one.phi[p]), float(one.omega[w]))
+        found.append(NextTrial(*at, OBSERVABLES[best[p, w]], names, size, _replicates(size)))
+    return found
+
+
+def _readings_between(one: Foretold, other: Foretold) -> list[NextTrial]:
+    """One reading a level, at the depth that tells most."""
+    sd = np.sqrt((USUAL_SD * one.force) ** 2 + one.force_sd**2 + other.force_sd**2)
+    gap = np.abs(one.force - other.force) / sd
+    best, names = gap.argmax(axis=1), (one.name, other.name)
+    found = []
+    for level in np.flatnonzero(gap.max(axis=1) > LEAST_SD):
+        size, depth = float(gap[level].max()), DEPTHS_M[best[level]]
+        at = (float(one.phi[level]), float("nan"))
+        found.append(NextTrial(*at, PENETRATION, names, size, _replicates(size), depth))
+    return found
+
+
+def _replicates(size: float) -> int:
+    return max(2, int(np.ceil((SETTLED_SD / max(size, 1e-3)) ** 2)))
+
+
+def _finer(omega: Array) -> Array:
+    if len(omega) < 2:
+        return omega
+    steps = [np.linspace(a, b, FINER + 1, endpoint=False) for a, b in pairwise(omega)]
+    return np.round(np.concatenate([*steps, omega[-1:]]), 2)

@@ -1,0 +1,289 @@
+"""Nothing in the catalogue fits: what is left, in the field's terms, as a formula to try.
+
+Each term of a short library on each lever of the chain (``terms``) is judged by a score test (Rao 1948): to first
+order, how far would the deviance fall if it were added, all parameters of the fit following? The most promising are
+fitted in earnest, the best is kept; then a second term on the same lever, if that is worth it. So every number that is
+told is that of a fit to all observables, and the formula is the very effect that was fitted.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import count
+
+import numpy as np
+
+from sandbot_model.discovery.term_library import LEVERS, Lever, Term, terms
+from sandbot_model.discovery.verdict import CLEARLY, LACK_OF_FIT
+from sandbot_model.fitting.fit import Fit, fitted_at
+from sandbot_model.fitting.global_minimum import solve
+from sandbot_model.fitting.levenberg_marquardt import followed, off
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.parallel import Map, Progress
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.formula import formula_effect
+from sandbot_model.physics.model import model_of
+
+NAME = "residual"
+"""What the formula is called, or residual_2 and so on where the user has one of that name."""
+MOST_TERMS = 2
+WORTH = 22.0
+"""What each number taken from the data, coefficient or threshold, must bring. Where nothing is missing the best of some
+500 terms brings as much in 1 of 10,000 campaigns (20,000 drawn to first order)."""
+EACH = 3
+"""Terms of one lever that are fitted."""
+FREE = 0.5
+"""How far a fit may take what a term stands for; a score test far from the minimum foretells the sign at best."""
+HOPELESS = 0.2
+"""Share of the largest gain foretold below which a term is not fitted."""
+CLOSER = 4
+"""Levers whose best term gets a global search after a first look, and of the best lever all."""
+CLOSE = 0.98
+"""Correlation from which two terms say the same."""
+
+
+@dataclass(frozen=True)
+class Description:
+    """What is missing, ``sentence`` for a person and ``formula`` for ``--effect``, and what adding it does."""
+
+    sentence: str
+    formula: str
+    effects: tuple[str, ...]
+    """Of the catalogue, on top of which the formula was fitted."""
+    stage: str
+    terms: tuple[tuple[str, float], ...]
+    """In words, with their coefficients."""
+    deviance: tuple[float, float]
+    """Without the formula and with it."""
+    cv_rmse_m_s: tuple[float, float]
+    """The same of the mean speed's error out of sample."""
+    lack_of_fit_p: float
+    """With the formula: whether the replicates leave anything to explain."""
+    bic: float
+    """With the formula, its thresholds counted as parameters."""
+
+    @property
+    def enough(self) -> bool:
+        """Whether replicates leave nothing to explain."""
+        return self.lack_of_fit_p >= LACK_OF_FIT
+
+    @property
+    def name(self) -> str:
+        """Of the formula as an effect."""
+        return self.formula.split(":")[0]
+
+    @property
+    def options(self) -> str:
+        """What ``compare`` needs to be told to add it."""
+        return f"--effect '{self.formula}' --effects {','.join((*self.effects, self.name))}"
+
+
+@dataclass(frozen=True, eq=False)
+class _Guess:
+    """Terms on a lever, with coefficients to start from, and the gain expected of it."""
+
+    name: str
+    lever: Lever
+    terms: tuple[Term, ...]
+    coefficients: tuple[float, ...]
+    gain: float
+    direction: Array
+
+    def formula(self, least_change: float = 0.0) -> str:
+        """The effect. Coefficients may go to minus themselves or thrice as far, at least so far that what they stand
+        for changes by ``least_change``.
+        """
+        body = " + ".join(one.times(f"c{i}") for i, one in enumerate(self.terms))
+        ranges = ""
+        for i, (c, one) in enumerate(zip(self.coefficients, self.terms, strict=True)):
+            span = max(2 * abs(c), least_change / max(float(np.abs(one.values).max()), 1e-9))
+            ranges += f"; c{i} [1] in {c - span:.3g}..{c + span:.3g}"
+        return f"{self.name}: {self.lever.stage}: {self.lever.assignment(body)}{ranges}"
+
+    @property
+    def price(self) -> int:
+        """Numbers taken from the data: coefficients and thresholds."""
+        return len(self.terms) + sum(one.switches for one in self.terms)
+
+
+def describe_residual(
+    fit: Fit, effects: Mapping[str, Effect], fit_all: Map = map, progress: Progress = lambda _stage, _done, _total: None
+) -> Description | None:
+    """The formula that repairs most of what this fit misses; None if none of the library is worth it."""
+    library, name = terms(fit), _free(NAME, effects)
+    best: _Tried | None = None
+    rival: _Tried | None = None
+    for number in range(1, MOST_TERMS + 1):
+        found, so_far = (fit, None) if best is None else (best.fit, best.guess)
+        tried = _tried(
+            fit, _guesses(found, name, library, so_far), effects, fit_all, partial(progress, f"formula, term {number}")
+        )
+        if not tried or tried[0].score > _score(found, so_far) - WORTH:
+            break
+        best = tried[0]
+        if number == 1:
+            rival = next((one for one in tried if one.guess.lever != best.guess.lever), None)
+    return None if best is None else _told(fit, best, rival)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A guess with the coefficients of its fit."""
+
+    guess: _Guess
+    fit: Fit
+
+    @property
+    def errors(self) -> list[float]:
+        """Standard errors of the coefficients, NaN where the data can't tell one."""
+        return [self.fit.parameters[f"{self.guess.name}.c{i}"].stderr for i in range(len(self.guess.terms))]
+
+    @property
+    def score(self) -> float:
+        """See ``_score``."""
+        return _score(self.fit, self.guess)
+
+
+def _tried(
+    fit: Fit,
+    guesses: Sequence[_Guess],
+    effects: Mapping[str, Effect],
+    fit_all: Map,
+    progress: Callable[[int, int], None],
+) -> list[_Tried]:
+    """All guesses fitted near this fit, the best of each lever once more anywhere; best first."""
+
+    def fitted(some: Sequence[_Guess], *, nearby: bool) -> list[_Tried]:
+        models = [
+            model_of(
+                fit.model,
+                (*fit.effects, one.name),
+                {**effects, one.name: formula_effect(one.formula(FREE))},
+                fit.fitted.robot,
+            )
+            for one in some
+        ]
+        found = []
+        points = fit_all(solve, [(model, fit.cells, fit.known, nearby) for model in models])
+        for guess, model, point in zip(some, models, points, strict=True):
+            end = fitted_at(model, fit.cells, point)
+            values = tuple(end.parameters[f"{guess.name}.c{i}"].value for i in range(len(guess.terms)))
+            found.append(_Tried(replace(guess, coefficients=values), end))
+            progress(len(found), len(some))
+        told = [one for one in found if all(np.isfinite(one.errors))]
+        return sorted(told, key=lambda one: one.score)
+
+    near = fitted(guesses, nearby=True)
+    best = {one.guess.lever: one.guess for one in reversed(near)}
+    leading = [one.guess for one in near if best[one.guess.lever] is one.guess][:CLOSER]
+    leading += [one.guess for one in near if leading and one.guess.lever == leading[0].lever][1:]
+    return sorted([*near, *fitted(leading, nearby=False)], key=lambda one: one.score)
+
+
+def _free(name: str, known: Iterable[str]) -> str:
+    """The name, with a number if it is taken."""
+    taken, one = set(known), name
+    for number in count(2):
+        if one not in taken:
+            break
+        one = f"{name}_{number}"
+    return one
+
+
+def _guesses(found: Fit, name: str, library: Sequence[Term], so_far: _Guess | None) -> list[_Guess]:
+    """What to fit next: the best few terms of every lever, or of the one there is."""
+    basis = followed(found.problem, found.state)
+    missed = off(found.state.missed[0], basis)
+    guesses = []
+    for lever in LEVERS if so_far is None else (so_far.lever,):
+        slopes = _slopes(found, lever)
+        usable = [one for one in library if not (one.needs_depth and lever.stage == "clock")]
+        tried = [_guess(name, lever, one, slopes, missed, basis, so_far) for one in usable]
+        guesses += _distinct([one for one in tried if one is not None])
+    most = max((one.gain for one in guesses), default=0.0)
+    return [one for one in guesses if one.gain > HOPELESS * most]
+
+
+def _guess(
+    name: str, lever: Lever, term: Term, slopes: Array, missed: Array, basis: Array, so_far: _Guess | None
+) -> _Guess | None:
+    """One more term on a lever; None where the data say too little of it."""
+    column = np.zeros(len(missed))
+    column[: slopes.size] = (slopes * term.values[:, None]).ravel()
+    direction = off(column, basis)
+    length = float(direction @ direction)
+    if length < 1e-6 * float(column @ column) or length < 1.0:
+        return None
+    coefficient = float(missed @ direction) / length
+    before = ((), ()) if so_far is None else (so_far.terms, so_far.coefficients)
+    return _Guess(
+        name=name,
+        lever=lever,
+        terms=(*before[0], term),
+        coefficients=(*before[1], coefficient),
+        gain=length * coefficient**2,
+        direction=direction / np.sqrt(length),
+    )
+
+
+def _distinct(guesses: Sequence[_Guess]) -> list[_Guess]:
+    """The most promising that do not all say the same."""
+    # The plainest is always tried: what is the same everywhere moves the fit most, and is foretold worst.
+    chosen = [one for one in guesses if one.gain > WORTH and one.terms[-1].expression == "1"]
+    for one in sorted(guesses, key=lambda one: one.gain - WORTH * one.price, reverse=True):
+        if one.gain > WORTH and all(abs(float(one.direction @ other.direction)) < CLOSE for other in chosen):
+            chosen.append(one)
+        if len(chosen) > EACH:
+            break
+    return chosen
+
+
+def _slopes(found: Fit, lever: Lever) -> Array:
+    """d(whitened prediction)/d(relative change of the lever), ``(cells, 4)``."""
+    known = found.fitted.catalogue
+    name = _free("lever", known)
+    change = formula_effect(f"{name}: {lever.stage}: {lever.assignment('c')}; c [1] in -1..1")
+    model = model_of(found.model, (*found.effects, name), {**known, name: change}, found.fitted.robot)
+    at = model.names.index(f"{name}.c")
+    theta = np.insert(found.state.theta[0], at, 0.0)
+    problem = Problem(model, found.cells)
+    states = problem.states(theta[None], found.state.ln_k, found.state.slope)
+    return np.asarray(problem.jacobian(states)[0][..., at])
+
+
+def _score(fit: Fit, guess: _Guess | None) -> float:
+    """Deviance, and what each number taken from the data must bring."""
+    return fit.deviance + WORTH * (guess.price if guess else 0)
+
+
+def _told(fit: Fit, best: _Tried, rival: _Tried | None) -> Description:
+    found, guess = best.fit, best.guess
+    parts = [
+        one.words.format(f"({value:+.3g} ± {error:.2g})")
+        for one, value, error in zip(guess.terms, guess.coefficients, best.errors, strict=True)
+    ]
+    on_top = f"on top of {' + '.join(fit.effects)}, " if fit.effects else ""
+    cv = (fit.cv_rmse_m_s, found.cv_rmse_m_s)
+    enough = "leave nothing to explain" if found.lack_of_fit_p >= LACK_OF_FIT else "still leave something to explain"
+    sentence = (
+        f"{on_top}{guess.lever.words} differs from the model's by {' and '.join(parts)} ({guess.lever.unit}): the "
+        f"deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on {found.dof} degrees of freedom, the error "
+        f"out of sample goes from {100 * cv[0]:.2f} to {100 * cv[1]:.2f} cm/s, and replicates {enough} "
+        f"(p = {found.lack_of_fit_p:.2g})"
+    )
+    if rival is not None and rival.score < best.score + CLEARLY:
+        sentence += f"; {rival.guess.lever.words}, by {rival.guess.terms[0].words.format('so much')}, does as well"
+    return Description(
+        sentence=sentence,
+        formula=guess.formula(),
+        effects=fit.effects,
+        stage=guess.lever.stage,
+        terms=tuple(
+            (one.words.format("").strip(), value) for one, value in zip(guess.terms, guess.coefficients, strict=True)
+        ),
+        deviance=(fit.deviance, found.deviance),
+        cv_rmse_m_s=cv,
+        lack_of_fit_p=found.lack_of_fit_p,
+        bic=found.bic + float(np.log(found.problem.measured.sum())) * sum(one.switches for one in guess.terms),
+    )

@@ -1,0 +1,1 @@
+"""One model fitted to one set of cells, and how well it does."""

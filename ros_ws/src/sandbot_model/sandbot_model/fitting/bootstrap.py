@@ -1,0 +1,82 @@
+"""Standard errors by a bootstrap over trials: what another draw of the replicates would have given.
+
+Trials are drawn with replacement within their cell (Efron & Tibshirani 1993, ch. 6), so that every condition stays in.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_common.errors import InputError
+from sandbot_model.data.clustering import phi_levels, same_within
+from sandbot_model.data.conditions import OMEGA_TOLERANCE, cells_of
+from sandbot_model.data.penetrometer import Readings
+from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.global_minimum import Known
+from sandbot_model.fitting.parallel import Map
+from sandbot_model.physics.model import Model
+from sandbot_record.trials.table import Trials
+
+Ints = NDArray[np.int64]
+Values = dict[str, float]
+
+
+def bootstrap(
+    trials: Trials,
+    model: Model,
+    draws: int,
+    *,
+    readings: Readings | None = None,
+    near: Known | None = None,
+    seed: int = 0,
+    fit_all: Map = map,
+    each: Callable[[Iterable[Values]], Iterable[Values]] = iter,
+) -> Values:
+    """Standard error of every parameter, and of k at each level as ``k[i]``, from ``draws`` refits.
+
+    ``readings`` are a penetrometer's, the same in every draw; ``near`` is where the fits begin, ``fit_all`` maps them
+    (see ``parallel``) and ``each`` wraps what comes in, as a progress bar does. Every draw has a seed of its own: the
+    result does not depend on who fits. Draws of n trials from n vary by (n - 1)/n less than new trials would; the
+    result is corrected for it. Raises InputError if draws < 2 or no cell has replicates.
+    """
+    if draws < 2:
+        raise InputError(f"--bootstrap: {draws} draws tell no spread; 2 or more")
+    trials = trials.select(trials.usable)
+    groups = _cells(trials)
+    sizes = [len(group) for group in groups]
+    if max(sizes) < 2:
+        raise InputError("--bootstrap: no condition has replicates to draw from")
+    redraw = partial(_redraw, trials, groups, model, readings, near)
+    found = list(each(fit_all(redraw, np.random.SeedSequence(seed).spawn(draws))))
+    size = float(np.mean([size for size in sizes if size > 1]))
+    names = [name for name in found[0] if all(name in one for one in found)]
+    spread = np.std([[one[name] for name in names] for one in found], axis=0, ddof=1)
+    return dict(zip(names, (spread * np.sqrt(size / (size - 1))).tolist(), strict=True))
+
+
+def _redraw(
+    trials: Trials,
+    groups: Sequence[Ints],
+    model: Model,
+    readings: Readings | None,
+    near: Known | None,
+    seed: np.random.SeedSequence,
+) -> Values:
+    """The parameters fitted to one draw."""
+    rng = np.random.default_rng(seed)
+    drawn = np.concatenate([rng.choice(group, len(group)) for group in groups])
+    best = fit(model, cells_of(trials.select(drawn), readings), near)
+    ks = {f"k[{i}]": float(k) for i, k in enumerate(best.k_n_per_m)}
+    return {name: estimate.value for name, estimate in best.parameters.items()} | ks
+
+
+def _cells(trials: Trials) -> list[Ints]:
+    """Indices of the trials of each cell."""
+    gait = np.unique(np.asarray(trials.gait, dtype=str), return_inverse=True)[1]
+    phi = np.asarray(trials.phi, dtype=float)
+    omega = np.asarray(trials.omega_rad_s, dtype=float)
+    key = np.stack([phi_levels(phi), gait, same_within(omega, OMEGA_TOLERANCE)])
+    cell = np.unique(key, axis=1, return_inverse=True)[1].ravel()
+    return [np.flatnonzero(cell == one) for one in range(int(cell.max()) + 1)]

@@ -1,0 +1,213 @@
+"""The global minimum of the deviance over θ and one k per level: wide search, descents, a look around, hops."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import cycle, islice
+
+import numpy as np
+
+from sandbot_model.data.conditions import Cells
+from sandbot_model.fitting.levenberg_marquardt import bounds, descend
+from sandbot_model.fitting.likelihood import Problem, States
+from sandbot_model.fitting.scans import bounded, following, look_along_k, look_along_theta
+from sandbot_model.fitting.starts import Start, again, starts
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.model import Model
+
+FIRST_ITERATIONS = 4
+"""Steps of a descent before the better half is followed further."""
+HALVING = (4, 1)
+"""How many descents are followed after each."""
+BASE_STARTS = 5
+"""Starts of the base model that are followed to their end."""
+HOPELESS = 1.5
+"""A model so much worse than one with less in it is not polished."""
+NEXT_TO_NOTHING = 1.0
+"""Rise of the deviance for which a plausible value is preferred."""
+K_PER_PHI = 5.0
+"""dk/dφ over k where a single level can't tell: 50 N/m over 0.05 at 200 N/m (Li09)."""
+HOPS = (0.1, 0.2)
+"""Sizes of the jumps in turn, in plausible ranges of an effect's parameter."""
+HOP_SHARED = 0.03
+"""The same for Δt and v_swim, relative."""
+HOP_ROWS = 32
+"""Jumps to all sides at once."""
+HOP_PATIENCE = 3
+"""Hops without gain after which the valley is taken to be the deepest."""
+HOPS_MOST = 12
+HOP_WITHIN = 5.0
+"""Deviance per value measured from which a set is not worth hopping: it fails by far in any valley."""
+HOP_GAIN = 0.5
+"""What a hop must lower the deviance by."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A place in a model's parameters, plain arrays that travel between processes."""
+
+    theta: Array
+    ln_k: Array
+    slope: Array
+
+
+@dataclass(frozen=True)
+class Known:
+    """What a smaller model has found: k of each level and the shared parameters by name."""
+
+    k_n_per_m: Array
+    parameters: Mapping[str, float]
+    deviance: float
+
+
+def solve(task: tuple[Model, Cells, Known | None, bool]) -> Point:
+    """The minimum for (model, cells, what a smaller model has found, whether to look near that only)."""
+    model, cells, near, nearby = task
+    problem = Problem(model, cells)
+    state = nearby_state(problem, near) if nearby and near is not None else best_state(problem, near)
+    return Point(state.theta[0], state.ln_k[0], state.slope[0])
+
+
+def best_state(problem: Problem, near: Known | None = None) -> States:
+    """The least deviance found anywhere; with more in the model not above that of ``near``, if one nests the other."""
+    found = _search(problem, near)
+    if near is not None and found.deviance[0] > near.deviance:
+        close = nearby_state(problem, near)
+        found = close if close.deviance[0] < found.deviance[0] else found
+    return _plausible(problem, found)
+
+
+def _plausible(problem: Problem, states: States) -> States:
+    """The same with parameters inside their plausible ranges, where that costs next to nothing. One row.
+
+    Between two cells where a switch may lie the deviance is flat: nothing but what is known beforehand says where.
+    """
+    ranges = np.array([(one.low, one.high) for one in problem.model.parameters])
+    inside = np.clip(states.theta, ranges[:, 0], ranges[:, 1])
+    if (inside == states.theta).all():
+        return states
+    moved = descend(problem, problem.states(inside, states.ln_k, states.slope), FIRST_ITERATIONS)
+    moved = moved if (np.clip(moved.theta, ranges[:, 0], ranges[:, 1]) == moved.theta).all() else states
+    return moved if moved.deviance[0] < states.deviance[0] + NEXT_TO_NOTHING else states
+
+
+def _search(problem: Problem, near: Known | None) -> States:
+    """Coarse search, descent from many starts of which ever fewer are followed, a look around, descent. One row."""
+    levels = len(problem.cells.level_phi)
+    critical = problem.model.robot.critical_k_n_per_m
+    k_curve = near.k_n_per_m if near is not None else critical * np.linspace(1.04, 1.34, levels)
+    also = None if near is None else _inherited(problem.model, near)
+    found = starts(problem, slope_of(problem.cells.level_phi, k_curve), k_curve, also=also)
+    states = _halved(problem, _begin(problem, found))
+    for _ in range(2):
+        if near is not None and states.deviance[0] > 10 * HOPELESS * near.deviance + 100.0:
+            return states
+        more = again(problem, states.theta[0], states.ln_k[0], states.slope[0])
+        other = _halved(problem, _begin(problem, more)) if more else states
+        if other.deviance[0] > states.deviance[0] - 1.0:
+            break
+        states = other
+    if near is not None and states.deviance[0] > HOPELESS * near.deviance + 100.0:
+        return states
+    if near is None:
+        # What everything else is measured against: several descents are followed to their end.
+        first = _begin(problem, found[:BASE_STARTS])
+        ends = [_settled(problem, first.take(np.array([row]))) for row in range(len(first.theta))]
+        states = min([_settled(problem, states), *ends], key=lambda one: one.deviance[0])
+    states = _settled(problem, states)
+    # Step and depth feed back on each other where a leg meets what its predecessors left behind: many valleys.
+    hopeful = states.deviance[0] < HOP_WITHIN * problem.measured.sum()
+    return _hopped(problem, states) if problem.model.walker.remembers and hopeful else states
+
+
+def _hopped(problem: Problem, states: States) -> States:
+    """The deepest valley in reach of jumps to all sides at once, each followed downhill. One row; the same every time.
+
+    Basin hopping (Wales & Doye 1997, J. Phys. Chem. A 101, 5111) at temperature zero, ``HOP_ROWS`` jumps a hop.
+    """
+    draw = np.random.default_rng(0)
+    idle = 0
+    for size in islice(cycle(HOPS), HOPS_MOST):
+        landed = descend(problem, _jumps(problem, states, draw, size), FIRST_ITERATIONS)
+        best = _settled(problem, landed.take(np.argsort(landed.deviance)[:1]))
+        if best.deviance[0] < states.deviance[0] - HOP_GAIN:
+            states, idle = best, 0
+        elif (idle := idle + 1) == HOP_PATIENCE:
+            break
+    return states
+
+
+def _jumps(problem: Problem, states: States, draw: np.random.Generator, size: float) -> States:
+    """Points about a state, θ scattered with the given size, ln k following to first order."""
+    low, high = bounds(problem)
+    here = states.theta[0]
+    named = zip(here, problem.model.names, problem.model.parameters, strict=True)
+    width = np.array([size * (one.high - one.low) if "." in name else HOP_SHARED * at for at, name, one in named])
+    theta = np.clip(here + width * draw.standard_normal((HOP_ROWS, len(here))), low, high)
+    ln_k = np.repeat(states.ln_k, HOP_ROWS, axis=0)
+    for moved, pull in zip((theta - here).T, following(problem, states), strict=True):
+        ln_k = ln_k + bounded(moved[:, None] * pull)
+    return problem.states(theta, ln_k, states.slope[0])
+
+
+def _settled(problem: Problem, states: States) -> States:
+    """Descend and look around in turns until nothing is gained. One row."""
+    for _ in range(3):
+        states = descend(problem, problem.states(states.theta, states.ln_k, _slopes(problem, states.ln_k)))
+        moved = look_along_theta(problem, look_along_k(problem, states))
+        if moved is states:
+            break
+        states = moved
+    return states
+
+
+def nearby_state(problem: Problem, near: Known) -> States:
+    """The best minimum close to a smaller model that fits already: what is added can only be a small change."""
+    theta = _inherited(problem.model, near)
+    ln_k = np.repeat(np.log(near.k_n_per_m)[None], len(theta), axis=0)
+    low, high = bounds(problem)
+    begin = problem.states(np.clip(theta, low, high), ln_k, _slopes(problem, ln_k))
+    # Its k's have had time to follow the new effect before the rows are compared.
+    found = descend(problem, begin, 2 * FIRST_ITERATIONS)
+    best = found.take(np.argsort(found.deviance)[:1])
+    return descend(problem, look_along_theta(problem, look_along_k(problem, best)))
+
+
+def _begin(problem: Problem, found: Sequence[Start]) -> States:
+    low, high = bounds(problem)
+    ln_k = np.array([one.ln_k for one in found])
+    return problem.states(np.clip([one.theta for one in found], low, high), ln_k, _slopes(problem, ln_k))
+
+
+def _halved(problem: Problem, states: States) -> States:
+    """The best row after descents of which ever fewer are followed."""
+    for followed in HALVING:
+        states = descend(problem, states, FIRST_ITERATIONS)
+        states = states.take(np.argsort(states.deviance)[:followed])
+    return states
+
+
+def slope_of(level_phi: Array, k: Array) -> Array:
+    """dk/dφ at the levels [N/m], between neighbours and never beyond what poppy seeds do by much."""
+    typical = K_PER_PHI * k
+    if len(k) < 2:
+        return np.asarray(typical)
+    return np.asarray(np.clip(np.gradient(k, level_phi), 0.2 * typical, 3 * typical))
+
+
+def _slopes(problem: Problem, ln_k: Array) -> Array:
+    return np.array([slope_of(problem.cells.level_phi, k) for k in np.exp(ln_k)])
+
+
+def _inherited(model: Model, near: Known) -> Array:
+    """Starts with what the smaller model knows, the new effects at their start and near their neutral value."""
+    starts_at = np.array([one.start for one in model.parameters])
+    for index, name in enumerate(model.names):
+        if name in near.parameters:
+            starts_at[index] = near.parameters[name]
+    none, mild, strong = starts_at.copy(), starts_at.copy(), starts_at.copy()
+    for index, (name, one) in enumerate(zip(model.names, model.parameters, strict=True)):
+        if name not in near.parameters:
+            none[index] = one.start if one.neutral is None else one.neutral
+            mild[index] = one.start if one.neutral is None else one.neutral + 0.15 * (one.start - one.neutral)
+            strong[index] = one.low + 0.85 * (one.high - one.low)
+    return np.stack([starts_at, none, mild, strong])

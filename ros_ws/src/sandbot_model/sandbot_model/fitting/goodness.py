@@ -1,0 +1,107 @@
+"""How well a fit does: errors, the cell means it misses, and tests against pure error."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import chi2 as chi2_distribution
+from scipy.stats import f as f_distribution
+
+from sandbot_model.data.conditions import OBSERVABLES, Cells
+from sandbot_model.fitting.levenberg_marquardt import bounds
+from sandbot_model.fitting.likelihood import Problem, States
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.model import Model
+
+FAIL_Z = 3.0
+"""Cell means missed by more standard errors than this are listed as failing."""
+AT_BOUND = 1e-3
+PLAUSIBLE_SIGMAS = 3.0
+
+
+class Estimate(NamedTuple):
+    """A fitted value with its standard error (NaN where it can't be told)."""
+
+    value: float
+    stderr: float
+
+
+@dataclass(frozen=True)
+class Fail:
+    """One cell mean the model misses: residual = measured - model, z = residual over its standard error."""
+
+    observable: str
+    phi: float
+    omega_rad_s: float
+    residual: float
+    z: float
+
+
+def rms(cells: Cells, gap: Array) -> dict[str, float]:
+    """Rms over trials: the gap of the cell mean and the scatter about it."""
+    n = np.where(np.isfinite(gap), cells.n, 0)
+    within = np.where(n > 1, (n - 1) * np.nan_to_num(cells.sd) ** 2, 0.0).sum(axis=0)
+    between = (n * np.nan_to_num(gap) ** 2).sum(axis=0)
+    total = n.sum(axis=0)
+    return {
+        name: float(np.sqrt((within[i] + between[i]) / total[i])) if total[i] else float("nan")
+        for i, name in enumerate(OBSERVABLES)
+    }
+
+
+def fails(cells: Cells, gap: Array, z: Array) -> tuple[Fail, ...]:
+    """Cell means missed by more than ``FAIL_Z`` standard errors, the worst first."""
+    rows = np.argwhere(np.nan_to_num(np.abs(z)) > FAIL_Z)
+    rows = rows[np.argsort(-np.abs(z[rows[:, 0], rows[:, 1]]))]
+    return tuple(
+        Fail(OBSERVABLES[o], float(cells.phi[c]), float(cells.omega[c]), float(gap[c, o]), float(z[c, o]))
+        for c, o in rows
+    )
+
+
+def joint_p(chi2: float, dof: int, cells: Cells) -> float:
+    """Lack-of-fit F test of all observables together against pure error; NaN without replicates."""
+    error_dof = int(cells.pure_error_dof.max())
+    if dof < 1 or error_dof < 1:
+        return float("nan")
+    return float(f_distribution.sf(chi2 / dof, dof, error_dof))
+
+
+def p_by_observable(z: Array, problem: Problem, unknowns: int) -> dict[str, float]:
+    """Each observable by itself; it answers for its share of the fitted unknowns."""
+    measured = problem.measured.sum(axis=0)
+    share = unknowns / max(int(measured.sum()), 1)
+    found = {}
+    for index, name in enumerate(OBSERVABLES):
+        dof = measured[index] * (1 - share)
+        error_dof = problem.cells.pure_error_dof[index]
+        if measured[index]:
+            ratio = np.nansum(z[:, index] ** 2) / max(dof, 1e-9)
+            found[name] = float(f_distribution.sf(ratio, dof, error_dof)) if dof > 0 and error_dof else float("nan")
+    return found
+
+
+def p_of_readings(state: States) -> dict[str, float]:
+    """A penetrometer's readings come with their own standard deviation."""
+    count = state.pressed.shape[1]
+    return {"penetration": float(chi2_distribution.sf(np.sum(state.pressed**2), count))} if count else {}
+
+
+def at_bounds(problem: Problem, theta: Array) -> tuple[str, ...]:
+    """Shared parameters pressed against the end of their search range."""
+    low, high = bounds(problem)
+    edge = AT_BOUND * (high - low)
+    pressed = (theta <= low + edge) | (theta >= high - edge)
+    return tuple(name for name, at in zip(problem.model.names, pressed, strict=True) if at)
+
+
+def implausible(model: Model, estimates: Mapping[str, Estimate]) -> tuple[str, ...]:
+    """Shared parameters more than ``PLAUSIBLE_SIGMAS`` standard errors outside their plausible range."""
+    found = []
+    for name, one in zip(model.names, model.parameters, strict=True):
+        value, error = estimates[name]
+        margin = PLAUSIBLE_SIGMAS * (error if np.isfinite(error) else 0.0)
+        if value < one.low - margin or value > one.high + margin:
+            found.append(name)
+    return tuple(found)

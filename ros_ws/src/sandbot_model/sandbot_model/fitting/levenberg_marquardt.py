@@ -1,0 +1,89 @@
+"""Levenberg-Marquardt on (θ, ln k) from many starts at once."""
+
+import numpy as np
+
+from sandbot_model.fitting.likelihood import Problem, States
+from sandbot_model.physics.arrays import Array, Ints
+
+ITERATIONS = 30
+ENOUGH = 1e-2
+"""A step that lowers the deviance by less is the last."""
+STIFFEST = 1e5
+"""Damping at which a row is given up."""
+
+
+def descend(problem: Problem, states: States, iterations: int = ITERATIONS) -> States:
+    """The minimum downhill from each row."""
+    rows = np.arange(len(states.theta))
+    damping = np.full(len(rows), 1e-2)
+    active = np.ones(len(rows), dtype=bool)
+    for _ in range(iterations):
+        at = np.flatnonzero(active)
+        if not len(at):
+            break
+        here = states.take(at)
+        trial = _moved(problem, here, damping[at])
+        gain = here.deviance - trial.deviance
+        better = gain > 0
+        states = _put(states, at, here.where(better, trial))
+        damping[at] = np.where(better, np.maximum(damping[at] / 10, 1e-9), damping[at] * 10)
+        active[at] = np.where(better, gain > ENOUGH, damping[at] < STIFFEST)
+    return states
+
+
+def full_jacobian(problem: Problem, states: States) -> Array:
+    """d(whitened prediction)/d(θ, ln k of every level), ``(rows, 4 cells + readings, parameters + levels)``."""
+    local = problem.jacobian(states)
+    cells, count, levels = problem.cells, states.theta.shape[1], states.ln_k.shape[1]
+    full = np.zeros((len(local), len(cells), 4, count + levels))
+    full[..., :count] = local[..., :count]
+    each = np.arange(len(cells))
+    full[:, each, :, count + cells.level] = np.moveaxis(local[..., count], 1, 0)
+    return np.concatenate([full.reshape(len(local), -1, count + levels), problem.pressed_jacobian(states)], axis=1)
+
+
+def followed(problem: Problem, states: States) -> Array:
+    """Orthonormal columns ``(4 cells + readings, rank)``: the residuals that one fit's own parameters can follow."""
+    basis, singular, _ = np.linalg.svd(full_jacobian(problem, states)[0], full_matrices=False)
+    return np.asarray(basis[:, singular > 1e-9 * singular[0]])
+
+
+def off(values: Array, basis: Array) -> Array:
+    """What of ``values (4 cells + readings, ...)`` is left beside what can be followed."""
+    return np.asarray(values - basis @ (basis.T @ values))
+
+
+def bounds(problem: Problem) -> tuple[Array, Array]:
+    """What a fit may search, ``(parameters,)`` each."""
+    search = np.array([one.search for one in problem.model.parameters])
+    return search[:, 0], search[:, 1]
+
+
+def _moved(problem: Problem, states: States, damping: Array) -> States:
+    """Each row after one damped step, parameters pressed against a bound held."""
+    low, high = bounds(problem)
+    count = states.theta.shape[1]
+    jacobian = full_jacobian(problem, states)
+    transposed = np.swapaxes(jacobian, 1, 2)
+    gradient = (transposed @ states.missed[..., None])[..., 0]
+    normal = transposed @ jacobian
+    scale = np.maximum(np.sqrt(np.diagonal(normal, axis1=1, axis2=2)), 1e-9)
+    down, up = gradient[:, :count] < 0, gradient[:, :count] > 0
+    held = np.zeros(gradient.shape, dtype=bool)
+    held[:, :count] = ((states.theta <= low) & down) | ((states.theta >= high) & up)
+    normal = normal / scale[:, :, None] / scale[:, None, :]
+    normal = np.where(held[:, :, None] | held[:, None, :], 0.0, normal)
+    normal += np.eye(normal.shape[1]) * (damping[:, None, None] + held[:, :, None])
+    step = np.linalg.solve(normal, np.where(held, 0.0, gradient / scale)[..., None])[..., 0] / scale
+    theta = np.clip(states.theta + step[:, :count], low, high)
+    return problem.states(theta, states.ln_k + np.clip(step[:, count:], -0.2, 0.2), states.slope)
+
+
+def _put(states: States, at: Ints, some: States) -> States:
+    if len(at) == len(states.theta):
+        return some
+    index = np.zeros(len(states.theta), dtype=np.int64)
+    index[at] = np.arange(len(at))
+    changed = np.zeros(len(states.theta), dtype=bool)
+    changed[at] = True
+    return states.where(changed, some.take(index))

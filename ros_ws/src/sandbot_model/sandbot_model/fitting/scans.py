@@ -1,0 +1,68 @@
+"""Scans along every k and every shared parameter for a better valley, where a descent sees no slope."""
+
+import numpy as np
+
+from sandbot_model.fitting.levenberg_marquardt import ENOUGH, bounds
+from sandbot_model.fitting.likelihood import Problem, States
+from sandbot_model.physics.arrays import Array, Ints
+
+SHIFTS = np.concatenate([[0.0], -(s := np.array([1, 2.5, 5, 9, 15, 25, 40]) * 1e-3), s])
+"""Relative shifts of k tried for a better valley."""
+ACROSS = np.geomspace(0.78, 1.28, 40)
+"""k over the median of all levels."""
+REACHES = np.concatenate([-(r := np.array([0.02, 0.05, 0.1, 0.16, 0.24, 0.36, 0.5])), r])
+"""Shifts of an effect's parameter tried, in plausible ranges."""
+
+
+def look_along_k(problem: Problem, state: States) -> States:
+    """Try other k's for every level, near its own and across all: given θ the levels do not meet. One row."""
+    near = state.ln_k + np.log1p(SHIFTS)[:, None]
+    across = np.median(state.ln_k) + np.log(ACROSS)[:, None] + np.zeros_like(state.ln_k)
+    ln_k = np.concatenate([near, across])
+    tried = problem.states(np.repeat(state.theta, len(ln_k), axis=0), ln_k, state.slope)
+    value = np.add.reduceat(tried.cell_deviance, _level_starts(problem), axis=1)
+    if (readings := problem.cells.pressed) is not None:
+        np.add.at(value.T, readings.level, tried.pressed.T**2)
+    best = np.where(value.min(axis=0) < value[0] - ENOUGH, value.argmin(axis=0), 0)
+    if not best.any():
+        return state
+    moved = problem.states(state.theta, ln_k[best, np.arange(len(best))][None], state.slope)
+    return moved if moved.deviance[0] < state.deviance[0] else state
+
+
+def look_along_theta(problem: Problem, state: States) -> States:
+    """Shift every shared parameter, with all k's following or staying: where a switch begins there is no slope."""
+    low, high = bounds(problem)
+    for index, (name, one) in enumerate(zip(problem.model.names, problem.model.parameters, strict=True)):
+        reach = state.theta[0, index] if "." not in name else one.high - one.low
+        theta = np.repeat(state.theta, len(REACHES), axis=0)
+        theta[:, index] = np.clip(theta[:, index] + REACHES * reach, low[index], high[index])
+        moves = (theta[:, index] - state.theta[0, index])[:, None]
+        tried = problem.states(
+            np.concatenate([theta, theta]),
+            np.concatenate([state.ln_k + bounded(moves * following(problem, state)[index]), state.ln_k + 0 * moves]),
+            state.slope[0],
+        )
+        best = np.argmin(tried.deviance)
+        if tried.deviance[best] < state.deviance[0] - ENOUGH:
+            state = tried.take(np.array([best]))
+    return state
+
+
+def following(problem: Problem, state: States) -> Array:
+    """d ln k/dθ ``(parameters, levels)`` that keeps a level's cells as they are, to first order. One row."""
+    local = np.moveaxis(problem.jacobian(state)[0], -1, 0)
+    own, others = local[-1], local[:-1]
+    first = _level_starts(problem)
+    pull = np.add.reduceat(np.sum(own * others, axis=-1), first, axis=-1)
+    weight = np.add.reduceat(np.sum(own**2, axis=-1), first)
+    return np.asarray(-pull / np.maximum(weight, 1e-9))
+
+
+def bounded(change: Array) -> Array:
+    """A change of ln k no larger than a fit can want."""
+    return np.clip(change, -1.0, 1.0)
+
+
+def _level_starts(problem: Problem) -> Ints:
+    return np.unique(problem.cells.level, return_index=True)[1]

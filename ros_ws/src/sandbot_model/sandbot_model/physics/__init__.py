@@ -1,0 +1,1 @@
+"""The walking models and their effects: pure functions of depth, k, Δt and the effects' parameters."""

@@ -1,0 +1,136 @@
+"""Which effects there are: those of the project, those of installed packages, a user's file, a formula."""
+
+import importlib.util
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import numpy as np
+
+from sandbot_common.errors import InputError
+from sandbot_model.physics.effect import STAGES, Effect, Parameter
+from sandbot_model.physics.effects import CATALOGUE
+from sandbot_model.physics.formula import formula_effect
+from sandbot_model.physics.walking import Inputs, Walker
+
+GROUP = "sandbot_model.effects"
+"""Entry-point group: each entry names an Effect subclass."""
+USER_MODULE = "sandbot_user_effects_"
+"""How the modules of users' files are named; no other process can import them."""
+
+
+def catalogue(files: Sequence[Path] = (), formulas: Sequence[str] = ()) -> dict[str, Effect]:
+    """All effects by identifier, in order. Raises InputError for a file or formula that is no effect."""
+    known = {effect.identifier: effect for effect in CATALOGUE}
+    for entry in entry_points(group=GROUP):
+        _add(known, [_made(entry.load(), f"entry point {entry.name}")], f"entry point {entry.name}")
+    for path in files:
+        _add(known, effects_in(path), str(path))
+    for text in formulas:
+        _add(known, [formula_effect(text)], f"--effect {text!r}")
+    return known
+
+
+def effects_in(path: Path) -> list[Effect]:
+    """One instance of each Effect subclass defined in a Python file."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    spec = importlib.util.spec_from_file_location(f"{USER_MODULE}{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{path}: not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    # Workers find its classes by name.
+    sys.modules[spec.name] = module
+    # The folder is the user's: no __pycache__ is left in it.
+    usual, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        raise InputError(f"{path}: {_in_a_line(error)}") from error
+    finally:
+        sys.dont_write_bytecode = usual
+    classes = [one for one in vars(module).values() if isinstance(one, type) and one.__module__ == module.__name__]
+    found = [_made(one, str(path)) for one in classes if issubclass(one, Effect)]
+    if not found:
+        raise InputError(f"{path}: no subclass of sandbot_model.physics.chain.Effect in it")
+    return found
+
+
+def _made(cls: object, where: str) -> Effect:
+    if not (isinstance(cls, type) and issubclass(cls, Effect)):
+        raise InputError(f"{where}: {cls!r} is not a subclass of sandbot_model.physics.chain.Effect")
+    for name in ("identifier", "stage", "formula", "source", "seen_in"):
+        if not isinstance(getattr(cls, name, None), str):
+            raise InputError(f"{where}: {cls.__name__} has no {name}")
+    if cls.stage not in STAGES:
+        raise InputError(f"{where}: {cls.__name__}: stage {cls.stage!r} is not one of {', '.join(STAGES)}")
+    try:
+        effect = cls()
+    except Exception as error:
+        raise InputError(f"{where}: {cls.__name__}: {_in_a_line(error)}") from error
+    _check_parameters(effect, where)
+    _try(effect, where)
+    return effect
+
+
+def _check_parameters(effect: Effect, where: str) -> None:
+    if not isinstance(effect.parameters, tuple):
+        raise InputError(f"{where}: {type(effect).__name__}: parameters is no tuple; is a comma missing?")
+    for one in effect.parameters:
+        if not isinstance(one, Parameter):
+            raise InputError(f"{where}: {type(effect).__name__}: parameters holds {one!r}, expected a Parameter")
+        numbers = (one.low, one.start, one.high)
+        if not (all(isinstance(value, int | float) for value in numbers) and one.low <= one.start <= one.high):
+            raise InputError(f"{where}: {one.name}: start {one.start!r} is not within {one.low!r} to {one.high!r}")
+
+
+def _try(effect: Effect, where: str) -> None:
+    """Run it once, so that a slip shows before any fit."""
+    values = {one.name: np.asarray(one.start, dtype=float) for one in effect.parameters}
+    walker, inputs = Walker((effect,)), Inputs(200.0, 8.0, 0.4, 0.61)
+    try:
+        with np.errstate(all="ignore"):
+            walker.predict(inputs, [values])
+            chain = walker.chain(inputs, [values], np.array([0.03, 0.04]), first_step=False)
+            sound = all(np.isfinite(part).all() for part in (chain.margin, chain.speed, chain.peak_ratio))
+    except Exception as error:
+        raise InputError(f"{where}: {type(effect).__name__}.apply: {_in_a_line(error)}") from error
+    if not sound:
+        raise InputError(f"{where}: {type(effect).__name__}.apply: gives no number where its parameters start")
+
+
+def _in_a_line(error: BaseException) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def _add(known: dict[str, Effect], effects: Iterable[Effect], where: str) -> None:
+    for effect in effects:
+        if effect.identifier in known:
+            raise InputError(f"{where}: there is an effect {effect.identifier!r} already")
+        known[effect.identifier] = effect
+
+
+def describe(effects: Mapping[str, Effect]) -> list[dict[str, object]]:
+    """The catalogue as plain data, for tables and JSON."""
+    return [
+        {
+            "effect": effect.identifier,
+            "stage": effect.stage,
+            "formula": effect.formula,
+            "parameters": [
+                {
+                    "name": one.name,
+                    "unit": one.unit,
+                    "low": one.low,
+                    "high": one.high,
+                    "start": one.start,
+                    "doc": one.doc,
+                }
+                for one in effect.parameters
+            ],
+            "seen_in": effect.seen_in,
+            "source": effect.source,
+        }
+        for effect in effects.values()
+    ]

@@ -1,0 +1,128 @@
+"""The chain from clock to speed, as quantities that effects act on.
+
+    clock → strength → balance → step → speed
+
+Everything is a function of one unknown, the depth d of the lowest leg point: the chord s(d) is geometry, and with it
+the ground's strength, the force it gives and the force that is needed. A ``Chain`` holds these quantities on arrays
+of shape ``(..., depths)``; each stage sets its own from what is there, then the effects of that stage change them. An
+effect sees quantities, never another effect, so that any set of them composes. Step and speed are filled first: as
+functions of d they cost nothing, and what the feet meet depends on how far apart they fall.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.effect import Effect, Values
+from sandbot_model.physics.geometry import chord
+from sandbot_model.physics.robot import Robot
+
+HORIZONTAL_STRENGTH = 146e3
+"""α_x [N/m³], so that F_x is 4 N at 3.9 cm (physics §6)."""
+
+
+@dataclass(slots=True)
+class Chain:
+    """Quantities of the chain, SI units, broadcastable against ``depth`` ``(..., depths)``; no others can be set."""
+
+    robot: Robot
+    depth: Array = field(
+        metadata={"unit": "m", "doc": "d, depth of the lowest leg point below the undisturbed surface"}
+    )
+    k: Array = field(metadata={"unit": "N/m", "doc": "stiffness of the ground under one leg; effects may lower it"})
+    omega: Array = field(metadata={"unit": "rad/s", "doc": "leg frequency; effects may lower it"})
+    phi: Array = field(metadata={"unit": "1", "doc": "volume fraction"})
+    delta_t: Array = field(metadata={"unit": "s", "doc": "time in which the body is brought to leg speed"})
+    v_swim: Array = field(metadata={"unit": "m/s", "doc": "speed where the ground never holds"})
+    slow_phase_ratio: Array = field(metadata={"unit": "1", "doc": "β of the gait: leg rate in the slow phase over ω"})
+    first_step: bool = field(metadata={"doc": "virgin ground, standing start"})
+    k_of_phi: Callable[[Array], Array] = field(metadata={"doc": "the fitted stiffness at another volume fraction"})
+    one_leg: bool = field(default=False, kw_only=True, metadata={"doc": "one leg is pressed alone, nothing walks"})
+
+    # step (geometry; before strength, which depends on it)
+    chord: Array = field(init=False, metadata={"unit": "m", "doc": "2√(R² - (d+h-R)²)"})
+    step: Array = field(init=False, metadata={"unit": "m", "doc": "advance a step"})
+    thrust_time: Array = field(init=False, metadata={"unit": "s", "doc": "swimming time in the first step"})
+    # strength
+    penetration: Array = field(init=False, metadata={"unit": "m", "doc": "z, depth below the surface the leg meets"})
+    sigma_phi: Array = field(init=False, metadata={"unit": "1", "doc": "spread of φ along the track"})
+    # balance
+    force: Array = field(
+        init=False, metadata={"unit": "N", "doc": "ground force that grows with depth; effects scale it"}
+    )
+    extra_force: Array = field(init=False, metadata={"unit": "N", "doc": "ground force beside it; effects add to it"})
+    leg_speed: Array = field(init=False, metadata={"unit": "m/s", "doc": "speed of the body on its fixed leg, Rω"})
+    delta_v: Array = field(init=False, metadata={"unit": "m/s", "doc": "speed the ground has to give the body"})
+    lift_ratio: Array = field(init=False, metadata={"unit": "1", "doc": "share of Δv/Δt that is vertical"})
+    mass: Array = field(init=False, metadata={"unit": "kg", "doc": "mass to carry"})
+    added_mass: Array = field(init=False, metadata={"unit": "kg", "doc": "mass to accelerate beside it"})
+    gravity: Array = field(init=False, metadata={"unit": "m/s²", "doc": "g across the bed"})
+    # speed (before strength as well)
+    kept: Array = field(init=False, metadata={"unit": "1", "doc": "share of the step that becomes advance"})
+    peak_ratio: Array = field(init=False, metadata={"unit": "1", "doc": "largest v_x(t) over leg speed"})
+
+    @property
+    def advance(self) -> Array:
+        """Advance in a step [m]."""
+        return self.step * self.kept
+
+    @property
+    def speed(self) -> Array:
+        """Mean forward speed v̄ = ωs/π [m/s] when walking: two steps a period."""
+        return self.omega * self.advance / np.pi
+
+    @property
+    def load(self) -> Array:
+        """The force the ground must give: m g + (m + m_a) a_z [N]."""
+        return self.mass * self.gravity + (self.mass + self.added_mass) * self.delta_v / self.delta_t * self.lift_ratio
+
+    @property
+    def margin(self) -> Array:
+        """Force given minus force needed [N]; the leg stops sinking where it first is not negative."""
+        return self.force + self.extra_force - self.load
+
+
+Active = Sequence[tuple[Effect, Values]]
+"""Effects with the values of their parameters, arrays broadcastable against ``Chain.depth``."""
+
+
+def through(chain: Chain, effects: Active) -> Chain:
+    """Fill the chain stage by stage and let each stage's effects act (physics §2, then §6)."""
+
+    def act(stage: str) -> None:
+        for effect, values in effects:
+            if effect.stage == stage:
+                effect.apply(chain, values)
+
+    robot = chain.robot
+    act("clock")
+    chain.leg_speed = robot.leg_radius_m * chain.omega
+    chain.peak_ratio = np.ones(())
+    # Thrust begins when the leg has passed its lowest point, with uniform rotation half way through the first step.
+    chain.thrust_time = np.pi / (2 * chain.omega)
+    chain.chord = chord(robot, chain.depth)
+    chain.step = chain.chord
+    chain.kept = np.ones(())
+    act("step")
+    # What of a step becomes advance is known before what it costs: the next foot falls an advance further on.
+    act("speed")
+
+    chain.penetration = chain.depth
+    chain.sigma_phi = np.zeros(())
+    act("strength")
+
+    chain.force = chain.k * chain.penetration
+    chain.extra_force = np.zeros(())
+    chain.delta_v = chain.leg_speed
+    chain.lift_ratio = np.ones(())
+    chain.mass, chain.added_mass = np.asarray(robot.mass_per_leg_kg), np.zeros(())
+    chain.gravity = np.asarray(robot.gravity_m_s2)
+    act("balance")
+    return chain
+
+
+def horizontal_force(chain: Chain) -> Array:
+    """F_x = 1.5 α_x w d² [N], what the ground gives a leg along the track: about 4 N at 3.9 cm."""
+    return np.asarray(np.maximum(1.5 * HORIZONTAL_STRENGTH * chain.robot.leg_width_m * chain.depth**2, 1e-6))

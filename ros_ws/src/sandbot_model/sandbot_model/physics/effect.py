@@ -1,0 +1,60 @@
+"""What an effect is: a formula at one stage of the chain, with parameters of plausible range."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from sandbot_model.physics.arrays import Array
+
+if TYPE_CHECKING:
+    from sandbot_model.physics.chain import Chain
+
+STAGES = ("clock", "strength", "balance", "step", "speed")
+
+Values = Mapping[str, Array]
+"""Parameters of one effect by name, broadcastable against ``Chain.depth``."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of an effect: its plausible range, and the wider one a fit may search."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    start: float
+    doc: str
+    neutral: float | None = None
+    """Where the effect vanishes, if such a value exists."""
+    hard_low: float = -np.inf
+    hard_high: float = np.inf
+
+    @property
+    def search(self) -> tuple[float, float]:
+        """The plausible range widened by half its width a side: a fit at its edge is seen to want more."""
+        margin = 0.5 * (self.high - self.low)
+        return max(self.low - margin, self.hard_low), min(self.high + margin, self.hard_high)
+
+
+class Effect:
+    """A physical effect missing from the base model: one formula at one stage. Subclass it and set what is below."""
+
+    identifier: ClassVar[str]
+    stage: ClassVar[str]
+    formula: ClassVar[str]
+    source: ClassVar[str]
+    seen_in: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    first_step_differs: ClassVar[bool] = False
+    """True if the effect is another in the first step: virgin ground, standing start (see ``chain.first_step``)."""
+    along_the_track: ClassVar[bool] = False
+    """True if φ varies within a trial (the effect sets ``chain.sigma_phi``): averages are then taken along the way."""
+    replaces: ClassVar[tuple[str, ...]] = ()
+    """Parameters of the base model that mean nothing once the effect acts."""
+
+    def apply(self, chain: "Chain", p: Values) -> None:
+        """Change the chain's quantities; ``p`` holds this effect's parameters by name."""
+        raise NotImplementedError

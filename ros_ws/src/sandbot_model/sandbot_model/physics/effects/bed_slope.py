@@ -1,0 +1,25 @@
+"""The bed is not level."""
+
+import numpy as np
+
+from sandbot_model.physics.chain import Chain, horizontal_force
+from sandbot_model.physics.effect import Effect, Parameter, Values
+
+
+class BedSlope(Effect):
+    """Gravity across the bed falls a little, and its part along the track makes the legs creep."""
+
+    identifier = "bed_slope"
+    stage = "balance"
+    formula = "g -> g cos chi; s -> s (1 - 3 m g sin chi/F_x)"
+    source = "statics on an incline"
+    seen_in = "direction asymmetry"
+    parameters = (Parameter("chi_rad", "rad", -0.035, 0.035, 0.01, "slope of the bed, uphill positive", neutral=0.0),)
+
+    def apply(self, chain: Chain, p: Values) -> None:
+        """Set what the formula says."""
+        robot = chain.robot
+        downhill = 3 * robot.mass_per_leg_kg * robot.gravity_m_s2 * np.sin(p["chi_rad"])
+        chain.gravity = chain.gravity * np.cos(p["chi_rad"])
+        grip = np.maximum(1 - downhill / horizontal_force(chain), 0.0)
+        chain.step, chain.peak_ratio = chain.step * grip, chain.peak_ratio * grip

@@ -1,0 +1,23 @@
+"""The cable holds back, the leg creeps."""
+
+import numpy as np
+
+from sandbot_model.physics.chain import Chain, horizontal_force
+from sandbot_model.physics.effect import Effect, Parameter, Values
+
+
+class CableDrag(Effect):
+    """The leg yields in proportion to the drag over the horizontal force the ground can give."""
+
+    identifier = "cable_drag"
+    stage = "step"
+    formula = "s -> s (1 - F_c/F_x), F_x = 1.5 alpha_x w d^2"
+    source = "Li09, rails and cable"
+    seen_in = "s and W peak, L unchanged"
+    parameters = (Parameter("f_c_n", "N", 0.05, 0.5, 0.2, "drag of the cable on one leg", neutral=0.0, hard_low=0.0),)
+
+    def apply(self, chain: Chain, p: Values) -> None:
+        """Set what the formula says."""
+        # The leg creeps all the while it stands: the peak of v_x(t) falls with the step.
+        grip = np.clip(1 - p["f_c_n"] / horizontal_force(chain), 0.0, 1.0)
+        chain.step, chain.peak_ratio = chain.step * grip, chain.peak_ratio * grip

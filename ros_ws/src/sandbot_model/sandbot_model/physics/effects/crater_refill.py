@@ -1,0 +1,29 @@
+"""A leg may land in the crater of the one before."""
+
+import numpy as np
+
+from sandbot_model.physics.chain import Chain
+from sandbot_model.physics.effect import Effect, Parameter, Values
+
+
+class CraterRefill(Effect):
+    """Craters refill in τ; at high ω a leg finds one z_0 exp(-π/ωτ) deep and meets ground that much later."""
+
+    identifier = "crater_refill"
+    stage = "strength"
+    formula = "z -> z - z_0 exp(-pi/(omega tau)) where s < 1.2 R"
+    source = "Li09, depression left by a leg"
+    seen_in = "v, W; omega > omega_c"
+    parameters = (
+        Parameter("z_0_m", "m", 0.003, 0.015, 0.008, "depth of a fresh crater", neutral=0.0, hard_low=0.0),
+        Parameter("tau_s", "s", 0.05, 0.3, 0.15, "time in which it refills", hard_low=0.01),
+    )
+    first_step_differs = True
+
+    def apply(self, chain: Chain, p: Values) -> None:
+        """Set what the formula says."""
+        if not chain.first_step:
+            radius = chain.robot.leg_radius_m
+            share = np.clip((1.2 * radius - chain.advance) / (0.1 * radius), 0.0, 1.0)
+            crater = p["z_0_m"] * np.exp(-np.pi / (chain.omega * p["tau_s"]))
+            chain.penetration = np.maximum(chain.penetration - share * crater, 0.0)

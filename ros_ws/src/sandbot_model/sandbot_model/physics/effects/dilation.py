@@ -1,0 +1,52 @@
+"""Disturbing dilates dense ground and compacts loose ground."""
+
+import numpy as np
+
+from sandbot_model.physics.chain import Chain
+from sandbot_model.physics.effect import Effect, Parameter, Values
+
+S_C = 0.95
+"""Step over R below which a leg lands in disturbed ground (Li09: 0.9-1)."""
+
+
+class Dilation(Effect):
+    """Where the leg lands in disturbed ground, its stiffness is that of a volume fraction nearer to φ_c."""
+
+    identifier = "dilation"
+    stage = "strength"
+    formula = "phi_d = phi + xi (phi_c - phi), k_L = k(phi_d)"
+    source = "Gravish et al. 2010"
+    seen_in = "sign flips at phi_c"
+    parameters = (
+        Parameter(
+            "xi",
+            "1",
+            0.3,
+            1.0,
+            0.6,
+            "share of the way to φ_c that disturbing goes",
+            neutral=0.0,
+            hard_low=0.0,
+            hard_high=1.2,
+        ),
+        Parameter(
+            "phi_c",
+            "1",
+            0.59,
+            0.61,
+            0.60,
+            "volume fraction that disturbing leaves alone",
+            hard_low=0.55,
+            hard_high=0.64,
+        ),
+    )
+    first_step_differs = True
+
+    def apply(self, chain: Chain, p: Values) -> None:
+        """Set what the formula says."""
+        if not chain.first_step:
+            radius = chain.robot.leg_radius_m
+            share = np.clip((S_C * radius - chain.advance) / (0.1 * radius), 0.0, 1.0)
+            phi_d = chain.phi + p["xi"] * (p["phi_c"] - chain.phi)
+            # As a difference of the fitted curve, so that it moves with the k being tried.
+            chain.k = chain.k + share * (chain.k_of_phi(phi_d) - chain.k_of_phi(chain.phi))

@@ -1,0 +1,38 @@
+"""Legs that land in the ground their predecessors disturbed."""
+
+import numpy as np
+
+from sandbot_model.physics.chain import Chain
+from sandbot_model.physics.effect import Effect, Parameter, Values
+
+
+class DisturbedGround(Effect):
+    """Short steps put the leg where the ground has been loosened to k_L; virgin ground is k."""
+
+    identifier = "disturbed_ground"
+    stage = "strength"
+    formula = "k -> k - max(k - k_L, 0) clip((s_c R - s)/(0.1 R), 0, 1)"
+    source = "Li09, transition at s/R = 0.9-1"
+    seen_in = "v collapse with a normal first step; phi > .6, omega > omega_c"
+    parameters = (
+        Parameter("k_l_n_per_m", "N/m", 165.0, 185.0, 175.0, "stiffness of disturbed ground", hard_low=0.0),
+        Parameter(
+            "s_c",
+            "1",
+            0.85,
+            1.05,
+            0.95,
+            "step over R below which a leg lands in disturbed ground",
+            hard_low=0.1,
+            hard_high=2.0,
+        ),
+    )
+    first_step_differs = True
+
+    def apply(self, chain: Chain, p: Values) -> None:
+        """Set what the formula says."""
+        if not chain.first_step:
+            radius = chain.robot.leg_radius_m
+            share = np.clip((p["s_c"] * radius - chain.advance) / (0.1 * radius), 0.0, 1.0)
+            # Disturbing loosens: ground that is weaker than k_L already stays as it is.
+            chain.k = chain.k - np.maximum(chain.k - p["k_l_n_per_m"], 0.0) * share

@@ -1,0 +1,18 @@
+"""Only the vertical part of the acceleration has to be carried."""
+
+from sandbot_model.physics.chain import Chain
+from sandbot_model.physics.effect import Effect, Values
+
+
+class ExactVerticalAcceleration(Effect):
+    """The body leaves along the leg circle: sin θ = s/2R of Rω/Δt is vertical."""
+
+    identifier = "exact_vertical_acceleration"
+    stage = "balance"
+    formula = "a_z = (R omega/dt) s/2R"
+    source = "Li09, full model; physics §3"
+    seen_in = "v, L at high omega"
+
+    def apply(self, chain: Chain, p: Values) -> None:  # noqa: ARG002
+        """Set what the formula says."""
+        chain.lift_ratio = chain.lift_ratio * chain.chord / (2 * chain.robot.leg_radius_m)

@@ -1,0 +1,25 @@
+"""A shallow leg slips back through the grains."""
+
+import numpy as np
+
+from sandbot_model.physics.chain import Chain
+from sandbot_model.physics.effect import Effect, Parameter, Values
+
+
+class LegSlip(Effect):
+    """The share of the motion lost falls with depth squared; it shows in the step and in the peak speed."""
+
+    identifier = "leg_slip"
+    stage = "step"
+    formula = "s -> s (1 - sigma (d_r/d)^2), d_r = 3.9 cm"
+    source = "circular slipping, Li09"
+    seen_in = "s and W peak; shallow d"
+    parameters = (
+        Parameter("sigma", "1", 0.0, 0.2, 0.1, "slip at depth d_r", neutral=0.0, hard_low=0.0, hard_high=0.9),
+    )
+
+    def apply(self, chain: Chain, p: Values) -> None:
+        """Set what the formula says."""
+        depth = np.maximum(chain.depth, 1e-6)
+        grip = np.clip(1 - p["sigma"] * (chain.robot.stiffness_depth_m / depth) ** 2, 0.0, 1.0)
+        chain.step, chain.peak_ratio = chain.step * grip, chain.peak_ratio * grip

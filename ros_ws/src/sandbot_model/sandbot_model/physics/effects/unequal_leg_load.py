@@ -1,0 +1,27 @@
+"""The lone middle leg of a tripod carries more and goes under first."""
+
+import numpy as np
+
+from sandbot_model.physics.chain import Chain
+from sandbot_model.physics.effect import Effect, Parameter, Values
+
+
+class UnequalLegLoad(Effect):
+    """At equal stiffness it sinks (1 + x) times as deep; the tripod fails when it reaches 2R - h."""
+
+    identifier = "unequal_leg_load"
+    stage = "strength"
+    formula = "k -> 0 where (1 + x) z > 2R - h: the middle leg carries m (1 + x)"
+    source = "statics of a 2+1 tripod"
+    seen_in = "P; early collapse"
+    parameters = (
+        Parameter("x", "1", 0.0, 0.5, 0.15, "surplus load of the middle leg", neutral=0.0, hard_low=0.0, hard_high=1.0),
+    )
+
+    def apply(self, chain: Chain, p: Values) -> None:
+        """Set what the formula says; a leg pressed alone shares its load with none."""
+        if chain.one_leg:
+            return
+        middle = chain.penetration * (1 + p["x"])
+        # Exactly at the deepest depth the chain ends anyway; a margin keeps x = 0 the base model to the last bit.
+        chain.k = np.where(middle > chain.robot.deepest_m * (1 + 1e-12), 0.0, chain.k)

@@ -1,0 +1,201 @@
+"""An effect from a line of text: ``"boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"``.
+
+The expression gives the new value of the stage's quantity (``k``, ``force``, ``step``, ``kept`` or ``omega``), or of
+another one if it says so: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"``. ``*=`` and ``+=`` change
+what is there, also several quantities alike: ``"slip: speed: kept, peak_ratio *= 1 - a*d/R; a [1] in 0..1"``.
+
+Names are quantities of the chain, the robot's R, h, w, m, g, the parameters, ``first`` (1 in the first step, on virgin
+ground, 0 in all others), and numpy functions. asteval evaluates it: no attribute access, no import, no files.
+"""
+
+import ast
+import re
+import threading
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+import asteval
+import numpy as np
+
+from sandbot_common.errors import InputError
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.chain import Chain
+from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values
+
+MAIN = {"clock": "omega", "strength": "k", "balance": "force", "step": "step", "speed": "kept"}
+"""What a bare expression sets at each stage."""
+
+READABLE = {
+    "clock": ("k", "omega", "phi", "delta_t", "v_swim", "depth", "slow_phase_ratio"),
+    "step": ("leg_speed", "peak_ratio", "chord", "step"),
+    "speed": ("kept",),
+    "strength": ("penetration", "sigma_phi"),
+    "balance": ("force", "extra_force", "delta_v", "lift_ratio", "mass", "added_mass", "gravity"),
+}
+"""Quantities that exist from a stage on, in the order in which the chain is filled."""
+
+FUNCTIONS = (
+    *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh"),
+    *("exp", "log", "log10", "sqrt", "abs", "sign", "floor", "minimum", "maximum", "clip", "where", "hypot"),
+)
+"""numpy functions an expression may use."""
+
+FORM = "name: stage: formula; parameter [unit] in low..high; ..."
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_PARAMETER = re.compile(rf"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\])?\s+in\s+({_NUMBER})\s*\.\.\s*({_NUMBER})\s*")
+_ASSIGNMENT = re.compile(r"\s*([A-Za-z_]\w*(?:\s*,\s*[A-Za-z_]\w*)*)\s*([*+]?)=(?!=)\s*(.*)")
+_CHANGES: dict[str, Callable[[Array, Array], Array]] = {"*": np.multiply, "+": np.add, "": lambda _, new: new}
+_PARSING = threading.Lock()
+
+
+def formula_effect(text: str) -> Effect:
+    """The effect a line of text describes. Raises InputError where it is not of the form above."""
+    head, *declared = text.split(";")
+    parts = head.split(":", 2)
+    if len(parts) != 3:
+        raise InputError(f"--effect {text!r}: expected {FORM!r}")
+    name, stage, body = (part.strip() for part in parts)
+    if not re.fullmatch(r"[a-z]\w*", name):
+        raise InputError(f"--effect {text!r}: name {name!r} must be lower-case letters, digits and _")
+    if stage not in STAGES:
+        raise InputError(f"--effect {text!r}: stage {stage!r} is not one of {', '.join(STAGES)}")
+    parameters = tuple(_parameter(one, text) for one in declared if one.strip())
+    assigned = _ASSIGNMENT.fullmatch(body)
+    left, how, expression = assigned.groups() if assigned else (MAIN[stage], "", body)
+    sets = _Sets(tuple(one.strip() for one in left.split(",")), how, expression, _parsed(expression, text))
+    return _checked(_Formula(name, stage, sets, parameters), text)
+
+
+class _Sets(NamedTuple):
+    """Quantities, how they change (``*``, ``+``, or nothing where they are replaced), by what."""
+
+    quantities: tuple[str, ...]
+    how: str
+    expression: str
+    parsed: ast.Expr
+
+
+class _Formula(Effect):
+    """Changes quantities of the chain by an expression's value."""
+
+    source = "given on the command line"
+    seen_in = "-"
+
+    def __init__(self, name: str, stage: str, sets: _Sets, parameters: tuple[Parameter, ...]) -> None:
+        # An effect's description is a class attribute elsewhere; here each instance is its own kind.
+        formula = ", ".join(
+            f"{one} -> {one} {sets.how} ({sets.expression})" if sets.how else f"{one} -> {sets.expression}"
+            for one in sets.quantities
+        )
+        names = {one.id for one in ast.walk(sets.parsed) if isinstance(one, ast.Name)}
+        self.__dict__.update(
+            identifier=name, stage=stage, formula=formula, parameters=parameters, first_step_differs="first" in names
+        )
+        self.sets = sets
+        self.readable = _readable(stage)
+        # What an interpreter evaluates stands in a table of its own, and the explorer fits in several threads.
+        self._each_thread = threading.local()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_each_thread"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, _each_thread=threading.local())
+
+    def apply(self, chain: Chain, p: Values) -> None:
+        """Evaluate the expression on the chain's arrays."""
+        interpreter: asteval.Interpreter | None = getattr(self._each_thread, "interpreter", None)
+        if interpreter is None:
+            interpreter = self._each_thread.interpreter = _interpreter()
+        robot = chain.robot
+        interpreter.symtable.update(
+            {name: getattr(chain, name) for name in self.readable},
+            R=robot.leg_radius_m,
+            h=robot.axle_height_m,
+            w=robot.leg_width_m,
+            m=robot.mass_per_leg_kg,
+            g=robot.gravity_m_s2,
+            d=chain.depth,
+            first=float(chain.first_step),
+            **p,
+        )
+        interpreter.error, interpreter.error_msg = [], None
+        try:
+            value = interpreter.run(self.sets.parsed, expr=self.sets.expression)
+        except Exception as error:
+            _pass_on_interrupt(error)
+            fault = interpreter.error[0]
+            message = " ".join(f"{fault.exc.__name__}: {fault.msg}".split())
+            raise InputError(f"effect {self.identifier}: {self.sets.expression}: {message}") from None
+        finally:
+            interpreter.code_text.clear()  # it would keep an entry for every call
+        if value is None or not np.issubdtype(np.asarray(value).dtype, np.number) or np.iscomplexobj(value):
+            raise InputError(f"effect {self.identifier}: {self.sets.expression!r} gives {value!r}, expected a number")
+        change = _CHANGES[self.sets.how]
+        for name in self.sets.quantities:
+            setattr(chain, name, change(getattr(chain, name), np.asarray(value, dtype=float)))
+
+
+def _pass_on_interrupt(error: BaseException | None) -> None:
+    """Ctrl-C, of which asteval makes an error of its own, stays Ctrl-C."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            raise KeyboardInterrupt
+        error = error.__context__
+
+
+def _interpreter() -> asteval.Interpreter:
+    """One that knows the functions below and nothing else: no files, no imports, no loops."""
+    interpreter = asteval.Interpreter(minimal=True, use_numpy=False)
+    for name in list(interpreter.symtable):
+        del interpreter.symtable[name]
+    interpreter.symtable.update({name: getattr(np, name) for name in FUNCTIONS}, pi=np.pi)
+    return interpreter
+
+
+def _readable(stage: str) -> tuple[str, ...]:
+    order = list(READABLE)
+    return tuple(name for one in order[: order.index(stage) + 1] for name in READABLE[one])
+
+
+def _parameter(text: str, whole: str) -> Parameter:
+    found = _PARAMETER.fullmatch(text)
+    if not found:
+        raise InputError(f"--effect {whole!r}: {text.strip()!r} is not 'parameter [unit] in low..high'")
+    name, unit, low, high = found[1], found[2] or "1", float(found[3]), float(found[4])
+    if not low < high:
+        raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high")
+    if name in {one.name for one in fields(Chain)} or name in {*"RhwmgdK", "first"}:
+        raise InputError(f"--effect {whole!r}: {name!r} is a quantity of the chain, choose another name")
+    return Parameter(name, unit, low, high, 0.5 * (low + high) + 0.1 * (high - low), "given on the command line")
+
+
+def _parsed(expression: str, text: str) -> ast.Expr:
+    """The expression as a tree, read once and in one thread at a time: Python 3.11 counts the depth of all threads'
+    trees in one place and raises SystemError where a second one begins within the first (CPython issue 106905).
+    """
+    try:
+        with _PARSING:
+            parsed = ast.Expr(ast.parse(expression, mode="eval").body)
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:  # the last: nested too deep
+        why = getattr(error, "msg", None) or str(error) or "nested too deep"
+        raise InputError(f"--effect {text!r}: {expression!r} is not an expression: {why}") from None
+    if any(isinstance(part, ast.Attribute | ast.Lambda | ast.Subscript) for part in ast.walk(parsed)):
+        raise InputError(f"--effect {text!r}: only names, numbers, operators and functions; no '.', '[' or lambda")
+    return parsed
+
+
+def _checked(effect: _Formula, text: str) -> Effect:
+    """Run it once, so that a slip shows before any fit."""
+    from sandbot_model.physics.walking import Inputs, Walker
+
+    for name in effect.sets.quantities:
+        if name not in effect.readable:
+            raise InputError(
+                f"--effect {text!r}: {name!r} can't be set at stage {effect.stage}; "
+                f"known there: {', '.join(effect.readable)}"
+            )
+    with np.errstate(all="ignore"):
+        Walker((effect,)).predict(Inputs(200.0, 10.0, 0.4, 0.6), [{one.name: one.start for one in effect.parameters}])
+    return effect

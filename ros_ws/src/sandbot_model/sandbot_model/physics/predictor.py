@@ -1,0 +1,145 @@
+"""What a model says while a trial runs: mean speed for the conditions, v_x(t) for the leg angles."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sandbot_common.errors import InputError
+from sandbot_common.parameters import parameter
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.gait import slow_phase_ratio
+from sandbot_model.physics.model import Model, model_of
+from sandbot_model.physics.walking import BASES, Inputs, KCurve
+
+
+@dataclass(frozen=True)
+class PredictorParameters:
+    """The model a predictor runs; ``result`` takes all from a file of ``discover --json`` or ``compare --json``."""
+
+    result: str = parameter("", doc="JSON of discover or compare: use its last step (empty: the parameters below)")
+    model: str = parameter("simple", doc="base model", choices=tuple(BASES))
+    effects: str = parameter("", doc="effects, separated by commas")
+    values: str = parameter("", doc="their parameters, e.g. 'stance_overlap.eta=0.1, ...' (default: each one's start)")
+    phi: tuple[float, ...] = parameter((0.58, 0.6, 0.633), doc="volume fractions of the k table", low=0.3, high=0.8)
+    k_n_per_m: tuple[float, ...] = parameter((170.0, 205.0, 220.0), unit="N/m", doc="k at those", low=1.0, high=1e5)
+    delta_t_s: float = parameter(0.4, unit="s", doc="time in which the body is brought to leg speed", low=0.02, high=10)
+    v_swim_m_s: float = parameter(0.02, unit="m/s", doc="swimming speed", low=0.0, high=1.0)
+
+
+@dataclass(frozen=True)
+class Instant:
+    """Body velocity at a moment [m/s; trackway frame]."""
+
+    v_x: float
+    v_z: float
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """A model with values for everything."""
+
+    model: Model
+    theta: Array
+    phi: Array
+    k_n_per_m: Array
+    _cache: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    def mean_speed(self, phi: float, omega: float, gait: str = "") -> float:
+        """v̄ [m/s]."""
+        return self._stance(phi, omega, gait)[0]
+
+    def velocity(self, phi: float, omega: float, gait: str, angles: Array, rates: Array) -> Instant:
+        """Body velocity for leg angles [rad] and rates [rad/s] of shape ``(legs,)``.
+
+        A leg stands while its centre is within the chord, |θ| ≤ asin(s/2R); the axle then moves on a circle about it,
+        v = Rθ̇ (cos θ, -sin θ). With no leg standing the belly is down and the body rests; a swimmer keeps v_swim.
+        """
+        mean, reach = self._stance(phi, omega, gait)
+        if reach <= 0:
+            return Instant(mean, 0.0)
+        wrapped = np.mod(np.asarray(angles) + np.pi, 2 * np.pi) - np.pi
+        standing = np.abs(wrapped) <= reach
+        if not standing.any():
+            return Instant(0.0, 0.0)
+        leg = int(np.argmax(np.where(standing, np.cos(wrapped), -np.inf)))
+        speed = self.model.robot.leg_radius_m * float(rates[leg])
+        return Instant(speed * math.cos(wrapped[leg]), -speed * math.sin(wrapped[leg]))
+
+    def _stance(self, phi: float, omega: float, gait: str) -> tuple[float, float]:
+        """Mean speed [m/s] and largest leg angle while standing [rad]; 0 where it swims."""
+        key = (round(phi, 5), round(omega, 4), gait)
+        if key not in self._cache:
+            self._cache[key] = self._solve(phi, omega, gait)
+        found: tuple[float, float] = self._cache[key]
+        return found
+
+    def _solve(self, phi: float, omega: float, gait: str) -> tuple[float, float]:
+        delta_t, v_swim, params = self.model.arguments(self.theta)
+        curve = KCurve(self.phi, self.k_n_per_m)
+        k, ratio = curve(np.asarray(phi)), slow_phase_ratio(gait)
+        inputs = Inputs(k, omega, delta_t, phi, v_swim, slow_phase_ratio=ratio, k_of_phi=curve)
+        found = self.model.walker.predict(inputs, params)
+        if not bool(found.walking):
+            return float(found.speed_m_s), 0.0
+        radius = self.model.robot.leg_radius_m
+        lift = float(found.lift_m)
+        half_chord = math.sqrt(max(lift * (2 * radius - lift), 0.0))
+        return float(found.speed_m_s), math.asin(min(half_chord / radius, 1.0))
+
+
+def predictor_of(given: PredictorParameters) -> Predictor:
+    """The predictor the parameters describe. Raises InputError where they do not fit together."""
+    if given.result:
+        return predictor_from_json(Path(given.result))
+    if len(given.phi) != len(given.k_n_per_m) or list(given.phi) != sorted(set(given.phi)):
+        raise InputError("phi must rise and have as many values as k_n_per_m")
+    names = [name.strip() for name in given.effects.split(",") if name.strip()]
+    model = model_of(given.model, names, catalogue())
+    values = {"delta_t_s": given.delta_t_s, "v_swim_m_s": given.v_swim_m_s, **_assignments(given.values)}
+    return _predictor(model, values, np.array(given.phi), np.array(given.k_n_per_m), "values")
+
+
+def predictor_from_json(path: Path) -> Predictor:
+    """The last step of a result of ``discover --json`` or ``compare --json``."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        step = content["steps"][-1]
+        values = {name: one["value"] for name, one in step["parameters"].items()}
+        curve = [(row["phi"], row["value"]) for row in step["k_n_per_m"]]
+        model = model_of(content["model"], step["effects"], catalogue())
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None
+    except (ValueError, KeyError, IndexError, TypeError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: not a result of discover or compare: {type(error).__name__} {error}") from None
+    phi, k = np.array(curve, dtype=float).T
+    return _predictor(model, values, phi, k, str(path))
+
+
+def _predictor(model: Model, values: Mapping[str, float], phi: Array, k: Array, where: str) -> Predictor:
+    for name in values:
+        if name not in model.names and name != "v_swim_m_s":
+            raise InputError(f"{where}: {name!r} is no parameter of this model; it has {', '.join(model.names)}")
+    starts = dict(zip(model.names, (one.start for one in model.parameters), strict=True))
+    theta = np.array([values.get(name, start) for name, start in starts.items()], dtype=float)
+    return Predictor(model, theta, phi, k)
+
+
+def _assignments(text: str) -> dict[str, float]:
+    found = {}
+    for part in filter(None, (part.strip() for part in text.split(","))):
+        name, equals, value = part.partition("=")
+        try:
+            found[name.strip()] = float(value) if equals else math.nan
+        except ValueError:
+            raise InputError(f"values: {part!r} is not 'effect.parameter=number'") from None
+        if not math.isfinite(found[name.strip()]):
+            raise InputError(f"values: {part!r} is not 'effect.parameter=number'")
+    return found

@@ -1,0 +1,214 @@
+"""What a model says of a trial: depth from the force balance, and from it the four observables.
+
+The leg sinks until the ground first gives the force that is needed:
+
+    d = min { d in [0, 2R - h] : F(d) ≥ m (g + a(d)) },      no such depth: the robot swims
+
+Strength, force and load are all functions of d (see ``chain``), so a self-consistent strength such as disturbed
+ground's k_eff(s(d)) needs no iteration: walking in from the surface, the first crossing is the fixed point with the
+longest step.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sandbot_model.physics.arrays import Array, Bool
+from sandbot_model.physics.chain import Chain, through
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.robot import SANDBOT, Robot
+
+BASES: dict[str, tuple[str, ...]] = {
+    "simple": (),
+    "full": ("exact_vertical_acceleration", "exact_leg_arc"),
+}
+"""The base models; the full one (physics §3) is the simple one with two effects that are always on."""
+
+V_SWIM_M_S = 0.02
+"""Swimming speed of Li09, the same for every φ at ω ≥ 28 rad/s."""
+
+DEPTHS = 40
+"""Depths at which the margin is tried. Ground that holds over less than their spacing (2 mm at the surface, 0.7 mm
+where legs stand) may be missed: a hump of some mN that a sinking body's inertia carries it through."""
+POLISH = 3
+
+Params = Sequence[Mapping[str, ArrayLike]]
+"""Values of the parameters, one mapping an effect."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a model predicts; all arrays of one shape. Step and depth are NaN where the robot swims."""
+
+    speed_m_s: Array
+    lift_m: Array
+    peak_speed_m_s: Array
+    first_step_m: Array
+    depth_m: Array
+    step_m: Array
+    walking: Bool
+
+    @property
+    def observables(self) -> Array:
+        """Shape ``(..., 4)`` in the order of ``cells.OBSERVABLES``."""
+        return np.stack([self.speed_m_s, self.lift_m, self.peak_speed_m_s, self.first_step_m], axis=-1)
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a prediction is made from, SI units, broadcastable against each other and against the parameters."""
+
+    k_n_per_m: ArrayLike
+    omega_rad_s: ArrayLike
+    delta_t_s: ArrayLike
+    phi: ArrayLike = np.nan
+    v_swim_m_s: ArrayLike = V_SWIM_M_S
+    slow_phase_ratio: ArrayLike = 1.0
+    k_of_phi: Callable[[Array], Array] | None = None
+    """The stiffness at another volume fraction, for effects that ask for it; by default the same everywhere."""
+
+
+@dataclass(frozen=True, eq=False)
+class KCurve:
+    """Stiffness [N/m] at any volume fraction, linear between levels and constant beyond them.
+
+    ``k_n_per_m`` is one curve ``(levels,)``, or many ``(*rows, levels)`` for questions of shape ``(*rows, *inner)``
+    with ``inner`` axes of their own.
+    """
+
+    phi: Array
+    k_n_per_m: Array
+    inner: int = 0
+
+    def __call__(self, phi: Array) -> Array:
+        """k at these volume fractions."""
+        rows = self.k_n_per_m.shape[:-1]
+        if not rows:
+            return np.asarray(np.interp(phi, self.phi, self.k_n_per_m))
+        wanted = np.broadcast_to(phi, np.broadcast_shapes(np.shape(phi), rows + (1,) * self.inner))
+        flat = wanted.reshape(-1, *wanted.shape[len(rows) :])
+        curves = self.k_n_per_m.reshape(-1, len(self.phi))
+        found = [np.interp(w, self.phi, k) for w, k in zip(flat, curves, strict=True)]
+        return np.stack(found).reshape(wanted.shape)
+
+
+@dataclass(frozen=True)
+class Footing:
+    """Where the legs hold: depths [m] (2R - h where they never do), steady and on virgin ground."""
+
+    depth: Array
+    walking: Bool
+    virgin_depth: Array
+    virgin_walking: Bool
+
+
+@dataclass(frozen=True)
+class Walker:
+    """A robot with a set of effects."""
+
+    effects: tuple[Effect, ...] = ()
+    robot: Robot = SANDBOT
+
+    @cached_property
+    def remembers(self) -> bool:
+        """Whether the first step, on virgin ground, differs from the others."""
+        return any(effect.first_step_differs for effect in self.effects)
+
+    def predict(self, inputs: Inputs, params: Params = ()) -> Prediction:
+        """The four observables, of the broadcast shape of inputs and parameters."""
+        return self.observe(inputs, params, self.footing(inputs, params))
+
+    def footing(self, inputs: Inputs, params: Params = ()) -> Footing:
+        """Solve the force balance. Arrays have the shape of what it depends on."""
+        depth, walking = self._first_crossing(inputs, params, first_step=False)
+        if not self.remembers:
+            return Footing(depth, walking, depth, walking)
+        return Footing(depth, walking, *self._first_crossing(inputs, params, first_step=True))
+
+    def observe(self, inputs: Inputs, params: Params, footing: Footing) -> Prediction:
+        """The observables at a given footing."""
+        steady = self.chain(inputs, params, footing.depth[..., None], first_step=False)
+        virgin = steady
+        if self.remembers:
+            virgin = self.chain(inputs, params, footing.virgin_depth[..., None], first_step=True)
+        walking = footing.walking
+        swim = _flat(steady.v_swim)
+        swum = _flat(virgin.v_swim * virgin.thrust_time)
+        columns = np.broadcast_arrays(
+            np.where(walking, _flat(steady.speed), swim),
+            np.where(walking, self.robot.deepest_m - footing.depth, 0.0),
+            np.where(walking, _flat(steady.leg_speed * steady.peak_ratio), swim),
+            np.where(footing.virgin_walking, _flat(virgin.advance), swum),
+            np.where(walking, footing.depth, np.nan),
+            np.where(walking, _flat(steady.step), np.nan),
+            walking,
+        )
+        return Prediction(*columns)
+
+    def chain(self, inputs: Inputs, params: Params, depth: Array, *, first_step: bool, one_leg: bool = False) -> Chain:
+        """The chain at depths ``(..., depths)``: everything else gets depth as a new last axis."""
+        k = _column(inputs.k_n_per_m)
+        chain = Chain(
+            robot=self.robot,
+            depth=depth,
+            k=k,
+            omega=_column(inputs.omega_rad_s),
+            phi=_column(inputs.phi),
+            delta_t=_column(inputs.delta_t_s),
+            v_swim=_column(inputs.v_swim_m_s),
+            slow_phase_ratio=_column(inputs.slow_phase_ratio),
+            first_step=first_step,
+            k_of_phi=inputs.k_of_phi or (lambda _phi: k),
+            one_leg=one_leg,
+        )
+        values = [{name: _column(value) for name, value in p.items()} for p in params]
+        return through(chain, list(zip(self.effects, values, strict=True)))
+
+    def margin(self, inputs: Inputs, params: Params, depth: Array, *, first_step: bool) -> Array:
+        """Force given minus force needed [N] at depths of the inputs' shape."""
+        return _flat(self.chain(inputs, params, depth[..., None], first_step=first_step).margin)
+
+    def _first_crossing(self, inputs: Inputs, params: Params, *, first_step: bool) -> tuple[Array, Bool]:
+        grid = _depth_grid(self.robot.deepest_m)
+        margin = self.chain(inputs, params, grid, first_step=first_step).margin
+        holds = margin >= 0
+        walking = holds.any(axis=-1)
+        upper = np.maximum(holds.argmax(axis=-1), 1)
+        low, high = grid[upper - 1], grid[upper]
+        margin_low = np.take_along_axis(margin, (upper - 1)[..., None], axis=-1)[..., 0]
+        margin_high = np.take_along_axis(margin, upper[..., None], axis=-1)[..., 0]
+        for _ in range(POLISH):
+            depth = _secant(low, high, margin_low, margin_high)
+            here = self.margin(inputs, params, depth, first_step=first_step)
+            above = here >= 0
+            # Illinois: halve the margin of the end that stays, so that it does not stay for ever.
+            margin_low, margin_high = (
+                np.where(above, margin_low * 0.5, here),
+                np.where(above, here, margin_high * 0.5),
+            )
+            low, high = np.where(above, low, depth), np.where(above, depth, high)
+        depth = _secant(low, high, margin_low, margin_high)
+        return np.where(walking, depth, self.robot.deepest_m), np.asarray(walking)
+
+
+def _secant(low: Array, high: Array, margin_low: Array, margin_high: Array) -> Array:
+    rise = margin_high - margin_low
+    share = np.divide(-margin_low, rise, out=np.full_like(rise, 0.5), where=rise > 0)
+    return low + np.clip(share, 0.0, 1.0) * (high - low)
+
+
+def _depth_grid(deepest_m: float) -> Array:
+    """Depths from the surface to 2R - h, closer together where the step shrinks fast."""
+    u = np.linspace(0.0, 1.0, DEPTHS)
+    return deepest_m * u * (2 - u)
+
+
+def _column(value: ArrayLike) -> Array:
+    return np.asarray(value, dtype=np.float64)[..., None]
+
+
+def _flat(value: Array) -> Array:
+    return value[..., 0] if value.ndim else value

@@ -1,0 +1,90 @@
+"""predictor: the model beside the running trial - /model/speed at every leg state, /model/speed/mean, /model/error."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, String
+
+from sandbot_common import messages, node, topics
+from sandbot_common.legs import leg_mount_rad
+from sandbot_model.physics.predictor import Predictor, PredictorParameters, predictor_of
+
+NO_VARIANCE = -1.0
+
+
+class PredictorNode(Node):
+    """Knows φ from the bed, ω and gait from /trial, the legs from /leg_states; measured speeds give the error."""
+
+    def __init__(self) -> None:
+        super().__init__("predictor")
+        self._predictor: Predictor
+        self._settings = node.Parameters(self, PredictorParameters, self._use)
+        self._use(self._settings.current)
+        self._phi = self._omega = math.nan
+        self._gait, self._leg_mount_rad = "", 0.0
+        self._error = math.nan
+        self._speed = node.publisher(self, topics.MODEL_SPEED)
+        self._mean = node.publisher(self, topics.MODEL_SPEED_MEAN)
+        self._difference = node.publisher(self, topics.MODEL_ERROR)
+        node.subscription(self, topics.TRIAL, self._on_trial)
+        node.subscription(self, topics.BED_PHI, self._on_phi)
+        node.subscription(self, topics.LEG_STATES, self._on_legs)
+        node.subscription(self, topics.SPEED_MEAN, self._on_speed)
+        self._health = node.Health(self, self._figures)
+
+    def _use(self, parameters: PredictorParameters) -> None:
+        self._predictor = predictor_of(parameters)
+
+    def _on_trial(self, message: String) -> None:
+        try:
+            trial = json.loads(message.data)
+            self._omega, self._gait = float(trial["omega_rad_s"]), str(trial.get("gait", ""))
+            self._leg_mount_rad = leg_mount_rad(trial, topics.TRIAL.name)
+            if math.isnan(self._phi) and "phi" in trial:
+                self._phi = float(trial["phi"])
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            self._health.level, self._health.text = 1, f"/trial can't be read: {type(error).__name__} {error}"
+            return
+        self._announce()
+
+    def _on_phi(self, message: Float64) -> None:
+        self._phi = float(message.data)
+        self._announce()
+
+    def _announce(self) -> None:
+        if self._known:
+            self._mean.publish(messages.float64(self._predictor.mean_speed(self._phi, self._omega, self._gait)))
+
+    def _on_legs(self, message: JointState) -> None:
+        if not self._known:
+            return
+        angles, rates = np.array(message.position) + self._leg_mount_rad, np.array(message.velocity)
+        here = self._predictor.velocity(self._phi, self._omega, self._gait, angles, rates)
+        t_ns = messages.nanoseconds(message.header.stamp)
+        self._speed.publish(messages.twist(t_ns, here.v_x, here.v_z, NO_VARIANCE, NO_VARIANCE))
+
+    def _on_speed(self, message: Float64) -> None:
+        if self._known:
+            self._error = message.data - self._predictor.mean_speed(self._phi, self._omega, self._gait)
+            self._difference.publish(messages.float64(self._error))
+            self._announce()
+
+    @property
+    def _known(self) -> bool:
+        return math.isfinite(self._phi) and math.isfinite(self._omega) and self._omega > 0
+
+    def _figures(self) -> Mapping[str, object]:
+        return {"phi": self._phi, "omega_rad_s": self._omega, "gait": self._gait, "error_m_s": self._error}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return node.run(PredictorNode, argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,1 @@
+"""MCAP bags in and out; no ROS needed."""

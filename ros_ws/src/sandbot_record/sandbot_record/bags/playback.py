@@ -1,0 +1,219 @@
+"""The replay without ROS: a bag's messages in order of log time, and when each is due on the player's own clock."""
+
+from bisect import bisect_left
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_common.errors import InputError
+from sandbot_record.bags import foreign, frames, mcap_scan, metadata, reader, video
+from sandbot_record.bags.mcap_scan import Batch
+from sandbot_record.bags.reader import Bag, Message
+from sandbot_record.bags.video import VideoFrames
+
+SECOND_NS = 1_000_000_000
+_KEPT_BLOCKS = 16
+
+
+class Timeline:
+    """The messages of some topics of a bag in order of log time; only an index and a few blocks are held in memory.
+
+    Frames that were recorded as video come as the raw images they were, on their own topic; with ``decode_jpeg`` JPEG
+    messages do, too.
+    """
+
+    def __init__(self, bag: Bag, topics: Collection[str] | None = None, *, decode_jpeg: bool = False) -> None:
+        shown = {name: _shown(info, decode_jpeg=decode_jpeg) for name, info in bag.topics.items()}
+        there = [info.name for info in shown.values()]
+        if topics is not None and (unknown := [name for name in topics if name not in there]):
+            raise InputError(f"{bag.path}: no topic {unknown[0]}; there are: {', '.join(there)}")
+        wanted = {name: info for name, info in shown.items() if topics is None or info.name in topics}
+        self.topics = {info.name: info for info in wanted.values()}
+        self._names = list(wanted)
+        self._shown = list(wanted.values())
+        self._videos = {shown[name].name: VideoFrames(file) for name, file in bag.videos.items()}
+        # What rosbags reads can't be fetched block by block, so it is kept.
+        self._kept: list[Batch] | None = [] if foreign.is_foreign(bag.files[0], bag.info) else None
+        self._files = [] if self._kept is not None else [reader.mapped(path) for path in bag.files]
+        self._blocks: list[tuple[int, int]] = []
+        times, blocks, rows, names = self._index(bag)
+        if not len(times):
+            raise InputError(
+                f"{bag.path}: nothing to replay: no messages{'' if topics is None else ' on these topics'}"
+            )
+        order = np.argsort(times, kind="stable")
+        self.times_ns: NDArray[np.int64] = times[order]
+        self._block, self._row, self._topic = blocks[order], rows[order], names[order]
+        self._load = lru_cache(_KEPT_BLOCKS)(self._batch)
+
+    def __len__(self) -> int:
+        return len(self.times_ns)
+
+    def __getitem__(self, index: int) -> Message:
+        """Message ``index``; raises InputError if it is a frame that its video does not hold."""
+        batch = self._load(int(self._block[index]))
+        row = int(self._row[index])
+        topic = self._shown[self._topic[index]]
+        fields = batch.rows[row]
+        data = batch.payload(row)
+        if (film := self._videos.get(topic.name)) is not None:
+            place = video.place(data)
+            data = memoryview(frames.to_image(place.header, film.frame(place)))
+        elif topic.name != self._names[self._topic[index]]:
+            data = memoryview(frames.from_jpeg(data))
+        return Message(
+            topic.name,
+            topic.type,
+            int(fields["log_time_ns"]),
+            int(fields["publish_time_ns"]),
+            int(fields["sequence"]),
+            data,
+        )
+
+    def _batch(self, block: int) -> Batch:
+        file, offset = self._blocks[block]
+        return self._kept[block] if self._kept is not None else mcap_scan.batch_at(self._files[file], offset)
+
+    def _index(self, bag: Bag) -> tuple[NDArray[np.int64], ...]:
+        columns: list[list[NDArray[np.int64]]] = [[np.empty(0, np.int64)] for _ in range(4)]
+        for file, batch, definitions in bag.blocks():
+            number = {
+                channel: self._names.index(info.name)
+                for channel, info in definitions.topics.items()
+                if info.name in self._names
+            }
+            rows = np.flatnonzero(np.isin(batch.rows["channel"], list(number)))
+            if not len(rows):
+                continue
+            channels = batch.rows["channel"][rows]
+            topic = np.array([number[channel] for channel in channels.tolist()], dtype=np.int64)
+            block = np.full(len(rows), len(self._blocks), dtype=np.int64)
+            for column, part in zip(columns, (batch.rows["log_time_ns"][rows], block, rows, topic), strict=True):
+                column.append(part.astype(np.int64))
+            self._blocks.append((file, batch.offset))
+            if self._kept is not None:
+                self._kept.append(batch)
+        return tuple(np.concatenate(column) for column in columns)
+
+
+def _shown(info: metadata.TopicInfo, *, decode_jpeg: bool) -> metadata.TopicInfo:
+    """The topic as it is played: the image topic for the index of its video, and for its JPEG if asked."""
+    image = video.image_topic(info) or (frames.raw_name(info.name, info.type) if decode_jpeg else None)
+    return info if image is None else replace(info, name=image, type=frames.RAW, hash="")
+
+
+@dataclass
+class Span:
+    """The part of the timeline to play: indices [first, end) and its limits [ns, log time]."""
+
+    first: int
+    end: int
+    start_ns: int
+    end_ns: int
+
+
+class Player:
+    """Says which messages are due; ``now_ns`` is any monotonic clock of the caller's, in ns.
+
+    ``start_s`` and ``until_s`` count from the first message; ``rate`` 2 plays twice as fast.
+    """
+
+    def __init__(
+        self,
+        timeline: Timeline,
+        *,
+        rate: float = 1.0,
+        loop: bool = False,
+        start_s: float = 0.0,
+        until_s: float | None = None,
+    ) -> None:
+        if not 0 < rate < 1e6:
+            raise InputError(f"rate {rate} is not above 0")
+        self.timeline, self.loop = timeline, loop
+        self.span = self._span(start_s, until_s)
+        self.index = self.span.first
+        self.rounds = 0
+        self.paused = False
+        self._rate = rate
+        self._anchor: tuple[int, int] | None = None
+        """A pair (caller's clock, bag time) that belong together; None until the first step after a change."""
+        self._position_ns = self.span.start_ns
+
+    def _span(self, start_s: float, until_s: float | None) -> Span:
+        times = self.timeline.times_ns
+        length_s = int(times[-1] - times[0]) / SECOND_NS
+        until_s = length_s if until_s is None else until_s
+        if not 0 <= start_s <= length_s or not start_s <= until_s:
+            raise InputError(f"start {start_s:g} s, until {until_s:g} s: not within the bag's {length_s:.3f} s")
+        start, end = (int(times[0]) + round(seconds * SECOND_NS) for seconds in (start_s, until_s))
+        first, last = int(np.searchsorted(times, start)), int(np.searchsorted(times, end, side="right"))
+        return Span(first, last, start, min(end, int(times[-1])))
+
+    @property
+    def rate(self) -> float:
+        """Bag seconds a second."""
+        return self._rate
+
+    @property
+    def finished(self) -> bool:
+        """Whether everything was played (never, where it loops)."""
+        return self.index >= self.span.end and not self.loop
+
+    def position_ns(self, now_ns: int) -> int:
+        """Bag time at ``now_ns``."""
+        if self._anchor is None or self.paused:
+            return self._position_ns
+        passed = round((now_ns - self._anchor[0]) * self._rate)
+        return min(self._anchor[1] + passed, self.span.end_ns)
+
+    def set_rate(self, rate: float, now_ns: int) -> None:
+        """Go on at another rate from here."""
+        if not 0 < rate < 1e6:
+            raise InputError(f"rate {rate} is not above 0")
+        self._hold(now_ns)
+        self._rate = rate
+
+    def pause(self, paused: bool, now_ns: int) -> None:
+        """Stop or go on."""
+        self._hold(now_ns)
+        self.paused = paused
+
+    def seek(self, offset_s: float, now_ns: int) -> None:
+        """Go to ``offset_s`` after the first message of the bag, kept within the span."""
+        target = int(self.timeline.times_ns[0]) + round(offset_s * SECOND_NS)
+        self._hold(now_ns)
+        self._position_ns = min(max(target, self.span.start_ns), self.span.end_ns)
+        index = bisect_left(self.timeline.times_ns, self._position_ns)
+        self.index = min(max(index, self.span.first), self.span.end)
+
+    def due_ns(self) -> int | None:
+        """When, on the caller's clock, the next message is due; None if paused or finished."""
+        if self.paused or self._anchor is None or self.finished or self.index >= self.span.end:
+            return None
+        ahead = int(self.timeline.times_ns[self.index]) - self._anchor[1]
+        return self._anchor[0] + round(ahead / self._rate)
+
+    def step(self, now_ns: int) -> Message | None:
+        """The next message if it is due by ``now_ns``; begins a new round at the end of a loop.
+
+        Raises InputError where the next one is a frame its video does not hold; the step after goes on behind it.
+        """
+        if self.paused:
+            return None
+        if self._anchor is None:
+            self._anchor = (now_ns, self._position_ns)
+        if self.index >= self.span.end and self.loop and self.position_ns(now_ns) >= self.span.end_ns:
+            self.rounds += 1
+            self.index, self._anchor = self.span.first, (now_ns, self.span.start_ns)
+        due = self.due_ns()
+        if due is None or due > now_ns:
+            return None
+        self.index += 1
+        return self.timeline[self.index - 1]
+
+    def _hold(self, now_ns: int) -> None:
+        self._position_ns = self.position_ns(now_ns)
+        self._anchor = None

@@ -1,0 +1,346 @@
+"""Bag: a recorded bag, from this project, `ros2 bag`, rosbags or any MCAP writer. No ROS needed.
+
+bag = Bag.open(Path("runs/demo/trials/t0001"))
+bag.topics["/speed"].count, bag.start_ns, bag.provenance["trial"]
+legs = bag.columns("/leg_states", "position", "velocity")
+for message in bag.messages(["/trial"]): message.decode()
+"""
+
+import mmap
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.records import Attachment, Channel, Metadata, Schema
+from numpy.typing import NDArray
+
+from sandbot_common.errors import InputError
+from sandbot_record.bags import columns, foreign, interfaces, mcap_scan, metadata, video
+from sandbot_record.bags.definitions import Definitions
+from sandbot_record.bags.mcap_scan import Batch, Damage
+
+_KEEP_BYTES = 32 << 20
+"""Bags up to this size (uncompressed) stay in memory once scanned; larger ones are scanned again each time."""
+
+FIELD_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message as it was recorded."""
+
+    topic: str
+    type: str
+    log_time_ns: int
+    publish_time_ns: int
+    sequence: int
+    data: memoryview
+
+    def decode(self) -> Any:
+        """The message with its fields."""
+        return interfaces.decode(bytes(self.data), self.type)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The messages of one topic in order of log time: times (n,) in ns and the asked fields, (n,) or (n, k)."""
+
+    log_time_ns: NDArray[np.int64]
+    publish_time_ns: NDArray[np.int64]
+    fields: dict[str, NDArray[Any]]
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self.fields[name]
+
+    @property
+    def stamp_ns(self) -> NDArray[np.int64]:
+        """The header stamps; they must have been asked for (``FIELD_STAMP``)."""
+        seconds, nanoseconds = (self.fields[name].astype(np.int64) for name in FIELD_STAMP)
+        return seconds * 1_000_000_000 + nanoseconds
+
+
+@dataclass
+class Bag:
+    """A bag; make one with ``Bag.open``. ``complete``: closed properly; ``problems``: one line each, empty if none."""
+
+    path: Path
+    files: list[Path]
+    info: metadata.BagInfo | None
+    topics: dict[str, metadata.TopicInfo]
+    complete: bool
+    start_ns: int
+    end_ns: int
+    provenance: dict[str, dict[str, str]]
+    attachments: dict[str, bytes]
+    problems: list[str]
+    strict: bool
+    _kept: list[tuple[int, mcap_scan.Item, Definitions]] | None = None
+
+    @classmethod
+    def open(cls, path: Path, *, strict: bool = True) -> "Bag":
+        """Read a bag's folder (or a single .mcap or .db3 file) once: counts, times, provenance, faults.
+
+        Raises InputError if there is no bag or, where ``strict``, if it is unfinished or damaged (naming `recover`).
+        """
+        folder, files, info = locate(path)
+        bag = cls(folder, files, info, {}, True, 0, 0, {}, {}, [], strict)
+        bag._survey()
+        if strict and bag.problems:
+            raise InputError(
+                f"{path}: {bag.problems[0]}; bring back what is intact with: "
+                f"ros2 run sandbot_record recover {path} NEW_BAG"
+            )
+        return bag
+
+    @property
+    def count(self) -> int:
+        """Messages in all topics."""
+        return sum(topic.count for topic in self.topics.values())
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
+        """Messages in file order, of the given topics or of all."""
+        for batch, definitions in self.batches():
+            names = {
+                channel: topic
+                for channel, topic in definitions.topics.items()
+                if topics is None or topic.name in topics
+            }
+            fields = (batch.rows[name].tolist() for name in ("channel", "log_time_ns", "publish_time_ns", "sequence"))
+            view = memoryview(batch.data)
+            rows = zip(*fields, batch.at.tolist(), batch.length.tolist(), strict=True)
+            for channel, log_time, publish_time, sequence, at, length in rows:
+                if (topic := names.get(channel)) is not None:
+                    yield Message(topic.name, topic.type, log_time, publish_time, sequence, view[at : at + length])
+
+    def columns(self, topic: str, *names: str) -> Columns:
+        """Numeric fields of all messages of a topic. Raises InputError if the topic or a field is not there."""
+        if topic not in self.topics:
+            raise InputError(f"{self.path}: no topic {topic}; there are: {', '.join(self.topics)}")
+        type_name = self.topics[topic].type
+        parts = [
+            (batch, np.flatnonzero(np.isin(batch.rows["channel"], _channels(definitions, topic))))
+            for batch, definitions in self.batches()
+        ]
+        parts = [(batch, rows) for batch, rows in parts if len(rows)]
+        log, publish = (
+            np.concatenate([np.empty(0, np.int64), *(batch.rows[name][rows] for batch, rows in parts)])
+            for name in ("log_time_ns", "publish_time_ns")
+        )
+        try:
+            values = _fields(parts, type_name, names)
+        except InputError as error:
+            raise InputError(f"{self.path}: topic {topic}: {error}") from None
+        order = np.argsort(log, kind="stable")
+        if (np.diff(order) == 1).all():
+            return Columns(log, publish, values)
+        return Columns(log[order], publish[order], {name: value[order] for name, value in values.items()})
+
+    @property
+    def videos(self) -> dict[str, Path]:
+        """The video file of each frame index topic (``sandbot_record.bags.video``)."""
+        folder = self.path if self.path.is_dir() else self.path.parent
+        found = {name: video.image_topic(topic) for name, topic in self.topics.items()}
+        return {name: folder / video.file_name(image) for name, image in found.items() if image is not None}
+
+    def batches(self) -> Iterator[tuple[Batch, Definitions]]:
+        """The intact blocks of all files with the definitions known by then."""
+        for _, batch, definitions in self.blocks():
+            yield batch, definitions
+
+    def blocks(self) -> Iterator[tuple[int, Batch, Definitions]]:
+        """The same with the number of the file each block is in."""
+        for file, item, definitions in self.items():
+            if isinstance(item, Batch):
+                yield file, item, definitions
+
+    def items(self) -> Iterator[tuple[int, mcap_scan.Item, Definitions]]:
+        """Everything in all files in order, damage included: (number of the file, item, definitions known by then)."""
+        if self._kept is not None:
+            yield from self._kept
+        elif foreign.is_foreign(self.files[0], self.info):
+            yield from ((0, batch, definitions) for batch, definitions in foreign.items(self.path, self.files))
+        else:
+            for file, path in enumerate(self.files):
+                yield from ((file, item, definitions) for item, definitions in _file_items(path, self.info))
+
+    def _survey(self) -> None:
+        starts: list[int] = []
+        ends: list[int] = []
+        counts: dict[str, int] = {}
+        seen: dict[str, metadata.TopicInfo] = {}
+        self._kept = self._small()
+        for _, item, definitions in self.items():
+            self._note(item)
+            if isinstance(item, Batch) and len(item.rows):
+                starts.append(int(item.rows["log_time_ns"].min()))
+                ends.append(int(item.rows["log_time_ns"].max()))
+                self._count(item, definitions, counts)
+            for topic in definitions.topics.values():
+                seen.setdefault(topic.name, topic)
+        known = {topic.name: topic for topic in self.info.topics} if self.info else {}
+        for name, topic in (known | seen).items():
+            whole = known.get(name, topic)
+            self.topics[name] = metadata.TopicInfo(
+                name, topic.type or whole.type, whole.hash or topic.hash, whole.qos or topic.qos, counts.get(name, 0)
+            )
+        if starts:
+            self.start_ns, self.end_ns = min(starts), max(ends)
+        self._check_complete()
+        self.problems += [
+            f"{file.name} is missing, the frames of {name}"
+            for name, file in self.videos.items()
+            if self.topics[name].count and not file.is_file()
+        ]
+
+    def _small(self) -> list[tuple[int, mcap_scan.Item, Definitions]] | None:
+        """Everything in the bag, if that is not much once decompressed."""
+        items, size = [], 0
+        for entry in self.items():
+            size += len(entry[1].data) if isinstance(entry[1], Batch | Attachment) else 0
+            if size > _KEEP_BYTES:
+                return None
+            items.append(entry)
+        return items
+
+    def _note(self, item: mcap_scan.Item) -> None:
+        if isinstance(item, Damage):
+            self.problems.append(f"damaged: {item.reason} at byte {item.start}")
+        elif isinstance(item, Metadata):
+            self.provenance[item.name] = dict(item.metadata)
+        elif isinstance(item, Attachment):
+            self.attachments[item.name] = item.data
+
+    def _count(self, batch: Batch, definitions: Definitions, counts: dict[str, int]) -> None:
+        channels, numbers = np.unique(batch.rows["channel"], return_counts=True)
+        for channel, number in zip(channels.tolist(), numbers.tolist(), strict=True):
+            topic = definitions.topics.get(channel)
+            if topic is None:
+                self.problems.append(f"damaged: {number} messages of unknown channel {channel}")
+            else:
+                counts[topic.name] = counts.get(topic.name, 0) + number
+
+    def _check_complete(self) -> None:
+        for path in self.files:
+            if path.suffix == ".mcap" and not mcap_scan.finished(mapped(path)):
+                self.complete = False
+                self.problems.insert(0, f"{path.name} is unfinished, its recording was cut off")
+        if self.info is None:
+            return
+        if self.complete and self.info.custom.get("state") == metadata.RECORDING:
+            self.complete = False
+            self.problems.insert(0, "metadata.yaml is unfinished, the recording was cut off")
+        elif self.complete and not self.problems and self.info.count != self.count:
+            self.problems.append(f"metadata.yaml says {self.info.count} messages, the files hold {self.count}")
+
+
+def locate(path: Path) -> tuple[Path, list[Path], metadata.BagInfo | None]:
+    """The folder (or file), storage files in order and metadata of a bag. Raises InputError if it is not one."""
+    if path.is_file() and path.suffix in (".mcap", ".db3"):
+        return path, [path], None
+    if not path.exists():
+        raise InputError(f"{path}: no such bag")
+    if not path.is_dir():
+        raise InputError(f"{path}: not a bag: neither a folder nor a .mcap or .db3 file")
+    found = sorted(path.glob("*.mcap"), key=_number) or sorted(path.glob("*.db3"), key=_number)
+    try:
+        info = metadata.read(path)
+    except InputError:
+        if not found:
+            raise
+        info = None
+    if info is not None:
+        named = [path / Path(one.path).name for one in info.files]
+        if missing := [one.name for one in named if not one.is_file()]:
+            raise InputError(f"{path}: {missing[0]}, named in metadata.yaml, is missing")
+        # A split that the last metadata.yaml of a torn bag does not know yet belongs to it too.
+        found = named + [one for one in found if one not in named and info.storage == "mcap"]
+    if not found:
+        raise InputError(f"{path}: not a bag: no metadata.yaml and no .mcap or .db3 file in it")
+    return path, found, info
+
+
+def is_bag(path: Path) -> bool:
+    """Whether the path looks like a bag."""
+    if path.is_file():
+        return path.suffix in (".mcap", ".db3")
+    return (path / metadata.NAME).is_file() or any(path.glob("*.mcap")) or any(path.glob("*.db3"))
+
+
+def _number(path: Path) -> tuple[int, str]:
+    tail = path.stem.rpartition("_")[2]
+    return (int(tail) if tail.isdecimal() else -1, path.name)
+
+
+def mapped(path: Path) -> memoryview:
+    """The file's bytes, read as they are touched."""
+    try:
+        with path.open("rb") as file:
+            if path.stat().st_size == 0:
+                return memoryview(b"")
+            return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None
+
+
+def _file_items(path: Path, info: metadata.BagInfo | None) -> Iterator[tuple[mcap_scan.Item, Definitions]]:
+    data = mapped(path)
+    definitions = _trusted(data, info)
+    for item in mcap_scan.scan(data):
+        if isinstance(item, Schema | Channel):
+            definitions.learn(item)
+        elif isinstance(item, Batch):
+            for record in item.definitions:
+                definitions.learn(record)
+        yield item, definitions
+
+
+def _trusted(data: memoryview, info: metadata.BagInfo | None) -> Definitions:
+    """Definitions from the most trustworthy place there is: the summary (it has a CRC), else our metadata.yaml."""
+    definitions = Definitions()
+    records = mcap_scan.summary(data) or []
+    for kind in (Schema, Channel):
+        for record in records:
+            if isinstance(record, kind):
+                definitions.learn(record)
+    if not definitions.topics and info is not None and "state" in info.custom:
+        # Our writer numbers the channels of every file in the order of metadata.yaml.
+        definitions.topics.update(enumerate(info.topics, start=1))
+        definitions.encodings.update(dict.fromkeys(definitions.topics, "cdr"))
+    return definitions
+
+
+def _channels(definitions: Definitions, topic: str) -> list[int]:
+    return [channel for channel, info in definitions.topics.items() if info.name == topic]
+
+
+def _fields(
+    parts: list[tuple[Batch, NDArray[np.int64]]], type_name: str, names: tuple[str, ...]
+) -> dict[str, NDArray[Any]]:
+    """The fields of all messages: at once where their lengths are equal, else each length in turn."""
+    if not parts or not names:
+        return {name: np.empty(0) for name in names}
+    if not interfaces.known(type_name):
+        raise InputError(f"message type {type_name!r} is not one of ROS 2 Jazzy's standard types")
+    lengths = np.concatenate([batch.length[rows] for batch, rows in parts])
+    result: dict[str, NDArray[Any]] = {}
+    for length in np.unique(lengths).tolist():
+        where = np.flatnonzero(lengths == length)
+        for name, values in columns.gather(_stacked(parts, length), type_name, names).items():
+            if name not in result:
+                result[name] = np.empty((len(lengths), *values.shape[1:]), values.dtype)
+            if result[name].shape[1:] != values.shape[1:]:
+                raise InputError(f"field {name} does not have the same number of values in all messages")
+            result[name][where] = values
+    return result
+
+
+def _stacked(parts: list[tuple[Batch, NDArray[np.int64]]], length: int) -> columns.Bytes:
+    """All messages of one length as rows of bytes."""
+    picked = []
+    for batch, rows in parts:
+        at = batch.at[rows[batch.length[rows] == length]]
+        windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(batch.data, np.uint8), length)
+        picked.append(windows[at])
+    return np.concatenate(picked)

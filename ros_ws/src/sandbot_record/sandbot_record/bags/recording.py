@@ -1,0 +1,286 @@
+"""The recorder without ROS: messages go into a queue, a thread of its own writes them to the bag.
+
+So a slow disk delays nobody who receives. Counts, losses and the reason of a stop are kept here; ``recorder_node`` only
+feeds it. The clocks are passed in.
+"""
+
+import shutil
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from rosbags.interfaces import Qos
+
+from sandbot_common.errors import InputError
+from sandbot_record.bags import frames, video
+from sandbot_record.bags.video import VideoFile
+from sandbot_record.bags.writer import BagWriter
+
+SECOND_NS = 1_000_000_000
+_BATCH_S = 0.01
+"""Messages gather that long before they are written: waking up for each costs more than writing it."""
+
+
+class Received(NamedTuple):
+    """One message as it came: ``sequence`` counts what its publisher sent (0: not known)."""
+
+    topic: str
+    data: bytes
+    log_time_ns: int
+    publish_time_ns: int
+    sequence: int
+
+
+@dataclass
+class Tally:
+    """What became of a topic's messages."""
+
+    written: int = 0
+    gaps: int = 0
+    """Missing from the publisher's sequence: sent, never received."""
+    reported: int = 0
+    """Lost on the way, says the middleware."""
+    dropped: int = 0
+    """Received, but the queue or the disk was full."""
+    sequence: int = 0
+
+    @property
+    def lost(self) -> int:
+        """Sent, never received; both ways of counting see the same messages, but neither sees all."""
+        return max(self.gaps, self.reported)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When recording stops by itself: free space [bytes] below ``min_free``, or after ``duration_s`` (0: never).
+
+    ``queue_bytes``: what may wait for the disk before messages are dropped (and counted).
+    """
+
+    min_free: int = 200 << 20
+    duration_s: float = 0.0
+    queue_bytes: int = 512 << 20
+
+
+class Recording:
+    """Owns the writer and its thread. ``stopped`` is set when it ended by itself; ``reason`` says what went wrong."""
+
+    def __init__(
+        self,
+        writer: BagWriter,
+        *,
+        limits: Limits = Limits(),
+        images: str = "raw",
+        images_paused: bool = False,
+        codec: str = "rawvideo",
+        monotonic_s: Callable[[], float],
+        free_bytes: Callable[[Path], int] = lambda folder: shutil.disk_usage(folder).free,
+        flush_period_s: float = 0.25,
+    ) -> None:
+        self._writer, self._limits, self._images, self._codec = writer, limits, images, codec
+        self._monotonic_s, self._free_bytes, self._flush_period_s = monotonic_s, free_bytes, flush_period_s
+        self._queue: deque[Received] = deque()
+        self._queued_bytes = 0
+        self._wake, self._finish = threading.Event(), threading.Event()
+        self._lock = threading.Lock()
+        self._pending_topics: deque[Callable[[], None]] = deque()
+        self._written_as: dict[str, str] = {}
+        self._image_topics: set[str] = set()
+        self._convert: dict[str, Callable[[bytes], bytes]] = {}
+        self._videos: list[VideoFile] = []
+        self._torn = False
+        self.tallies: dict[str, Tally] = {}
+        self.refused: dict[str, str] = {}
+        self.stopped = threading.Event()
+        self.reason = ""
+        self.failed = False
+        self.paused = False
+        self.images_paused = images_paused
+        self._closed = False
+        self._check_free()
+        if self.failed:
+            writer.abandon()
+            raise InputError(f"{writer.path}: {self.reason}")
+        self._thread = threading.Thread(target=self._run, name="bag writer", daemon=True)
+        self._thread.start()
+
+    def add_topic(
+        self,
+        name: str,
+        type_name: str,
+        *,
+        qos: tuple[Qos, ...] = (),
+        definition: str | None = None,
+        type_hash: str | None = None,
+    ) -> None:
+        """Have the writer's thread register a topic before any of its messages."""
+        self.tallies.setdefault(name, Tally())
+        written = name
+        if type_name == frames.RAW:
+            self._image_topics.add(name)
+        if type_name == frames.RAW and self._images != "raw":
+            written, type_name = self._keep_frames(name)
+            definition = type_hash = None
+        self._written_as[name] = written
+        self._pending_topics.append(
+            lambda: self._writer.add_topic(written, type_name, qos=qos, definition=definition, type_hash=type_hash)
+        )
+        self._wake.set()
+
+    def _keep_frames(self, name: str) -> tuple[str, str]:
+        """Have a topic's images written as JPEG or video; the topic and type that then stand in the bag."""
+        if self._images == "jpeg":
+            self._convert[name] = frames.to_jpeg
+            return frames.compressed_name(name), frames.JPEG
+        file = VideoFile(self._writer.folder / video.file_name(name), self._codec)
+        self._videos.append(file)
+        self._convert[name] = file.add
+        return video.index_name(name), video.INDEX
+
+    def put(self, message: Received, *, sole_publisher: bool = True) -> None:
+        """Take a message; never blocks on the disk."""
+        tally = self.tallies[message.topic]
+        if sole_publisher and message.sequence and tally.sequence:
+            tally.gaps += max(0, message.sequence - tally.sequence - 1)
+        tally.sequence = message.sequence
+        if self.paused or self.stopped.is_set() or (self.images_paused and message.topic in self._image_topics):
+            return
+        if self._queued_bytes + len(message.data) > self._limits.queue_bytes:
+            tally.dropped += 1
+            return
+        with self._lock:
+            self._queued_bytes += len(message.data)
+        self._queue.append(message)
+        self._wake.set()
+
+    def lose(self, topic: str, count: int) -> None:
+        """Count messages that the middleware says were lost on the way."""
+        self.tallies[topic].reported += count
+
+    def stop(self, reason: str) -> None:
+        """End the recording as failed; the first reason counts."""
+        self.reason, self.failed = self.reason or reason, True
+        self.stopped.set()
+
+    def refuse(self, topic: str, why: str) -> None:
+        """Note that a wanted topic can't be recorded; the rest is."""
+        self.refused[topic] = why
+
+    def close(self, metadata: Mapping[str, Mapping[str, str]] | None = None) -> None:
+        """Write what is queued, counts and ``metadata`` records (with exit_status); close the bag, once."""
+        if self._closed:
+            return
+        self._closed = True
+        self._finish.set()
+        self._wake.set()
+        self._thread.join()
+        for file in self._videos:
+            file.close()
+        if not self._torn:
+            try:
+                for name, values in self._records(metadata).items():
+                    self._writer.metadata(name, values)
+                self._writer.close()
+                return
+            except OSError as error:
+                self.stop(f"{error.strerror}: {self._writer.path}")
+        try:
+            self._writer.close_short(lambda: self._records(metadata))
+        except OSError:  # not even the summary fits; what was flushed is for `recover`
+            self._writer.abandon()
+
+    def _records(self, metadata: Mapping[str, Mapping[str, str]] | None) -> dict[str, Mapping[str, str]]:
+        """The metadata records of the end; the trial ended well if the recording did."""
+        counts = self._writer.counts
+        for name, tally in self.tallies.items():
+            kept = counts.get(self._written_as[name], 0)
+            tally.dropped, tally.written = tally.dropped + tally.written - kept, kept
+        records: dict[str, Mapping[str, str]] = {"recording": self.summary()}
+        for name, values in (metadata or {}).items():
+            records[name] = {"exit_status": self.reason or "ok", **values}
+        return records
+
+    def summary(self) -> dict[str, str]:
+        """Counts and losses by topic, and how it ended."""
+        incomplete = f"incomplete, not recorded: {', '.join(self.refused)}" if self.refused else ""
+        values = {"exit_status": self.reason or incomplete or "ok"}
+        for name, tally in self.tallies.items():
+            values[name] = f"written {tally.written}, lost {tally.lost}, dropped {tally.dropped}"
+        return values | {name: f"not recorded: {why}" for name, why in self.refused.items()}
+
+    @property
+    def path(self) -> Path:
+        """The bag."""
+        return self._writer.path
+
+    @property
+    def lost(self) -> int:
+        """Messages sent by somebody that are not in the bag."""
+        return sum(tally.lost + tally.dropped for tally in self.tallies.values())
+
+    @property
+    def written(self) -> int:
+        """Messages in the bag."""
+        return sum(tally.written for tally in self.tallies.values())
+
+    def last_line(self) -> str:
+        """What a person needs to know at the end."""
+        losses = [
+            f"{name} {tally.lost + tally.dropped}" for name, tally in self.tallies.items() if tally.lost + tally.dropped
+        ]
+        what = f"{self.lost} lost ({', '.join(losses)})" if losses else "0 lost"
+        heard = sum(tally.written > 0 for tally in self.tallies.values())
+        what += f", {len(self.refused)} topics not recorded ({', '.join(self.refused)})" if self.refused else ""
+        ended = f"; stopped: {self.reason}" if self.reason else ""
+        return f"recorded {self.written} messages of {heard} topics to {self._writer.path}, {what}{ended}"
+
+    def _run(self) -> None:
+        start = flushed = self._monotonic_s()
+        try:
+            ended = False
+            while not ended:
+                self._wake.wait(0.1)
+                self._finish.wait(_BATCH_S)
+                self._wake.clear()
+                ended = self._finish.is_set() or self.stopped.is_set()
+                self._drain()
+                now = self._monotonic_s()
+                if now - flushed >= self._flush_period_s:
+                    flushed = now
+                    self._writer.flush()
+                    for file in self._videos:
+                        file.check()
+                    self._check_free()
+                if self._limits.duration_s and now - start >= self._limits.duration_s:
+                    self.stopped.set()
+        except OSError as error:
+            self._torn = True
+            self.stop(f"{error.strerror}: {self._writer.path}")
+        except InputError as error:
+            self.stop(str(error))
+        finally:
+            self.stopped.set()
+
+    def _drain(self) -> None:
+        while self._pending_topics:
+            self._pending_topics.popleft()()
+        while self._queue:
+            message = self._queue.popleft()
+            with self._lock:
+                self._queued_bytes -= len(message.data)
+            self._write(message)
+
+    def _write(self, message: Received) -> None:
+        name, data = self._written_as[message.topic], message.data
+        if (convert := self._convert.get(message.topic)) is not None:
+            data = convert(data)
+        self._writer.write(name, data, message.log_time_ns, message.publish_time_ns, message.sequence)
+        self.tallies[message.topic].written += 1
+
+    def _check_free(self) -> None:
+        free = self._free_bytes(self._writer.path.parent)
+        if free < self._limits.min_free:
+            self.stop(f"only {free >> 20} MiB free, {self._limits.min_free >> 20} MiB are to stay free (--min-free)")

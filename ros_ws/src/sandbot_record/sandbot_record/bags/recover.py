@@ -1,0 +1,186 @@
+"""A torn or damaged bag into a new, whole one: everything intact comes back, and what is lost is named."""
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+from mcap.records import Attachment, Metadata
+
+from sandbot_common.errors import InputError
+from sandbot_record.bags import interfaces, mcap_scan
+from sandbot_record.bags.definitions import Definitions
+from sandbot_record.bags.mcap_scan import Batch, Damage
+from sandbot_record.bags.metadata import TopicInfo
+from sandbot_record.bags.reader import Bag, mapped
+from sandbot_record.bags.video import Transfer
+from sandbot_record.bags.writer import BagWriter
+
+RECORD = "recovery"
+"""Name of the MCAP metadata record a recovered bag carries."""
+
+
+@dataclass
+class Loss:
+    """What is known to be gone of one topic; times in ns."""
+
+    count: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+
+    def add(self, count: int, first_ns: int, last_ns: int) -> None:
+        """Add messages between two times."""
+        self.first_ns = min(self.first_ns, first_ns) if self.count else first_ns
+        self.last_ns = max(self.last_ns, last_ns)
+        self.count += count
+
+
+@dataclass
+class Recovery:
+    """What came back and what did not. ``notes``: one line for each damage whose content is not known."""
+
+    counts: dict[str, int] = field(default_factory=dict)
+    losses: dict[str, Loss] = field(default_factory=lambda: defaultdict(Loss))
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def lossless(self) -> bool:
+        """Whether nothing is known to be gone."""
+        return not self.losses and not self.notes
+
+    def lines(self) -> list[str]:
+        """One line a topic and a damage."""
+        lines = [f"{name}: {count} messages back" for name, count in self.counts.items()]
+        lines += [
+            f"lost: {name}: {loss.count} messages from {_clock(loss.first_ns)} to {_clock(loss.last_ns)}"
+            for name, loss in self.losses.items()
+        ]
+        return lines + [f"lost: {note}" for note in self.notes]
+
+
+def recover(source: Path, target: Path) -> Recovery:
+    """Write everything intact in ``source`` to the new bag ``target``.
+
+    Raises InputError if ``source`` is no bag, if nothing in it can be brought back, or if ``target`` exists.
+    """
+    bag = Bag.open(source, strict=False)
+    if not bag.count:
+        reason = bag.problems[0] if bag.problems else "it is empty"
+        raise InputError(f"{source}: no message can be brought back: {reason}")
+    result = Recovery()
+    with BagWriter(target) as writer:
+        films = {name: Transfer(file, writer.folder) for name, file in bag.videos.items()}
+        last_ns = bag.start_ns
+        for file, item, definitions in bag.items():
+            if isinstance(item, Batch):
+                _copy(item, definitions, bag, writer, films, result)
+                last_ns = int(item.rows["log_time_ns"][-1]) if len(item.rows) else last_ns
+            elif isinstance(item, Damage):
+                _account(item, definitions, result, f"{bag.files[file].name}", last_ns)
+            elif isinstance(item, Metadata) and item.name != "rosbag2":
+                writer.metadata(item.name, item.metadata)
+            elif isinstance(item, Attachment):
+                writer.attach(item.name, item.data, item.media_type)
+        for film in films.values():
+            film.close()
+        for topic in bag.topics.values():
+            _add(topic, None, bag, writer)
+        result.counts = writer.counts
+        if not result.counts or not sum(result.counts.values()):
+            raise InputError(f"{source}: no message can be brought back: none is of a type that is known")
+        _note_cut(bag, result)
+        writer.metadata(
+            RECORD, {"source": source.name, "lost": "\n".join(result.lines()[len(result.counts) :]) or "nothing"}
+        )
+    return result
+
+
+def _copy(
+    batch: Batch,
+    definitions: Definitions,
+    bag: Bag,
+    writer: BagWriter,
+    films: Mapping[str, Transfer],
+    result: Recovery,
+) -> None:
+    topics: dict[int, TopicInfo | None] = {}
+    for row, fields in enumerate(batch.rows):
+        channel, log_time = int(fields["channel"]), int(fields["log_time_ns"])
+        if channel not in topics:
+            known = definitions.topics.get(channel)
+            topics[channel] = known if known and _add(known, definitions, bag, writer) else None
+        topic = topics[channel]
+        if topic is None:
+            result.losses[f"channel {channel} (topic or type not known)"].add(1, log_time, log_time)
+            continue
+        sound = log_time >= 0 and (batch.checked or _decodes(batch, row, topic))
+        data = _taken_over(batch.payload(row), films.get(topic.name)) if sound else None
+        if data is None:
+            result.losses[topic.name].add(1, log_time, log_time)
+        else:
+            publish_time = max(0, int(fields["publish_time_ns"]))
+            writer.write(topic.name, data, log_time, publish_time, int(fields["sequence"]))
+
+
+def _taken_over(data: memoryview, film: Transfer | None) -> bytes | memoryview | None:
+    """The message as it is; a frame index together with its frame, None if that is gone."""
+    try:
+        return data if film is None else film(data)
+    except InputError:
+        return None
+
+
+def _add(topic: TopicInfo, definitions: Definitions | None, bag: Bag, writer: BagWriter) -> bool:
+    """Register a topic; False if neither its type nor its definition is known."""
+    if topic.name in writer.counts:
+        return True
+    listed = bag.topics.get(topic.name, topic)
+    if interfaces.known(topic.type):
+        writer.add_topic(topic.name, topic.type, qos=topic.qos or listed.qos)
+        return True
+    schema = (
+        next((one for one in definitions.schemas.values() if one.name == topic.type), None) if definitions else None
+    )
+    if schema is None:
+        return False
+    text = schema.data.decode(errors="replace")
+    writer.add_topic(
+        topic.name,
+        topic.type,
+        qos=topic.qos or listed.qos,
+        definition=text,
+        type_hash=topic.hash,
+        encoding=schema.encoding,
+    )
+    return True
+
+
+def _decodes(batch: Batch, row: int, topic: TopicInfo) -> bool:
+    """Whether a message no CRC vouches for is at least one of its type."""
+    if not interfaces.known(topic.type):
+        return True
+    try:
+        interfaces.decode(bytes(batch.payload(row)), topic.type)
+    except InputError:
+        return False
+    return True
+
+
+def _account(damage: Damage, definitions: Definitions, result: Recovery, file: str, last_ns: int) -> None:
+    for lost in damage.lost:
+        topic = definitions.topics.get(lost.channel)
+        result.losses[topic.name if topic else f"channel {lost.channel}"].add(lost.count, lost.first_ns, lost.last_ns)
+    if not damage.lost:
+        size = damage.end - damage.start
+        result.notes.append(f"{file}: {size} bytes at byte {damage.start} ({damage.reason}), after {_clock(last_ns)}")
+
+
+def _note_cut(bag: Bag, result: Recovery) -> None:
+    for path in bag.files:
+        if path.suffix == ".mcap" and not mcap_scan.finished(mapped(path)):
+            result.notes.append(f"{path.name}: what came after {_clock(bag.end_ns)} and was not flushed yet")
+
+
+def _clock(t_ns: int) -> str:
+    return f"{datetime.fromtimestamp(t_ns / 1e9, UTC):%H:%M:%S.%f} UTC" if t_ns < 1 << 62 else f"{t_ns} ns"

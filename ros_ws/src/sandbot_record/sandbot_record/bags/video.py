@@ -1,0 +1,240 @@
+"""Frames of one camera in a video file beside the .mcap, and the small topic that says which frame was when.
+
+``<topic>/video`` carries one sensor_msgs/TimeReference a frame: header = the image's own (stamp, frame_id), time_ref =
+the frame's place in the video, source = file name and the CRC-32 of the frame's pixels. The CRC is what makes the pair
+safe: a frame that was damaged, lost or put out of step can't be taken for another.
+
+Both codecs give back exactly the mono8 pixels that came in (HFYU and MJPG of these wheels do not). The container is AVI
+because a killed writer leaves every frame but the last one or two readable; Matroska loses up to 5 MB.
+"""
+
+import contextlib
+import os
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import cv2
+import numpy as np
+
+from sandbot_common.errors import InputError
+from sandbot_record.bags import frames, interfaces
+from sandbot_record.bags.frames import Pixels
+from sandbot_record.bags.metadata import TopicInfo
+
+INDEX = "sensor_msgs/msg/TimeReference"
+_SUFFIX = "/video"
+RATE_HZ = 100
+"""Nominal rate of the file, for players; when a frame was taken stands in the topic."""
+CODECS = MappingProxyType({"rawvideo": "GREY", "ffv1": "FFV1"})
+"""rawvideo: as large as the pixels, 0.1 ms a 640×480 frame, a flipped byte costs one frame; ffv1: about two thirds of
+the size, 5 ms, up to a dozen frames."""
+_DELAY = 4
+"""Frames a codec may hold back before the file must have grown."""
+_PASSED = 32
+"""Frames kept while looking for those that follow damage."""
+
+
+def index_name(topic: str) -> str:
+    """The topic of the frame index of an image topic."""
+    return f"{topic}{_SUFFIX}"
+
+
+def file_name(topic: str) -> str:
+    """The video file of an image topic."""
+    return f"{topic.strip('/').replace('/', '-')}.avi"
+
+
+def image_topic(topic: TopicInfo) -> str | None:
+    """The image topic a frame index stands for; None if the topic is not a frame index."""
+    return topic.name.removesuffix(_SUFFIX) if topic.type == INDEX and topic.name.endswith(_SUFFIX) else None
+
+
+# What a torn file makes FFmpeg say on stderr is found here frame by frame; read when OpenCV first opens a video.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a frame is: ``index`` in the video, and the CRC-32 of its pixels; ``header`` is the image's."""
+
+    header: Any
+    index: int
+    crc: int
+
+
+def place(cdr: bytes | memoryview) -> Place:
+    """A frame index message. Raises InputError if it is not one."""
+    message = interfaces.decode(bytes(cdr), INDEX)
+    try:
+        crc = int(message.source.rpartition("crc32:")[2], 16)
+    except ValueError:
+        raise InputError(f"source {message.source!r} of a frame index does not end in crc32:...") from None
+    t_ns = message.time_ref.sec * 1_000_000_000 + message.time_ref.nanosec
+    return Place(message.header, round(t_ns * RATE_HZ / 1_000_000_000), crc)
+
+
+class VideoFile:
+    """Writes the frames of one image topic; not thread-safe."""
+
+    def __init__(self, path: Path, codec: str) -> None:
+        if codec not in CODECS:
+            raise InputError(f"{path}: video codec {codec!r} is not one of {', '.join(CODECS)}")
+        self._path, self._codec = path, codec
+        self._writer: cv2.VideoWriter | None = None
+        self._shape = (0, 0)
+        self._count = 0
+        self._grown = (0, 0)
+
+    def add(self, cdr: bytes | memoryview) -> bytes:
+        """Append a CDR sensor_msgs/Image; its CDR frame index. Raises InputError on a frame the file can't hold."""
+        image, pixels = frames.pixels_of(cdr, "video")
+        return self.add_pixels(image.header, pixels)
+
+    def add_pixels(self, header: Any, pixels: Pixels) -> bytes:
+        """The same with the image's header and pixels (height, width)."""
+        writer = self._writer or self._open(pixels)
+        if pixels.shape != self._shape:
+            raise InputError(f"{self._path.name}: a frame of shape {pixels.shape} does not fit those of {self._shape}")
+        pixels = np.ascontiguousarray(pixels)
+        writer.write(pixels)
+        store = interfaces.store()
+        t_ns = self._count * 1_000_000_000 // RATE_HZ
+        message = store.types[INDEX](
+            header=header,
+            time_ref=store.types["builtin_interfaces/msg/Time"](t_ns // 1_000_000_000, t_ns % 1_000_000_000),
+            source=f"{self._path.name} crc32:{zlib.crc32(pixels.data):08x}",
+        )
+        self._count += 1
+        return bytes(store.serialize_cdr(message, INDEX))
+
+    def check(self) -> None:
+        """Raise InputError if frames no longer reach the file: OpenCV itself never says that the disk is full."""
+        count, size = self._grown
+        if self._count <= count + _DELAY:
+            return
+        now = self._path.stat().st_size
+        if now == size:
+            raise InputError(f"{self._path}: the video no longer grows: the disk is full or the file too large")
+        self._grown = self._count, now
+
+    def close(self) -> None:
+        """Complete the file."""
+        if self._writer is not None:
+            self._writer.release()
+
+    def _open(self, pixels: Pixels) -> cv2.VideoWriter:
+        if pixels.ndim != 2 or pixels.shape[0] % 2 or pixels.shape[1] % 2:
+            raise InputError(
+                f"{self._path.name}: frames of shape {pixels.shape} can't become video: mono8 of even width and height "
+                "is needed"
+            )
+        height, width = self._shape = pixels.shape
+        self._writer = cv2.VideoWriter(
+            str(self._path),
+            cv2.CAP_FFMPEG,
+            cv2.VideoWriter.fourcc(*CODECS[self._codec]),
+            float(RATE_HZ),
+            (width, height),
+            [cv2.VIDEOWRITER_PROP_IS_COLOR, 0],
+        )
+        if not self._writer.isOpened():
+            raise InputError(f"{self._path}: OpenCV can't write {self._codec} video here")
+        return self._writer
+
+
+class VideoFrames:
+    """Reads frames back by their place; cheap in order of the index. Not thread-safe.
+
+    Frames that are gone from a damaged file put all later ones out of step, so a frame that is not the one looked for
+    is kept: it may be the one of a later place.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._reader: cv2.VideoCapture | None = None
+        self._next = 0
+        self._gone = 0
+        """Frames known to be missing before the next one."""
+        self._passed: dict[int, tuple[int, Pixels]] = {}
+        """Frames nobody asked for yet, by CRC: place in the file, pixels."""
+
+    def frame(self, place: Place) -> Pixels:
+        """The pixels (height, width). Raises InputError if the frame is not there or not what was written."""
+        # Step by step, not by seeking: a torn file has no index.
+        if self._reader is None or place.index - self._gone < self._next - len(self._passed):
+            self._open()
+        if place.crc in self._passed:
+            at, pixels = self._passed.pop(place.crc)
+            self._gone = place.index - at
+            return pixels
+        pixels = self._read(place.index - self._gone)
+        if (crc := zlib.crc32(pixels.data)) != place.crc:
+            self._passed[crc] = (self._next - 1, pixels)
+            if len(self._passed) > _PASSED:
+                del self._passed[next(iter(self._passed))]
+            raise InputError(f"{self.path}: frame {place.index} is damaged or missing")
+        return pixels
+
+    @property
+    def codec(self) -> str:
+        """The codec of the file; rawvideo if it is none of ours."""
+        # A reader that leaves grey frames grey tells the pixels' format in place of the codec.
+        four = int(cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG).get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little")
+        return next((name for name, code in CODECS.items() if four.upper() == code.encode()), "rawvideo")
+
+    def _read(self, at: int) -> Pixels:
+        """The frame at this place of the file."""
+        assert self._reader is not None
+        while self._next < at and self._reader.grab():
+            self._next += 1
+        good, pixels = self._reader.read() if self._next == at else (False, None)
+        if not good:
+            raise InputError(f"{self.path}: frame {at} is not there, the video ends after {self._next}")
+        self._next += 1
+        return np.ascontiguousarray(pixels, dtype=np.uint8)
+
+    def _open(self) -> None:
+        if not self.path.is_file():
+            raise InputError(f"{self.path}: no such video")
+        self._next = self._gone = 0
+        self._passed.clear()
+        with _quiet():
+            self._reader = cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_CONVERT_RGB, 0])
+        if not self._reader.isOpened():
+            self._reader = None
+            raise InputError(f"{self.path}: not a video OpenCV can read")
+
+
+class Transfer:
+    """Takes the intact frames of a video over into a new one."""
+
+    def __init__(self, source: Path, folder: Path) -> None:
+        self._frames, self._folder = VideoFrames(source), folder
+        self._file: VideoFile | None = None
+
+    def __call__(self, cdr: bytes | memoryview) -> bytes:
+        """A frame index to the old video as one to the new. Raises InputError if the frame is gone or damaged."""
+        at = place(cdr)
+        pixels = self._frames.frame(at)
+        if self._file is None:
+            self._file = VideoFile(self._folder / self._frames.path.name, self._frames.codec)
+        return self._file.add_pixels(at.header, pixels)
+
+    def close(self) -> None:
+        """Complete the new file."""
+        if self._file is not None:
+            self._file.close()
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Without OpenCV's warning that grey frames stay grey, which is what is wanted."""
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
+    try:
+        yield
+    finally:
+        cv2.utils.logging.setLogLevel(level)

@@ -1,0 +1,279 @@
+"""BagWriter: one rosbag2 bag folder (metadata.yaml + .mcap files), readable by `ros2 bag`, rosbags and mcap.
+
+In batch (``whole=True``) the folder is written under a temporary name and renamed when closed: an interrupted trial
+leaves nothing. Live (``whole=False``) it stands under its name from the start and is flushed every
+second: an interrupted recording leaves a torn bag that `recover` makes whole.
+"""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+from rosbags.interfaces import Qos
+
+from sandbot_common.errors import InputError
+from sandbot_common.topics import Topic
+from sandbot_record.bags import interfaces, metadata
+from sandbot_record.bags.mcap_writer import COMPRESSIONS, McapWriter
+
+SECOND_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Split:
+    """When to begin a new file: after so many bytes or so many seconds (0: never)."""
+
+    size: int = 0
+    seconds: float = 0.0
+
+
+@dataclass
+class _Channel:
+    """A topic as it is written: its entry in metadata.yaml, its definition and its id in the current file."""
+
+    info: metadata.TopicInfo
+    definition: str
+    encoding: str
+    id: int = 0
+
+
+class BagWriter:
+    """Writes a bag; a context manager. Raises InputError if the bag exists, OSError if the disk is full.
+
+    ``flush_period_s``: longest time, on the clock of the log times, that a message stays in memory; 0 leaves
+    flushing to full chunks. ``on_split`` is called with the name of each new file. Not thread-safe.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        compression: str = "none",
+        chunk_size: int = 1 << 20,
+        flush_period_s: float = 1.0,
+        fsync: bool = False,
+        split: Split = Split(),
+        whole: bool = True,
+        on_split: Callable[[str], None] | None = None,
+    ) -> None:
+        if compression not in COMPRESSIONS:
+            raise InputError(f"{path}: compression {compression!r} is not one of {', '.join(COMPRESSIONS)}")
+        if path.exists():
+            raise InputError(f"{path}: exists already, not overwriting")
+        self.path = path
+        self._final = path
+        self._compression, self._chunk_size, self._split, self._on_split = compression, chunk_size, split, on_split
+        self._flush_ns, self._fsync = int(flush_period_s * SECOND_NS), fsync
+        self._flushed_ns: int | None = None
+        self._channels: dict[str, _Channel] = {}
+        self.info = metadata.BagInfo(custom={"state": metadata.RECORDING})
+        self._closed = False
+        self._folder = self._make_folder(whole)
+        self._open_file()
+
+    def _make_folder(self, whole: bool) -> Path:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        if not whole:
+            self.path.mkdir()
+            return self.path
+        folder = Path(tempfile.mkdtemp(prefix=f".{self.path.name}.", dir=self.path.parent))
+        umask = os.umask(0)
+        os.umask(umask)
+        folder.chmod(0o777 & ~umask)
+        return folder
+
+    @property
+    def folder(self) -> Path:
+        """Where the files lie until the bag is closed: under a temporary name if it is a ``whole`` one."""
+        return self._folder
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages written, by topic."""
+        return {name: channel.info.count for name, channel in self._channels.items()}
+
+    @property
+    def size(self) -> int:
+        """Bytes in the current file."""
+        return self._file.size
+
+    def add_topic(
+        self,
+        name: str,
+        type_name: str,
+        *,
+        qos: Sequence[Qos] = (),
+        definition: str | None = None,
+        type_hash: str | None = None,
+        encoding: str = "ros2msg",
+    ) -> None:
+        """Register a topic before its first message; no effect if it is there already with this type.
+
+        ``definition`` and ``type_hash`` are for types that are not ROS 2 Jazzy's standard ones.
+        Raises InputError if the type is unknown or another one.
+        """
+        if (known := self._channels.get(name)) is not None:
+            if known.info.type != type_name:
+                raise InputError(f"{self._final}: topic {name} has type {known.info.type}, not {type_name}")
+            return
+        channel = _Channel(
+            info=metadata.TopicInfo(
+                name=name,
+                type=type_name,
+                hash=interfaces.type_hash(type_name) if type_hash is None else type_hash,
+                qos=tuple(qos),
+            ),
+            definition=interfaces.definition(type_name) if definition is None else definition,
+            encoding=encoding,
+        )
+        self._register(channel)
+        self._channels[name] = channel
+        self.info.topics.append(channel.info)
+        self._write_metadata()
+
+    def write(
+        self,
+        topic: Topic | str,
+        cdr: bytes | memoryview,
+        log_time_ns: int,
+        publish_time_ns: int | None = None,
+        sequence: int = 0,
+    ) -> None:
+        """Append one CDR message; a ``Topic`` registers itself, a name must have been added."""
+        name = topic if isinstance(topic, str) else topic.name
+        if (channel := self._channels.get(name)) is None:
+            if isinstance(topic, str):
+                raise InputError(f"{self._final}: topic {topic} was not added, its type is not known")
+            self.add_topic(name, topic.type, qos=[metadata.qos(latched=topic.latched, depth=topic.depth)])
+            channel = self._channels[name]
+        if not 0 <= log_time_ns < 1 << 63:
+            raise InputError(f"{self._final}: topic {name}: log time {log_time_ns} ns is not a time since 1970")
+        self._before(log_time_ns)
+        # Counted first: if the disk is full just now, this message is in the chunk that is given up.
+        channel.info.count += 1
+        current = self.info.files[-1]
+        current.start_ns = min(current.start_ns, log_time_ns) if current.count else log_time_ns
+        current.end_ns = max(current.end_ns, log_time_ns)
+        current.count += 1
+        publish_time_ns = log_time_ns if publish_time_ns is None else publish_time_ns
+        self._file.add_message(channel.id, log_time_ns, publish_time_ns, cdr, sequence)
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Write an MCAP metadata record, such as ``trial`` with the provenance."""
+        self._file.add_metadata(name, {str(key): str(value) for key, value in values.items()})
+
+    def attach(self, name: str, data: bytes, media_type: str) -> None:
+        """Write an attachment, such as the campaign.yaml."""
+        self._file.add_attachment(name, data, media_type, self.info.files[-1].end_ns)
+
+    def flush(self) -> None:
+        """Bring everything so far into the file."""
+        self._file.flush(fsync=self._fsync)
+
+    def close(self) -> None:
+        """Complete the file and metadata.yaml; rename the folder onto its name."""
+        if self._closed:
+            return
+        self._file.close()
+        self.info.custom["state"] = metadata.COMPLETE
+        metadata.write(self._folder, self.info)
+        self._closed = True
+        if self._folder == self._final:
+            return
+        try:
+            self._folder.rename(self._final)
+        except OSError:
+            self.abandon()
+            raise InputError(f"{self._final}: exists already, not overwriting") from None
+
+    def close_short(self, last_records: Callable[[], Mapping[str, Mapping[str, str]]]) -> None:
+        """Close where the disk is full: give up as many of the last chunks as the summary needs room for.
+
+        ``last_records`` gives the metadata records of the end; it is asked when ``counts`` are those that stay.
+        Raises OSError if not even an empty file fits.
+        """
+        drop = self._file.drop_torn
+        while True:
+            dropped = drop()
+            drop = self._file.drop_last_chunk
+            for channel in self._channels.values():
+                channel.info.count -= dropped.get(channel.id, 0)
+            current = self.info.files[-1]
+            current.count, (current.start_ns, current.end_ns) = self._file.count, self._file.span
+            try:
+                for name, values in last_records().items():
+                    self.metadata(name, values)
+                self.close()
+                return
+            except OSError:
+                if not self._file.can_drop:
+                    raise
+
+    def abandon(self) -> None:
+        """Stop without completing: nothing is left of a ``whole`` bag, a recoverable one otherwise."""
+        self._closed = True
+        self._file.abandon()
+        if self._folder != self._final:
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    def __enter__(self) -> "BagWriter":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is not None and self._folder != self._final:
+            self.abandon()
+            return
+        try:
+            self.close()
+        except BaseException:
+            self.abandon()
+            raise
+
+    def _before(self, log_time_ns: int) -> None:
+        """Flush and split as the time of the next message asks for."""
+        if self._flushed_ns is None:
+            self._flushed_ns = log_time_ns
+        if self._flush_ns and log_time_ns - self._flushed_ns >= self._flush_ns:
+            self.flush()
+            self._flushed_ns = log_time_ns
+        current = self.info.files[-1]
+        full = self._split.size and self._file.size >= self._split.size
+        old = self._split.seconds and log_time_ns - current.start_ns >= self._split.seconds * SECOND_NS
+        if current.count and (full or old):
+            self._file.close()
+            self._open_file()
+
+    def _open_file(self) -> None:
+        name = f"{self._final.name}_{len(self.info.files)}.mcap"
+        try:
+            self._file = McapWriter(self._folder / name, compression=self._compression, chunk_size=self._chunk_size)
+            self.info.files.append(metadata.FileInfo(name))
+            for channel in self._channels.values():
+                self._register(channel)
+            self._write_metadata()
+        except BaseException:
+            if self._folder != self._final:
+                shutil.rmtree(self._folder, ignore_errors=True)
+            raise
+        if len(self.info.files) > 1 and self._on_split is not None:
+            self._on_split(name)
+
+    def _write_metadata(self) -> None:
+        """Keep metadata.yaml ahead of the messages, where a crash would leave the folder behind."""
+        if self._folder == self._final:
+            metadata.write(self._folder, self.info)
+
+    def _register(self, channel: _Channel) -> None:
+        channel.id = self._file.add_channel(
+            channel.info.name,
+            channel.info.type,
+            channel.definition,
+            {"offered_qos_profiles": metadata.qos_text(channel.info.qos), "topic_type_hash": channel.info.hash},
+            channel.encoding,
+        )

@@ -1,0 +1,343 @@
+"""The recorder's wiring: finds topics and types, subscribes as their publishers offer, hands the bytes on.
+
+Messages are taken from DDS in a thread of our own with a wait set, not through an executor: only so do publish time and
+sequence number come with the bytes (the events executor of these wheels can't deliver them), and it costs least CPU.
+
+A lost message is seen in two ways: as a gap in the publisher's own numbers (where a topic has one publisher), and as
+the middleware's message-lost event. Neither sees what was published before we were matched, what a publisher threw out
+of its own queue before sending it to anybody while nothing came after it, or what a best-effort publisher sent last.
+"""
+
+import json
+import re
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import rclpy
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rclpy.type_support import check_for_type_support
+from rosbags.interfaces import Qos
+from std_srvs.srv import SetBool, Trigger
+
+from sandbot_common import messages, topics
+from sandbot_common.node import Health, run
+from sandbot_record.bags import frames, interfaces, metadata
+from sandbot_record.bags.mcap_writer import LIBRARY
+from sandbot_record.bags.recording import Received, Recording
+
+NOTE = topics.Topic("/recorder/note", "std_msgs/msg/String")
+_DEPTH = 2000
+"""Deep enough for two seconds of 1 kHz when the CPU is busy; both ends need it (measured)."""
+_BATCH_S = 0.005
+"""Messages are taken that often: waking up for each costs more than the message. DDS has stamped them on arrival."""
+_LOOK_AROUND_S = 0.1
+_SETTLED, _SETTLED_UNHEARD = 3, 10
+"""Looks in a row without anything new before "recording to" is said; more where a wanted topic has no publisher yet."""
+_INTERNAL = ("/rosout", "/parameter_events", "/recorder/")
+_KNOWN = {topic.name: topic for topic in (*topics.ALL, NOTE)}
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What to record: names, all, or names that match ``regex``; ``images``: raw, jpeg or none."""
+
+    names: tuple[str, ...] = ()
+    everything: bool = False
+    regex: str = ""
+    exclude: str = ""
+    images: str = "raw"
+
+    def __call__(self, name: str) -> bool:
+        """Whether a topic is asked for by name."""
+        if name in self.names or name == NOTE.name:
+            return True
+        if name.startswith(_INTERNAL) or (self.exclude and re.search(self.exclude, name)):
+            return False
+        return self.everything or bool(self.regex and re.search(self.regex, name))
+
+
+@dataclass
+class _Source:
+    """One subscription outside any executor."""
+
+    name: str
+    type_name: str
+    type: Any
+    handle: Any
+    transient: bool
+    reliable: bool
+    loss: Any = None
+    """Event handle on which the middleware says that messages were lost; None where it can't."""
+    publishers: int = 0
+
+
+@dataclass
+class _Receiver:
+    """Takes messages of all sources in one thread."""
+
+    context: Any
+    deliver: Callable[[_Source, bytes, Mapping[str, int]], None]
+    say_lost: Callable[[_Source, int], None]
+    sources: list[_Source] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._changed = rclpy.guard_condition.GuardCondition(callback=None, callback_group=None, context=self.context)
+        self._stop = threading.Event()
+        self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="receiver", daemon=True)
+        self._thread.start()
+
+    def add(self, source: _Source) -> None:
+        with self._lock:
+            self.sources = [one for one in self.sources if one.name != source.name] + [source]
+        self._changed.trigger()
+
+    @property
+    def broken(self) -> bool:
+        """Whether receiving ended with an error."""
+        return not self._thread.is_alive()
+
+    def close(self) -> None:
+        """Take what has arrived, then end."""
+        self._stop.set()
+        self._changed.trigger()
+        self._thread.join()
+        self._changed.destroy()
+
+    def _run(self) -> None:
+        current: list[_Source] = []
+        wait_set: Any = None
+        while not self._stop.is_set():
+            if current is not self.sources or wait_set is None:
+                current = self.sources
+                events = sum(source.loss is not None for source in current)
+                wait_set = _rclpy.WaitSet(len(current), 1, 0, 0, 0, events, self.context.handle)
+            self._wait(wait_set, current)
+            self._stop.wait(_BATCH_S)
+        for source in self.sources:
+            self._take_all(source)
+
+    def _wait(self, wait_set: Any, sources: list[_Source]) -> None:
+        wait_set.clear_entities()
+        events = {}
+        for source in sources:
+            wait_set.add_subscription(source.handle)
+            if source.loss is not None:
+                events[source.name] = wait_set.add_event(source.loss)
+        wait_set.add_guard_condition(self._changed.handle)
+        wait_set.wait(500_000_000)
+        ready = set(wait_set.get_ready_entities("subscription"))
+        for source in sources:
+            if source.handle.pointer in ready:
+                self._take_all(source)
+            if source.name in events and wait_set.is_ready("event", events[source.name]):
+                self.say_lost(source, source.loss.take_event().total_count_change)
+
+    def _take_all(self, source: _Source) -> None:
+        while (taken := source.handle.take_message(source.type, True)) is not None:
+            self.deliver(source, *taken)
+
+
+class Recorder(Node):
+    """Records the selected topics; see ``sandbot_record.tools.record`` for the options."""
+
+    def __init__(self, selection: Selection, recording: Recording, say: Callable[[str], None] = print) -> None:
+        super().__init__("recorder")
+        self._selection, self._recording, self._say = selection, recording, say
+        self._trial = b""
+        self._receiver = _Receiver(self.context, self._deliver, self._say_lost)
+        self._by_name: dict[str, _Source] = {}
+        self._left_out: set[str] = set()
+        self._quiet_looks = 0
+        self._announced = False
+        self.create_service(Trigger, "/recorder/start", self._on_start)
+        self.create_service(Trigger, "/recorder/stop", self._on_stop)
+        self.create_service(SetBool, "/recorder/pause", self._on_pause)
+        self.create_service(SetBool, "/recorder/pause_images", self._on_pause_images)
+        self._health = Health(self, self._figures)
+        for name in (*selection.names, NOTE.name):
+            if name in _KNOWN:
+                self._subscribe(name, _KNOWN[name].type, [])
+        self.create_timer(_LOOK_AROUND_S, self._look_around)
+
+    def close(self) -> None:
+        """Stop taking messages and close the bag."""
+        self._receiver.close()
+        for source in self._by_name.values():
+            if source.loss is not None:
+                source.loss.destroy_when_not_in_use()
+            source.handle.destroy_when_not_in_use()
+        self._recording.close(_provenance(self._trial))
+
+    def _deliver(self, source: _Source, data: bytes, info: Mapping[str, int]) -> None:
+        received = info["received_timestamp"] or time.time_ns()
+        published = info["source_timestamp"] or received
+        message = Received(source.name, data, received, published, info["publication_sequence_number"] or 0)
+        if source.name == topics.TRIAL.name:
+            self._trial = data
+        self._recording.put(message, sole_publisher=source.publishers == 1)
+
+    def _say_lost(self, source: _Source, count: int) -> None:
+        self._recording.lose(source.name, count)
+
+    def _look_around(self) -> None:
+        if self._receiver.broken:
+            self._recording.stop("receiving ended with an error")
+        if self._recording.stopped.is_set():
+            rclpy.try_shutdown(context=self.context)
+            return
+        new = False
+        for name, types in self.get_topic_names_and_types():
+            if self._selection(name) or name in self._by_name:
+                new |= self._look_at(name, types)
+        self._announce(new)
+
+    def _look_at(self, name: str, types: Sequence[str]) -> bool:
+        """Subscribe if need be; whether anything changed or is not matched yet."""
+        publishers = self.get_publishers_info_by_topic(name)
+        if len(types) > 1:
+            self._refuse(name, f"it has several types: {', '.join(types)}")
+            return False
+        source = self._by_name.get(name)
+        if source is None or not _fits(source, publishers):
+            if publishers:
+                self._subscribe(name, types[0], publishers)
+            return bool(publishers)
+        source.publishers = len(publishers)
+        return source.handle.get_publisher_count() < len(publishers)
+
+    def _subscribe(self, name: str, type_name: str, publishers: Sequence[TopicEndpointInfo]) -> None:
+        if name in self._left_out:
+            return
+        if type_name == frames.RAW and self._selection.images == "none":
+            self._left_out.add(name)
+            self._say(f"not recording {name}: raw images are left out (--images none)")
+            return
+        try:
+            kind = messages.message_class(type_name)
+        except (ImportError, AttributeError, ValueError):
+            self._refuse(name, f"type {type_name} is not installed here")
+            return
+        if not interfaces.known(type_name):
+            self._refuse(name, f"type {type_name} is not one of ROS 2 Jazzy's standard types")
+            return
+        known = _KNOWN.get(name)
+        reliable = all(one.qos_profile.reliability == ReliabilityPolicy.RELIABLE for one in publishers)
+        transient = all(one.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in publishers)
+        if not publishers:
+            transient = known is not None and known.latched
+        profile = QoSProfile(
+            history=HistoryPolicy.KEEP_LAST,
+            depth=_DEPTH,
+            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if transient else DurabilityPolicy.VOLATILE,
+        )
+        offered = tuple(_offered(one) for one in publishers) or (
+            metadata.qos(latched=transient, depth=known.depth if known else 10, reliable=reliable),
+        )
+        self._recording.add_topic(name, type_name, qos=offered)
+        check_for_type_support(kind)
+        with self.handle:
+            handle = _rclpy.Subscription(self.handle, kind, name, profile.get_c_qos_profile())
+        source = _Source(name, type_name, kind, handle, transient, reliable, _loss_event(handle), len(publishers))
+        self._by_name[name] = source
+        self._receiver.add(source)
+
+    def _refuse(self, name: str, why: str) -> None:
+        if name not in self._left_out:
+            self._left_out.add(name)
+            self._recording.refuse(name, why)
+            self._say(f"not recording {name}: {why}")
+
+    def _announce(self, new: bool) -> None:
+        self._quiet_looks = 0 if new else self._quiet_looks + 1
+        wanted = set(self._selection.names) - self._left_out
+        if self._announced or not wanted <= self._by_name.keys():
+            return
+        unheard = not wanted or any(not self._by_name[name].publishers for name in wanted)
+        if self._quiet_looks < (_SETTLED_UNHEARD if unheard else _SETTLED):
+            return
+        self._announced = True
+        self._say(f"recording to {self._recording.path} ({len(self._by_name) - 1} topics)")
+
+    def _figures(self) -> Mapping[str, object]:
+        recording = self._recording
+        self._health.level, self._health.text = (2, recording.reason) if recording.failed else (0, "ok")
+        if recording.lost and not recording.failed:
+            self._health.level, self._health.text = 1, f"{recording.lost} messages lost"
+        return recording.summary() | {"written": recording.written, "lost": recording.lost}
+
+    def _on_start(self, _: Any, response: Any) -> Any:
+        self._recording.paused = False
+        response.success, response.message = True, f"recording to {self._recording.path}"
+        return response
+
+    def _on_stop(self, _: Any, response: Any) -> Any:
+        self._recording.stopped.set()
+        response.success, response.message = True, "closing the bag"
+        return response
+
+    def _on_pause(self, request: Any, response: Any) -> Any:
+        self._recording.paused = request.data
+        response.success, response.message = True, "paused" if request.data else "recording"
+        return response
+
+    def _on_pause_images(self, request: Any, response: Any) -> Any:
+        self._recording.images_paused = request.data
+        response.success, response.message = True, "images paused" if request.data else "recording images"
+        return response
+
+
+def _loss_event(subscription: Any) -> Any:
+    try:
+        return _rclpy.EventHandle(subscription, _rclpy.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MESSAGE_LOST)
+    except _rclpy.UnsupportedEventTypeError:  # not every middleware says so
+        return None
+
+
+def _provenance(trial: bytes) -> dict[str, dict[str, str]]:
+    """The metadata record ``trial`` from the last message on /trial; none if there was none or it is not JSON."""
+    try:
+        text = interfaces.decode(trial, topics.TRIAL.type).data
+        plan = json.loads(text)
+    except ValueError:  # InputError and JSONDecodeError
+        return {}
+    if not isinstance(plan, dict):
+        return {}
+    said = {"id": "trial_id", "plan": "campaign", **{key: key for key in ("software_version", "commit", "start")}}
+    values = {key: str(plan.get(name, "")) for key, name in said.items()}
+    return {"trial": {**values, "parameters": text, "clock": "live", "recorder": LIBRARY}}
+
+
+def _fits(source: _Source, publishers: Sequence[TopicEndpointInfo]) -> bool:
+    """Whether a subscription can hear all of a topic's publishers."""
+    for one in publishers:
+        if source.reliable and one.qos_profile.reliability != ReliabilityPolicy.RELIABLE:
+            return False
+        if source.transient and one.qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL:
+            return False
+    return True
+
+
+def _offered(publisher: TopicEndpointInfo) -> Qos:
+    profile = publisher.qos_profile
+    return metadata.qos(
+        latched=profile.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+        depth=profile.depth,
+        reliable=profile.reliability == ReliabilityPolicy.RELIABLE,
+    )
+
+
+def record(selection: Selection, recording: Recording, arguments: Sequence[str] = ()) -> int:
+    """Record until SIGINT, SIGTERM, /recorder/stop, a limit or a failure; 0, or 1 if something wanted is missing."""
+    try:
+        code = run(lambda: Recorder(selection, recording), arguments)
+    finally:
+        recording.close()
+    return code or (1 if recording.failed or recording.refused else 0)

@@ -1,0 +1,251 @@
+"""The replay's wiring: publishes what the player says is due, with the QoS it was recorded with, and /clock.
+
+Space pauses, arrow keys seek by a second and change the rate, where a terminal is attached; services and parameters do
+the same for programs: /replay/pause (SetBool), /replay/restart (Trigger), parameters `rate` and `position_s`.
+"""
+
+import contextlib
+import os
+import re
+import select
+import sys
+import termios
+import threading
+import time
+import tty
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import rclpy
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.interfaces import QosDurability, QosReliability
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool, Trigger
+
+from sandbot_common import messages
+from sandbot_common.errors import InputError
+from sandbot_common.node import run
+from sandbot_record.bags.metadata import TopicInfo
+from sandbot_record.bags.playback import SECOND_NS, Player
+from sandbot_record.bags.reader import Message
+
+_CLOCK_PERIOD_NS = 10_000_000
+_SPIN_NS = 200_000
+"""The last part of a wait is spent awake: a sleep ends late by about this much."""
+_MIN_DEPTH = 50
+_KEY = re.compile("\x1b\\[[A-D]|.")
+"""One key: an arrow or a character; keys struck quickly come together."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to publish: new names for topics, /clock or not, and how long to wait for subscribers to be found."""
+
+    remap: Mapping[str, str]
+    clock: bool = False
+    delay_s: float = 1.0
+
+
+class Replay(Node):
+    """Publishes a player's messages in a thread of its own."""
+
+    def __init__(self, player: Player, options: Options) -> None:
+        super().__init__("replay")
+        self._player, self._options = player, options
+        self._lock = threading.Lock()
+        self._outlets = {
+            name: self.create_publisher(_class(info), options.remap.get(name, name), _qos(info))
+            for name, info in player.timeline.topics.items()
+        }
+        self._clock_outlet = self.create_publisher(Clock, "/clock", 10) if options.clock else None
+        self._clock_due_ns = 0
+        self._late_ns: list[int] = []
+        self.published = self.missing = 0
+        self._changed, self._stop = threading.Event(), threading.Event()
+        self.create_service(SetBool, "/replay/pause", self._on_pause)
+        self.create_service(Trigger, "/replay/restart", self._on_restart)
+        self.declare_parameter("rate", player.rate, ParameterDescriptor(description="bag seconds a second, above 0"))
+        self.declare_parameter(
+            "position_s", 0.0, ParameterDescriptor(description="set it to seek [s after the first message]")
+        )
+        self.add_on_set_parameters_callback(self._on_parameters)
+        self._thread = threading.Thread(target=self._play, name="player", daemon=True)
+        self._thread.start()
+        self.create_timer(0.05, self._look)
+
+    def close(self) -> None:
+        """Stop publishing."""
+        self._stop.set()
+        self._changed.set()
+        self._thread.join()
+
+    def last_line(self) -> str:
+        """How many messages, and how late they were."""
+        replayed = f"replayed {self.published} messages"
+        if self.missing:
+            replayed += f", {self.missing} frames were not in their video"
+        if not self._late_ns:
+            return replayed
+        median, p99, worst = (value * 1e-6 for value in np.quantile(self._late_ns, (0.5, 0.99, 1.0)))
+        late = f"{median:.3f} ms (median), {p99:.3f} (p99), {worst:.3f} (worst)"
+        return f"{replayed}; late by {late}"
+
+    def key(self, key: str) -> None:
+        """What a key of the terminal does."""
+        now = time.monotonic_ns()
+        with self._lock:
+            player = self._player
+            offset_s = (player.position_ns(now) - int(player.timeline.times_ns[0])) / SECOND_NS
+            if key == " ":
+                player.pause(not player.paused, now)
+            elif key in ("\x1b[C", "\x1b[D"):
+                player.seek(offset_s + (1.0 if key == "\x1b[C" else -1.0), now)
+            elif key in ("\x1b[A", "\x1b[B"):
+                player.set_rate(player.rate * (1.1 if key == "\x1b[A" else 1 / 1.1), now)
+        self._changed.set()
+
+    def _look(self) -> None:
+        if not self._thread.is_alive():
+            rclpy.try_shutdown(context=self.context)
+
+    def _play(self) -> None:
+        with contextlib.suppress(InputError):  # its block is loaded now
+            _ = self._player.timeline[min(self._player.index, len(self._player.timeline) - 1)]
+        self._stop.wait(self._options.delay_s)
+        while not self._stop.is_set() and not self._player.finished:
+            now = time.monotonic_ns()
+            with self._lock:
+                due = self._player.due_ns()
+                message = self._step(now)
+                position = self._player.position_ns(now)
+            self._tick(now, position)
+            if message is None:
+                self._wait(now)
+                continue
+            self._outlets[message.topic].publish(bytes(message.data))
+            self.published += 1
+            if due is not None:
+                self._late_ns.append(time.monotonic_ns() - due)
+        for publisher in self._outlets.values():
+            with contextlib.suppress(Exception):  # only to let reliable readers catch up; not every middleware can
+                publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=1))
+
+    def _step(self, now: int) -> Message | None:
+        try:
+            return self._player.step(now)
+        except InputError as error:
+            self.missing += 1
+            self.get_logger().warning(str(error), throttle_duration_sec=5.0)
+            return None
+
+    def _wait(self, now: int) -> None:
+        with self._lock:
+            due = self._player.due_ns()
+        until = now + 50_000_000 if due is None else due
+        if self._clock_outlet is not None:
+            until = min(until, self._clock_due_ns)
+        if (left := until - time.monotonic_ns() - _SPIN_NS) > 0 and self._changed.wait(left * 1e-9):
+            self._changed.clear()
+
+    def _tick(self, now: int, position_ns: int) -> None:
+        if self._clock_outlet is not None and now >= self._clock_due_ns:
+            self._clock_outlet.publish(Clock(clock=messages.stamp(position_ns)))
+            self._clock_due_ns = now + _CLOCK_PERIOD_NS
+
+    def _on_pause(self, request: Any, response: Any) -> Any:
+        with self._lock:
+            self._player.pause(request.data, time.monotonic_ns())
+        self._changed.set()
+        response.success, response.message = True, "paused" if request.data else "playing"
+        return response
+
+    def _on_restart(self, _: Any, response: Any) -> Any:
+        with self._lock:
+            self._player.seek(0.0, time.monotonic_ns())
+        self._changed.set()
+        response.success, response.message = True, "from the start"
+        return response
+
+    def _on_parameters(self, changed: list[Parameter]) -> SetParametersResult:
+        try:
+            with self._lock:
+                for parameter in changed:
+                    if parameter.name == "rate":
+                        self._player.set_rate(float(parameter.value), time.monotonic_ns())
+                    elif parameter.name == "position_s":
+                        self._player.seek(float(parameter.value), time.monotonic_ns())
+        except InputError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        self._changed.set()
+        return SetParametersResult(successful=True)
+
+
+def replay(player: Player, options: Options, arguments: Sequence[str] = ()) -> tuple[int, str]:
+    """Replay to the end or to SIGINT; the exit code and the last line to print."""
+    made: list[Replay] = []
+
+    def make() -> Replay:
+        made.append(Replay(player, options))
+        return made[0]
+
+    with _keys(made):
+        code = run(make, arguments, frames=True)
+    return code, made[0].last_line() if made else ""
+
+
+@contextlib.contextmanager
+def _keys(nodes: list[Replay]) -> Iterator[None]:
+    """Hand the terminal's keys to the node, and leave the terminal as it was."""
+    if not sys.stdin.isatty():
+        yield
+        return
+    before = termios.tcgetattr(sys.stdin)
+    done = threading.Event()
+
+    def listen() -> None:
+        while not done.is_set():
+            if not nodes:
+                done.wait(0.05)
+            elif select.select([sys.stdin], [], [], 0.1)[0]:
+                for key in _KEY.findall(os.read(sys.stdin.fileno(), 1024).decode(errors="ignore")):
+                    nodes[0].key(key)
+
+    thread = threading.Thread(target=listen, daemon=True)
+    try:
+        tty.setcbreak(sys.stdin)
+        thread.start()
+        yield
+    finally:
+        done.set()
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+def _class(info: TopicInfo) -> Any:
+    try:
+        return messages.message_class(info.type)
+    except (ImportError, AttributeError, ValueError):
+        raise InputError(
+            f"topic {info.name}: type {info.type!r} is not installed here; leave it out with --topics"
+        ) from None
+
+
+def _qos(info: TopicInfo) -> QoSProfile:
+    """As recorded, the weakest of several publishers; reliable and volatile where nothing is known."""
+    latched = bool(info.qos) and all(one.durability == QosDurability.TRANSIENT_LOCAL for one in info.qos)
+    reliable = all(one.reliability != QosReliability.BEST_EFFORT for one in info.qos)
+    depth = (
+        max([_MIN_DEPTH, *(one.depth for one in info.qos)])
+        if not latched
+        else max([1, *(one.depth for one in info.qos)])
+    )
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=min(depth, 5000),
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )

@@ -1,0 +1,1 @@
+"""The trials table: rows from bags, CSV in and out, pictures of a trial."""

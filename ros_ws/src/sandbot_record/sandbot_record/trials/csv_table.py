@@ -1,0 +1,156 @@
+"""A trials table as CSV: this project's own, or one from anywhere that has the three required columns."""
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from sandbot_common import files
+from sandbot_common.errors import InputError
+from sandbot_record.trials.table import COLUMNS, OK, REQUIRED, TEXTS, Row, Trials, check_ids, from_rows
+
+_BOUNDS = {
+    "phi": (0.0, 1.0, "a volume fraction between 0 and 1, both excluded"),
+    "omega_rad_s": (0.0, 1000.0, "a leg frequency above 0 rad/s"),
+    "speed_m_s": (-10.0, 10.0, "a speed in m/s"),
+    "peak_speed_m_s": (-10.0, 10.0, "a speed in m/s"),
+    "lift_m": (-1.0, 1.0, "a length in m"),
+    "first_step_m": (-10.0, 10.0, "a length in m"),
+}
+_NOT_NEGATIVE = ("phi_sd", "speed_sd_m_s")
+_OTHER_UNITS = {
+    "speed_cm_s": "speed_m_s (values divided by 100)",
+    "speed_mm_s": "speed_m_s (values divided by 1000)",
+    "v_cm_s": "speed_m_s (values divided by 100)",
+    "speed": "speed_m_s",
+    "omega": "omega_rad_s",
+    "omega_hz": "omega_rad_s (values times 2π)",
+    "frequency_hz": "omega_rad_s (values times 2π)",
+    "omega_rpm": "omega_rad_s (values times π/30)",
+    "phi_percent": "phi (values divided by 100)",
+    "volume_fraction": "phi",
+    "lift_mm": "lift_m (values divided by 1000)",
+    "lift_cm": "lift_m (values divided by 100)",
+    "first_step_cm": "first_step_m (values divided by 100)",
+    "first_step_mm": "first_step_m (values divided by 1000)",
+    "peak_speed_cm_s": "peak_speed_m_s (values divided by 100)",
+}
+
+
+def read_csv(path: Path) -> Trials:
+    """A trials table from a CSV file; only phi, omega_rad_s and speed_m_s are required. Raises InputError."""
+    return from_rows(csv_rows(path))
+
+
+def write_csv(trials: Trials, path: Path) -> None:
+    """Write the table, whole or not at all."""
+    files.write_text(path, to_csv(trials))
+
+
+def to_csv(trials: Trials) -> str:
+    """The table as CSV text; what was not measured is empty, numbers read back exactly."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows([_cell(getattr(row, name)) for name in COLUMNS] for row in trials.rows())
+    return text.getvalue()
+
+
+def csv_rows(path: Path) -> list[Row]:
+    """The rows of a CSV file. Raises InputError naming row, column and value of what can't be read."""
+    lines = _csv_lines(path)
+    header = [name.strip() for name in lines[0]] if lines else []
+    if not any(header):
+        raise InputError(f"{path}: empty; a header with {', '.join(REQUIRED)} and one row a trial are needed")
+    _check_header(path, header)
+    rows, numbers = [], []
+    for number, cells in enumerate(lines[1:], start=2):
+        if not any(cell.strip() for cell in cells):
+            continue
+        if len(cells) != len(header):
+            raise InputError(f"{path}: row {number}: {len(cells)} values for {len(header)} columns")
+        rows.append(_csv_row(f"{path}: row {number}", number, dict(zip(header, cells, strict=True))))
+        numbers.append(number)
+    if not rows:
+        raise InputError(f"{path}: no trials: nothing below the header")
+    check_ids(rows, [f"{path}: row {number}, column trial_id" for number in numbers])
+    return rows
+
+
+def _csv_lines(path: Path) -> list[list[str]]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        return list(csv.reader(io.StringIO(text, newline=""), strict=True))
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InputError(
+            f"{path}: not a text file; a trials CSV (UTF-8), a bag or a campaign folder is needed"
+        ) from None
+    except csv.Error as error:
+        raise InputError(f"{path}: not a CSV: {error}") from None
+
+
+def _check_header(path: Path, header: Sequence[str]) -> None:
+    repeated = [name for index, name in enumerate(header) if name and name in header[:index]]
+    if repeated:
+        raise InputError(f"{path}: row 1: column {repeated[0]} is there twice")
+    for name in REQUIRED:
+        if name not in header:
+            raise InputError(f"{path}: row 1: column {name} is missing{_hint(name, header)}")
+
+
+def _hint(name: str, header: Iterable[str]) -> str:
+    """What a foreign column should become, or what there is."""
+    for other in header:
+        if _OTHER_UNITS.get(other.lower(), "").split(" ")[0] == name:
+            return f"; {other} would have to become {_OTHER_UNITS[other.lower()]}"
+    if sum(cell.count(";") for cell in header) > 1:
+        return "; values must be separated by commas, not semicolons"
+    return f"; there are: {', '.join(filter(None, header))}"
+
+
+def _csv_row(where: str, number: int, cells: Mapping[str, str]) -> Row:
+    status = cells.get("status", "").strip() or OK
+    values: dict[str, Any] = {"trial_id": f"row{number}", "gait": "", "status": status}
+    for name in COLUMNS:
+        text = cells.get(name, "").strip()
+        if name in TEXTS:
+            values[name] = text or values[name]
+        else:
+            values[name] = _number(f"{where}, column {name}", name, text, required=name in REQUIRED and status == OK)
+    return Row(**values)
+
+
+def _number(where: str, name: str, text: str, *, required: bool) -> float:
+    if not text:
+        if required:
+            raise InputError(f"{where}: empty; a value is needed here (or a status other than ok)")
+        return math.nan
+    try:
+        value = float(text)
+    except ValueError:
+        comma = "; write decimals with a point" if "," in text else ""
+        raise InputError(f"{where}: {text!r} is not a number{comma}") from None
+    if not math.isfinite(value):
+        if required or math.isinf(value):
+            raise InputError(f"{where}: {text} is not a finite number; leave empty what was not measured")
+        return math.nan
+    low, high, right = _BOUNDS.get(name, (-math.inf, math.inf, ""))
+    if not low < value < high:
+        percent = "; divide percent by 100" if name == "phi" and 1 < value < 100 else ""
+        raise InputError(f"{where}: {text} is out of range: {right} is needed{percent}")
+    if name in _NOT_NEGATIVE and value < 0:
+        raise InputError(f"{where}: {text} is negative: a standard deviation is needed")
+    return value
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    if math.isnan(value):
+        return ""
+    # repr is the shortest text that reads back as the same number.
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)

@@ -1,0 +1,296 @@
+"""Bags to the trials table: one bag to one row; a campaign in parallel, with what was skipped and why.
+
+The rows of a campaign are cached in ``.table-cache.json`` beside its trials, by the content hash of each bag and the
+version of the row's recipe, so only new or changed bags are read again.
+"""
+
+import contextlib
+import hashlib
+import json
+import math
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sandbot_common import files, topics
+from sandbot_common.errors import InputError
+from sandbot_common.legs import leg_mount_rad
+from sandbot_record.bags import reader
+from sandbot_record.bags.reader import FIELD_STAMP, Bag
+from sandbot_record.trials.csv_table import read_csv, write_csv
+from sandbot_record.trials.table import OK, Floats, Row, Trials, from_rows
+from sandbot_tracking.trial import TrialSummary, summarise
+
+TRIALS_CSV = "trials.csv"
+CACHE = ".table-cache.json"
+RECIPE = "4"
+"""Part of the cache key: raise it when rows are made otherwise."""
+
+_POINT = ("point.x", "point.y", "point.z")
+_PARALLEL_FROM = 8
+"""Bags from which starting worker processes pays."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """The table of a campaign, and one line for each bag that gave no row."""
+
+    trials: Trials
+    skipped: tuple[str, ...]
+    cached: int
+
+
+def row_from_bag(path: Path) -> Row:
+    """The row of one trial's bag. Raises InputError if the bag is unreadable, unfinished or says nothing of a trial.
+
+    What could not be measured is NaN, and status says why.
+    """
+    bag = Bag.open(path)
+    if not bag.count:
+        raise InputError(f"{path}: empty bag, no messages")
+    plan = plan_of(bag)
+    row = Row(
+        trial_id=str(plan.get("trial_id") or path.stem),
+        phi=_last(bag, topics.BED_PHI.name),
+        phi_sd=_phi_sd(bag),
+        omega_rad_s=_float(plan.get("omega_rad_s")),
+        gait=_gait(plan.get("gait")),
+        replicate=_float(plan.get("replicate")),
+    )
+    exit_status = _exit_status(bag)
+    try:
+        summary = _summary(bag, plan)
+    except InputError as error:
+        return replace(row, status=str(error).removeprefix(f"{path}: "))
+    row = replace(
+        row,
+        speed_m_s=summary.speed_m_s,
+        speed_sd_m_s=summary.speed_sd_m_s,
+        lift_m=summary.lift_m,
+        peak_speed_m_s=summary.peak_speed_m_s,
+        first_step_m=summary.first_step_m,
+    )
+    return replace(row, status=_status(row, exit_status, summary.reason))
+
+
+def campaign(folder: Path, workers: int | None = None) -> Report:
+    """The table of a campaign folder, or of any folder of bags.
+
+    Bags are read (in ``workers`` processes, by default one a CPU); a folder that holds only trials.csv gives that.
+    """
+    bags = bags_in(folder)
+    if not bags:
+        if (folder / TRIALS_CSV).is_file():
+            return Report(read_csv(folder / TRIALS_CSV), (), 0)
+        raise InputError(f"{folder}: neither a campaign (trials/<trial_id>/ or {TRIALS_CSV}) nor a bag")
+    if _table_is_newer(folder, bags):
+        return Report(read_csv(folder / TRIALS_CSV), (), len(bags))
+    cache = _read_cache(folder)
+    hashes = {bag: content_hash(bag) for bag in bags}
+    todo = [bag for bag in bags if hashes[bag] not in cache]
+    made = dict(zip(todo, _rows(todo, workers), strict=True))
+    results = {bag: made[bag] if bag in made else Row(**cache[hashes[bag]]) for bag in bags}
+    rows = {bag: row for bag, row in results.items() if isinstance(row, Row)}
+    skipped = [str(error) for error in results.values() if isinstance(error, str)]
+    if not rows:
+        raise InputError(f"{folder}: none of {len(bags)} bags gives a row; the first: {skipped[0]}")
+    _check_ids(rows)
+    _write_cache(folder, {hashes[bag]: _jsonable(row) for bag, row in rows.items()})
+    return Report(from_rows(list(rows.values())), tuple(skipped), len(bags) - len(todo))
+
+
+def make(folder: Path, out: Path | None = None, workers: int | None = None) -> Path:
+    """Write the trials table of a campaign folder to its trials.csv (or ``out``) and return the path."""
+    path = out or folder / TRIALS_CSV
+    write_csv(campaign(folder, workers).trials, path)
+    return path
+
+
+def bags_in(folder: Path) -> list[Path]:
+    """The bags of a campaign (``trials/*``) or of any folder (``*``), by name; none if it does not exist."""
+    trials = folder / "trials"
+    inside = trials if trials.is_dir() else folder
+    if not inside.is_dir():
+        return []
+    return sorted(path for path in inside.iterdir() if not path.name.startswith(".") and reader.is_bag(path))
+
+
+def content_hash(bag: Path) -> str:
+    """Hash of the bag's files, as a cache key."""
+    digest = hashlib.blake2b(RECIPE.encode(), digest_size=16)
+    for file in sorted(bag.iterdir()) if bag.is_dir() else [bag]:
+        if file.is_file():
+            digest.update(f"\0{file.name}\0{file.stat().st_size}\0".encode())
+            with file.open("rb") as stream:
+                while block := stream.read(1 << 20):
+                    digest.update(block)
+    return digest.hexdigest()
+
+
+def _table_is_newer(folder: Path, bags: Sequence[Path]) -> bool:
+    """Whether trials.csv was written after every bag and has a row for each.
+
+    A hand-edited table wins this way, too: a trial may be given another status there.
+    """
+    table = folder / TRIALS_CSV
+    if not table.is_file():
+        return False
+    newest = max(file.stat().st_mtime_ns for bag in bags for file in ([bag] if bag.is_file() else bag.iterdir()))
+    if table.stat().st_mtime_ns < newest:
+        return False
+    return len(read_csv(table)) == len(bags)
+
+
+def _rows(bags: Sequence[Path], workers: int | None) -> list[Row | str]:
+    """A row or the reason why there is none, for each bag."""
+    workers = min(workers or os.cpu_count() or 1, len(bags))
+    if workers < 2 or len(bags) < _PARALLEL_FROM:
+        return [_row_or_reason(bag) for bag in bags]
+    with ProcessPoolExecutor(workers) as pool:
+        return list(pool.map(_row_or_reason, bags, chunksize=4))
+
+
+def _row_or_reason(bag: Path) -> Row | str:
+    try:
+        return row_from_bag(bag)
+    except InputError as error:
+        return str(error)
+
+
+def _exit_status(bag: Bag) -> str:
+    """How the trial ended; a bag that recovery could not bring back whole is for a person to judge."""
+    if bag.provenance.get("recovery", {}).get("lost", "nothing") != "nothing":
+        return "recovered, parts are lost"
+    return bag.provenance.get("trial", {}).get("exit_status", OK)
+
+
+def plan_of(bag: Bag) -> dict[str, Any]:
+    """What /trial says was run; else what the provenance record says. Raises InputError if neither says anything."""
+    texts = [message.decode().data for message in bag.messages([topics.TRIAL.name])]
+    texts += [bag.provenance.get("trial", {}).get("parameters", "")]
+    if not texts[0]:
+        raise InputError(f"{bag.path}: no message on {topics.TRIAL.name} and no trial metadata: which trial is it?")
+    try:
+        plan = json.loads(texts[0])
+    except json.JSONDecodeError as error:
+        raise InputError(f"{bag.path}: {topics.TRIAL.name}: not JSON: {error}") from None
+    if not isinstance(plan, dict):
+        raise InputError(f"{bag.path}: {topics.TRIAL.name}: expected a JSON object, got {plan!r}")
+    return plan
+
+
+def _summary(bag: Bag, plan: dict[str, Any]) -> TrialSummary:
+    zero_ns = start_ns(bag)
+    com, front, rear = _landmarks(bag)
+    frames = np.unique(np.concatenate([com[0], front[0], rear[0]]))
+    legs = bag.columns(topics.LEG_STATES.name, "position", *FIELD_STAMP)
+    leg_ns, first = np.unique(legs.stamp_ns, return_index=True)
+    return summarise(
+        (frames - zero_ns) * 1e-9,
+        _on(frames, *com, 0),
+        _on(frames, *front, 2),
+        _on(frames, *rear, 2),
+        (leg_ns - zero_ns) * 1e-9,
+        legs["position"][first],
+        leg_mount_rad=leg_mount_rad(plan, topics.TRIAL.name),
+    )
+
+
+def _landmarks(bag: Bag) -> list[tuple[Any, Floats]]:
+    """Stamps [ns] and positions (n, 3) [m; trackway frame] of com, front and rear axle."""
+    found = []
+    for topic in (topics.COM, topics.FRONT_AXLE, topics.REAR_AXLE):
+        columns = bag.columns(topic.name, *_POINT, *FIELD_STAMP)
+        found.append((columns.stamp_ns, np.column_stack([columns[name] for name in _POINT])))
+    return found
+
+
+def _on(frames: Any, stamps: Any, xyz: Floats, axis: int) -> Floats:
+    """One coordinate on the common frames, NaN where this landmark has none."""
+    values = np.full(len(frames), np.nan)
+    values[np.searchsorted(frames, stamps)] = xyz[:, axis]
+    return values
+
+
+def start_ns(bag: Bag) -> int:
+    """The LED's edge: when the legs started. Raises InputError if there is none."""
+    if topics.SYNC_LED.name not in bag.topics or not bag.topics[topics.SYNC_LED.name].count:
+        raise InputError(f"no {topics.SYNC_LED.name} edge, so the start is not known")
+    led = bag.columns(topics.SYNC_LED.name, "stamp.sec", "stamp.nanosec")
+    return int(led["stamp.sec"][0]) * 1_000_000_000 + int(led["stamp.nanosec"][0])
+
+
+def _last(bag: Bag, topic: str) -> float:
+    """The last value of a Float64 topic; NaN if there is none."""
+    if topic not in bag.topics or not bag.topics[topic].count:
+        return math.nan
+    return float(bag.columns(topic, "data")["data"][-1])
+
+
+def _phi_sd(bag: Bag) -> float:
+    """σ_φ of the last /bed/status that gives one."""
+    value = math.nan
+    for message in bag.messages([topics.BED_STATUS.name]):
+        for status in message.decode().status:
+            for pair in status.values:
+                if pair.key in ("phi_sd", "sigma_phi", "volume_fraction_sd"):
+                    value = _float(pair.value)
+    return value
+
+
+def _gait(value: object) -> str:
+    return str(value.get("name", "")) if isinstance(value, dict) else str(value or "")
+
+
+def _float(value: object) -> float:
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return math.nan
+
+
+def _status(row: Row, exit_status: str, reason: str) -> str:
+    if exit_status not in (OK, "", "completed"):
+        return exit_status
+    missing = [name for name in ("phi", "omega_rad_s", "speed_m_s") if not math.isfinite(getattr(row, name))]
+    return f"{', '.join(missing)} not measured{f': {reason}' if reason else ''}" if missing else OK
+
+
+def _check_ids(rows: dict[Path, Row]) -> None:
+    seen: dict[str, Path] = {}
+    for bag, row in rows.items():
+        if row.trial_id in seen:
+            raise InputError(f"{bag}: trial id {row.trial_id!r} is that of {seen[row.trial_id].name} too")
+        seen[row.trial_id] = bag
+
+
+def _read_cache(folder: Path) -> dict[str, dict[str, Any]]:
+    """Rows by content hash; a cache that can't be read is no cache."""
+    try:
+        content = json.loads((folder / CACHE).read_text(encoding="utf-8"))
+        return {
+            key: asdict(Row(**{name: _from_json(value) for name, value in row.items()})) for key, row in content.items()
+        }
+    except (OSError, ValueError, TypeError, AttributeError):
+        return {}
+
+
+def _write_cache(folder: Path, rows: dict[str, dict[str, Any]]) -> None:
+    # A read-only campaign is read all the same, only not as fast the next time.
+    with contextlib.suppress(OSError):
+        files.write_text(folder / CACHE, json.dumps(rows))
+
+
+def _jsonable(row: Row) -> dict[str, Any]:
+    return {
+        name: None if isinstance(value, float) and math.isnan(value) else value for name, value in asdict(row).items()
+    }
+
+
+def _from_json(value: Any) -> Any:
+    return math.nan if value is None else value

@@ -1,0 +1,45 @@
+"""``read(DATA)`` is the one door by which analysis gets its data: a campaign folder, bags, or a CSV from anywhere."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from sandbot_common.errors import InputError
+from sandbot_record.bags.reader import is_bag
+from sandbot_record.trials.csv_table import csv_rows
+from sandbot_record.trials.from_bags import campaign, row_from_bag
+from sandbot_record.trials.table import OK, Row, Trials, check_ids, from_rows
+
+
+def read(data: Path | str | Sequence[Path | str]) -> Trials:
+    """The trials of DATA: a campaign folder, one or more bags, or CSV files (several are joined).
+
+    Raises InputError (one line: which file, row, column, value) if anything does not fit, if two trials share an id, or
+    if no trial is usable.
+    """
+    given = [data] if isinstance(data, Path | str) else list(data)
+    if not given:
+        raise InputError("no data given: a campaign folder, bags or a trials CSV is needed")
+    rows: list[Row] = []
+    for path in map(Path, given):
+        rows += _read_one(path)
+    where = ", ".join(str(path) for path in given[:3]) + (" …" if len(given) > 3 else "")
+    check_ids(rows, [where] * len(rows))
+    table = from_rows(rows)
+    if not table.usable.any():
+        raise InputError(f"{where}: no usable trial among {len(rows)}: {_why_unusable(rows)}")
+    return table
+
+
+def _read_one(path: Path) -> list[Row]:
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    if path.is_file() and not is_bag(path):
+        return csv_rows(path)
+    if is_bag(path):
+        return [row_from_bag(path)]
+    return campaign(path).trials.rows()
+
+
+def _why_unusable(rows: Sequence[Row]) -> str:
+    row = next((row for row in rows if row.status != OK), rows[0] if rows else None)
+    return f"{row.trial_id} has status {row.status!r}" if row else "the table is empty"

@@ -1,0 +1,100 @@
+"""The trials table: one row a trial, SI units in the names; not measured is NaN."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_common.errors import InputError
+
+Floats = NDArray[np.float64]
+OK = "ok"
+REQUIRED = ("phi", "omega_rad_s", "speed_m_s")
+TEXTS = ("trial_id", "gait", "status")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One trial."""
+
+    trial_id: str = ""
+    phi: float = math.nan
+    phi_sd: float = math.nan
+    omega_rad_s: float = math.nan
+    gait: str = ""
+    replicate: float = math.nan
+    speed_m_s: float = math.nan
+    speed_sd_m_s: float = math.nan
+    lift_m: float = math.nan
+    peak_speed_m_s: float = math.nan
+    first_step_m: float = math.nan
+    status: str = OK
+
+
+COLUMNS = tuple(field.name for field in fields(Row))
+
+
+@dataclass(frozen=True)
+class Trials:
+    """The table as arrays of shape (n,): text columns hold str, all others float64 (NaN: not measured).
+
+    Every row is kept; ``usable`` is True where status is ok and the three required values are there.
+    """
+
+    trial_id: NDArray[Any]
+    phi: Floats
+    phi_sd: Floats
+    omega_rad_s: Floats
+    gait: NDArray[Any]
+    replicate: Floats
+    speed_m_s: Floats
+    speed_sd_m_s: Floats
+    lift_m: Floats
+    peak_speed_m_s: Floats
+    first_step_m: Floats
+    status: NDArray[Any]
+
+    def __len__(self) -> int:
+        return len(self.trial_id)
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Rows analysis may use."""
+        finite = np.isfinite([getattr(self, name) for name in REQUIRED]).all(axis=0)
+        good: NDArray[np.bool_] = finite & (self.status == OK)
+        return good
+
+    @property
+    def excluded(self) -> int:
+        """Rows analysis may not use."""
+        return int((~self.usable).sum())
+
+    def rows(self) -> list[Row]:
+        """The table row by row."""
+        columns = [getattr(self, name).tolist() for name in COLUMNS]
+        return [Row(*values) for values in zip(*columns, strict=True)]
+
+    def select(self, which: NDArray[Any]) -> "Trials":
+        """The rows a mask or index array picks."""
+        return Trials(**{name: getattr(self, name)[which] for name in COLUMNS})
+
+
+def from_rows(rows: Sequence[Row]) -> Trials:
+    """The table of some rows."""
+    columns: dict[str, Any] = {
+        name: np.array([getattr(row, name) for row in rows], dtype=np.str_ if name in TEXTS else np.float64)
+        for name in COLUMNS
+    }
+    return Trials(**columns)
+
+
+def check_ids(rows: Sequence[Row], where: Sequence[str]) -> None:
+    """Refuse two rows of one id; ``where`` says of each row where it stands. Raises InputError."""
+    seen: set[str] = set()
+    for row, place in zip(rows, where, strict=True):
+        if row.trial_id in seen:
+            raise InputError(f"{place}: trial id {row.trial_id!r} is there twice; each trial needs its own")
+        seen.add(row.trial_id)

@@ -1,0 +1,124 @@
+"""Penetrometer readings: reading the file, what they do to a fit, and what they show that trials can't."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sandbot_common.errors import InputError
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.data.penetrometer import D_R, Readings, at_levels, read_readings
+from sandbot_model.discovery.verdict import passes
+from sandbot_model.fitting.fit import fit
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+
+EFFECTS = catalogue()
+PHI = np.repeat(np.linspace(0.58, 0.633, 5), 4)
+DEPTH = np.tile([0.015, 0.025, 0.035, 0.044], 5)
+K = np.interp(PHI, [0.58, 0.6, 0.633], [170.0, 205.0, 220.0])
+
+
+def readings(force, seed=0, sd=0.01):
+    rng = np.random.default_rng(seed)
+    return Readings(PHI, DEPTH, force * (1 + sd * rng.normal(size=len(force))), sd * force)
+
+
+def fitted(trials, table, effects=()):
+    return fit(model_of("simple", effects, EFFECTS), cells_of(trials, table))
+
+
+def test_readings_that_agree_leave_the_model_as_it_was(drawn):
+    trials = drawn(seed=3)
+    alone, both = fit(model_of("simple", (), EFFECTS), cells_of(trials)), fitted(trials, readings(K * DEPTH))
+    assert passes(both)
+    assert both.lack_of_fit["penetration"] > 1e-3
+    assert np.abs(both.k_n_per_m - alone.k_n_per_m).max() < 2.0
+    assert (both.k_stderr_n_per_m < alone.k_stderr_n_per_m).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "force", "truth"),
+    [
+        ("cohesion", K * DEPTH + 2 * 300 * 0.012 * 0.0355, 300.0),
+        ("depth_nonlinearity", K * D_R * (DEPTH / D_R) ** 1.2, 1.2),
+    ],
+)
+def test_readings_show_the_law_of_force_that_trials_hide(drawn, name, force, truth):
+    trials = drawn((name,), seed=4, values={"cohesion": {"c_pa": 300.0}, "depth_nonlinearity": {"n": 1.2}})
+    assert passes(fit(model_of("simple", (), EFFECTS), cells_of(trials)))
+    assert not passes(fitted(trials, readings(force)))
+    found = fitted(trials, readings(force), (name,))
+    assert passes(found)
+    (value, stderr) = next(one for key, one in found.parameters.items() if key.startswith(name))
+    assert abs(value - truth) < 4 * stderr
+
+
+def test_the_slope_of_the_readings_is_that_of_their_difference(drawn):
+    state = fitted(drawn(seed=5), readings(K * DEPTH), ("cohesion",))
+    problem, at = state.problem, state.state
+    slopes = problem.pressed_jacobian(at)[0]
+    for index in range(at.theta.shape[1]):
+        theta = at.theta.copy()
+        theta[0, index] += (step := 1e-4 * max(abs(theta[0, index]), 1e-3))
+        change = (at.pressed - problem.pressed(theta, at.ln_k, at.slope))[0] / step
+        assert slopes[:, index] == pytest.approx(change, rel=1e-3, abs=1e-6)
+    for level in range(at.ln_k.shape[1]):
+        ln_k = at.ln_k.copy()
+        ln_k[0, level] += 1e-5
+        change = (at.pressed - problem.pressed(at.theta, ln_k, at.slope))[0] / 1e-5
+        assert slopes[:, at.theta.shape[1] + level] == pytest.approx(change, rel=1e-3, abs=1e-4)
+
+
+def test_a_file_of_forces_and_one_of_stiffness_say_the_same(tmp_path):
+    forces, stiffness = tmp_path / "forces.csv", tmp_path / "k.csv"
+    forces.write_text(f"phi,depth_m,force_n,force_sd_n\n0.6,{D_R},7.8,0.1\n")
+    stiffness.write_text("phi, k_n_per_m, k_sd_n_per_m\n0.6, 200, 2.5641\n")
+    one, other = read_readings(forces), read_readings(stiffness)
+    assert one.force_n == pytest.approx(other.force_n)
+    assert one.force_sd_n == pytest.approx(other.force_sd_n, rel=1e-4)
+    assert one.depth_m == pytest.approx(other.depth_m)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "columns"),
+        ("phi,depth_m,force_n\n", "columns"),
+        ("phi,force_n\n0.6,3\n", "columns"),
+        ("phi,depth_m,force_n\n0.6,0.03,x\n", "row 2, force_n"),
+        ("phi,depth_m,force_n\n0.6,0.03,nan\n", "row 2, force_n"),
+        ("phi,depth_m,force_n\n6,0.03,5\n", "row 2, phi"),
+        ("phi,depth_m,force_n\n0.6,3,5\n", "row 2, depth_m"),
+        ("phi,depth_m,force_n,force_sd_n\n0.6,0.03,5,0\n", "row 2, force_sd_n"),
+        ("phi,depth_m,force_n\n0.6,0.03\n", "row 2, force_n"),
+    ],
+)
+def test_a_bad_file_is_one_line(tmp_path, text, message):
+    path = tmp_path / "readings.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message) as caught:
+        read_readings(path)
+    assert "\n" not in str(caught.value)
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_give_readings_or_one_line(tmp_path_factory, content):
+    path = tmp_path_factory.mktemp("readings") / "readings.csv"
+    path.write_bytes(content)
+    try:
+        found = read_readings(path)
+    except InputError as error:
+        message = str(error)
+    else:
+        message = ""
+        assert np.isfinite(found.force_n).all()
+    assert "\n" not in message
+
+
+def test_readings_elsewhere_are_refused_and_strays_left_out():
+    levels = np.array([0.59, 0.61])
+    table = Readings(*(np.array(column) for column in ([0.591, 0.63], [0.02, 0.02], [4.0, 4.0], [0.1, 0.1])))
+    assert len(at_levels(table, levels)) == 1
+    with pytest.raises(InputError, match=r"0\.591-0\.630"):
+        at_levels(table, np.array([0.55]))

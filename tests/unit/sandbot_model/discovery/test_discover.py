@@ -1,0 +1,202 @@
+import dataclasses
+import json
+import re
+
+import numpy as np
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.verdict import judge
+from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.parallel import workers
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+from sandbot_model.tools import compare as compare_tool
+from sandbot_model.tools import discover as discover_tool
+from sandbot_model.tools import effects as effects_tool
+from sandbot_record.trials.csv_table import write_csv
+
+FEW = {
+    name: effect
+    for name, effect in catalogue().items()
+    if name in ("stance_overlap", "swimming_thrust", "leg_slip", "cable_drag")
+}
+
+
+def test_nothing_missing_is_adequate(drawn):
+    found = discover(cells_of(drawn(seed=5)), FEW, max_effects=1)
+    assert found.verdict.status == "adequate"
+    assert found.verdict.effects == ()
+    assert len(found.steps) == 1
+    assert found.next_trials == ()
+
+
+def test_a_planted_effect_is_identified_and_the_file_says_so(drawn):
+    found = discover(cells_of(drawn(("stance_overlap",), seed=6)), FEW, max_effects=2)
+    assert found.verdict.status == "identified"
+    assert found.verdict.effects == ("stance_overlap",)
+    assert found.candidates[0].effect == "stance_overlap"
+    assert found.candidates[0].delta_bic < -10
+    content = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    assert content["schema"] == "sandbot.discovery/1"
+    assert set(content) >= {"data", "noise_floor_m_s", "steps", "candidates", "verdict", "next_trials"}
+    assert [step["effects"] for step in content["steps"]] == [[], ["stance_overlap"]]
+    assert set(content["steps"][0]) >= {"rmse_m_s", "cv_rmse_m_s", "lack_of_fit_p", "parameters", "fails"}
+    assert content["verdict"]["status"] == "identified"
+    assert content["data"] | {"excluded_trials": 0} == {
+        "trials": 105,
+        "excluded_trials": 0,
+        "cells": 35,
+        "replicated_cells": 35,
+        "observables": ["speed", "lift", "peak_speed", "first_step"],
+    }
+
+
+def test_a_set_left_out_for_a_parameter_at_its_bound_is_named(drawn):
+    cells = cells_of(drawn(("stance_overlap",), seed=6))
+    sets = ((), ("stance_overlap",), ("leg_slip",), ("swimming_thrust",))
+    fits = {names: fit(model_of("simple", names, FEW), cells) for names in sets}
+    second = judge(fits).because
+    assert "the next best, leg_slip, has ΔBIC" in second
+    assert "at or beyond its bound" not in second
+    fits[("leg_slip",)] = dataclasses.replace(fits[("leg_slip",)], at_bounds=("leg_slip.sigma",))
+    third = judge(fits).because
+    assert "the next best, swimming_thrust, has ΔBIC" in third
+    assert re.search(r"\(leg_slip \d+, but with leg_slip.sigma at or beyond its bound\)", third)
+
+
+def test_twins_are_ambiguous(drawn):
+    found = discover(cells_of(drawn(("leg_slip",), seed=7)), FEW, max_effects=1)
+    assert found.verdict.status == "ambiguous"
+    assert {("leg_slip",), ("cable_drag",)} <= set(found.verdict.alternatives)
+    assert "another kind is needed" in found.verdict.because
+
+
+def test_what_is_not_in_the_catalogue_is_unexplained(drawn):
+    only = {"swimming_thrust": FEW["swimming_thrust"]}
+    found = discover(cells_of(drawn(("stance_overlap",), seed=8)), only, max_effects=1)
+    assert found.verdict.status == "unexplained"
+    assert "rad/s" in found.verdict.because
+
+
+def test_without_replicates_nothing_is_claimed(drawn):
+    found = discover(cells_of(drawn(("stance_overlap",), replicates=1)), FEW, max_effects=1)
+    assert found.verdict.status == "unexplained"
+    assert "replicates" in found.verdict.because
+
+
+def test_workers_change_nothing(drawn):
+    cells = cells_of(drawn(("stance_overlap",), seed=6, levels=3))
+    alone = discover(cells, FEW, max_effects=1)
+    with workers(2) as fit_all:
+        together = discover(cells, FEW, max_effects=1, fit_all=fit_all)
+    assert alone.to_json() == together.to_json()
+
+
+@pytest.fixture
+def table(tmp_path, drawn):
+    path = tmp_path / "trials.csv"
+    write_csv(drawn(("stance_overlap",), seed=6, levels=4), path)
+    return path
+
+
+def test_compare_on_the_command_line(table, tmp_path, capsys):
+    out = tmp_path / "out.json"
+    assert compare_tool.main([str(table), "--effects", "stance_overlap", "--json", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "cm/s" in printed
+    assert "noise floor" in printed
+    assert "geometry lock" in printed
+    steps = json.loads(out.read_text())["steps"]
+    assert steps[1]["rmse_m_s"] < steps[0]["rmse_m_s"]
+
+
+OWN = """
+from sandbot_model.physics.effect import Effect, Parameter
+
+
+class Hardening(Effect):
+    identifier = "hardening"
+    stage = "strength"
+    formula = "k -> k (1 + a omega)"
+    source = "test"
+    seen_in = "v"
+    parameters = (Parameter("a", "s", 0.0, 0.05, 0.01, "gain"),)
+
+    def apply(self, chain, p):
+        chain.k = chain.k * (1 + p["a"] * chain.omega)
+"""
+
+
+def test_discover_on_the_command_line(table, tmp_path, capsys):
+    """With a formula and a file of one's own, in two processes."""
+    out, own = tmp_path / "out.json", tmp_path / "own.py"
+    own.write_text(OWN)
+    arguments = [str(table), "--max-effects", "1", "--workers", "2", "--json", str(out)]
+    arguments += ["--html", str(tmp_path / "r.html"), "--effects-from", str(own)]
+    arguments += ["--effect", "loss: speed: kept*(1 - a*omega/20); a [1] in 0..0.3"]
+    assert discover_tool.main(arguments) == 0
+    assert "verdict:" in capsys.readouterr().out
+    content = json.loads(out.read_text())
+    assert {"loss", "hardening"} <= {one["effect"] for one in content["candidates"]}
+    assert (tmp_path / "r.html").stat().st_size > 1000
+
+
+def test_the_catalogue_on_the_command_line(tmp_path, capsys):
+    out = tmp_path / "effects.json"
+    assert effects_tool.main(["--json", str(out)]) == 0
+    assert "disturbed_ground" in capsys.readouterr().out
+    assert len(json.loads(out.read_text())["effects"]) == 23
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--effects", "overlap"], "not in the catalogue"),
+        (["--model", "best"], "invalid choice"),
+        (["--effects-from", "none.py"], "no such file"),
+    ],
+)
+def test_bad_arguments_are_one_line_and_exit_2(table, tmp_path, capsys, arguments, message):
+    out = tmp_path / "out.json"
+    assert compare_tool.main([str(table), *arguments, "--json", str(out)]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
+def test_bad_data_is_one_line_and_exit_2(tmp_path, capsys):
+    path = tmp_path / "bad.csv"
+    path.write_text("phi,omega_rad_s\n0.6,8\n")
+    assert discover_tool.main([str(path)]) == 2
+    assert "speed_m_s" in capsys.readouterr().err
+
+
+def test_next_trials_split_what_is_left(drawn):
+    """With speed alone, overlap and swimming thrust aside, slip is a puzzle that the peak speed would solve."""
+    from sandbot_model.discovery.compare import compare
+    from sandbot_model.discovery.next_trials import next_trials
+
+    cells = cells_of(drawn(("stance_overlap",), seed=6))
+    one, other = (compare(cells, catalogue(), [name])[-1] for name in ("stance_overlap", "leg_slip"))
+    trials = next_trials([one, other])
+    assert len(trials) >= 3
+    assert trials[0].expected_gap_sd >= trials[-1].expected_gap_sd > 0
+    assert trials[0].separates == ("stance_overlap", "leg_slip")
+    assert np.isfinite([trial.expected_gap_sd for trial in trials]).all()
+    assert all(trial.replicates >= 2 for trial in trials)
+
+
+def test_says_at_which_stage_it_fails(drawn):
+    from sandbot_model.fitting.diagnose import stage_tests
+
+    def failing(effects, values=None):
+        base = fit(model_of("simple", (), {}), cells_of(drawn(effects, seed=9, values=values)))
+        return {one.stage for one in stage_tests(base) if one.p < 1e-4}
+
+    assert failing(()) == set()
+    assert "speed" in failing(("stance_overlap",), {"stance_overlap": {"eta": 0.2}})
+    assert "memory" in failing(("crater_refill",), {"crater_refill": {"z_0_m": 0.006, "tau_s": 0.3}})
+    assert "clock" in failing(("slow_phase_speed",), {"slow_phase_speed": {"rho": 0.8}})

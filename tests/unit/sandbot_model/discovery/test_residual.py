@@ -1,0 +1,186 @@
+"""What is left where nothing of the catalogue fits: planted → described, at its stage; not planted → not."""
+
+import numpy as np
+import pytest
+
+from sandbot_model.data.conditions import cells_of, noise_floor
+from sandbot_model.discovery.compare import compare
+from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.residual import _guesses, _score, _tried, describe_residual
+from sandbot_model.discovery.term_library import LEVERS, terms
+from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.parallel import workers
+from sandbot_model.physics.chain import Chain
+from sandbot_model.physics.effects import CATALOGUE
+from sandbot_model.physics.formula import formula_effect
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.walking import Inputs, Walker
+
+EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
+
+
+def base_fit(trials):
+    return fit(model_of("simple", (), EFFECTS), cells_of(trials))
+
+
+PLANTED = [
+    (
+        "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.1..0.3",
+        ("speed", "the speed at every moment of a step", "above ω = 14 rad/s"),
+    ),
+    (
+        "hidden: speed: kept *= 1 - a*R*omega**2/g; a [1] in 0.03..0.06",
+        ("speed", "the advance in a step, not its peak speed,", "Rω²/g"),
+    ),
+    (
+        "hidden: step: peak_ratio *= 1 - a*maximum(0.633 - phi, 0); a [1] in 2..4",
+        ("speed", "the peak of v_x(t), not its mean,", "below φ = 0.63"),
+    ),
+    (
+        "hidden: strength: k *= 1 + a*first; a [1] in 0.1..0.2",
+        ("strength", "in the first step the stiffness of the ground", "everywhere"),
+    ),
+    (
+        "hidden: strength: k *= 1 - a*where(omega > 10, 1, 0); a [1] in 0.05..0.1",
+        ("strength", "the stiffness of the ground", "above ω = 10 rad/s"),
+    ),
+    (
+        "hidden: clock: omega *= 1 - a*exp(-((omega - 16)/3)**2); a [1] in 0.1..0.2",
+        ("clock", "the leg frequency", "in a band about ω = 16 rad/s"),
+    ),
+]
+
+
+@pytest.mark.parametrize(("formula", "said"), PLANTED)
+def test_what_is_planted_is_described_at_its_stage_and_repaired(drawn, formula, said):
+    trials = drawn(seed=3, formulas=[formula])
+    cells = cells_of(trials)
+    found = describe_residual(base_fit(trials), EFFECTS)
+    stage, lever, where = said
+    assert found.stage == stage
+    assert found.sentence.startswith(lever)
+    assert where in found.sentence
+    # What is offered is what was fitted: added as a user would add it, it repairs the model as it says.
+    base, better = compare(cells, {**EFFECTS, "residual": formula_effect(found.formula)}, ["residual"])
+    assert found.deviance[0] == pytest.approx(base.deviance, rel=1e-3)
+    assert better.deviance == pytest.approx(found.deviance[1], rel=0.03)
+    assert better.lack_of_fit_p > 5e-3
+    assert better.cv_rmse_m_s < 1.1 * noise_floor(cells)["speed"]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_described_where_nothing_is_missing(drawn, seed):
+    assert describe_residual(base_fit(drawn(seed=seed)), EFFECTS) is None
+
+
+def test_what_the_fitted_stiffness_absorbs_is_not_described(drawn):
+    formula = "hidden: strength: k *= 1 + a*(phi - 0.6); a [1] in 1..3"
+    assert describe_residual(base_fit(drawn(seed=1, formulas=[formula])), EFFECTS) is None
+
+
+def test_a_second_term_on_the_same_lever(drawn):
+    formula = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0) + 10*a*(phi - 0.6); a [1] in 0.1..0.3"
+    found = describe_residual(base_fit(drawn(seed=3, formulas=[formula])), EFFECTS)
+    assert len(found.terms) == 2
+    assert found.terms[0][0] == "above ω = 14 rad/s"
+    assert "φ" in found.terms[1][0]
+    assert found.lack_of_fit_p > 5e-3
+
+
+def test_it_stands_on_top_of_an_effect_of_the_catalogue(drawn):
+    formula = "hidden: step: peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.1..0.2"
+    trials = drawn(("stance_overlap",), seed=4, formulas=[formula], values={"stance_overlap": {"eta": 0.15}})
+    found = discover(cells_of(trials), {"stance_overlap": EFFECTS["stance_overlap"]}, max_effects=1)
+    assert found.verdict.status == "unexplained"
+    assert found.residual.effects == ("stance_overlap",)
+    assert found.residual.sentence.startswith("on top of stance_overlap, the peak of v_x(t)")
+    assert found.residual.options.endswith("--effects stance_overlap,residual")
+    assert found.to_json()["residual"]["effects"] == ["stance_overlap"]
+
+
+def test_an_effect_is_found_beside_what_hides_it(drawn):
+    """By itself motor saturation looks far better than the overlap that is there."""
+    formula = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.3..0.5"
+    trials = drawn(("stance_overlap",), seed=4, formulas=[formula], values={"stance_overlap": {"eta": 0.1}})
+    few = {name: EFFECTS[name] for name in ("stance_overlap", "leg_slip", "motor_saturation", "inertial_drag")}
+    found = discover(cells_of(trials), few, max_effects=1)
+    assert found.verdict.status == "unexplained"
+    assert found.residual.effects == ("stance_overlap",)
+    assert "above ω = 14 rad/s" in found.residual.sentence
+    assert found.residual.enough
+
+
+def test_a_users_effect_of_the_same_name_is_left_alone_and_workers_change_nothing(drawn):
+    formulas = [PLANTED[0][0], "more: step: peak_ratio *= 1 - a*maximum(0.633 - phi, 0); a [1] in 2..4"]
+    cells = cells_of(drawn(seed=3, formulas=formulas))
+    base = fit(model_of("simple", (), EFFECTS), cells)
+    first = formula_effect(describe_residual(base, EFFECTS).formula)
+    known = {**EFFECTS, "residual": first}
+    better = fit(model_of("simple", ("residual",), known), cells, base.known)
+    left = describe_residual(better, known)
+    assert (left.name, left.effects) == ("residual_2", ("residual",))
+    assert left.options.endswith("--effects residual,residual_2")
+    assert left.sentence.startswith("on top of residual, ")
+    assert left.lack_of_fit_p > 5e-3
+    with workers(2) as fit_all:
+        assert describe_residual(better, known, fit_all) == left
+
+
+def test_without_replicates_nothing_is_described(drawn):
+    found = discover(cells_of(drawn(seed=3, replicates=1, formulas=[PLANTED[0][0]])), EFFECTS, max_effects=0)
+    assert found.verdict.status == "unexplained"
+    assert found.residual is None
+
+
+def test_the_score_foretells_what_the_fit_gains(drawn):
+    """A small effect: the first order is all there is."""
+    formula = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.01..0.03"
+    base = base_fit(drawn(seed=5, formulas=[formula]))
+    guesses = _guesses(base, "residual", terms(base), None)
+    assert guesses
+    tried = _tried(base, guesses, EFFECTS, map, lambda _done, _total: None)
+    gains = np.array([base.deviance - one.fit.deviance for one in tried])
+    expected = np.array([one.guess.gain for one in tried])
+    np.testing.assert_allclose(gains, expected, rtol=0.25)
+    assert tried[gains.argmax()].guess.terms == tried[expected.argmax()].guess.terms
+    assert [one.score for one in tried] == sorted(_score(one.fit, one.guess) for one in tried)
+
+
+def test_every_term_says_in_a_formula_what_its_values_are(drawn):
+    base = base_fit(drawn(seed=0))
+    cells, robot = base.cells, base.fitted.robot
+    phi = cells.level_phi[cells.level]
+    depth = np.nan_to_num(base.predict(phi, cells.omega).depth_m, nan=robot.deepest_m)
+    inputs = Inputs(1.0, cells.omega, base.parameters["delta_t_s"].value, phi)
+    for term in terms(base):
+        chain = Walker().chain(inputs, (), depth[:, None], first_step=False)
+        formula_effect(f"t: strength: k = {term.times('c')}; c [1] in 0..3").apply(chain, {"c": np.array(1.0)})
+        np.testing.assert_allclose(np.broadcast_to(chain.k, (len(cells), 1))[:, 0], term.values, atol=1e-9)
+
+
+@pytest.mark.parametrize("lever", LEVERS, ids=lambda one: one.words)
+def test_every_lever_moves_what_it_says(lever):
+    effect = formula_effect(f"t: {lever.stage}: {lever.assignment('c')}; c [1] in 0..0.3")
+    assert effect.first_step_differs == lever.first
+
+    def seen(c):
+        found = Walker((effect,)).predict(Inputs(200.0, 10.0, 0.4, 0.61), [{"c": c}])
+        swims = Walker((effect,)).predict(Inputs(100.0, 10.0, 0.4, 0.61), [{"c": c}])
+        return np.array([*found.observables, swims.speed_m_s])
+
+    changed = np.abs(seen(0.1) / seen(0.0) - 1) > 1e-6
+    moved = {
+        "omega *=": "1111?", "v_swim *=": "00001", "k *=": "11010", "extra_force +=": "1101?",
+        "kept, peak_ratio *=": "10110", "peak_ratio *=": "00100", "kept *=": "10010",
+    }[lever.formula.split("=")[0] + "="]  # fmt: skip
+    moved = moved if not lever.first else "00010"
+    assert all(one == "?" or bool(int(one)) == bool(there) for one, there in zip(moved, changed, strict=True)), changed
+
+
+def test_a_formula_may_tell_the_first_step():
+    boost = Walker((formula_effect("boost: strength: k *= 1 + a*first; a [1] in 0..0.4"),))
+    found = boost.predict(Inputs(200.0, 8.0, 0.4), [{"a": 0.1}])
+    steady, virgin = (Walker().predict(Inputs(k, 8.0, 0.4)) for k in (200.0, 220.0))
+    assert float(found.speed_m_s) == pytest.approx(float(steady.speed_m_s))
+    assert float(found.first_step_m) == pytest.approx(float(virgin.first_step_m))
+    assert isinstance(boost.chain(Inputs(200.0, 8.0, 0.4), [{"a": 0.1}], np.array([0.02]), first_step=True), Chain)

@@ -1,0 +1,54 @@
+"""Bootstrap standard errors: near the Jacobian's where the model is right, refused where nothing can be drawn."""
+
+import numpy as np
+import pytest
+
+from sandbot_common.errors import InputError
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting.bootstrap import bootstrap
+from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.parallel import workers
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.walking import Inputs
+from sandbot_record.trials.table import Row, from_rows
+
+MODEL = model_of("simple", (), catalogue())
+
+
+def table(replicates):
+    rng = np.random.default_rng(3)
+    grid = np.meshgrid([0.60, 0.633], [4.0, 8.0, 12.0, 16.0, 20.0], range(replicates), indexing="ij")
+    phi, omega, _ = (one.ravel() for one in grid)
+    values = MODEL.walker.predict(Inputs(np.interp(phi, [0.6, 0.633], [205, 220]), omega, 0.4, phi), []).observables
+    values = values + rng.normal(0, 1, values.shape) * [0.005, 0.0003, 0.01, 0.002]
+    return from_rows(
+        [
+            Row(f"t{i}", float(phi[i]), 2e-4, float(omega[i]), "UNIFORM", 1.0, float(values[i, 0]), 0.001,
+                float(values[i, 1]), float(values[i, 2]), float(values[i, 3]), "ok")
+            for i in range(len(phi))
+        ]
+    )  # fmt: skip
+
+
+def test_it_agrees_with_the_jacobian_within_a_factor_of_two():
+    trials = table(5)
+    best = fit(MODEL, cells_of(trials))
+    drawn = bootstrap(trials, MODEL, 30, near=best.known, seed=1)
+    assert drawn["delta_t_s"] == pytest.approx(best.parameters["delta_t_s"].stderr, rel=1.0)
+    assert drawn["delta_t_s"] > 0.4 * best.parameters["delta_t_s"].stderr
+    assert drawn["k[1]"] == pytest.approx(best.k_stderr_n_per_m[1], rel=1.0)
+
+
+@pytest.mark.parametrize(("replicates", "draws", "message"), [(1, 10, "no condition has replicates"), (3, 1, "2 or")])
+def test_it_refuses_what_tells_no_spread(replicates, draws, message):
+    with pytest.raises(InputError, match=message):
+        bootstrap(table(replicates), MODEL, draws)
+
+
+def test_the_result_does_not_depend_on_who_fits():
+    trials = table(3)
+    alone = bootstrap(trials, MODEL, 5)
+    with workers(2) as fit_all:
+        assert bootstrap(trials, MODEL, 5, fit_all=fit_all) == alone
+    assert bootstrap(trials, MODEL, 5, seed=1) != alone

@@ -1,0 +1,132 @@
+import numpy as np
+import pytest
+
+from sandbot_common.errors import InputError
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.compare import compare, geometry_lock, to_json
+from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.global_minimum import slope_of
+from sandbot_model.fitting.levenberg_marquardt import full_jacobian
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.starts import profile
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+
+EFFECTS = catalogue()
+K = np.interp([0.58, 0.59325, 0.6065, 0.61975, 0.633], [0.58, 0.6, 0.633], [170.0, 205.0, 220.0])
+
+
+def test_recovers_what_was_planted(drawn):
+    found = fit(model_of("simple", (), EFFECTS), cells_of(drawn()))
+    delta_t, v_swim = found.parameters["delta_t_s"], found.parameters["v_swim_m_s"]
+    assert abs(delta_t.value - 0.4) < 4 * delta_t.stderr
+    assert abs(v_swim.value - 0.02) < 4 * v_swim.stderr
+    assert (np.abs(found.k_n_per_m - K) < 5 * found.k_stderr_n_per_m + 0.3).all()
+    assert found.lack_of_fit_p > 1e-3
+    assert not found.at_bounds
+    assert not found.implausible
+
+
+def test_standard_errors_cover_the_truth(drawn):
+    pulls = []
+    for seed in range(10):
+        found = fit(model_of("simple", (), EFFECTS), cells_of(drawn(seed=seed)))
+        pulls.append((found.parameters["delta_t_s"].value - 0.4) / found.parameters["delta_t_s"].stderr)
+    assert 0.4 < np.std(pulls) < 2.0
+
+
+def test_misses_what_it_lacks_and_says_where(drawn):
+    cells = cells_of(drawn(("stance_overlap",), values={"stance_overlap": {"eta": 0.2}}))
+    base, better = compare(cells, EFFECTS, ["stance_overlap"])
+    assert base.lack_of_fit_p < 1e-6
+    assert base.fails
+    assert {fail.observable for fail in base.fails} & {"speed", "lift"}
+    assert abs(base.fails[0].z) == max(abs(fail.z) for fail in base.fails)
+    assert better.lack_of_fit_p > 1e-3
+    assert better.rmse_m_s < base.rmse_m_s
+    assert better.cv_rmse_m_s < base.cv_rmse_m_s
+    assert better.parameters["stance_overlap.eta"].value == pytest.approx(0.2, abs=0.02)
+    assert np.nanmedian(geometry_lock(cells)) == pytest.approx(0.8, abs=0.03)
+    content = to_json((base, better))
+    assert [step["effects"] for step in content["steps"]] == [[], ["stance_overlap"]]
+
+
+def test_the_lock_holds_without_an_effect(drawn):
+    assert np.nanmedian(geometry_lock(cells_of(drawn()))) == pytest.approx(1.0, abs=0.03)
+
+
+def test_the_optimum_is_global(drawn):
+    """Against a dense scan of Δt with every k profiled on a fine grid."""
+    cells = cells_of(drawn(seed=2, levels=4))
+    model = model_of("simple", (), EFFECTS)
+    found = fit(model, cells)
+    problem = Problem(model, cells)
+    theta = np.stack([np.geomspace(0.05, 2.0, 120), np.full(120, found.parameters["v_swim_m_s"].value)], axis=-1)
+    slope = slope_of(cells.level_phi, found.k_n_per_m)
+    _, ln_k = profile(problem, theta, slope, found.k_n_per_m, np.geomspace(100, 500, 600))
+    slopes = np.array([slope_of(cells.level_phi, k) for k in np.exp(ln_k)])
+    assert found.deviance <= problem.states(theta, ln_k, slopes).deviance.min() + 1.0
+
+
+@pytest.mark.parametrize("effects", [(), ("disturbed_ground",), ("leg_slip", "exact_leg_arc"), ("motor_saturation",)])
+def test_derivatives_are_right(drawn, effects):
+    cells = cells_of(drawn(levels=3, omega=(6, 12)))
+    problem = Problem(model_of("simple", effects, EFFECTS), cells)
+    theta = np.array([[one.start for one in problem.model.parameters]])
+    ln_k = np.log([[190.0, 215.0, 235.0]])
+    slope = np.full((1, 3), 800.0)
+    state = problem.states(theta, ln_k, slope)
+    jacobian = full_jacobian(problem, state)[0]
+    for column in range(theta.shape[1] + 3):
+        sides = []
+        for sign in (1, -1):
+            t, k = theta.copy(), ln_k.copy()
+            target, index = (t, column) if column < theta.shape[1] else (k, column - theta.shape[1])
+            step = 1e-5 * max(abs(target[0, index]), 1e-3)
+            target[0, index] += sign * step
+            moved = problem.states(t, k, slope)
+            sides.append(np.einsum("cij,cj->ci", state.whiten[0], moved.predicted[0]) / (2 * step))
+        np.testing.assert_allclose(jacobian[:, column], (sides[0] - sides[1]).ravel(), rtol=2e-3, atol=2e-2)
+
+
+def test_speed_alone_is_enough(drawn):
+    trials = drawn()
+    nothing = np.full(len(trials), np.nan)
+    import dataclasses
+
+    trials = dataclasses.replace(trials, lift_m=nothing, peak_speed_m_s=nothing, first_step_m=nothing)
+    found = fit(model_of("simple", (), EFFECTS), cells_of(trials))
+    assert found.parameters["delta_t_s"].value == pytest.approx(0.4, abs=0.06)
+    assert list(found.lack_of_fit) == ["speed"]
+
+
+def test_without_replicates_nothing_is_tested(drawn):
+    found = fit(model_of("simple", (), EFFECTS), cells_of(drawn(replicates=1)))
+    assert np.isnan(found.lack_of_fit_p)
+    assert found.rmse_m_s < 0.02
+
+
+def test_predicts_between_cells(drawn):
+    found = fit(model_of("simple", (), EFFECTS), cells_of(drawn()))
+    seen = found.predict(np.array([0.59, 0.61])[:, None], np.array([6.0, 10.0, 14.0]))
+    assert seen.speed_m_s.shape == (2, 3)
+    assert np.isfinite(seen.speed_m_s).all()
+
+
+@pytest.mark.parametrize(
+    ("base", "names", "message"),
+    [
+        ("simpel", (), "not one of simple, full"),
+        ("simple", ("overlap",), "not in the catalogue"),
+        ("full", ("exact_leg_arc",), "part of the full model already"),
+        ("simple", ("leg_slip", "leg_slip"), "named twice"),
+    ],
+)
+def test_refuses_unknown_models(base, names, message):
+    with pytest.raises(InputError, match=message):
+        model_of(base, names, EFFECTS)
+
+
+def test_cost_does_not_grow_with_trials(drawn):
+    few, many = cells_of(drawn(replicates=2)), cells_of(drawn(replicates=20))
+    assert few.mean.shape == many.mean.shape

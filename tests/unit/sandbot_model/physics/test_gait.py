@@ -1,0 +1,45 @@
+import pytest
+
+from sandbot_bringup.plan import Plan
+from sandbot_clock.gait import PRESETS
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.physics.gait import GAITS, assumption, clock_signal, peak_is_resolved, slow_phase_ratio
+from sandbot_model.report.provenance import limits
+from sandbot_record.trials.table import Row, from_rows
+
+
+def cells_with(gait):
+    return cells_of(from_rows([Row(f"t{i}", 0.6, 1e-3, 8.0 + i, gait, 1, 0.1, speed_sd_m_s=1e-3) for i in range(3)]))
+
+
+def test_the_presets_are_the_clocks():
+    assert {name: (one.theta_s_rad, one.theta_0_rad, one.duty) for name, one in PRESETS.items()} == GAITS
+    assert slow_phase_ratio("SGCS") == pytest.approx(0.389, abs=5e-4)
+    assert slow_phase_ratio("HGCS") == pytest.approx(0.242, abs=5e-4)
+    assert slow_phase_ratio("UNIFORM") == 1.0
+    assert peak_is_resolved("UNIFORM", 30.0)
+    assert peak_is_resolved("SGCS", 16.0)
+    assert not peak_is_resolved("SGCS", 30.0)
+
+
+def test_a_custom_gait_of_a_plan_is_the_models_too():
+    hard = {"theta_s_rad": 0.85, "theta_0_rad": 0.13, "duty": 0.56}
+    plan = Plan("own", (0.6,), (8.0,), gait="CUSTOM", gait_parameters=hard)
+    assert plan.gait_name == "CUSTOM(0.85 0.13 0.56)"
+    assert Plan("ours", (0.6,), (8.0,), gait="HGCS").gait_name == "HGCS"
+    assert slow_phase_ratio(plan.gait_name) == slow_phase_ratio("HGCS")
+    assert peak_is_resolved(plan.gait_name, 30.0) == peak_is_resolved("HGCS", 30.0)
+    assert cells_with(plan.gait_name).slow_phase_ratio == pytest.approx(slow_phase_ratio("HGCS"))
+    assert assumption([plan.gait_name, "UNIFORM"]) == ""
+
+
+@pytest.mark.parametrize(
+    "gait",
+    ["", "CUSTOM", "trot", "CUSTOM(1 2)", "CUSTOM(a b c)", "CUSTOM(7 0 .5)", "CUSTOM(1 0 1)", "CUSTOM(nan 0 .5)"],
+)
+def test_a_gait_that_tells_nothing_is_taken_for_another_and_the_user_is_told(gait):
+    assert clock_signal(gait) is None
+    assert slow_phase_ratio(gait) == slow_phase_ratio("SGCS")
+    assert "the clock signal of SGCS is assumed" in assumption(["UNIFORM", gait])
+    assert any(repr(gait) in note or "not given" in note for note in limits(cells_with(gait)))
+    assert not any("assumed" in note for note in limits(cells_with("UNIFORM")))

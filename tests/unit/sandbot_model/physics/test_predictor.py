@@ -1,0 +1,77 @@
+import json
+
+import numpy as np
+import pytest
+
+from sandbot_common.errors import InputError
+from sandbot_model.physics.predictor import PredictorParameters, predictor_of
+from sandbot_model.physics.walking import Inputs, Walker
+
+PARAMETERS = PredictorParameters()
+
+
+def test_mean_speed_is_the_models():
+    found = predictor_of(PARAMETERS).mean_speed(0.633, 16.0)
+    assert found == pytest.approx(float(Walker().predict(Inputs(220.0, 16.0, 0.4)).speed_m_s))
+
+
+def test_instant_speed_over_half_a_period_makes_the_mean():
+    """UNIFORM: v_x(t) of one tripod's stance, averaged over half a period, is ωs/π."""
+    predictor = predictor_of(PARAMETERS)
+    omega, n = 12.0, 20001
+    theta = np.linspace(-np.pi / 2, np.pi / 2, n)
+    legs = np.stack([theta] * 3 + [theta + np.pi] * 3, axis=-1)
+    rates = np.full(6, omega)
+    v_x = [predictor.velocity(0.62, omega, "UNIFORM", angles, rates).v_x for angles in legs[::20]]
+    assert np.mean(v_x) == pytest.approx(predictor.mean_speed(0.62, omega, "UNIFORM"), rel=5e-3)
+    assert max(v_x) == pytest.approx(0.0355 * omega, rel=1e-6)
+    assert min(v_x) == 0.0
+
+
+def test_a_swimmer_keeps_its_speed():
+    predictor = predictor_of(PARAMETERS)
+    assert predictor.velocity(0.58, 24.0, "UNIFORM", np.zeros(6), np.full(6, 24.0)).v_x == 0.02
+
+
+def test_takes_the_last_step_of_a_result(tmp_path):
+    step = {
+        "effects": ["stance_overlap"],
+        "parameters": {
+            "delta_t_s": {"value": 0.4},
+            "v_swim_m_s": {"value": 0.02},
+            "stance_overlap.eta": {"value": 0.2},
+        },
+        "k_n_per_m": [{"phi": 0.6, "value": 205.0}, {"phi": 0.633, "value": 220.0}],
+    }
+    path = tmp_path / "result.json"
+    path.write_text(json.dumps({"model": "simple", "steps": [{"effects": []}, step]}))
+    found = predictor_of(PredictorParameters(result=str(path)))
+    assert found.mean_speed(0.633, 16.0) == pytest.approx(0.8 * predictor_of(PARAMETERS).mean_speed(0.633, 16.0))
+
+
+def test_effects_and_values_by_name():
+    found = predictor_of(PredictorParameters(effects="stance_overlap", values="stance_overlap.eta=0.2"))
+    assert found.mean_speed(0.633, 16.0) == pytest.approx(0.8 * predictor_of(PARAMETERS).mean_speed(0.633, 16.0))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"effects": "overlap"}, "not in the catalogue"),
+        ({"values": "stance_overlap.eta=0.2"}, "no parameter of this model"),
+        ({"effects": "stance_overlap", "values": "stance_overlap.eta"}, "is not 'effect.parameter=number'"),
+        ({"phi": (0.6, 0.58), "k_n_per_m": (200.0, 210.0)}, "phi must rise"),
+        ({"phi": (0.58, 0.6)}, "as many values"),
+        ({"result": "none.json"}, "No such file"),
+    ],
+)
+def test_refuses_what_does_not_fit(given, message):
+    with pytest.raises(InputError, match=message):
+        predictor_of(PredictorParameters(**given))
+
+
+def test_refuses_a_file_that_is_no_result(tmp_path):
+    path = tmp_path / "result.json"
+    path.write_text("{}")
+    with pytest.raises(InputError, match="not a result"):
+        predictor_of(PredictorParameters(result=str(path)))

@@ -1,0 +1,258 @@
+"""The report: one file, nothing from the network, every number with its unit, honest about what it can't show."""
+
+import csv
+import io
+import json
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.compare import compare
+from sandbot_model.discovery.discover import Discovery
+from sandbot_model.discovery.next_trials import NextTrial
+from sandbot_model.discovery.verdict import Verdict
+from sandbot_model.physics.effects import CATALOGUE
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.walking import Inputs
+from sandbot_model.report import text, write_comparison, write_report
+from sandbot_model.report.content import cells_csv
+from sandbot_model.report.curves import steps
+from sandbot_model.report.page import for_script
+from sandbot_model.report.provenance import limits, provenance
+
+EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
+COLUMNS = ("speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m")
+
+
+def made_up_trials(phis=(0.60, 0.615, 0.633), replicates=2, omegas=(4, 10, 16, 22), columns=COLUMNS, seed=1):
+    """Trials of the base model with noise; columns not named are not measured."""
+    rng = np.random.default_rng(seed)
+    phi, omega, replicate = (a.ravel() for a in np.meshgrid(phis, omegas, range(replicates), indexing="ij"))
+    k = np.interp(phi, [0.58, 0.60, 0.633], [170, 185, 220])
+    walker = model_of("simple", (), EFFECTS).walker
+    values = walker.predict(Inputs(k, omega, 0.4, phi)).observables
+    values = values + rng.normal(0, 1, values.shape) * [0.005, 0.0004, 0.008, 0.002]
+    measured = {
+        name: column if name in columns else np.full(len(phi), np.nan)
+        for name, column in zip(COLUMNS, values.T, strict=True)
+    }
+    return SimpleNamespace(
+        trial_id=[f"trial_{i:03d}" for i in range(len(phi))], phi=phi + rng.normal(0, 2e-4, len(phi)),
+        omega_rad_s=omega.astype(float), gait=["UNIFORM"] * len(phi), replicate=replicate,
+        status=["ok"] * len(phi), **measured,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def trials():
+    return made_up_trials()
+
+
+@pytest.fixture(scope="module")
+def fits(trials):
+    return compare(cells_of(trials), EFFECTS, ["leg_slip"])
+
+
+@pytest.fixture(scope="module")
+def discovery(fits):
+    because = "made up for this test: <b>nothing</b> & no one"
+    return Discovery(
+        model="simple", cells=fits[0].cells, noise_floor_m_s=0.005, noise_floor={"speed": 0.005}, steps=fits,
+        candidates=(), verdict=Verdict("ambiguous", ("leg_slip",), (("leg_slip",), ("cable_drag",)), because),
+        next_trials=(NextTrial(0.633, 22.0, "first_step", ("leg_slip", "cable_drag"), 4.25, 2),),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory, discovery, trials):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    frames = [(b"\xff\xd8\xff\xe0 jpeg", "dorsal, t = 1.20 s"), (b"\x89PNG\r\n\x1a\n", "lateral")]
+    write_report(path, discovery, trials, title="Trial <run> & co", frames=frames, truth_line="leg_slip: agrees")
+    return path.read_text(encoding="utf-8")
+
+
+def without_plotly(page):
+    """The page without the library, which is large and has addresses in its comments."""
+    longest = max(re.findall(r"<script>(.*?)</script>", page, flags=re.DOTALL), key=len)
+    assert len(longest) > 1_000_000
+    return page.replace(longest, "")
+
+
+def figures_of(page):
+    return json.loads(re.search(r'<script type="application/json" id="figures">(.*?)</script>', page, re.DOTALL)[1])
+
+
+def table(page, heading):
+    section = page[page.index(f">{heading}</h2>") :]
+    return re.sub(r"\s+", " ", re.sub("<[^>]+>", " ", section[: section.index("</section>")]))
+
+
+def test_the_page_asks_nothing_of_any_network(page):
+    own = without_plotly(page)
+    assert not re.findall(r"(?:src|href)\s*=\s*[\"'](?!data:|#)", own)
+    assert "http://" not in own
+    assert "https://" not in own
+    assert "@import" not in own
+    assert "url(" not in own
+
+
+def test_verdict_stands_first_with_its_numbers(page, fits):
+    head = re.sub("<[^>]+>", " ", page[page.index("<header>") : page.index("</header>")])
+    assert "Ambiguous." in head
+    assert f"from {100 * fits[0].rmse_m_s:.2f} cm/s to {100 * fits[1].rmse_m_s:.2f} cm/s" in head
+    assert "noise floor is 0.50 cm/s" in head
+    assert "leg_slip: agrees" in head
+
+
+def test_what_the_user_wrote_can_not_become_markup(page):
+    assert "<title>Trial &lt;run&gt; &amp; co</title>" in page
+    assert "&lt;b&gt;nothing&lt;/b&gt; &amp; no one" in page
+    assert "<b>nothing" not in page
+    assert json.loads(for_script("</script><!--\u2028")) == "</script><!--\u2028"
+    assert "<" not in for_script("</script>")
+
+
+def test_every_figure_is_there_for_every_step_in_both_themes(page):
+    figures = figures_of(page)
+    names = {
+        "speed",
+        "ladder",
+        "lock",
+        "collapse",
+        "step",
+        "balance",
+        *(f"residuals-{n}" for n in ("speed", "lift", "peak_speed", "first_step")),
+    }
+    assert set(figures) == names
+    for name, themes in figures.items():
+        assert set(themes) == {"light", "dark"}
+        assert {len(specs) for specs in themes.values()} == ({1} if name == "lock" else {2})
+        assert f'id="plot-{name}" role="img" aria-labelledby="says-{name}"' in page
+        assert f'id="says-{name}"' in page
+
+
+def test_a_slider_goes_over_the_steps_and_each_figure_says_what_it_shows_in_each(page, fits):
+    own = without_plotly(page)
+    assert re.search(r'<input type="range" id="rung" min="0" max="1" step="1" value="1"', own)
+    for i, fit in enumerate(fits):
+        assert re.search(rf'data-rung="{i}">[^<]+<small>error {100 * fit.rmse_m_s:.2f} cm/s</small>', own)
+    says = own[own.index('id="says-residuals-speed"') :]
+    assert re.findall(r'data-step="(\d)"', says[: says.index("</p>")]) == ["0", "1"]
+    for kind in ("svg", "png", "csv"):
+        assert f'data-figure="balance" data-format="{kind}"' in own
+
+
+def test_no_two_things_on_the_page_have_one_name(page):
+    names = re.findall(r'\sid="([^"]+)"', without_plotly(page))
+    assert len(names) == len(set(names))
+
+
+def test_one_step_needs_no_slider(tmp_path, fits, trials):
+    write_comparison(tmp_path / "one.html", fits[:1], trials, title="one")
+    assert 'id="rung"' not in without_plotly((tmp_path / "one.html").read_text(encoding="utf-8"))
+
+
+def test_parameters_have_units_and_errors(page, fits):
+    words = table(page, "Parameters")
+    value, stderr = fits[0].parameters["delta_t_s"]
+    assert f"time in which the body is brought to leg speed s {text.with_error(value, stderr)}" in words
+    assert "k at φ = 0.600, stiffness of the ground under a leg N/m" in words
+
+
+def test_next_trials_and_frames_are_shown(page):
+    assert "φ 0.633, ω 22 rad/s first step leg slip from cable drag 4.2 2" in table(page, "Next trials")
+    assert 'src="data:image/jpeg;base64,/9j/' in page
+    assert 'src="data:image/png;base64,iVBOR' in page
+    assert "dorsal, t = 1.20 s" in table(page, "Tracked video")
+
+
+def test_the_csv_inside_is_si_and_whole(fits):
+    rows = list(csv.DictReader(io.StringIO(cells_csv(steps(fits)))))
+    cells = fits[0].cells
+    assert len(rows) == len(cells)
+    assert float(rows[0]["speed_m_s"]) == pytest.approx(cells.mean[0, 0], rel=1e-5)
+    assert float(rows[0]["lift_m"]) == pytest.approx(cells.mean[0, 1], rel=1e-5)
+    assert float(rows[0]["speed_m_s[leg_slip]"]) == pytest.approx(fits[1].predicted[0, 0], rel=1e-5)
+    assert {"speed_z[base]", "omega_rad_s", "phi", "gait"} <= set(rows[0])
+
+
+def test_excluded_trials_are_named_with_the_reason(trials, fits):
+    torn = SimpleNamespace(**vars(trials))
+    torn.speed_m_s = np.where(np.arange(len(trials.phi)) == 3, np.nan, trials.speed_m_s)
+    torn.status = ["ok", "aborted", *trials.status[2:]]
+    found = provenance(torn, fits[0].cells)
+    assert found.excluded == (("trial_001", "status: aborted"), ("trial_003", "speed_m_s not measured"))
+    assert provenance(trials, fits[0].cells).excluded == ()
+
+
+def test_a_full_campaign_has_no_limits_to_report(fits):
+    assert limits(fits[0].cells) == ()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said", "absent"),
+    [
+        ({"phis": (0.633,)}, "every trial is at φ = 0.633", None),
+        ({"replicates": 1}, "no condition was repeated", None),
+        ({"columns": ("speed_m_s",)}, "Body lift, peak speed, first step: not measured", "lock"),
+        ({"omegas": (10,)}, "every trial is at ω = 10 rad/s", None),
+    ],
+    ids=["one phi", "one replicate", "speed only", "one omega"],
+)
+def test_thin_data_give_a_page_that_says_what_it_can_not_show(tmp_path, arguments, said, absent):
+    trials = made_up_trials(**arguments)
+    fits = compare(cells_of(trials), EFFECTS, [])
+    path = tmp_path / "thin.html"
+    write_comparison(path, fits, trials, title="thin")
+    page = path.read_text(encoding="utf-8")
+    assert said in page[page.index("<header>") : page.index("</header>")]
+    figures = figures_of(page)
+    assert "speed" in figures
+    assert absent is None or absent not in figures
+
+
+def test_nan_rows_leave_a_page_without_nan(tmp_path, trials):
+    torn = SimpleNamespace(**{name: np.array(column, copy=True) for name, column in vars(trials).items()})
+    for name in COLUMNS:
+        getattr(torn, name)[:3] = np.nan
+    torn.lift_m[8] = np.nan
+    fits = compare(cells_of(torn), EFFECTS, [])
+    path = tmp_path / "torn.html"
+    write_comparison(path, fits, torn, title="torn")
+    own = without_plotly(path.read_text(encoding="utf-8"))
+    assert not re.search(r"\bnan\b", own, flags=re.IGNORECASE)
+    assert "3 excluded" in own
+
+
+def test_a_page_is_written_whole_or_not_at_all(tmp_path, discovery, trials):
+    path = tmp_path / "report.html"
+    path.write_text("the old one")
+    broken = replace(discovery, steps=())
+    with pytest.raises(IndexError):
+        write_report(path, broken, trials, title="broken")
+    assert path.read_text() == "the old one"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("value", "stderr", "said"),
+    [
+        (0.40123, 0.01234, "0.401 ± 0.012"),
+        (182.31, 1.2, "182.3 ± 1.2"),
+        (1234.0, 56.0, "1234 ± 56"),
+        (0.5, np.nan, "0.5 (± not known)"),
+        (np.nan, 1.0, "not known"),
+    ],
+)
+def test_numbers_carry_as_many_digits_as_their_error_allows(value, stderr, said):
+    assert text.with_error(value, stderr) == said
+
+
+def test_parameters_of_effects_are_described_from_the_catalogue():
+    assert text.described("disturbed_ground.k_l_n_per_m") == ("disturbed ground: stiffness of disturbed ground", "N/m")
+    assert text.described("delta_t_s")[1] == "s"
+    assert text.described("my_own.a") == ("my_own.a", "")

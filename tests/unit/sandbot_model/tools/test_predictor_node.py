@@ -1,0 +1,48 @@
+"""The predictor as a real process over DDS: told φ, ω and leg angles, it says speed, mean speed and error."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from sandbot_common import messages, node, topics
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def predictor(domain):
+    process = subprocess.Popen([sys.executable, "-m", "sandbot_model.tools.predictor_node"])
+    yield process
+    process.terminate()
+    process.wait(10)
+
+
+def test_follows_a_trial(predictor, beside):
+    trial, phi, legs, measured = (
+        node.publisher(beside.node, topic)
+        for topic in (topics.TRIAL, topics.BED_PHI, topics.LEG_STATES, topics.SPEED_MEAN)
+    )
+    speeds, means, errors = [], [], []
+    node.subscription(beside.node, topics.MODEL_SPEED, speeds.append)
+    node.subscription(beside.node, topics.MODEL_SPEED_MEAN, means.append)
+    node.subscription(beside.node, topics.MODEL_ERROR, errors.append)
+    trial.publish(messages.string("no JSON"))
+    trial.publish(
+        messages.string(json.dumps({"trial_id": "t", "omega_rad_s": 16.0, "gait": "UNIFORM", "leg_mount_rad": 0.5}))
+    )
+    phi.publish(messages.float64(0.633))
+    angles = np.array([0.0] * 3 + [np.pi] * 3) - 0.5
+
+    def answered():
+        legs.publish(messages.joint_state(1_000, topics.LEGS, angles, np.full(6, 16.0), np.zeros(6)))
+        measured.publish(messages.float64(0.25))
+        assert predictor.poll() is None, "the predictor has gone"
+        return speeds and means and errors
+
+    beside.until(answered, 30.0)
+    assert speeds[-1].twist.twist.linear.x == pytest.approx(0.0355 * 16.0)
+    assert means[-1].data == pytest.approx(0.2135, abs=5e-4)
+    assert errors[-1].data == pytest.approx(0.25 - means[-1].data)

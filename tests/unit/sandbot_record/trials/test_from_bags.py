@@ -1,0 +1,151 @@
+import math
+import os
+import shutil
+
+import bags
+import pytest
+
+from sandbot_common import topics
+from sandbot_common.errors import InputError
+from sandbot_record.bags.writer import BagWriter
+from sandbot_record.tools import info as info_tool
+from sandbot_record.tools import table as table_tool
+from sandbot_record.trials import from_bags as table
+from sandbot_record.trials.csv_table import read_csv
+from sandbot_record.trials.read import read
+
+
+def test_a_bag_becomes_a_row(tmp_path):
+    row = table.row_from_bag(bags.trial_bag(tmp_path / "b", speed=0.2))
+    assert row.trial_id == "t0001"
+    assert (row.phi, row.phi_sd) == (0.6213, 0.0015)
+    assert (row.omega_rad_s, row.gait, row.replicate) == (8.0, "UNIFORM", 2)
+    assert row.status == "ok"
+    assert row.speed_m_s == pytest.approx(0.2, rel=1e-3)
+    assert row.first_step_m == pytest.approx(0.2 * math.pi / 8, rel=0.02)
+    assert row.lift_m == pytest.approx(0.010, rel=0.05)
+
+
+def test_the_speed_follows_the_landmarks(tmp_path):
+    """Negative control of the above: another speed in the bag is another speed in the row."""
+    assert table.row_from_bag(bags.trial_bag(tmp_path / "b", speed=0.1)).speed_m_s == pytest.approx(0.1, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("missing", "status"),
+    [
+        ("/sync_led", "no /sync_led edge"),
+        ("/landmarks/com", "no topic /landmarks/com"),
+        ("/leg_states", "no topic /leg_states"),
+        ("/bed/volume_fraction", "phi not measured"),
+    ],
+)
+def test_what_is_missing_is_said_in_the_status(tmp_path, missing, status):
+    row = table.row_from_bag(bags.trial_bag(tmp_path / "b", without=(missing,)))
+    assert status in row.status
+    assert row.omega_rad_s == 8.0
+
+
+def test_the_leg_mount_of_the_robot_is_minded(tmp_path):
+    """Shaft angles half a radian behind the legs: this body, which never rests, has that much less time to a step."""
+    bag = bags.trial_bag(tmp_path / "b", speed=0.2, plan=bags.PLAN | {"leg_mount_rad": 0.5})
+    assert table.row_from_bag(bag).first_step_m == pytest.approx(0.2 * (math.pi - 0.5) / 8, rel=0.02)
+
+
+@pytest.mark.parametrize("value", ["east", None, [1]])
+def test_a_leg_mount_that_is_no_angle_is_said_in_the_status(tmp_path, value):
+    row = table.row_from_bag(bags.trial_bag(tmp_path / "b", plan=bags.PLAN | {"leg_mount_rad": value}))
+    assert row.status == f"/trial: leg_mount_rad: {value!r} is not an angle [rad]"
+    assert math.isnan(row.speed_m_s)
+
+
+def test_a_trial_that_failed_keeps_its_reason(tmp_path):
+    assert table.row_from_bag(bags.trial_bag(tmp_path / "b", exit_status="legs stalled")).status == "legs stalled"
+
+
+def test_refuses(tmp_path):
+    with BagWriter(tmp_path / "empty") as writer:
+        writer.add_topic(topics.TRIAL.name, topics.TRIAL.type)
+    with pytest.raises(InputError, match="empty bag"):
+        table.row_from_bag(tmp_path / "empty")
+    with pytest.raises(InputError, match="which trial is it"):
+        table.row_from_bag(bags.legs_bag(tmp_path / "legs"))
+    with pytest.raises(InputError, match="expected a JSON object"):
+        table.row_from_bag(bags.trial_bag(tmp_path / "list", plan=[1]))
+
+
+def campaign(tmp_path, count=3):
+    for index in range(count):
+        plan = bags.PLAN | {"trial_id": f"t{index}", "replicate": index}
+        bags.trial_bag(tmp_path / "c" / "trials" / f"t{index}", speed=0.1 + index / 100, plan=plan)
+    return tmp_path / "c"
+
+
+def test_a_campaign_in_the_same_order_in_one_process_and_in_two(tmp_path, monkeypatch):
+    folder = campaign(tmp_path)
+    first = table.campaign(folder, workers=1)
+    (folder / table.CACHE).unlink()
+    monkeypatch.setattr(table, "_PARALLEL_FROM", 2)
+    second = table.campaign(folder, workers=2)
+    assert first.trials.rows() == pytest.approx(second.trials.rows(), nan_ok=True) or repr(first) == repr(second)
+    assert first.trials.trial_id.tolist() == ["t0", "t1", "t2"]
+
+
+def test_bags_are_read_once(tmp_path, monkeypatch):
+    folder = campaign(tmp_path)
+    first = table.campaign(folder)
+    assert first.cached == 0
+    read_bags = []
+    monkeypatch.setattr(table, "_row_or_reason", lambda bag: read_bags.append(bag) or pytest.fail("read again"))
+    second = table.campaign(folder)
+    assert (second.cached, read_bags) == (3, [])
+    assert repr(second.trials) == repr(first.trials)
+
+
+def test_a_changed_bag_is_read_again(tmp_path):
+    folder = campaign(tmp_path)
+    table.make(folder)
+    shutil.rmtree(folder / "trials" / "t1")
+    bags.trial_bag(folder / "trials" / "t1", speed=0.3, plan=bags.PLAN | {"trial_id": "t1"})
+    os.utime(folder / "trials.csv", (1, 1))
+    report = table.campaign(folder)
+    assert report.cached == 2
+    assert report.trials.speed_m_s[1] == pytest.approx(0.3, rel=1e-3)
+
+
+def test_a_table_newer_than_the_bags_is_taken_as_it_is(tmp_path):
+    folder = campaign(tmp_path)
+    path = table.make(folder)
+    path.write_text(path.read_text().replace(",ok\n", ",camera knocked\n", 1))
+    assert read(folder).status.tolist() == ["camera knocked", "ok", "ok"]
+
+
+def test_bags_that_give_no_row_are_named(tmp_path, capsys):
+    folder = campaign(tmp_path)
+    file = folder / "trials" / "t1" / "t1_0.mcap"
+    file.write_bytes(file.read_bytes()[:-50])
+    assert table_tool.main([str(folder)]) == 0
+    assert len(read_csv(folder / "trials.csv")) == 2
+    printed = capsys.readouterr().out
+    assert "skipped: " in printed
+    assert "recover" in printed
+
+
+def test_the_command_line_refuses_in_one_line(tmp_path, capsys):
+    (tmp_path / "b").mkdir()
+    assert table_tool.main([str(tmp_path / "b"), "--out", str(tmp_path / "t.csv")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "t.csv").exists()
+
+
+def test_info(tmp_path, capsys):
+    bag = bags.trial_bag(tmp_path / "b")
+    assert info_tool.main([str(bag)]) == 0
+    printed = capsys.readouterr().out
+    assert "Topic: /leg_states | Type: sensor_msgs/msg/JointState | Count: 860" in printed
+    assert "State:             complete" in printed
+    assert "exit_status: ok" in printed
+    file = bag / "b_0.mcap"
+    file.write_bytes(file.read_bytes()[:-50])
+    assert info_tool.main([str(bag)]) == 1
+    assert "unfinished" in capsys.readouterr().out

@@ -1,0 +1,148 @@
+import csv
+import math
+
+import bags
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sandbot_common.errors import InputError
+from sandbot_record.trials.csv_table import read_csv, write_csv
+from sandbot_record.trials.read import read
+from sandbot_record.trials.table import COLUMNS, Row, from_rows
+
+GOOD = "phi,omega_rad_s,speed_m_s\n0.60,8,0.21\n0.62,8,0.25\n"
+
+
+def write(tmp_path, text, name="t.csv"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_three_columns_are_enough(tmp_path):
+    table = read(write(tmp_path, GOOD))
+    assert table.phi.tolist() == [0.60, 0.62]
+    assert table.omega_rad_s.tolist() == [8, 8]
+    assert table.speed_m_s.tolist() == [0.21, 0.25]
+    assert np.isnan(table.lift_m).all()
+    assert table.trial_id.tolist() == ["row2", "row3"]
+    assert table.usable.all()
+
+
+def test_foreign_columns_blank_lines_and_a_mark_at_the_start_do_no_harm(tmp_path):
+    text = "\ufeff" + GOOD.replace("speed_m_s", "speed_m_s,remark").replace("0.21", "0.21,x").replace(
+        "0.25", "0.25,\n,,,"
+    )
+    assert read(write(tmp_path, text)).speed_m_s.tolist() == [0.21, 0.25]
+
+
+def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
+    path = write(tmp_path, "phi,omega_rad_s,speed_m_s,status\n0.6,8,0.2,ok\n0.6,8,,robot fell\n0.6,8,0.2,\n")
+    table = read(path)
+    assert table.usable.tolist() == [True, False, True]
+    assert table.excluded == 1
+    assert math.isnan(table.speed_m_s[1])
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "empty; a header with phi, omega_rad_s, speed_m_s"),
+        ("phi,omega_rad_s,speed_m_s\n", "no trials"),
+        ("phi,speed_m_s\n0.6,0.2\n", "row 1: column omega_rad_s is missing; there are: phi, speed_m_s"),
+        ("phi,omega_rad_s,speed_cm_s\n0.6,8,20\n", r"column speed_m_s is missing; speed_cm_s would .* divided by 100"),
+        ("phi,frequency_Hz,speed_m_s\n0.6,8,20\n", r"column omega_rad_s is missing; frequency_Hz would .* 2π"),
+        ("phi;omega_rad_s;speed_m_s\n0,6;8;0,2\n", "separated by commas, not semicolons"),
+        ("phi,phi,omega_rad_s,speed_m_s\n", "row 1: column phi is there twice"),
+        (GOOD + "0.6,8\n", "row 4: 2 values for 3 columns"),
+        (GOOD + "0.6,8,\n", "row 4, column speed_m_s: empty"),
+        (GOOD + "0.6,8,nan\n", "row 4, column speed_m_s: nan is not a finite number"),
+        (GOOD + "0.6,8,inf\n", "row 4, column speed_m_s: inf is not a finite number"),
+        (GOOD + "0.6,fast,0.2\n", "row 4, column omega_rad_s: 'fast' is not a number"),
+        (GOOD + '"0,6",8,0.2\n', "row 4, column phi: '0,6' is not a number; write decimals with a point"),
+        (GOOD + "60,8,0.2\n", "row 4, column phi: 60 is out of range: .* divide percent by 100"),
+        (GOOD + "0,8,0.2\n", "row 4, column phi: 0 is out of range"),
+        (GOOD + "0.6,0,0.2\n", "row 4, column omega_rad_s: 0 is out of range"),
+        (GOOD + "0.6,-8,0.2\n", "row 4, column omega_rad_s: -8 is out of range"),
+        (GOOD + "0.6,8,21\n", "row 4, column speed_m_s: 21 is out of range"),
+        ("phi,phi_sd,omega_rad_s,speed_m_s\n0.6,-0.1,8,0.2\n", "row 2, column phi_sd: -0.1 is negative"),
+        (
+            "trial_id,phi,omega_rad_s,speed_m_s\na,.6,8,.2\na,.6,8,.2\n",
+            "row 3, column trial_id: trial id 'a' is there twice",
+        ),
+        ("phi,omega_rad_s,speed_m_s,status\n0.6,8,,failed\n", "no usable trial among 1: row2 has status 'failed'"),
+        ('phi,omega_rad_s,speed_m_s\n"0.6,8,0.2\n', "not a CSV"),
+    ],
+)
+def test_one_line_says_which_row_and_column(tmp_path, text, complaint):
+    with pytest.raises(InputError, match=complaint) as error:
+        read(write(tmp_path, text))
+    assert "\n" not in str(error.value)
+    assert "t.csv" in str(error.value)
+
+
+def test_what_is_no_table(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        read(tmp_path / "none.csv")
+    (tmp_path / "x.csv").write_bytes(b"\xff\xfe\0")
+    with pytest.raises(InputError, match="not a text file"):
+        read(tmp_path / "x.csv")
+    with pytest.raises(InputError, match="neither a campaign"):
+        read(tmp_path)
+    with pytest.raises(InputError, match="no data given"):
+        read([])
+
+
+def test_several_inputs_are_joined(tmp_path):
+    bag = bags.trial_bag(tmp_path / "b")
+    table = read([bag, write(tmp_path, GOOD)])
+    assert table.trial_id.tolist() == ["t0001", "row2", "row3"]
+    with pytest.raises(InputError, match="trial id 't0001' is there twice"):
+        read([bag, bag])
+
+
+number = st.floats(0.01, 0.99)
+rows = st.builds(
+    Row,
+    trial_id=st.uuids().map(str),
+    phi=number,
+    phi_sd=number | st.just(math.nan),
+    omega_rad_s=st.floats(0.1, 100),
+    gait=st.text("abc ,\"'é", max_size=5).map(str.strip),
+    replicate=st.integers(0, 9).map(float) | st.just(math.nan),
+    speed_m_s=st.floats(-1, 1),
+    lift_m=st.floats(-0.5, 0.5) | st.just(math.nan),
+    status=st.just("ok"),
+)
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(rows, min_size=1, max_size=5, unique_by=lambda row: row.trial_id))
+def test_written_and_read_back_is_equal(tmp_path, table):
+    path = tmp_path / "t.csv"
+    write_csv(from_rows(table), path)
+    again = read_csv(path)
+    for name in COLUMNS:
+        np.testing.assert_array_equal(getattr(again, name), getattr(from_rows(table), name))
+
+
+def test_not_measured_is_an_empty_cell(tmp_path):
+    write_csv(from_rows([Row("a", 0.6, omega_rad_s=8, speed_m_s=0.2, replicate=1)]), tmp_path / "t.csv")
+    (row,) = csv.DictReader((tmp_path / "t.csv").open())
+    assert row["lift_m"] == ""
+    assert row["replicate"] == "1"
+
+
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.binary(max_size=200) | st.text('phi,omega_rd.speed\n"0123456789-;\r\t e', max_size=200).map(str.encode))
+def test_any_file_is_a_table_or_one_line(tmp_path, content):
+    path = tmp_path / "t.csv"
+    path.write_bytes(content)
+    complaint = ""
+    try:
+        read(path)
+    except InputError as error:
+        complaint = str(error)
+    assert "\n" not in complaint
