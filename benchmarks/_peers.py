@@ -17,17 +17,13 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Kernel, Matern, WhiteKernel
 
 from sandbot_model.data.clustering import phi_levels
-from sandbot_model.data.conditions import (
-    COLUMNS,
-    USUAL_NOISE,
-    cells_of,
-    swum_at_once,
-)
+from sandbot_model.data.conditions import cells_of, swum_at_once
 from sandbot_model.fitting.fit import Fit, fit
 from sandbot_model.fitting.global_minimum import Known
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import peak_is_resolved, slow_phase_ratio
 from sandbot_model.physics.model import Model, model_of
+from sandbot_model.physics.observables import COLUMNS, USUAL_NOISE, Observable
 from sandbot_model.physics.walking import Inputs, KCurve
 from sandbot_record.trials.table import Trials
 
@@ -90,8 +86,8 @@ def table_of(trials: Trials) -> Table:
     """All trials of one gait; what is left out for everybody is left out here."""
     values = np.stack([np.asarray(getattr(trials, name), dtype=float) for name in COLUMNS], axis=-1)
     omega, gait = np.asarray(trials.omega_rad_s, dtype=float), str(trials.gait[0])
-    values[[not peak_is_resolved(gait, one) for one in omega], 2] = np.nan
-    values[swum_at_once([gait] * len(omega), omega, values), 3] = np.nan
+    values[[not peak_is_resolved(gait, one) for one in omega], Observable.peak_speed] = np.nan
+    values[swum_at_once([gait] * len(omega), omega, values), Observable.first_step] = np.nan
     phi = np.asarray(trials.phi, dtype=float)
     level = phi_levels(phi)
     keys, condition = np.unique(np.stack([level, omega]), axis=1, return_inverse=True)
@@ -123,7 +119,7 @@ class LmfitFit:
 def lmfit_aic(observables: Sequence[int]) -> Callable[[Trials], Choice]:
     """Base model, every effect, then every pair with the best effect; the least AIC wins if it wins clearly.
 
-    ``observables`` are the columns of ``cells.COLUMNS`` that are fitted, each scaled by its usual noise.
+    ``observables`` are the columns of ``Observable`` that are fitted, each scaled by its usual noise.
     """
     used = list(observables)
 
@@ -186,7 +182,7 @@ def _starts(table: Table, used: list[int], model: Model) -> list[tuple[Floats, F
     theta = np.array(rows)
     seen = table.predicted(model, theta[:, None, :], K_GRID[:, None, None])[..., used]
     mean, count = _means(table, used)
-    misfit = (count * np.square((seen - mean) / np.array(USUAL_NOISE)[used])).sum(axis=-1)
+    misfit = (count * np.square((seen - mean) / USUAL_NOISE[used])).sum(axis=-1)
     by_level = np.stack([misfit[..., table.level == one].sum(axis=-1) for one in range(len(table.level_phi))], axis=-1)
     k = K_GRID[by_level.argmin(axis=0)]
     order = by_level.min(axis=0).sum(axis=-1).argsort()[:STARTS]
@@ -205,7 +201,7 @@ def _means(table: Table, used: list[int]) -> tuple[Floats, Floats]:
 
 def _descend(table: Table, used: list[int], model: Model, theta: Floats, k: Floats) -> LmfitFit:
     """lmfit's least_squares from one start."""
-    wanted, scale = table.values[:, used], np.array(USUAL_NOISE)[used]
+    wanted, scale = table.values[:, used], USUAL_NOISE[used]
     known = np.isfinite(wanted)
     parameters = lmfit.Parameters()
     names = [name.replace(".", "__") for name in model.names]

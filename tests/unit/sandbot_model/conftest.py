@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sandbot_model.data.conditions import COLUMNS
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
+from sandbot_model.physics.observables import COLUMNS
 from sandbot_model.physics.walking import Inputs, KCurve, Walker
 from sandbot_record.trials.table import Row, from_rows
 

@@ -13,6 +13,7 @@ from sandbot_model.data.conditions import (
     swum_at_once,
 )
 from sandbot_model.data.pure_error import pure_error
+from sandbot_model.physics.observables import Observable
 from sandbot_record.trials.table import Row, from_rows
 
 
@@ -61,8 +62,8 @@ def test_what_was_not_measured_is_absent_not_zero(drawn):
     trials = drawn(levels=3, omega=(8, 16))
     cells = cells_of(dataclasses.replace(trials, lift_m=np.full(18, np.nan)))
     assert cells.observables == ("speed", "peak_speed", "first_step")
-    assert np.isnan(cells.mean[:, 1]).all()
-    assert (cells.n[:, 1] == 0).all()
+    assert np.isnan(cells.mean[:, Observable.lift]).all()
+    assert (cells.n[:, Observable.lift] == 0).all()
 
 
 def test_failed_trials_are_left_out_and_counted(drawn):
@@ -120,7 +121,7 @@ def test_known_deviations_of_phi_are_taken_out(drawn):
     trials = drawn(levels=7, replicates=6, seed=1, noise=0.1)
     cells = cells_of(trials)
     assert cells.phi_reliability > 0.9
-    walking = cells.mean[:, 1] > 3e-3
+    walking = cells.mean[:, Observable.lift] > 3e-3
     raw = [
         trials.lift_m[np.isclose(trials.omega_rad_s, w) & (np.abs(trials.phi - p) < 4e-3)].std(ddof=1)
         for p, w in zip(cells.phi[walking], cells.omega[walking], strict=True)

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.serialization import to_cdr
-from sandbot_model.data.conditions import OBSERVABLES, cells_of
+from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import VIEWS, Selection, from_mapping, from_query, to_query, to_yaml
 from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.discover import discover
@@ -27,6 +27,7 @@ from sandbot_model.explore.app import SHOW_OUTPUTS, Beside, Explorer
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import model_of
+from sandbot_model.physics.observables import NAMES, Observable
 from sandbot_model.physics.walking import Inputs
 from sandbot_model.report import text, write_comparison
 from sandbot_model.report.provenance import bags_of
@@ -105,7 +106,7 @@ selections = st.builds(
         lambda held: tuple(held.items())
     ),
     view=st.sampled_from(VIEWS),
-    observable=st.sampled_from(OBSERVABLES),
+    observable=st.sampled_from(NAMES),
     cell=st.none() | st.integers(0, 500),
     against=st.just("") | names.map(lambda name: Selection(effects=(name,)).pin().against),
 )
@@ -591,7 +592,7 @@ def test_every_view_opens_on_thin_data_and_the_page_says_what_it_can_not_show(tm
     page = str(explorer.app().layout)
     assert said in page if said else "Can’t be shown" not in page
     for view in VIEWS:
-        for observable in OBSERVABLES if view == "residuals" else ("speed",):
+        for observable in NAMES if view == "residuals" else ("speed",):
             shown = views.show(session, Selection(view=view, observable=observable, cell=1), LIGHT)
             go.Figure(shown.figure)
             go.Figure(shown.ladder)
@@ -645,7 +646,7 @@ def test_a_figure_is_told_in_words_with_its_numbers(session):
     failing = [fail for fail in fit.fails if fail.observable == "speed"]
     said = f"{len(failing)} of {len(fit.cells)} cells fail" if failing else "no cell fails"
     assert said in shown.says
-    fastest = 100 * np.nanmax(fit.cells.mean[:, 0])
+    fastest = 100 * np.nanmax(fit.cells.mean[:, Observable.speed])
     assert f"Fastest: {fastest:.2f} cm/s" in views.show(session, Selection(), LIGHT).says
     for view in VIEWS:
         one = views.show(session, Selection(view=view), LIGHT)

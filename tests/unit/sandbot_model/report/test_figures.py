@@ -12,6 +12,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.compare import compare
 from sandbot_model.fitting.goodness import Fail
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.observables import Observable
 from sandbot_model.report import balance, captions, figures, mechanics
 from sandbot_model.report.curves import steps
 from sandbot_model.report.theme import DARK, LIGHT
@@ -117,7 +118,7 @@ def test_failing_cells_are_marked_by_sign_and_number_not_by_colour_alone():
     z = np.zeros((len(cells), 4))
     up, down, quiet = 3, 8, 5
     z[up, 0], z[down, 0], z[quiet, 0] = 12.4, -5.6, 2.0
-    fails = tuple(Fail("speed", cells.phi[i], cells.omega[i], 0.1, z[i, 0]) for i in (up, down))
+    fails = tuple(Fail("speed", cells.phi[i], cells.omega[i], 0.1, z[i, Observable.speed]) for i in (up, down))
     (trace,) = figures.residual_map(made_up_step(cells, z, fails), "speed")["data"]
     text = np.array(trace["text"])
     assert text[cells.level[up], up % 4] == "▲ 12"
@@ -238,7 +239,7 @@ def test_words_under_the_figures_tell_their_numbers(fitted):
     failing = figures.failing_cells(base.fit, "speed")
     assert failing.any()
     assert f"{failing.sum()} of {len(failing)} cells fail" in captions.residuals(base, "speed")
-    worst = np.nanargmax(np.abs(np.where(failing, base.fit.residual_z[:, 0], np.nan)))
+    worst = np.nanargmax(np.abs(np.where(failing, base.fit.residual_z[:, Observable.speed], np.nan)))
     assert captions.at(base.fit.cells, worst) in captions.residuals(base, "speed")
     assert "no cell fails" in captions.residuals(made_up_step(made_up_cells()), "speed")
     seen = mechanics.collapse(base.fit.cells)

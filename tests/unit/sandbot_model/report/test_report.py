@@ -17,6 +17,7 @@ from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import model_of
+from sandbot_model.physics.observables import COLUMNS
 from sandbot_model.physics.walking import Inputs
 from sandbot_model.report import text, write_comparison, write_report
 from sandbot_model.report.content import cells_csv
@@ -25,7 +26,6 @@ from sandbot_model.report.page import for_script
 from sandbot_model.report.provenance import limits, provenance
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
-COLUMNS = ("speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m")
 
 
 def made_up_trials(phis=(0.60, 0.615, 0.633), replicates=2, omegas=(4, 10, 16, 22), columns=COLUMNS, seed=1):

@@ -15,19 +15,12 @@ from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error
 from sandbot_model.physics.gait import peak_is_resolved, slow_phase_ratio
+from sandbot_model.physics.observables import NAMES, USUAL_NOISE, Observable
 from sandbot_record.trials.table import Trials
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-
-OBSERVABLES = ("speed", "lift", "peak_speed", "first_step")
-"""What is measured of a trial, in the order of every ``(..., 4)`` array."""
-
-UNITS = {"speed": "m/s", "lift": "m", "peak_speed": "m/s", "first_step": "m"}
-
-COLUMNS = ("speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m")
-"""The columns of the trials table, in the order of ``OBSERVABLES``."""
 
 FAR_M = 0.01
 """What a first step is longer at least than a swimmer's if the leg held in it."""
@@ -40,14 +33,14 @@ def swum_at_once(gaits: Iterable[str], omega: Floats, values: Floats) -> Bools:
     point, and the table does not say that. A trial that swims after a first step that held is none of them.
     """
     uneven = np.array([slow_phase_ratio(one) != 1.0 for one in gaits])
-    speed, lift, first = values[:, 0], values[:, 1], values[:, 3]
+    speed, lift, first = values[:, Observable.speed], values[:, Observable.lift], values[:, Observable.first_step]
     swims = np.where(np.isfinite(lift), lift <= WALKING_LIFT_M, speed <= WALKING_SPEED_M_S)
     return np.asarray(uneven & swims & (first < speed * np.pi / omega + FAR_M))
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Cells sorted by φ level, then ω. All arrays over cells have length n; the last axis is ``OBSERVABLES``."""
+    """Cells sorted by φ level, then ω. All arrays over cells have length n; the last axis is ``Observable``."""
 
     phi: Floats = field(metadata={"shape": "(n,)", "doc": "mean measured volume fraction"})
     omega: Floats = field(metadata={"shape": "(n,)", "unit": "rad/s"})
@@ -75,7 +68,7 @@ class Cells:
     @property
     def observables(self) -> tuple[str, ...]:
         """The observables that were measured at all."""
-        return tuple(name for name, column in zip(OBSERVABLES, self.mean.T, strict=True) if np.isfinite(column).any())
+        return tuple(one.name for one in Observable if np.isfinite(self.mean[:, one]).any())
 
     def __len__(self) -> int:
         return len(self.omega)
@@ -93,14 +86,6 @@ class Cells:
 WHOLE = ("level_phi", "noise", "pure_error_dof")
 """Arrays of ``Cells`` that are not over cells."""
 
-USUAL_NOISE = (5e-3, 5e-4, 1e-2, 1.5e-3)
-"""Standard deviation of one trial [SI] that weighs observables against each other where nothing was replicated."""
-
-ACCURACY = ((0.0, 0.0), (1e-4, 0.0), (0.0, 0.015), (3e-4, 0.0))
-"""How well the tracking measures each observable, (constant [SI], share of the value): an error all replicates share,
-so that they can't show it. Mean speed is a distance over a time and has none to speak of; the rise and the steepest
-slope of a folded curve have, as tests/unit/sandbot_tracking/test_trial.py bounds them on drawn truth."""
-
 OMEGA_TOLERANCE = 5e-3
 """Leg frequencies closer than this (relative) are the same condition."""
 
@@ -115,7 +100,7 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     ``readings`` are a penetrometer's. Raises InputError if no trial is left, or no reading is at the trials' φ.
     """
     phi, omega = np.asarray(trials.phi, dtype=float), np.asarray(trials.omega_rad_s, dtype=float)
-    values = np.stack([np.asarray(getattr(trials, column), dtype=float) for column in COLUMNS], axis=-1)
+    values = np.stack([np.asarray(getattr(trials, one.column), dtype=float) for one in Observable], axis=-1)
     status = np.asarray([str(one) for one in trials.status])
     usable = np.isfinite(phi) & np.isfinite(omega) & (omega > 0) & np.isfinite(values).any(axis=-1)
     usable &= np.isin(status, ["", "ok"])
@@ -125,8 +110,9 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
         )
     gait = np.asarray([str(one) for one in trials.gait])[usable]
     phi, omega, values = phi[usable], omega[usable], values[usable]
-    values[[not peak_is_resolved(one, frequency) for one, frequency in zip(gait, omega, strict=True)], 2] = np.nan
-    values[swum_at_once(gait, omega, values), 3] = np.nan
+    blurred = [not peak_is_resolved(name, frequency) for name, frequency in zip(gait, omega, strict=True)]
+    values[blurred, Observable.peak_speed] = np.nan
+    values[swum_at_once(gait, omega, values), Observable.first_step] = np.nan
     cells = _gather(phi, omega, gait, values, excluded=int((~usable).sum()))
     return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi))
 
@@ -146,7 +132,8 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
     count = np.stack([np.bincount(cell, np.isfinite(column), cells) for column in values.T], axis=-1).astype(np.int64)
     level_phi = average(phi, level, int(level.max()) + 1)
     mean = np.stack([average(column) for column in values.T], axis=-1)
-    walks = np.where(np.isfinite(mean[:, 1]), mean[:, 1] > WALKING_LIFT_M, mean[:, 0] > WALKING_SPEED_M_S)
+    speed, lift = mean[:, Observable.speed], mean[:, Observable.lift]
+    walks = np.where(np.isfinite(lift), lift > WALKING_LIFT_M, speed > WALKING_SPEED_M_S)
     slope = local_slope(mean, keys, level_phi, walks)[cell]
     rho = reliability(values - mean[cell], slope * (phi - average(phi)[cell])[:, None])
     values = values - rho * slope * (phi - level_phi[level])[:, None]
@@ -184,9 +171,9 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
 
 
 def _accuracy(mean: Floats) -> Floats:
-    """Variances ``(n, 4, 4)`` that ``ACCURACY`` adds to the cell means ``mean (n, 4)``."""
-    offset, share = np.array(ACCURACY).T
-    return np.asarray((offset**2 + (share * np.nan_to_num(mean)) ** 2)[:, :, None] * np.eye(len(OBSERVABLES)))
+    """Variances ``(n, 4, 4)`` that ``Observable.accuracy`` adds to the cell means ``mean (n, 4)``."""
+    offset, share = np.array([one.accuracy for one in Observable]).T
+    return np.asarray((offset**2 + (share * np.nan_to_num(mean)) ** 2)[:, :, None] * np.eye(len(Observable)))
 
 
 def _squares(residual: Floats, cell: Ints, cells: int) -> Floats:
@@ -203,4 +190,4 @@ def noise_floor(cells: Cells) -> dict[str, float]:
 
     Cells where some replicates walk and others swim scatter between two values, not about one; they are not in.
     """
-    return dict(zip(OBSERVABLES, cells.noise.tolist(), strict=True))
+    return dict(zip(NAMES, cells.noise.tolist(), strict=True))

@@ -15,7 +15,7 @@ from urllib.parse import parse_qsl, urlencode
 import yaml
 
 from sandbot_common.errors import InputError
-from sandbot_model.data.conditions import OBSERVABLES
+from sandbot_model.physics.observables import NAMES
 from sandbot_model.physics.walking import BASES
 
 SCHEMA = "sandbot.selection/1"
@@ -163,7 +163,7 @@ def from_mapping(content: Mapping[str, Any], where: str) -> Selection:
 
 
 def _checked(selection: Selection, where: str) -> Selection:
-    allowed = (("model", tuple(BASES)), ("view", VIEWS), ("observable", OBSERVABLES))
+    allowed = (("model", tuple(BASES)), ("view", VIEWS), ("observable", NAMES))
     for name, known in allowed:
         value = getattr(selection, name)
         if value not in known:

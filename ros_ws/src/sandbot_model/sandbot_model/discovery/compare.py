@@ -11,6 +11,7 @@ from sandbot_model.fitting.fit import Fit, fit
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.model import model_of
+from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.robot import Robot
 
 SCHEMA = "sandbot.comparison/1"
@@ -45,10 +46,11 @@ def geometry_lock(cells: Cells, robot: Robot | None = None) -> Array:
     or balance; below 1 something between step and speed loses way, above 1 something gains it. Nothing is fitted.
     """
     robot = robot or Robot()
-    lift = np.clip(cells.mean[:, 1], 0.0, robot.leg_radius_m)
+    lift = np.clip(cells.mean[:, Observable.lift], 0.0, robot.leg_radius_m)
     locked = 2 * np.sqrt(lift * (2 * robot.leg_radius_m - lift))
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(locked > 0.3 * robot.leg_radius_m, np.pi * cells.mean[:, 0] / cells.omega / locked, np.nan)
+        walked = np.pi * cells.mean[:, Observable.speed] / cells.omega
+        return np.where(locked > 0.3 * robot.leg_radius_m, walked / locked, np.nan)
 
 
 def to_json(steps: Sequence[Fit]) -> dict[str, Any]:

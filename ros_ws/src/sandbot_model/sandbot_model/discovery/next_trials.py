@@ -6,10 +6,10 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from sandbot_model.data.conditions import OBSERVABLES, USUAL_NOISE
 from sandbot_model.data.penetrometer import USUAL_SD
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.observables import NAMES, USUAL_NOISE
 
 MOST = 6
 CONTENDERS = 6
@@ -36,7 +36,7 @@ Condition = tuple[bool, float, float]
 class NextTrial:
     """A measurement worth making: the two sets it separates and by how many standard deviations of one replicate.
 
-    ``observable`` is one of ``cells.OBSERVABLES``, of a trial at ``omega_rad_s``, or ``PENETRATION``, at ``depth_m``.
+    ``observable`` is the name of an ``Observable``, of a trial at ``omega_rad_s``, or ``PENETRATION``, at ``depth_m``.
     """
 
     phi: float
@@ -170,7 +170,7 @@ def _trials_between(one: Foretold, other: Foretold) -> list[NextTrial]:
     for p, w in np.argwhere(gap.max(axis=-1) > LEAST_SD):
         size = float(gap[p, w].max())
         at = (float(one.phi[p]), float(one.omega[w]))
-        found.append(NextTrial(*at, OBSERVABLES[best[p, w]], names, size, _replicates(size)))
+        found.append(NextTrial(*at, NAMES[best[p, w]], names, size, _replicates(size)))
     return found
 
 

@@ -10,17 +10,14 @@ from dash import html
 from sandbot_common.errors import InputError
 from sandbot_model.explore import controls, waveforms
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report.theme import Theme
-from sandbot_model.report.view import CM
 from sandbot_record.trials.table import Trials
 
 COLUMNS = (
     ("φ", "phi", 1.0),
     ("ω (rad/s)", "omega_rad_s", 1.0),
-    ("mean speed (cm/s)", "speed_m_s", CM),
-    ("body lift (cm)", "lift_m", CM),
-    ("peak speed (cm/s)", "peak_speed_m_s", CM),
-    ("first step (cm)", "first_step_m", CM),
+    *((one.heading, one.column, CM) for one in Observable),
     ("status", "status", 1.0),
 )
 """What a person calls a column of the table, its name there, and how many of the one are one of the other."""

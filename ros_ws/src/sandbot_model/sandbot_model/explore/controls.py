@@ -5,16 +5,17 @@ from typing import Any
 
 from dash import dcc, html
 
-from sandbot_model.data.conditions import OBSERVABLES, Cells
+from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.explore.views import TITLES, Pane, Slider, promise, values
 from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.walking import BASES
 from sandbot_model.report import text
 from sandbot_model.report.captions import HOW
 from sandbot_model.report.page import data_uri
 from sandbot_model.report.theme import Spec
-from sandbot_model.report.view import NAMES, PEOPLE_UNITS, Provenance, Step, bands, readable
+from sandbot_model.report.view import Provenance, Step, bands, observable_label, readable
 
 GRAPH = {
     "displaylogo": False,
@@ -185,10 +186,7 @@ def suggestion(found: Discovery) -> list[Any]:
         left = found.residual
         parts.append(html.P([f"What is left: {left.sentence}. To try as your own effect: ", html.Code(left.formula)]))
     if found.next_trials:
-        rows = [
-            (t.where, NAMES.get(t.observable, readable(t.observable)), f"{t.expected_gap_sd:.1f} s.d.")
-            for t in found.next_trials
-        ]
+        rows = [(t.where, observable_label(t.observable), f"{t.expected_gap_sd:.1f} s.d.") for t in found.next_trials]
         parts.append(_table("Next trials", ("at", "watch", "expected gap"), rows))
     return parts
 
@@ -255,7 +253,7 @@ def _figures(cells: Cells) -> html.Main:
             ),
             html.Div(
                 dcc.RadioItems(
-                    [{"value": name, "label": f"{NAMES[name]} ({PEOPLE_UNITS[name]})"} for name in OBSERVABLES],
+                    [{"value": one.name, "label": one.heading} for one in Observable],
                     "speed", id="observable", inline=True, className="tabs small",
                 ),
                 id="observable-row",

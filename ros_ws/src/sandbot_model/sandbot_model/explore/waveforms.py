@@ -16,11 +16,11 @@ from sandbot_common.errors import InputError
 from sandbot_common.legs import leg_mount_rad
 from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.observables import CM
 from sandbot_model.physics.predictor import Predictor
 from sandbot_model.report import text
 from sandbot_model.report.figures import as_json
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
-from sandbot_model.report.view import CM
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials.film_strip import Strip, film_strip
 from sandbot_record.trials.from_bags import plan_of, start_ns

@@ -15,9 +15,9 @@ from scipy.stats import chi2
 
 from sandbot_model.data.conditions import WALKING_LIFT_M, Cells
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.arrays import Array, Bool
+from sandbot_model.physics.observables import Observable
 
-SPEED, LIFT, PEAK, FIRST = range(4)
 MISSED = 3.0
 
 
@@ -36,31 +36,36 @@ class StageTest:
 def stage_tests(fit: Fit) -> tuple[StageTest, ...]:
     """All four, those without data left out."""
     cells = fit.cells
-    walks = np.nan_to_num(cells.mean[:, LIFT]) > 4 * WALKING_LIFT_M
+    z = np.where(_clearly_lifted(cells)[:, None], fit.residual_z, np.nan)
     tests = (
-        _test("balance", "lift and model", cells, np.where(walks, fit.residual_z[:, LIFT], np.nan)),
-        _test("speed", "mean speed and step from lift", cells, locked_z(fit, SPEED)),
-        _test("memory", "first step and step from lift", cells, locked_z(fit, FIRST)),
-        _test("clock", "peak speed and model", cells, np.where(walks, fit.residual_z[:, PEAK], np.nan)),
+        _test("balance", "lift and model", cells, z[:, Observable.lift]),
+        _test("speed", "mean speed and step from lift", cells, locked_z(fit, Observable.speed)),
+        _test("memory", "first step and step from lift", cells, locked_z(fit, Observable.first_step)),
+        _test("clock", "peak speed and model", cells, z[:, Observable.peak_speed]),
     )
     return tuple(one for one in tests if one.cells)
 
 
-def locked_z(fit: Fit, observable: int) -> Array:
+def locked_z(fit: Fit, observable: Observable) -> Array:
     """Measured minus locked, in standard errors ``(cells,)``: ωs(Δz)/π for the speed, s(Δz) for the first step."""
     cells, radius = fit.cells, fit.fitted.robot.leg_radius_m
-    lift = np.where(np.nan_to_num(cells.mean[:, LIFT]) > 4 * WALKING_LIFT_M, cells.mean[:, LIFT], np.nan)
-    scale = cells.omega / np.pi if observable == SPEED else np.ones_like(cells.omega)
+    lift = np.where(_clearly_lifted(cells), cells.mean[:, Observable.lift], np.nan)
+    scale = cells.omega / np.pi if observable is Observable.speed else np.ones_like(cells.omega)
     step = 2 * np.sqrt(lift * (2 * radius - lift))
     slope = scale * 4 * (radius - lift) / step
     gap = cells.mean[:, observable] - scale * step
     covariance = cells.covariance
     variance = (
         covariance[:, observable, observable]
-        + slope**2 * covariance[:, LIFT, LIFT]
-        - 2 * slope * covariance[:, observable, LIFT]
+        + slope**2 * covariance[:, Observable.lift, Observable.lift]
+        - 2 * slope * covariance[:, observable, Observable.lift]
     )
     return np.asarray(gap / np.sqrt(variance))
+
+
+def _clearly_lifted(cells: Cells) -> Bool:
+    """Cells ``(n,)`` whose lift is four times what passes for walking: a step read off less is mostly noise."""
+    return np.asarray(np.nan_to_num(cells.mean[:, Observable.lift]) > 4 * WALKING_LIFT_M)
 
 
 def _test(stage: str, connects: str, cells: Cells, z: Array) -> StageTest:

@@ -20,7 +20,7 @@ from sandbot_model.physics.walking import Inputs, KCurve, Prediction
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted model. Arrays over cells have length n, the last axis is ``cells.OBSERVABLES``."""
+    """A fitted model. Arrays over cells have length n, the last axis is ``Observable``."""
 
     model: str
     effects: tuple[str, ...]

@@ -8,11 +8,12 @@ import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import f as f_distribution
 
-from sandbot_model.data.conditions import OBSERVABLES, Cells
+from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.levenberg_marquardt import bounds
 from sandbot_model.fitting.likelihood import Problem, States
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.model import Model
+from sandbot_model.physics.observables import NAMES
 
 FAIL_Z = 3.0
 """Cell means missed by more standard errors than this are listed as failing."""
@@ -46,7 +47,7 @@ def rms(cells: Cells, gap: Array) -> dict[str, float]:
     total = n.sum(axis=0)
     return {
         name: float(np.sqrt((within[i] + between[i]) / total[i])) if total[i] else float("nan")
-        for i, name in enumerate(OBSERVABLES)
+        for i, name in enumerate(NAMES)
     }
 
 
@@ -55,8 +56,7 @@ def fails(cells: Cells, gap: Array, z: Array) -> tuple[Fail, ...]:
     rows = np.argwhere(np.nan_to_num(np.abs(z)) > FAIL_Z)
     rows = rows[np.argsort(-np.abs(z[rows[:, 0], rows[:, 1]]))]
     return tuple(
-        Fail(OBSERVABLES[o], float(cells.phi[c]), float(cells.omega[c]), float(gap[c, o]), float(z[c, o]))
-        for c, o in rows
+        Fail(NAMES[o], float(cells.phi[c]), float(cells.omega[c]), float(gap[c, o]), float(z[c, o])) for c, o in rows
     )
 
 
@@ -73,7 +73,7 @@ def p_by_observable(z: Array, problem: Problem, unknowns: int) -> dict[str, floa
     measured = problem.measured.sum(axis=0)
     share = unknowns / max(int(measured.sum()), 1)
     found = {}
-    for index, name in enumerate(OBSERVABLES):
+    for index, name in enumerate(NAMES):
         dof = measured[index] * (1 - share)
         error_dof = problem.cells.pure_error_dof[index]
         if measured[index]:

@@ -8,6 +8,7 @@ from sandbot_model.fitting.global_minimum import FIRST_ITERATIONS, HOPELESS
 from sandbot_model.fitting.levenberg_marquardt import bounds, descend
 from sandbot_model.fitting.likelihood import Problem, States
 from sandbot_model.physics.arrays import Array, Bool
+from sandbot_model.physics.observables import Observable
 
 K_PRIOR = 0.03
 """How well k is known from neighbouring levels, relative."""
@@ -48,9 +49,9 @@ def left_out(problem: Problem, state: States, jacobian: Array) -> LeftOut:
     theta = np.clip(state.theta + move[:, :count], low, high)
     ln_k = state.ln_k + np.clip(move[:, count:], -3 * K_PRIOR, 3 * K_PRIOR)
     # The first row of L turns whitened slopes into those of speed.
-    slope = np.einsum("ci,cip->cp", np.linalg.inv(state.whiten[0])[:, 0, :], blocks)
+    slope = np.einsum("ci,cip->cp", np.linalg.inv(state.whiten[0])[:, Observable.speed, :], blocks)
     unsure = np.sqrt(np.einsum("cp,cpq,cq->c", slope, inverse, slope))
-    told = (unsure < np.sqrt(problem.covariance[:, 0, 0])) & clear_of_switch(
+    told = (unsure < np.sqrt(problem.covariance[:, Observable.speed, Observable.speed])) & clear_of_switch(
         problem, problem.widening(state.covariance[0])
     )
     found = problem.each_by_its_own(theta, ln_k, state.slope)
@@ -66,9 +67,9 @@ def left_out(problem: Problem, state: States, jacobian: Array) -> LeftOut:
 
 def _moved_far(problem: Problem, state: States, predicted: Array) -> Bool:
     """Cells where a linear step can't be trusted; none for a model that is far off anyway."""
-    move = np.abs(predicted - state.predicted[0])[:, 0]
+    move = np.abs(predicted - state.predicted[0])[:, Observable.speed]
     fits = state.deviance[0] < HOPELESS * problem.measured.sum()
-    return np.asarray(fits & (move > FAR * np.sqrt(problem.covariance[:, 0, 0])))
+    return np.asarray(fits & (move > FAR * np.sqrt(problem.covariance[:, Observable.speed, Observable.speed])))
 
 
 def _fit_without(problem: Problem, cell: int, state: States, theta: Array, ln_k: Array) -> tuple[Array, Array]:

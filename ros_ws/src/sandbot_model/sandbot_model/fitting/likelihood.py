@@ -18,6 +18,7 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.physics.arrays import Array, Bool, Ints
 from sandbot_model.physics.model import Model
+from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.walking import Footing, Inputs, KCurve, Params
 
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
@@ -180,9 +181,9 @@ class Problem:
         if not self._along_the_track:
             return np.einsum("g,...gi->...i", WEIGHTS, values), weights
         weights = weights.copy()
-        weights[..., 1] = np.arange(len(NODES)) == len(NODES) // 2
-        reached = np.where(np.abs(NODES) < 2, values[..., 2], -np.inf)
-        weights[..., 2] = np.arange(len(NODES)) == reached.argmax(axis=-1)[..., None]
+        weights[..., Observable.lift] = np.arange(len(NODES)) == len(NODES) // 2
+        reached = np.where(np.abs(NODES) < 2, values[..., Observable.peak_speed], -np.inf)
+        weights[..., Observable.peak_speed] = np.arange(len(NODES)) == reached.argmax(axis=-1)[..., None]
         return np.sum(weights * values, axis=-2), weights
 
     @cached_property
@@ -236,7 +237,8 @@ class Problem:
 
     def widening(self, covariance: Array) -> Array:
         """How much wider a cell mean's speed scatters than by pure error ``(cells,)``; above 1 beside a switch."""
-        return np.asarray(np.sqrt(covariance[:, 0, 0] / self.covariance[:, 0, 0]))
+        speed = Observable.speed
+        return np.asarray(np.sqrt(covariance[:, speed, speed] / self.covariance[:, speed, speed]))
 
     def jacobian(self, states: States) -> Array:
         """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``; the last column is the level's ln k.

@@ -15,6 +15,7 @@ import numpy as np
 from sandbot_model.fitting.likelihood import NODES, WEIGHTS, Problem
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.model import Model
+from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.walking import Inputs, KCurve
 
 K_GRID = 48
@@ -170,8 +171,8 @@ def _averaged(table: Array, k_grid: Array, sigma_k: Array) -> Array:
         value = (1 - share) * below + share * above
         total += weight * value
         if abs(node) < 2:
-            peak = np.maximum(peak, value[..., 2])
-    total[..., 1], total[..., 2] = table[..., 1], peak
+            peak = np.maximum(peak, value[..., Observable.peak_speed])
+    total[..., Observable.lift], total[..., Observable.peak_speed] = table[..., Observable.lift], peak
     return total
 
 

@@ -53,7 +53,7 @@ class Prediction:
 
     @property
     def observables(self) -> Array:
-        """Shape ``(..., 4)`` in the order of ``cells.OBSERVABLES``."""
+        """Shape ``(..., 4)`` in the order of ``Observable``."""
         return np.stack([self.speed_m_s, self.lift_m, self.peak_speed_m_s, self.first_step_m], axis=-1)
 
 

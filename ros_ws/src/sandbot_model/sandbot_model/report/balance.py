@@ -6,10 +6,11 @@ import numpy as np
 
 from sandbot_model.data.conditions import Floats
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.observables import CM
 from sandbot_model.physics.walking import Inputs, KCurve
 from sandbot_model.report.figures import as_json, in_panel, legend_entry, model_name, panels
 from sandbot_model.report.theme import LIGHT, Spec, Theme
-from sandbot_model.report.view import CM, Step, bands
+from sandbot_model.report.view import Step, bands
 
 DEPTH_POINTS = 90
 HEADROOM = 1.5

@@ -5,11 +5,12 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery import compare
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report import text
 from sandbot_model.report.balance import forces
 from sandbot_model.report.figures import failing_cells
 from sandbot_model.report.mechanics import collapse
-from sandbot_model.report.view import BAND_SDS, CM, NAMES, PEOPLE_UNITS, Step, bands, measured, residual_z
+from sandbot_model.report.view import BAND_SDS, Step, bands, measured, observable_label, residual_z
 
 HOW = {
     "speed": "Points: mean over the replicates of a condition, bars one standard deviation of a single trial. Solid: "
@@ -38,11 +39,11 @@ def speed(step: Step) -> str:
     cells, seen = step.fit.cells, measured(step.fit.cells, "speed")
     if not np.isfinite(seen).any():
         return "Mean speed was not measured."
-    best, worst = int(np.nanargmax(seen)), int(np.nanargmax(np.abs(seen - step.fit.predicted[:, 0])))
+    best, worst = int(np.nanargmax(seen)), int(np.nanargmax(np.abs(seen - step.fit.predicted[:, Observable.speed])))
     return (
         f"Mean speed against leg frequency ω, one panel for each of {len(bands(cells))} volume fractions φ. "
         f"Fastest: {text.cm_s(seen[best])} at {at(cells, best)}. Missed most: {at(cells, worst)}, measured "
-        f"{text.cm_s(seen[worst])}, modelled {text.cm_s(step.fit.predicted[worst, 0])}."
+        f"{text.cm_s(seen[worst])}, modelled {text.cm_s(step.fit.predicted[worst, Observable.speed])}."
     )
 
 
@@ -50,7 +51,7 @@ def residuals(step: Step, observable: str) -> str:
     """How many cells fail and which is the worst."""
     cells, failing = step.fit.cells, failing_cells(step.fit, observable)
     z = np.where(failing, residual_z(step.fit, observable), np.nan)
-    head = f"Map over φ and ω of standardised residuals of {NAMES[observable]}, {step.label}: "
+    head = f"Map over φ and ω of standardised residuals of {observable_label(observable)}, {step.label}: "
     if not np.isfinite(z).any():
         return f"{head}no cell fails."
     worst = int(np.nanargmax(np.abs(z)))
@@ -58,7 +59,7 @@ def residuals(step: Step, observable: str) -> str:
     more = "more" if z[worst] > 0 else "less"
     return (
         f"{head}{int(failing.sum())} of {len(cells)} cells fail. Worst: {at(cells, worst)}, "
-        f"{text.number(CM * abs(fail.residual), 2)} {PEOPLE_UNITS[observable]} {more} than modelled, "
+        f"{text.number(CM * abs(fail.residual), 2)} {Observable[observable].readers_unit} {more} than modelled, "
         f"{text.number(abs(z[worst]))} standard errors."
     )
 

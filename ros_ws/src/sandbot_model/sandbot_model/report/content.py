@@ -8,19 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_model.data.conditions import OBSERVABLES, Cells, noise_floor
+from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report import balance, captions, figures, mechanics, text
 from sandbot_model.report.page import Download, Figure, Page, Section, Table, data_uri
 from sandbot_model.report.view import (
-    CM,
-    NAMES,
-    PEOPLE_UNITS,
     Provenance,
     Step,
     frequencies,
     measured,
+    observable_label,
     readable,
     residual_z,
     scatter,
@@ -190,7 +189,7 @@ def _errors(steps: tuple[Step, ...]) -> Table:
     floor = noise_floor(cells)
     head = [
         "model",
-        *(f"{NAMES[name]} ({PEOPLE_UNITS[name]})" for name in cells.observables),
+        *(Observable[name].heading for name in cells.observables),
         "lack of fit, p",
         "failing cells",
     ]
@@ -304,7 +303,7 @@ def _next_trials(discovery: Discovery) -> list[Section]:
         return []
     rows = [
         (
-            t.where, NAMES.get(t.observable, readable(t.observable)),
+            t.where, observable_label(t.observable),
             " from ".join(map(readable, t.separates)), text.number(t.expected_gap_sd), str(t.replicates),
         )
         for t in discovery.next_trials
@@ -325,8 +324,8 @@ def _failing(steps: tuple[Step, ...]) -> Section:
         fails = sorted(step.fit.fails, key=lambda f: -abs(f.z))
         rows = [
             (
-                NAMES[f.observable], f"{f.phi:.3f}", f"{f.omega_rad_s:.4g}",
-                f"{text.number(CM * f.residual, 2)} {PEOPLE_UNITS[f.observable]}", text.number(f.z),
+                observable_label(f.observable), f"{f.phi:.3f}", f"{f.omega_rad_s:.4g}",
+                f"{text.number(CM * f.residual, 2)} {Observable[f.observable].readers_unit}", text.number(f.z),
             )
             for f in fails[:MAX_FAILING_ROWS]
         ]  # fmt: skip
@@ -360,14 +359,15 @@ def _data(steps: tuple[Step, ...], provenance: Provenance, downloads: list[Downl
 def _cell_table(steps: tuple[Step, ...]) -> Table:
     cells = steps[0].fit.cells
     head = ["φ", "ω (rad/s)", "trials"]
-    columns = [[f"{p:.3f}" for p in cells.phi], [f"{w:.4g}" for w in cells.omega], [str(n) for n in cells.n[:, 0]]]
+    trials = cells.n[:, Observable.speed]
+    columns = [[f"{p:.3f}" for p in cells.phi], [f"{w:.4g}" for w in cells.omega], [str(n) for n in trials]]
     for name in cells.observables:
-        head.append(f"{NAMES[name]} ({PEOPLE_UNITS[name]})")
+        head.append(Observable[name].heading)
         pairs = zip(CM * measured(cells, name), CM * scatter(cells, name), strict=True)
         columns.append([f"{m:.2f} ± {s:.2f}" if np.isfinite(m) else "–" for m, s in pairs])
     for step in steps:
         head.append(f"speed, {step.label} (cm/s)")
-        columns.append([f"{CM * value:.2f}" for value in step.fit.predicted[:, 0]])
+        columns.append([f"{CM * value:.2f}" for value in step.fit.predicted[:, Observable.speed]])
     rows = list(zip(*columns, strict=True))
     caption = "All cells: mean ± standard deviation of a single trial, and the modelled mean speed"
     return Table(caption, tuple(head), rows, (False,) * len(head), folded=True)
@@ -376,18 +376,17 @@ def _cell_table(steps: tuple[Step, ...]) -> Table:
 def cells_csv(steps: tuple[Step, ...]) -> str:
     """Cell means, scatter, and every step's prediction and residual, SI units in the names, empty where not known."""
     cells = steps[0].fit.cells
-    si = {"speed": "m_s", "lift": "m", "peak_speed": "m_s", "first_step": "m"}
     columns: dict[str, Iterable[Any]] = {"phi": cells.phi, "omega_rad_s": cells.omega, "gait": cells.gait}
     for name in cells.observables:
-        i = OBSERVABLES.index(name)
+        one = Observable[name]
         columns |= {
-            f"{name}_n": cells.n[:, i],
-            f"{name}_{si[name]}": cells.mean[:, i],
-            f"{name}_sd_{si[name]}": cells.sd[:, i],
+            f"{name}_n": cells.n[:, one],
+            one.column: cells.mean[:, one],
+            one.column.replace(name, f"{name}_sd"): cells.sd[:, one],
         }
         for step in steps:
             tag = "+".join(step.fit.effects) or "base"
-            columns[f"{name}_{si[name]}[{tag}]"] = step.fit.predicted[:, i]
+            columns[f"{one.column}[{tag}]"] = step.fit.predicted[:, one]
             columns[f"{name}_z[{tag}]"] = residual_z(step.fit, name)
     sheet = io.StringIO()
     writer = csv.writer(sheet, lineterminator="\n")

@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 
 from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.observables import CM
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
 from sandbot_model.report.view import (
     BAND_SDS,
-    CM,
-    NAMES,
     Band,
     Step,
     bands,
     frequencies,
     measured,
+    observable_label,
     readable,
     residual_z,
     scatter,
@@ -140,7 +140,8 @@ def residual_map(step: Step, observable: str, base: Step | None = None, theme: T
         spec["layout"][f"yaxis{key}"] = axis(
             theme, "", type="category", showgrid=False, ticks="", showticklabels=i == 0, anchor=f"x{key}"
         )
-        words = f"<b>{NAMES[observable]}</b><br>{model_name(one)}: {_count(failing_cells(one.fit, observable))}"
+        failing = _count(failing_cells(one.fit, observable))
+        words = f"<b>{observable_label(observable)}</b><br>{model_name(one)}: {failing}"
         spec["layout"]["annotations"].append(
             note(words, across[0], 1.0, xanchor="left", yanchor="bottom", yshift=6, align="left", font={"size": 13})
         )

@@ -6,9 +6,10 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.observables import CM
 from sandbot_model.report.figures import SYMBOLS, as_json, model_name
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
-from sandbot_model.report.view import CM, Step, bands, measured, scatter, walks
+from sandbot_model.report.view import Step, bands, measured, scatter, walks
 
 PHI_POINTS = 60
 OMEGA_POINTS = 80

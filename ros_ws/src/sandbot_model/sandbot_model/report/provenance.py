@@ -7,9 +7,10 @@ from typing import Protocol
 import numpy as np
 
 from sandbot_common.errors import InputError
-from sandbot_model.data.conditions import OBSERVABLES, Cells, Floats
+from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.physics.gait import assumption
-from sandbot_model.report.view import NAMES, Provenance
+from sandbot_model.physics.observables import Observable
+from sandbot_model.report.view import Provenance
 from sandbot_record.bags.reader import is_bag
 from sandbot_record.trials import from_bags as table
 
@@ -85,7 +86,7 @@ def limits(cells: Cells) -> tuple[str, ...]:
             f"How walking depends on leg frequency: every trial is at ω = {cells.omega[0]:.4g} rad/s, so Δt can't be "
             "told from k."
         )
-    if cells.pure_error_dof[0] == 0:
+    if cells.pure_error_dof[Observable.speed] == 0:
         notes.append(
             "Noise floor, error bars and the lack-of-fit test: no condition was repeated, so scatter can't be told "
             "from model error. Two or more trials at one (φ, ω) would do."
@@ -94,7 +95,7 @@ def limits(cells: Cells) -> tuple[str, ...]:
         notes.append(
             f"How fast legs turn while they stand: {assumed}. A table tells another one as CUSTOM(θ_s θ_0 d_c), in rad."
         )
-    absent = [NAMES[name] for name in OBSERVABLES if name not in cells.observables]
+    absent = [one.label for one in Observable if one.name not in cells.observables]
     if absent:
         notes.append(f"{', '.join(absent).capitalize()}: not measured in these trials{_consequence(cells)}.")
     return tuple(notes)

@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import BASE_PARAMETERS
-from sandbot_model.report.view import CM, readable
+from sandbot_model.physics.observables import CM
+from sandbot_model.report.view import readable
 
 UNKNOWN = "not known"
 

@@ -10,19 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_model.data.clustering import same_within
-from sandbot_model.data.conditions import OBSERVABLES, OMEGA_TOLERANCE, WALKING_LIFT_M, WALKING_SPEED_M_S, Cells, Floats
+from sandbot_model.data.conditions import OMEGA_TOLERANCE, WALKING_LIFT_M, WALKING_SPEED_M_S, Cells, Floats
 from sandbot_model.fitting.fit import Fit
-
-CM = 100.0
-"""Centimetres in a metre: all four observables are lengths or speeds a person reads in cm or cm/s."""
-
-NAMES = {"speed": "mean speed", "lift": "body lift", "peak_speed": "peak speed", "first_step": "first step"}
-"""What a person calls an observable."""
+from sandbot_model.physics.observables import NAMES, Observable
 
 CLEARLY_SEM = 3.0
 """Standard errors of a cell's lift above which it is no noise."""
-
-PEOPLE_UNITS = {"speed": "cm/s", "lift": "cm", "peak_speed": "cm/s", "first_step": "cm"}
 
 
 @dataclass(frozen=True)
@@ -77,7 +70,7 @@ class Step:
         rows = bands(cells)
         phi = np.array([[one.phi] for one in rows])
         beta = np.array([[cells.slow_phase_ratio[one.cells[0]]] for one in rows])
-        half = BAND_SDS * self.fit.uncertainty(phi, omega, beta)[..., 0]
+        half = BAND_SDS * self.fit.uncertainty(phi, omega, beta)[..., Observable.speed]
         middle = self.speed_m_s[:, ::BAND_EVERY]
         usual = np.median(half, axis=1, keepdims=True)
         lowest, highest = (end(self.speed_m_s, axis=1, keepdims=True) for end in (np.min, np.max))
@@ -122,12 +115,12 @@ def frequencies(cells: Cells) -> tuple[Floats, NDArray[np.int64]]:
 
 def measured(cells: Cells, observable: str) -> Floats:
     """Cell means of one observable [SI], (n,); NaN where not measured."""
-    return cells.mean[:, OBSERVABLES.index(observable)]
+    return cells.mean[:, Observable[observable]]
 
 
 def scatter(cells: Cells, observable: str) -> Floats:
     """Standard deviation of one trial per cell [SI], (n,): the cell's own replicates, else the pooled pure error."""
-    column = OBSERVABLES.index(observable)
+    column = Observable[observable]
     own = cells.sd[:, column]
     return np.where(np.isfinite(own), own, cells.noise[column])
 
@@ -136,14 +129,19 @@ def walks(cells: Cells) -> NDArray[np.bool_]:
     """Whether the robot walks in each cell, (n,): its lift is clearly above nothing, or, where lift was not measured,
     it is clearly faster than swimming.
     """
-    lift, sem = cells.mean[:, 1], cells.sem[:, 1]
+    lift, sem = cells.mean[:, Observable.lift], cells.sem[:, Observable.lift]
     clear = np.maximum(WALKING_LIFT_M, CLEARLY_SEM * np.nan_to_num(sem))
     return np.where(np.isfinite(lift), np.nan_to_num(lift) > clear, measured(cells, "speed") > WALKING_SPEED_M_S)
 
 
 def residual_z(fit: Fit, observable: str) -> Floats:
     """Standardised residuals of one observable, (n,): measured minus model over its standard error."""
-    return fit.residual_z[:, OBSERVABLES.index(observable)]
+    return fit.residual_z[:, Observable[observable]]
+
+
+def observable_label(observable: str) -> str:
+    """What a person calls an observable, or another measurement that is proposed."""
+    return Observable[observable].label if observable in NAMES else readable(observable)
 
 
 def readable(identifier: str) -> str:

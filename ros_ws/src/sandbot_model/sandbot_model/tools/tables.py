@@ -4,14 +4,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sandbot_model.data.conditions import OBSERVABLES, noise_floor
+from sandbot_model.data.conditions import noise_floor
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import assumption
-
-CM = 100.0
-READER_UNIT = {"speed": "cm/s", "lift": "cm", "peak_speed": "cm/s", "first_step": "cm"}
+from sandbot_model.physics.observables import CM, Observable
 
 
 def table(rows: Sequence[Sequence[str]]) -> str:
@@ -40,10 +38,10 @@ def data_line(fit: Fit) -> str:
 
 def ladder(steps: Sequence[Fit]) -> str:
     """Each step's error per observable, in and out of sample, over the noise floor."""
-    measured = [name for name in OBSERVABLES if name in steps[0].cells.observables]
+    measured = steps[0].cells.observables
     head = [
         "model",
-        *(f"{name} [{READER_UNIT[name]}]" for name in measured),
+        *(f"{name} [{Observable[name].readers_unit}]" for name in measured),
         "out of sample: speed",
         "lack of fit p",
         "cells failing",
@@ -110,7 +108,7 @@ def fails(fit: Fit, most: int = 12) -> str:
         return "no cell mean is missed by more than 3 standard errors"
     rows = [["observable", "phi", "omega [rad/s]", "measured - model", "z"]]
     for one in fit.fails[:most]:
-        residual = f"{CM * one.residual:+.2f} {READER_UNIT[one.observable]}"
+        residual = f"{CM * one.residual:+.2f} {Observable[one.observable].readers_unit}"
         rows.append([one.observable, f"{one.phi:.4f}", f"{one.omega_rad_s:.4g}", residual, f"{one.z:+.1f}"])
     more = f"\n… and {len(fit.fails) - most} more" if len(fit.fails) > most else ""
     return table(rows) + more
