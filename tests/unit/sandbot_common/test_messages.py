@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sandbot_common import messages, topics
+from sandbot_common.errors import InputError
 
 T = 1_700_000_000_123_456_789
 
@@ -64,7 +65,7 @@ def test_image_rows_may_be_padded():
 def test_an_image_that_is_not_mono8_is_refused():
     message = messages.image(T, "dorsal", np.zeros((2, 2), dtype=np.uint8))
     message.encoding = "rgb8"
-    with pytest.raises(ValueError, match="mono8 is needed"):
+    with pytest.raises(InputError, match="mono8 is needed"):
         messages.pixels(message)
 
 

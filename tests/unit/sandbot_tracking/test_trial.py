@@ -8,6 +8,7 @@ import pytest
 from sandbot_clock.gait import PRESETS, leg_angles
 from sandbot_common.errors import InputError
 from sandbot_tracking import trial
+from sandbot_tracking.fold import NotMeasured
 from sandbot_tracking.trial import summarise
 
 R, H = 0.0355, 0.025
@@ -55,6 +56,25 @@ def test_steps_of_whole_frames_are_measured_or_refused(rng):
             assert "peak speed: " in summary.reason
         else:
             assert summary.peak_speed_m_s == pytest.approx(10 * np.pi * R, rel=0.1)
+
+
+def test_one_frame_a_step_is_a_reason_and_not_a_fault(rng):
+    """All frames at one phase of the step: no line and no curve goes through them, and no matrix is inverted."""
+    t = np.arange(100) * 0.1
+    x, z = walk(t, 10 * np.pi, 0.9)
+    summary = measure(rng, x, z, t, 10 * np.pi)
+    assert np.isnan(summary.peak_speed_m_s)
+    assert "peak speed: the folded step is not sampled finely enough" in summary.reason
+
+
+def test_a_fault_of_ours_is_not_taken_for_a_reason(rng, monkeypatch):
+    def broken(*_):
+        raise ValueError("a fault")
+
+    monkeypatch.setattr(trial, "peak_slope", broken)
+    t = np.arange(-0.1, 4.0, 0.01)
+    with pytest.raises(ValueError, match="a fault"):
+        measure(rng, *walk(t, 8.0, 0.9), t, 8.0)
 
 
 @pytest.mark.parametrize("omega", [4.0, 24.0, 30.0])
@@ -166,7 +186,7 @@ def test_a_peak_is_kept_only_where_the_body_can_have_reached_it(peak, speed, lif
     if resolved:
         assert trial._plausible(peak, speed, lift) == peak
     else:
-        with pytest.raises(ValueError, match="m/s at a mean of"):
+        with pytest.raises(NotMeasured, match="m/s at a mean of"):
             trial._plausible(peak, speed, lift)
 
 

@@ -3,12 +3,14 @@
 Times are seconds of one steady clock, passed in. The node feeds it; ``snapshot`` is what the page draws.
 """
 
-import json
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
+
+from sandbot_common.errors import InputError
+from sandbot_common.files import parse_json
 
 HISTORY_S = 10.0
 """How far back the speed plot reaches."""
@@ -108,8 +110,8 @@ class Console:
     def set_trial(self, text: str) -> None:
         """What /trial says (JSON); other text is shown as it is."""
         try:
-            content = json.loads(text)
-        except json.JSONDecodeError:
+            content = parse_json(text, "/trial")
+        except InputError:
             content = None
         self.trial = content if isinstance(content, dict) else {"trial_id": text}
 

@@ -9,7 +9,6 @@ replicates: 3
 """
 
 import dataclasses
-import json
 import math
 import zlib
 from collections.abc import Iterable, Mapping
@@ -22,7 +21,7 @@ import numpy as np
 from sandbot_bed.protocol import ProtocolParameters
 from sandbot_clock.gait import PRESETS, Gait
 from sandbot_common.errors import InputError
-from sandbot_common.files import dump_yaml, read_yaml
+from sandbot_common.files import dump_yaml, read_json, read_yaml
 from sandbot_common.parameters import from_mapping, parameter
 from sandbot_model.discovery.next_trials import PENETRATION
 
@@ -149,12 +148,7 @@ def trials_of(plan: Plan) -> list[PlannedTrial]:
 
 def with_next_trials(plan: Plan, path: Path) -> Plan:
     """The plan extended by the ``next_trials`` of a discovery JSON (schema sandbot.discovery/1), each only once."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from None
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: not JSON: {error}") from None
+    content = read_json(path)
     proposed = content.get("next_trials") if isinstance(content, dict) else content
     if not isinstance(proposed, list) or not proposed:
         raise InputError(f"{path}: no next_trials in it; the verdict may need none")

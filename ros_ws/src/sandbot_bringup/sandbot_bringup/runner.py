@@ -1,20 +1,16 @@
 """Run a campaign in batch: trials over worker processes, with progress, resumable, stopped cleanly by Ctrl-C."""
 
-import os
-import signal
-import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
-from multiprocessing.connection import wait as wait_for_handle
 from pathlib import Path
 
 from tqdm import tqdm
 
 from sandbot_bringup.plan import PlannedTrial
+from sandbot_common.workers import pool
 
 Job = Callable[[PlannedTrial, int], Path]
 """Runs one trial, started at a wall-clock instant [ns], and returns its bag."""
@@ -35,16 +31,16 @@ def run(trials: Sequence[PlannedTrial], job: Job, workers: int) -> Outcome:
     """
     finished: list[str] = []
     failed: list[tuple[str, str]] = []
-    # A forked worker would inherit the parent's threads (numba, DDS); spawn starts from nothing.
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_start_worker)
-    with pool, tqdm(total=len(trials), unit="trial", desc="campaign", mininterval=0.5) as bar:
+    # A forked worker would inherit the parent's threads (numba, DDS).
+    spawned = pool(workers, "spawn")
+    with spawned, tqdm(total=len(trials), unit="trial", desc="campaign", mininterval=0.5) as bar:
         waiting = list(reversed(trials))
         running: dict[Future[Path], PlannedTrial] = {}
         try:
             while waiting or running:
                 # Only what the workers can start on now is handed over, so that Ctrl-C has little to wait for.
                 while waiting and len(running) < 2 * workers:
-                    running[pool.submit(job, waiting[-1], time.time_ns())] = waiting[-1]
+                    running[spawned.submit(job, waiting[-1], time.time_ns())] = waiting[-1]
                     waiting.pop()
                 done, _ = wait(running, return_when=FIRST_COMPLETED)
                 for future in done:
@@ -55,7 +51,7 @@ def run(trials: Sequence[PlannedTrial], job: Job, workers: int) -> Outcome:
                         finished.append(trial.trial_id)
                     bar.update()
         except KeyboardInterrupt:
-            pool.shutdown(wait=True, cancel_futures=True)
+            spawned.shutdown(wait=True, cancel_futures=True)
             raise
         except BrokenProcessPool:
             lost = [*running.values(), *reversed(waiting)]
@@ -63,17 +59,3 @@ def run(trials: Sequence[PlannedTrial], job: Job, workers: int) -> Outcome:
                 (trial.trial_id, "a worker process was killed (out of memory?); resume to run it") for trial in lost
             ]
     return Outcome(tuple(finished), tuple(failed))
-
-
-def _start_worker() -> None:
-    # Ctrl-C reaches the whole process group; the parent decides, the workers finish their trial.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    # A parent that was killed can't stop its workers, and a resumed campaign must not race with them.
-    parent = parent_process()
-    if parent is not None:
-        wait_for_handle([parent.sentinel])
-        os._exit(1)

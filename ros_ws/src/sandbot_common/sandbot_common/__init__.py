@@ -3,7 +3,8 @@
 errors      InputError: one line that says which file, row or parameter is wrong and what would be right
 cli         command lines that print that line and exit 2
 parameters  frozen dataclasses with unit, bounds and meaning: YAML checks and ROS descriptors derive from them
-files       write through a temporary name, so that nothing is ever half-written
+files       text, YAML, JSON and CSV in; out through a temporary name, so that nothing is ever half-written
+workers     worker processes that leave Ctrl-C to their parent and end with it
 messages    numpy to standard ROS messages (no rclpy)
 serialization  those messages to CDR bytes, without DDS
 topics      names, types and QoS of every topic, once

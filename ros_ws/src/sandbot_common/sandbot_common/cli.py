@@ -5,9 +5,11 @@ import io
 import os
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import NoReturn
 
 from sandbot_common.errors import InputError
+from sandbot_common.files import check_output
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -19,6 +21,14 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise InputError in place of usage and exit."""
         raise InputError(f"{message} (see {self.prog} --help)")
+
+
+def output(text: str) -> Path:
+    """A file to write, as an argparse type. What can't be one is refused before the work begins."""
+    try:
+        return check_output(Path(text))
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | None = None) -> int:

@@ -14,7 +14,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -95,6 +94,8 @@ class Camera:
     def _rays(self, px: Floats) -> Floats:
         """Directions (n, 3) in trackway axes of pixels (n, 2)."""
         if self._lens.any():
+            import cv2
+
             # The default 5 iterations leave 1e-3 px at strong distortion.
             criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 20, 1e-12)
             points = np.ascontiguousarray(px, dtype=float)[:, None, :]

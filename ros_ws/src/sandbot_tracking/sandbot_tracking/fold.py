@@ -30,6 +30,10 @@ _LEAST = 8
 """Points in a window at least, so that a cubic has residuals."""
 
 
+class NotMeasured(Exception):
+    """What was filmed does not determine a quantity; ``str(error)`` is the reason."""
+
+
 @dataclass(frozen=True)
 class Folded:
     """Samples of all steps by phase, ascending."""
@@ -57,7 +61,7 @@ class _Fit:
 def peak_slope(t_s: Floats, x_m: Floats, edges_s: Floats, rest_m: Floats) -> float:
     """Largest dx/dt of the folded step [m/s].
 
-    ``rest_m``: position at each of the ``edges_s``. Raises ValueError, with the reason, if it cannot be measured.
+    ``rest_m``: position at each of the ``edges_s``. Raises NotMeasured.
     """
     number, x = _inside(t_s, x_m, edges_s)
     step = number.astype(int)
@@ -74,12 +78,15 @@ def peak_slope(t_s: Floats, x_m: Floats, edges_s: Floats, rest_m: Floats) -> flo
     secant = _steepest_secant(folded)
     if secant > _MISSED * best.slope:
         found = f"{best.slope / seconds:.4f} m/s where it moves at {secant / seconds:.4f} m/s at least"
-        raise ValueError(f"an arc too short to resolve ({found})")
+        raise NotMeasured(f"an arc too short to resolve ({found})")
     return best.slope / seconds
 
 
 def peak_height(t_s: Floats, z_m: Floats, edges_s: Floats) -> float:
-    """Largest z of the folded step, median over the steps [m]; the plain mean if the folded curve is flat."""
+    """Largest z of the folded step, median over the steps [m]; the plain mean if the folded curve is flat.
+
+    Raises NotMeasured.
+    """
     number, z = _inside(t_s, z_m, edges_s)
     folded = fold(number % 1.0, z, 0.0)
     flat = _whole(folded, degree=0)
@@ -90,10 +97,13 @@ def peak_height(t_s: Floats, z_m: Floats, edges_s: Floats) -> float:
 
 
 def fold(phase: Floats, value: Floats, advance: float) -> Folded:
-    """Sort by phase and estimate the noise from how far a point lies off the line through its neighbours."""
+    """Sort by phase and estimate the noise from how far a point lies off the line through its neighbours.
+
+    Raises NotMeasured.
+    """
     seen = np.isfinite(value)
     if seen.sum() < 4 * _LEAST:
-        raise ValueError(f"{int(seen.sum())} frames in steady steps, at least {4 * _LEAST} are needed")
+        raise NotMeasured(f"{int(seen.sum())} frames in steady steps, at least {4 * _LEAST} are needed")
     order = np.argsort(phase[seen], kind="stable")
     phase, value = phase[seen][order], value[seen][order]
     left, middle, right = phase[:-2], phase[1:-1], phase[2:]
@@ -111,7 +121,7 @@ def _spread(off: Floats) -> float:
 def _inside(t_s: Floats, value: Floats, edges_s: Floats) -> tuple[Floats, Floats]:
     """Step number with phase as its fraction, and value, of the frames within the edges."""
     if edges_s.size < 2:
-        raise ValueError("no whole steady step")
+        raise NotMeasured("no whole steady step")
     number = np.interp(t_s, edges_s, np.arange(edges_s.size), left=np.nan, right=np.nan)
     keep = np.isfinite(number) & (number < edges_s.size - 1)
     return number[keep], value[keep]
@@ -137,7 +147,7 @@ def _progress(phase: Floats, part: Floats, length: Floats) -> Floats:
 def _best(folded: Folded, merit: Callable[[_Fit], float]) -> _Fit:
     fits = [fit for centre in (np.arange(_CENTRES) + 0.5) / _CENTRES if (fit := _widest(folded, centre)) is not None]
     if not fits:
-        raise ValueError("the folded step is not sampled finely enough: more steps or another ω are needed")
+        raise NotMeasured("the folded step is not sampled finely enough: more steps or another ω are needed")
     return max(fits, key=merit)
 
 
@@ -199,6 +209,8 @@ def _whole(folded: Folded, degree: int) -> _Fit | None:
     frames of a step share; the noise between neighbours in phase may not.
     """
     u = 2 * folded.phase - 1
+    if degree and np.ptp(u) < _SECANT:
+        return None  # One frame a step: no line goes through a single phase.
     design = u[:, None] ** np.arange(degree + 1)
     covariance = np.linalg.inv(design.T @ design)
     solution = covariance @ (design.T @ folded.value)

@@ -59,7 +59,7 @@ class TrackerNode(Node):
         stamp = messages.nanoseconds(image.header.stamp)
         try:
             pixels = messages.pixels(image)
-        except ValueError as error:
+        except InputError as error:
             self.get_logger().error(f"{camera}: {error}", throttle_duration_sec=5.0)
             return
         if camera in self._cameras:

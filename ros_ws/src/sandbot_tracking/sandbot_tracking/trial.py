@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sandbot_common.errors import InputError
-from sandbot_tracking.fold import peak_height, peak_slope
+from sandbot_tracking.fold import NotMeasured, peak_height, peak_slope
 
 Floats = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ def summarise(
     frames, gaps = int(moving.sum()), int((moving & ~np.isfinite(x + z)).sum())
     try:
         edges, early = handovers(leg_t_s, np.asarray(leg_angle, dtype=float) + leg_mount_rad, start_s)
-    except _NotMeasured as why:
+    except NotMeasured as why:
         return TrialSummary(*(np.nan,) * 5, frames, gaps, 0, str(why))
 
     reasons: list[str] = []
@@ -102,29 +102,25 @@ def summarise(
         rest = _rest_height(t, z, start_s, steps, rest_height_m)
         try:
             lift = peak_height(t, z - rest, steps.edges)
-        except ValueError as why:
+        except NotMeasured as why:
             reasons.append(f"lift: {why}")
         try:
             peak = _plausible(peak_slope(t, x, steps.edges, steps.x_m), speed, lift)
-        except ValueError as why:
+        except NotMeasured as why:
             reasons.append(f"peak speed: {why}")
     return TrialSummary(speed, speed_sd, lift, peak, first, frames, gaps, cycles, "; ".join(reasons))
 
 
 def _plausible(peak: float, speed: float, lift: float) -> float:
-    """The peak, unless the fold missed the arc or saw one that is not there. Raises ValueError.
+    """The peak, unless the fold missed the arc or saw one that is not there. Raises NotMeasured.
 
     No cycle's largest speed is below its mean, and legs that carry the body far above its mean speed lift it as well.
     """
     if peak < SWIMMING_SLACK * speed:
-        raise ValueError(f"an arc too short to resolve ({peak:.4f} m/s at a mean of {speed:.4f} m/s)")
+        raise NotMeasured(f"an arc too short to resolve ({peak:.4f} m/s at a mean of {speed:.4f} m/s)")
     if lift < NO_LIFT_M and peak > FAR_ABOVE * speed:
-        raise ValueError(f"{peak:.4f} m/s at a mean of {speed:.4f} m/s without any rise of the body")
+        raise NotMeasured(f"{peak:.4f} m/s at a mean of {speed:.4f} m/s without any rise of the body")
     return peak
-
-
-class _NotMeasured(Exception):
-    """Why the legs give no clock."""
 
 
 def _check(t: Floats, others: tuple[Floats, ...]) -> None:
@@ -135,14 +131,17 @@ def _check(t: Floats, others: tuple[Floats, ...]) -> None:
 
 
 def handovers(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> tuple[Floats, float]:
-    """Times (n,) of the start and of every end of a step after it; how far [rad] the start is before a step's begin."""
+    """Times (n,) of the start and of every end of a step after it; how far [rad] the start is before a step's begin.
+
+    Raises NotMeasured.
+    """
     t, angle = np.asarray(leg_t_s, dtype=float), np.asarray(leg_angle, dtype=float)
     if angle.ndim != 2 or len(angle) != t.size:
         raise InputError(f"leg angles of shape {angle.shape} with {t.size} times: (n, 6) is needed")
     keep = np.isfinite(t) & np.isfinite(angle).all(axis=1)
     t, angle = t[keep], angle[keep]
     if t.size < 2 or t[-1] <= start_s:
-        raise _NotMeasured("no leg angles after the start")
+        raise NotMeasured("no leg angles after the start")
     turned = np.unwrap(angle, axis=0)
     start = np.array([np.interp(start_s, t, leg) for leg in turned.T])
     phase = (turned - start).mean(axis=1)
@@ -152,7 +151,7 @@ def handovers(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> tuple
     ends = early + np.pi * np.arange(1, advance[-1] // np.pi + 2)
     ends = ends[ends <= advance[-1]]
     if not ends.size:
-        raise _NotMeasured("the legs turned less than a step")
+        raise NotMeasured("the legs turned less than a step")
     ahead = np.concatenate(([True], np.diff(advance) > 0)) & (t >= start_s)
     clock, times = np.append(0.0, advance[ahead]), np.append(start_s, t[ahead])
     return np.append(start_s, np.interp(ends, clock, times)), early

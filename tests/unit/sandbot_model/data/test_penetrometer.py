@@ -91,7 +91,7 @@ def test_a_file_of_forces_and_one_of_stiffness_say_the_same(tmp_path):
         ("phi,depth_m,force_n\n6,0.03,5\n", "row 2, phi"),
         ("phi,depth_m,force_n\n0.6,3,5\n", "row 2, depth_m"),
         ("phi,depth_m,force_n,force_sd_n\n0.6,0.03,5,0\n", "row 2, force_sd_n"),
-        ("phi,depth_m,force_n\n0.6,0.03\n", "row 2, force_n"),
+        ("phi,depth_m,force_n\n0.6,0.03\n", "row 2: 2 values for 3 columns"),
     ],
 )
 def test_a_bad_file_is_one_line(tmp_path, text, message):

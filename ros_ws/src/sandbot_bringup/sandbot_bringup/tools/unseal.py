@@ -1,6 +1,5 @@
 """``unseal FOLDER``: open the virtual lab's sealed truth and hold the discovery against it."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from sandbot_bringup.plan import read_plan
 from sandbot_bringup.truth import judge, truth_of
 from sandbot_common import cli
 from sandbot_common.errors import InputError
+from sandbot_common.files import read_json
 from sandbot_lab.world import read_world
 
 
@@ -55,12 +55,7 @@ def _cm_s(speed_m_s: float | None) -> str:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}; make it with: discover FOLDER --json {path}") from None
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: not JSON: {error}") from None
+    content = read_json(path, remedy=f"; make it with: discover FOLDER --json {path}")
     if not isinstance(content, dict) or content.get("schema") != "sandbot.discovery/1":
         raise InputError(f"{path}: not a discovery of schema sandbot.discovery/1")
     if not content.get("steps"):

@@ -13,7 +13,7 @@ import numpy as np
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_common.files import write_text
+from sandbot_common.files import write_text, writing
 from sandbot_lab.ground import TrackGround
 from sandbot_lab.physics import fresh_state, physics_record
 from sandbot_lab.robot import checked_phi
@@ -60,7 +60,7 @@ def _command(argv: Sequence[str]) -> None:
     parser.add_argument("--phi", type=float, nargs="+", required=True, help="volume fractions to prepare")
     parser.add_argument("--depth-m", type=float, nargs="+", default=DEPTHS_M, help="depths to read at")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE.csv")
+    parser.add_argument("--out", type=cli.output, required=True, metavar="FILE.csv")
     args = parser.parse_args(argv)
     if args.seed < 0:
         raise InputError(f"--seed: {args.seed} is not a seed; 0 or more")
@@ -69,8 +69,6 @@ def _command(argv: Sequence[str]) -> None:
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    try:
+    with writing(args.out):
         write_text(args.out, text.getvalue())
-    except OSError as error:
-        raise InputError(f"{args.out}: can't be written: {error.strerror}") from None
     print(f"{args.out}: {len(rows)} readings")

@@ -7,7 +7,6 @@ proportion to depth. A file has one reading a row, with columns
     phi, k_n_per_m [, k_sd_n_per_m]             a stiffness: the force at d_r = 3.9 cm over d_r
 """
 
-import csv
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
+from sandbot_common.files import read_csv
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -56,15 +56,8 @@ class Pressed:
 
 def read_readings(path: Path) -> Readings:
     """Read a file as above. Raises InputError naming the row and the value that can't be."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            table = csv.DictReader(file, strict=True, skipinitialspace=True)
-            columns = [name.strip() for name in table.fieldnames or ()]
-            rows = list(table)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: not a CSV: {error}") from None
+    columns, numbered = read_csv(path)
+    rows = list(numbered)
     kind = next((pair for pair in (("depth_m", "force_n"), ("k_n_per_m",)) if {"phi", *pair} <= set(columns)), None)
     if kind is None or not rows:
         raise InputError(f"{path}: columns phi, depth_m, force_n or phi, k_n_per_m and a row a reading are needed")
@@ -92,15 +85,16 @@ def at_levels(readings: Readings, level_phi: Floats) -> Pressed:
     return Pressed(*(column[near] for column in columns))
 
 
-def _column(path: Path, rows: list[dict[str, str]], name: str, limits: tuple[float, float] | None = None) -> Floats:
+def _column(
+    path: Path, rows: list[tuple[int, dict[str, str]]], name: str, limits: tuple[float, float] | None = None
+) -> Floats:
     low, high = limits or LIMITS[name]
     found = np.empty(len(rows))
-    for index, row in enumerate(rows):
-        text = next((value for key, value in row.items() if key is not None and key.strip() == name), None) or ""
+    for index, (number, row) in enumerate(rows):
         try:
-            found[index] = float(text)
+            found[index] = float(row[name])
         except ValueError:
-            raise InputError(f"{path}: row {index + 2}, {name}: {text!r} is not a number") from None
+            raise InputError(f"{path}: row {number}, {name}: {row[name]!r} is not a number") from None
         if not low < found[index] < high:
-            raise InputError(f"{path}: row {index + 2}, {name}: {text} is not between {low:g} and {high:g}")
+            raise InputError(f"{path}: row {number}, {name}: {row[name]} is not between {low:g} and {high:g}")
     return found

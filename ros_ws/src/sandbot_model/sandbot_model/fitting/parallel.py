@@ -2,20 +2,16 @@
 
 import asyncio
 import logging
-import multiprocessing
-import os
 import pickle
-import signal
 import sys
-import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import CancelledError, ProcessPoolExecutor
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from functools import partial
-from multiprocessing.connection import wait
 from typing import Any
 
 from sandbot_common.errors import InputError
+from sandbot_common.workers import pool
 from sandbot_model.physics.catalogue import USER_MODULE
 
 Map = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
@@ -38,25 +34,11 @@ def workers(count: int) -> Iterator[Map]:
         yield map
         return
     # Forked workers see a user's effects as they are; none of them could be found again by name.
-    pool = ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("fork"), initializer=start_worker)
+    forked = pool(count, "fork")
     try:
-        yield pool.map
+        yield forked.map
     finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def start_worker() -> None:
-    """What a worker process does first: leave Ctrl-C to its parent, and end with it."""
-    # Ctrl-C reaches the whole process group; the parent decides, a worker finishes its fit.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    # A parent that was killed can't stop its workers.
-    if (parent := multiprocessing.parent_process()) is not None:
-        wait([parent.sentinel])
-        os._exit(1)
+        forked.shutdown(cancel_futures=True)
 
 
 @contextmanager

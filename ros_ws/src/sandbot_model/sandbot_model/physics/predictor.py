@@ -1,6 +1,5 @@
 """What a model says while a trial runs: mean speed for the conditions, v_x(t) for the leg angles."""
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sandbot_common.errors import InputError
+from sandbot_common.files import read_json
 from sandbot_common.parameters import parameter
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.catalogue import catalogue
@@ -107,17 +107,13 @@ def predictor_of(given: PredictorParameters) -> Predictor:
 
 def predictor_from_json(path: Path) -> Predictor:
     """The last step of a result of ``discover --json`` or ``compare --json``."""
+    content = read_json(path)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
         step = content["steps"][-1]
         values = {name: one["value"] for name, one in step["parameters"].items()}
         curve = [(row["phi"], row["value"]) for row in step["k_n_per_m"]]
         model = model_of(content["model"], step["effects"], catalogue())
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from None
-    except (ValueError, KeyError, IndexError, TypeError) as error:
-        if isinstance(error, InputError):
-            raise
+    except (KeyError, IndexError, TypeError) as error:
         raise InputError(f"{path}: not a result of discover or compare: {type(error).__name__} {error}") from None
     phi, k = np.array(curve, dtype=float).T
     return _predictor(model, values, phi, k, str(path))

@@ -2,14 +2,13 @@
 
 import argparse
 import json
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from sandbot_common.cli import Parser
+from sandbot_common.cli import Parser, output
 from sandbot_common.errors import InputError
-from sandbot_common.files import write_text
+from sandbot_common.files import write_text, writing
 from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.data.penetrometer import Readings, read_readings
 from sandbot_model.fitting.parallel import Map, cluster, workers
@@ -82,25 +81,6 @@ def fitters(args: argparse.Namespace) -> AbstractContextManager[Map]:
     if args.workers < 1:
         raise InputError(f"--workers {args.workers}: at least one is needed")
     return workers(args.workers) if args.dask is None else cluster(args.dask)
-
-
-def output(text: str) -> Path:
-    """A file to write, as an argparse type: what can't be one is refused before minutes of fitting, not after."""
-    path = Path(text)
-    if path.is_dir():
-        raise argparse.ArgumentTypeError(f"{path} is a folder, a file is needed")
-    if above := [one for one in path.parents if one.exists() and not one.is_dir()]:
-        raise argparse.ArgumentTypeError(f"{path}: {above[0]} is not a folder")
-    return path
-
-
-@contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """A disk that refuses ``path`` is bad input."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"{path}: can't be written: {error.strerror}") from None
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:

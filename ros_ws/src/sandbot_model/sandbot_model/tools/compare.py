@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
+from sandbot_common.files import read_yaml, writing
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import Selection, from_mapping, held_by_text
 from sandbot_model.discovery.compare import geometry_lock, to_json
@@ -20,7 +20,6 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.report import write_comparison
 from sandbot_model.tools import arguments, tables
-from sandbot_record.trials.film_strip import film_strip
 from sandbot_record.trials.read import read
 
 
@@ -71,8 +70,10 @@ def _compare(argv: Sequence[str]) -> None:
     if args.json is not None:
         arguments.write_json(args.json, content)
     if args.html is not None:
+        from sandbot_record.trials.film_strip import film_strip
+
         frames = film_strip(args.data[0])
-        with arguments.writing(args.html):
+        with writing(args.html):
             title = args.title or args.data[0].stem
             write_comparison(args.html, steps, trials, title=title, frames=frames, data=args.data)
 

@@ -7,11 +7,11 @@ from tqdm import tqdm
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
+from sandbot_common.files import writing
 from sandbot_model.discovery.discover import Discovery, discover
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.report import write_report
 from sandbot_model.tools import arguments, tables
-from sandbot_record.trials.film_strip import film_strip
 from sandbot_record.trials.read import read
 
 
@@ -48,8 +48,10 @@ def _discover(argv: Sequence[str]) -> None:
     if args.json is not None:
         arguments.write_json(args.json, found.to_json())
     if args.html is not None:
+        from sandbot_record.trials.film_strip import film_strip
+
         frames = film_strip(args.data[0])
-        with arguments.writing(args.html):
+        with writing(args.html):
             write_report(args.html, found, trials, title=args.title or args.data[0].stem, frames=frames, data=args.data)
 
 

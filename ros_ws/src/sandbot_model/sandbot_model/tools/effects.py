@@ -15,7 +15,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _effects(argv: Sequence[str]) -> None:
     parser = cli.Parser(prog="effects", description=__doc__)
     arguments.add_catalogue(parser)
-    parser.add_argument("--json", type=arguments.output, metavar="OUT", help="write the catalogue as JSON")
+    parser.add_argument("--json", type=cli.output, metavar="OUT", help="write the catalogue as JSON")
     args = parser.parse_args(argv)
     effects = catalogue(args.effects_from, args.effect)
     for effect in effects.values():

@@ -18,13 +18,13 @@ from werkzeug.serving import make_server
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
+from sandbot_common.workers import pool
 from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.discovery.choice import from_mapping, from_query, to_query
 from sandbot_model.explore import nothing
 from sandbot_model.explore.app import Beside, Explorer
 from sandbot_model.explore.loopback import HOST
 from sandbot_model.explore.session import Session
-from sandbot_model.fitting.parallel import start_worker
 from sandbot_model.tools import arguments
 from sandbot_record.trials.read import read
 from sandbot_record.trials.table import Trials
@@ -92,8 +92,7 @@ def _explore_cells(args: argparse.Namespace, trials: Trials, cells: Cells, title
 @contextmanager
 def _fitters(count: int) -> Iterator[ProcessPoolExecutor]:
     """Worker processes that give way to the page and end with it, whatever they are at."""
-    fork = multiprocessing.get_context("fork")
-    workers = ProcessPoolExecutor(count, mp_context=fork, initializer=_in_worker)
+    workers = pool(count, "fork", also=_gives_way)
     # Ended from outside (a launcher, a test) is ended all the same: through the same door as Ctrl-C.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -105,9 +104,8 @@ def _fitters(count: int) -> Iterator[ProcessPoolExecutor]:
         workers.shutdown(wait=True, cancel_futures=True)
 
 
-def _in_worker() -> None:
-    """As any worker, but one that gives way to the page and can be ended in the middle of a fit."""
-    start_worker()
+def _gives_way() -> None:
+    """A worker that gives way to the page and can be ended in the middle of a fit."""
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     os.nice(NICE)
 

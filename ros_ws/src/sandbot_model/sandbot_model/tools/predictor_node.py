@@ -1,6 +1,5 @@
 """predictor: the model beside the running trial - /model/speed at every leg state, /model/speed/mean, /model/error."""
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 
@@ -10,6 +9,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 
 from sandbot_common import messages, node, topics
+from sandbot_common.files import parse_json
 from sandbot_common.legs import leg_mount_rad
 from sandbot_model.physics.predictor import Predictor, PredictorParameters, predictor_of
 
@@ -41,7 +41,7 @@ class PredictorNode(Node):
 
     def _on_trial(self, message: String) -> None:
         try:
-            trial = json.loads(message.data)
+            trial = parse_json(message.data, topics.TRIAL.name)
             self._omega, self._gait = float(trial["omega_rad_s"]), str(trial.get("gait", ""))
             self._leg_mount_rad = leg_mount_rad(trial, topics.TRIAL.name)
             if math.isnan(self._phi) and "phi" in trial:

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +28,8 @@ def raw_name(topic: str, type_name: str) -> str | None:
 
 def encode_jpeg(pixels: Pixels) -> bytes:
     """Pixels (height, width) or (height, width, 3; BGR) as a JPEG file."""
+    import cv2
+
     return bytes(cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes())
 
 
@@ -63,10 +64,17 @@ def to_jpeg(cdr: bytes | memoryview) -> bytes:
 def from_jpeg(cdr: bytes | memoryview) -> bytes:
     """A CDR CompressedImage as a CDR sensor_msgs/Image of encoding mono8. Raises InputError if it is no picture."""
     message = interfaces.decode(bytes(cdr), JPEG)
-    pixels = cv2.imdecode(message.data, cv2.IMREAD_GRAYSCALE) if message.data.size else None
+    return to_image(message.header, grey_of_jpeg(message.data))
+
+
+def grey_of_jpeg(data: Pixels) -> Pixels:
+    """Pixels (height, width) of a JPEG file's bytes. Raises InputError if it is no picture."""
+    import cv2
+
+    pixels = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
     if pixels is None:
-        raise InputError(f"{message.data.size} bytes of a compressed image are not a picture")
-    return to_image(message.header, np.asarray(pixels, dtype=np.uint8))
+        raise InputError(f"{data.size} bytes of a compressed image are not a picture")
+    return np.asarray(pixels, dtype=np.uint8)
 
 
 def to_image(header: Any, pixels: Pixels) -> bytes:

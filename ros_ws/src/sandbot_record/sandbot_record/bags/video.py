@@ -15,15 +15,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_record.bags import frames, interfaces
 from sandbot_record.bags.frames import Pixels
 from sandbot_record.bags.metadata import TopicInfo
+
+# OpenCV is loaded with the first frame: most bags are read without one.
+if TYPE_CHECKING:
+    import cv2
 
 INDEX = "sensor_msgs/msg/TimeReference"
 _SUFFIX = "/video"
@@ -126,7 +129,9 @@ class VideoFile:
         if self._writer is not None:
             self._writer.release()
 
-    def _open(self, pixels: Pixels) -> cv2.VideoWriter:
+    def _open(self, pixels: Pixels) -> "cv2.VideoWriter":
+        import cv2
+
         if pixels.ndim != 2 or pixels.shape[0] % 2 or pixels.shape[1] % 2:
             raise InputError(
                 f"{self._path.name}: frames of shape {pixels.shape} can't become video: mono8 of even width and height "
@@ -182,6 +187,8 @@ class VideoFrames:
     @property
     def codec(self) -> str:
         """The codec of the file; rawvideo if it is none of ours."""
+        import cv2
+
         # A reader that leaves grey frames grey tells the pixels' format in place of the codec.
         four = int(cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG).get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little")
         return next((name for name, code in CODECS.items() if four.upper() == code.encode()), "rawvideo")
@@ -198,6 +205,8 @@ class VideoFrames:
         return np.ascontiguousarray(pixels, dtype=np.uint8)
 
     def _open(self) -> None:
+        import cv2
+
         if not self.path.is_file():
             raise InputError(f"{self.path}: no such video")
         self._next = self._gone = 0
@@ -233,6 +242,8 @@ class Transfer:
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
     """Without OpenCV's warning that grey frames stay grey, which is what is wanted."""
+    import cv2
+
     level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
     try:
         yield

@@ -8,7 +8,6 @@ the middleware's message-lost event. Neither sees what was published before we w
 of its own queue before sending it to anybody while nothing came after it, or what a best-effort publisher sent last.
 """
 
-import json
 import re
 import threading
 import time
@@ -26,6 +25,8 @@ from rosbags.interfaces import Qos
 from std_srvs.srv import SetBool, Trigger
 
 from sandbot_common import messages, topics
+from sandbot_common.errors import InputError
+from sandbot_common.files import parse_json
 from sandbot_common.node import Health, run
 from sandbot_record.bags import frames, interfaces, metadata
 from sandbot_record.bags.mcap_writer import LIBRARY
@@ -305,8 +306,8 @@ def _provenance(trial: bytes) -> dict[str, dict[str, str]]:
     """The metadata record ``trial`` from the last message on /trial; none if there was none or it is not JSON."""
     try:
         text = interfaces.decode(trial, topics.TRIAL.type).data
-        plan = json.loads(text)
-    except ValueError:  # InputError and JSONDecodeError
+        plan = parse_json(text, topics.TRIAL.name)
+    except InputError:
         return {}
     if not isinstance(plan, dict):
         return {}

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
+from sandbot_common.files import check_output, writing
 from sandbot_record.bags import reader
 from sandbot_record.trials import from_bags as table
 from sandbot_record.trials.csv_table import to_csv, write_csv
@@ -21,7 +22,7 @@ def _table(argv: Sequence[str]) -> None:
     parser = cli.Parser(prog="table", description=__doc__)
     parser.add_argument("data", nargs="+", type=Path, metavar="DATA", help="a campaign folder, bags or trials CSVs")
     parser.add_argument(
-        "--out", type=Path, help="the CSV to write (default: trials.csv in the campaign folder, else print)"
+        "--out", type=cli.output, help="the CSV to write (default: trials.csv in the campaign folder, else print)"
     )
     parser.add_argument("--workers", type=int, help="processes (default: one a CPU)")
     options = parser.parse_args(argv)
@@ -31,18 +32,16 @@ def _table(argv: Sequence[str]) -> None:
     out = options.out
     first = options.data[0]
     if len(options.data) == 1 and first.is_dir() and not reader.is_bag(first):
+        out = out or check_output(first / table.TRIALS_CSV)
         report = table.campaign(first, options.workers)
         rows, skipped = report.trials, report.skipped
-        out = out or first / table.TRIALS_CSV
     else:
         rows = read(options.data)
     if out is None:
         print(to_csv(rows), end="")
     else:
-        try:
+        with writing(out):
             write_csv(rows, out)
-        except OSError as error:
-            raise InputError(f"{out}: can't be written: {error.strerror}") from None
         print(f"{out}: {len(rows)} trials, {rows.excluded} of them not usable, {len(skipped)} bags skipped")
     for row in rows.select(rows.status != OK).rows():
         print(f"not usable: {row.trial_id}: {row.status}")

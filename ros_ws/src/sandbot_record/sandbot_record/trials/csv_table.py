@@ -60,18 +60,13 @@ def to_csv(trials: Trials) -> str:
 
 def csv_rows(path: Path) -> list[Row]:
     """The rows of a CSV file. Raises InputError naming row, column and value of what can't be read."""
-    lines = _csv_lines(path)
-    header = [name.strip() for name in lines[0]] if lines else []
+    header, lines = files.read_csv(path, "a trials CSV, a bag or a campaign folder")
     if not any(header):
         raise InputError(f"{path}: empty; a header with {', '.join(REQUIRED)} and one row a trial are needed")
     _check_header(path, header)
     rows, numbers = [], []
-    for number, cells in enumerate(lines[1:], start=2):
-        if not any(cell.strip() for cell in cells):
-            continue
-        if len(cells) != len(header):
-            raise InputError(f"{path}: row {number}: {len(cells)} values for {len(header)} columns")
-        rows.append(_csv_row(f"{path}: row {number}", number, dict(zip(header, cells, strict=True))))
+    for number, cells in lines:
+        rows.append(_csv_row(f"{path}: row {number}", number, cells))
         numbers.append(number)
     if not rows:
         raise InputError(f"{path}: no trials: nothing below the header")
@@ -79,24 +74,7 @@ def csv_rows(path: Path) -> list[Row]:
     return rows
 
 
-def _csv_lines(path: Path) -> list[list[str]]:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-        return list(csv.reader(io.StringIO(text, newline=""), strict=True))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(
-            f"{path}: not a text file; a trials CSV (UTF-8), a bag or a campaign folder is needed"
-        ) from None
-    except csv.Error as error:
-        raise InputError(f"{path}: not a CSV: {error}") from None
-
-
 def _check_header(path: Path, header: Sequence[str]) -> None:
-    repeated = [name for index, name in enumerate(header) if name and name in header[:index]]
-    if repeated:
-        raise InputError(f"{path}: row 1: column {repeated[0]} is there twice")
     for name in REQUIRED:
         if name not in header:
             raise InputError(f"{path}: row 1: column {name} is missing{_hint(name, header)}")
@@ -113,10 +91,10 @@ def _hint(name: str, header: Iterable[str]) -> str:
 
 
 def _csv_row(where: str, number: int, cells: Mapping[str, str]) -> Row:
-    status = cells.get("status", "").strip() or OK
+    status = cells.get("status", "") or OK
     values: dict[str, Any] = {"trial_id": f"row{number}", "gait": "", "status": status}
     for name in COLUMNS:
-        text = cells.get(name, "").strip()
+        text = cells.get(name, "")
         if name in TEXTS:
             values[name] = text or values[name]
         else:

@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from sandbot_common import messages, topics
+from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import load_yaml
 from sandbot_record.bags import frames, metadata, video
@@ -67,9 +67,9 @@ def _strip(bag: Bag, count: int) -> Strip:
 def _frames(bag: Bag) -> tuple[NDArray[np.int64], Callable[[int], Pixels]]:
     """Stamps (n,) [ns] of the lateral frames, and how to get frame i in grey."""
     if topics.LATERAL_JPEG.name in bag.topics:
-        kept = [message.decode() for message in bag.messages([topics.LATERAL_JPEG.name])]
-        stamps = np.array([messages.nanoseconds(frame.header.stamp) for frame in kept], dtype=np.int64)
-        return stamps, lambda i: np.asarray(cv2.imdecode(kept[i].data, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
+        name = topics.LATERAL_JPEG.name
+        kept = sorted(bag.messages([name]), key=lambda message: message.log_time_ns)
+        return bag.columns(name, *FIELD_STAMP).stamp_ns, lambda i: frames.grey_of_jpeg(kept[i].decode().data)
     timeline = Timeline(bag, [_RAW])
     named = next(name for name in (_RAW, video.index_name(_RAW)) if name in bag.topics)
     stamps = bag.columns(named, *FIELD_STAMP).stamp_ns

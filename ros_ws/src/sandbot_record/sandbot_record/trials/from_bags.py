@@ -10,7 +10,6 @@ import json
 import math
 import os
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ import numpy as np
 from sandbot_common import files, topics
 from sandbot_common.errors import InputError
 from sandbot_common.legs import leg_mount_rad
+from sandbot_common.workers import pool
 from sandbot_record.bags import reader
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials.csv_table import read_csv, write_csv
@@ -151,8 +151,8 @@ def _rows(bags: Sequence[Path], workers: int | None) -> list[Row | str]:
     workers = min(workers or os.cpu_count() or 1, len(bags))
     if workers < 2 or len(bags) < _PARALLEL_FROM:
         return [_row_or_reason(bag) for bag in bags]
-    with ProcessPoolExecutor(workers) as pool:
-        return list(pool.map(_row_or_reason, bags, chunksize=4))
+    with pool(workers, "fork") as forked:
+        return list(forked.map(_row_or_reason, bags, chunksize=4))
 
 
 def _row_or_reason(bag: Path) -> Row | str:
@@ -175,10 +175,7 @@ def plan_of(bag: Bag) -> dict[str, Any]:
     texts += [bag.provenance.get("trial", {}).get("parameters", "")]
     if not texts[0]:
         raise InputError(f"{bag.path}: no message on {topics.TRIAL.name} and no trial metadata: which trial is it?")
-    try:
-        plan = json.loads(texts[0])
-    except json.JSONDecodeError as error:
-        raise InputError(f"{bag.path}: {topics.TRIAL.name}: not JSON: {error}") from None
+    plan = files.parse_json(texts[0], f"{bag.path}: {topics.TRIAL.name}")
     if not isinstance(plan, dict):
         raise InputError(f"{bag.path}: {topics.TRIAL.name}: expected a JSON object, got {plan!r}")
     return plan
@@ -272,11 +269,11 @@ def _check_ids(rows: dict[Path, Row]) -> None:
 def _read_cache(folder: Path) -> dict[str, dict[str, Any]]:
     """Rows by content hash; a cache that can't be read is no cache."""
     try:
-        content = json.loads((folder / CACHE).read_text(encoding="utf-8"))
+        content = files.read_json(folder / CACHE)
         return {
             key: asdict(Row(**{name: _from_json(value) for name, value in row.items()})) for key, row in content.items()
         }
-    except (OSError, ValueError, TypeError, AttributeError):
+    except (InputError, TypeError, AttributeError):
         return {}
 
 

@@ -6,7 +6,6 @@ in one plane, or with --intrinsics, that is well determined. Chessboard frames g
 then adds the place.
 """
 
-import csv
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml, write_text
+from sandbot_common.files import read_csv, read_yaml, write_text, writing
 from sandbot_tracking.calibration import Camera, camera_from_mapping, read_cameras
 from sandbot_tracking.source import Source
 
@@ -40,24 +39,21 @@ class Lens:
 
 def read_table(path: Path) -> tuple[Floats, Floats]:
     """Pixels (n, 2) and points (n, 3) [m] of a CSV. Raises InputError."""
-    try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
-    except (OSError, UnicodeDecodeError):
-        raise InputError(f"{path}: no such CSV file") from None
-    if missing := [name for name in COLUMNS if not rows or name not in rows[0]]:
+    header, numbered = read_csv(path)
+    rows = list(numbered)
+    if missing := [name for name in COLUMNS if not rows or name not in header]:
         raise InputError(
             f"{path}: column {missing[0]!r} is missing or the table is empty; needed: {', '.join(COLUMNS)}"
         )
     table = np.empty((len(rows), 5))
-    for n, row in enumerate(rows):
+    for n, (number, row) in enumerate(rows):
         for column, name in enumerate(COLUMNS):
             try:
                 table[n, column] = float(row[name])
-            except (TypeError, ValueError):
+            except ValueError:
                 table[n, column] = np.nan
             if not np.isfinite(table[n, column]):
-                raise InputError(f"{path}: row {n + 2}: {name}: {row[name]!r} is not a number")
+                raise InputError(f"{path}: row {number}: {name}: {row[name]!r} is not a number")
     if len(table) < 6:
         raise InputError(f"{path}: {len(table)} points, at least 6 are needed")
     return np.ascontiguousarray(table[:, :2]), np.ascontiguousarray(table[:, 2:])
@@ -145,7 +141,7 @@ def command(argv: Sequence[str]) -> int:
     parser.add_argument("--pattern", type=int, nargs=2, default=(9, 6), help="inner corners of the chessboard")
     parser.add_argument("--square", type=float, default=0.02, help="side of its squares [m]")
     parser.add_argument("--intrinsics", type=Path, help="cameras.yaml whose lens of that name is kept")
-    parser.add_argument("--out", type=Path, required=True, help="cameras.yaml to write or to change")
+    parser.add_argument("--out", type=cli.output, required=True, help="cameras.yaml to write or to change")
     given = parser.parse_args(argv)
     if given.chessboard and given.intrinsics:
         raise InputError("--chessboard and --intrinsics both give the lens: choose one")
@@ -159,10 +155,8 @@ def command(argv: Sequence[str]) -> int:
     found = entry(lens, position, rotation, size, plane)
     camera = camera_from_mapping(found, str(given.table))
     kept = {key: value for key, value in content.get(given.name, {}).items() if key not in found}
-    try:
+    with writing(given.out):
         write_text(given.out, yaml.safe_dump({**content, given.name: {**found, **kept}}, sort_keys=False))
-    except OSError as error:
-        raise InputError(f"{given.out}: can't be written: {error.strerror}") from None
     print(f"{given.out}: {given.name}, reprojection error {reprojection_px(camera, pixels, points):.3f} px rms")
     return 0
 

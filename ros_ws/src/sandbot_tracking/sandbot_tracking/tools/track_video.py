@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_common.files import whole_file
+from sandbot_common.files import check_output, whole_file, writing
 from sandbot_tracking.calibration import Camera, read_cameras
 from sandbot_tracking.led import LedEdge
 from sandbot_tracking.offline import OfflineTracker
@@ -30,12 +30,13 @@ def command(argv: Sequence[str]) -> int:
     parser.add_argument("--cameras", type=Path, required=True, help="YAML file of the calibrated cameras")
     parser.add_argument("--omega", type=float, help="leg frequency [rad/s]: gives the observables")
     parser.add_argument("--start", type=float, help="time the legs start [s]; default: the sync LED, else 0")
-    parser.add_argument("--out", type=Path, help="CSV to write (default: DORSAL.csv)")
+    parser.add_argument("--out", type=cli.output, help="CSV to write (default: DORSAL.csv)")
     given = parser.parse_args(argv)
     if given.omega is not None and not 0.1 <= given.omega <= 200:
         raise InputError(f"--omega {given.omega}: 0.1 to 200 rad/s")
     if given.start is not None and not np.isfinite(given.start):
         raise InputError(f"--start {given.start} is not a time in s")
+    out = given.out or check_output(Path(given.dorsal).with_suffix(".csv"))
     cameras = read_cameras(given.cameras)
     wanted = ("dorsal", "lateral") if given.lateral else ("dorsal",)
     for name in wanted:
@@ -48,11 +49,8 @@ def command(argv: Sequence[str]) -> int:
         speed = smooth(marks.t_s, marks.com[:, 0])
     except InputError as error:
         raise InputError(f"{given.dorsal}: centre-of-mass marker: {error}") from None
-    out = given.out or Path(given.dorsal).with_suffix(".csv")
-    try:
+    with writing(out):
         write(out, tracker, speed)
-    except OSError as error:
-        raise InputError(f"{out}: can't be written: {error.strerror}") from None
     gone = int(np.isnan(marks.com[:, 0]).sum())
     print(f"{out}: {marks.t_s.size} frames, {gone} without the centre of mass, start at {start_s:.3f} s")
     if given.omega is not None:

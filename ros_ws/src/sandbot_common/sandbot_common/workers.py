@@ -1,0 +1,35 @@
+"""Worker processes that leave Ctrl-C to their parent and end with it."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing.connection import wait
+from typing import Literal
+
+
+def pool(count: int, start: Literal["fork", "spawn"], also: Callable[[], None] | None = None) -> ProcessPoolExecutor:
+    """``count`` worker processes; each runs ``also`` before its first task.
+
+    A forked worker sees what its parent has loaded (a user's effects could not be found again by name). Where the
+    parent has threads (DDS, numba) spawn is needed: it starts from nothing.
+    """
+    context = multiprocessing.get_context(start)
+    return ProcessPoolExecutor(count, mp_context=context, initializer=_start, initargs=(also,))
+
+
+def _start(also: Callable[[], None] | None) -> None:
+    # Ctrl-C reaches the whole process group; the parent decides, a worker finishes its task.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    if also is not None:
+        also()
+
+
+def _end_with_parent() -> None:
+    # A parent that was killed can't stop its workers, and what is begun anew must not race with them.
+    if (parent := multiprocessing.parent_process()) is not None:
+        wait([parent.sentinel])
+        os._exit(1)

@@ -1,0 +1,51 @@
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from sandbot_common.workers import pool
+
+ORPHANS = """
+import os, sys, time
+from sandbot_common.workers import pool
+
+if __name__ == "__main__":
+    with pool(1, sys.argv[1]) as workers:
+        print(workers.submit(os.getpid).result(), flush=True)
+        workers.submit(time.sleep, 600)
+        sys.stdin.read()
+"""
+
+
+def ignores_ctrl_c(_task: int) -> bool:
+    return signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+def in_worker() -> None:
+    os.environ["SANDBOT_TEST_WORKER"] = "ready"
+
+
+def readiness(_task: int) -> str | None:
+    return os.environ.get("SANDBOT_TEST_WORKER")
+
+
+def test_workers_leave_ctrl_c_to_their_parent_and_run_what_is_asked_first():
+    with pool(2, "fork", also=in_worker) as workers:
+        assert list(workers.map(ignores_ctrl_c, range(4))) == [True] * 4
+        assert list(workers.map(readiness, range(4))) == ["ready"] * 4
+    assert not ignores_ctrl_c(0)
+    assert readiness(0) is None
+
+
+@pytest.mark.parametrize("start", ["fork", "spawn"])
+def test_a_worker_ends_with_a_parent_that_was_killed(tmp_path, start):
+    script = tmp_path / "orphans.py"
+    script.write_text(ORPHANS)
+    command = [sys.executable, str(script), start]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as parent:
+        assert int(parent.stdout.readline()) != parent.pid
+        parent.kill()
+        # The pipe ends only when the worker, busy for ten minutes, has gone too; the test's timeout is shorter.
+        assert parent.stdout.read() == ""
