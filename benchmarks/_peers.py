@@ -17,14 +17,15 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Kernel, Matern, WhiteKernel
 
 from sandbot_model.data.clustering import phi_levels
-from sandbot_model.data.conditions import cells_of, swum_at_once
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.data.regime import swum_at_once
 from sandbot_model.fitting.fit import Fit, fit
 from sandbot_model.fitting.global_minimum import Known
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import peak_is_resolved, slow_phase_ratio
 from sandbot_model.physics.model import Model, model_of
 from sandbot_model.physics.observables import COLUMNS, USUAL_NOISE, Observable
-from sandbot_model.physics.walking import Inputs, KCurve
+from sandbot_model.physics.walking import KCurve
 from sandbot_record.trials.table import Trials
 
 Floats = NDArray[np.float64]
@@ -68,13 +69,12 @@ class Table:
 
     def predicted(self, model: Model, theta: Floats, k: Floats) -> Floats:
         """The observables of every condition ``(..., m, 4)`` at θ ``(..., parameters)`` and k ``(..., m)``."""
-        delta_t, v_swim, params = model.arguments(theta)
         curve = KCurve(self.level_phi, k[self._first] if k.ndim == 1 else np.linspace(170, 220, len(self.level_phi)))
         phi = self.level_phi[self.level]
-        inputs = Inputs(k, self.omega, delta_t, phi, v_swim, slow_phase_ratio(self.gait), k_of_phi=curve)
+        inputs, params = model.inputs(theta, k, self.omega, phi, slow_phase_ratio(self.gait), curve)
         return np.broadcast_to(
             model.walker.predict(inputs, params).observables,
-            (*np.broadcast_shapes(k.shape, delta_t.shape, phi.shape), 4),
+            (*np.broadcast_shapes(k.shape, theta.shape[:-1], phi.shape), 4),
         )
 
     @property
@@ -106,11 +106,10 @@ class LmfitFit:
 
     def predict(self, table: Table) -> Predict:
         """Mean speed elsewhere; k is interpolated between the φ levels."""
-        delta_t, v_swim, params = self.model.arguments(self.theta)
         curve = KCurve(table.level_phi, self.k)
 
         def speed(phi: Floats, omega: Floats) -> Floats:
-            inputs = Inputs(curve(phi), omega, delta_t, phi, v_swim, slow_phase_ratio(table.gait), k_of_phi=curve)
+            inputs, params = self.model.inputs(self.theta, curve(phi), omega, phi, slow_phase_ratio(table.gait), curve)
             return np.asarray(self.model.walker.predict(inputs, params).speed_m_s)
 
         return speed

@@ -1,14 +1,10 @@
-import gc
-import sys
-from concurrent.futures import ThreadPoolExecutor
+"""The catalogue: effects of the project and of users' files, and what is refused as one."""
 
-import numpy as np
 import pytest
 
 from sandbot_common.errors import InputError
 from sandbot_model.physics.catalogue import catalogue, describe, effects_in
 from sandbot_model.physics.effects import CATALOGUE
-from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.walking import Inputs, Walker
 
 OWN = '''
@@ -41,6 +37,27 @@ def test_a_file_adds_an_effect(tmp_path):
     effects = catalogue([path])
     boosted = Walker((effects["boost"],)).predict(Inputs(200.0, 8.0, 0.4), [{"a": 0.1}])
     assert float(boosted.depth_m) == pytest.approx(float(Walker().predict(Inputs(220.0, 8.0, 0.4)).depth_m))
+
+
+@pytest.mark.parametrize(
+    "where",
+    [
+        "sandbot_model import Chain, Effect, Parameter, Values",
+        "sandbot_model.chain import Chain, Effect, Parameter, Values",
+        "sandbot_model.physics.chain import Chain, Effect, Parameter, Values",
+    ],
+)
+def test_a_file_of_any_release_adds_an_effect(tmp_path, where):
+    path = tmp_path / "mine.py"
+    path.write_text(OWN.replace("sandbot_model.physics.effect import Effect, Parameter", where))
+    assert [one.identifier for one in effects_in(path)] == ["boost"]
+
+
+def test_an_import_that_never_was_is_refused(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(OWN.replace("sandbot_model.physics.effect", "sandbot_model.effects_of_mine"))
+    with pytest.raises(InputError, match="ModuleNotFoundError"):
+        effects_in(path)
 
 
 @pytest.mark.parametrize(
@@ -81,132 +98,3 @@ def test_refuses_files_that_are_no_effect(tmp_path, text, message):
 def test_refuses_a_missing_file(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         effects_in(tmp_path / "none.py")
-
-
-def test_a_formula_is_an_effect():
-    effect = formula_effect("boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5")
-    assert (effect.identifier, effect.stage) == ("boost", "strength")
-    assert (effect.parameters[0].low, effect.parameters[0].high) == (-5, 5)
-    phi = np.array([0.6, 0.62])
-    found = Walker((effect,)).predict(Inputs(200.0, 8.0, 0.4, phi), [{"a": 5.0}]).depth_m
-    expected = Walker().predict(Inputs(200.0 * (1 + 5 * (phi - 0.6)), 8.0, 0.4)).depth_m
-    np.testing.assert_allclose(found, expected)
-
-
-def test_a_formula_may_set_another_quantity():
-    effect = formula_effect("brake: balance: extra_force = c*omega; c [N s] in 0..0.1")
-    found = Walker((effect,)).predict(Inputs(200.0, 8.0, 0.4), [{"c": 0.05}])
-    assert float(found.depth_m) < float(Walker().predict(Inputs(200.0, 8.0, 0.4)).depth_m)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("boost", "expected 'name: stage: formula"),
-        ("Boost: strength: k", "lower-case"),
-        ("boost: muscle: k", "stage 'muscle'"),
-        ("boost: strength: k*a; a in 5..1", "low must be below high"),
-        ("boost: strength: k*a; a from 1 to 5", "is not 'parameter"),
-        ("boost: strength: k*unknown", "unknown"),
-        ("boost: strength: k*(", "boost"),
-        ("boost: strength: force = k", "can't be set at stage strength"),
-        ("boost: strength: k*phi; phi in 0..1", "choose another name"),
-        ("boost: strength: k*first; first in 0..1", "choose another name"),
-        ("boost: speed: kept, k2 *= 1 + a; a in 0..1", "'k2' can't be set at stage speed"),
-        ("boost: speed: kept -= a; a in 0..1", "boost"),
-        ("boost: strength: __import__('os').system('true')", "boost"),
-        ("boost: strength: open('/etc/passwd').read()", "boost"),
-        ("boost: strength: k.__class__.__bases__", "boost"),
-    ],
-)
-def test_refuses_formulas_that_do_not_fit(text, message):
-    with pytest.raises(InputError, match=message) as raised:
-        formula_effect(text)
-    assert "\n" not in str(raised.value)
-
-
-@pytest.fixture
-def hasty_threads():
-    """Threads that take turns a thousand times more often than usual."""
-    usual = sys.getswitchinterval()
-    sys.setswitchinterval(5e-6)
-    yield
-    sys.setswitchinterval(usual)
-
-
-def test_a_formula_effect_is_used_by_threads_at_once(hasty_threads):
-    """As the explorer does, whose page asks again before it has been answered."""
-    walker = Walker((formula_effect("boost: strength: k*a + 0*phi; a in 0.5..2"),))
-
-    def depths(count):
-        k = np.linspace(150.0, 250.0, count)
-        given = Inputs(k, 8.0, 0.4, np.full(count, 0.6))
-        return [walker.predict(given, [{"a": 1.2}]).depth_m for _ in range(60)]
-
-    with ThreadPoolExecutor(4) as threads:
-        for count, found in zip((3, 40, 7, 100), threads.map(depths, (3, 40, 7, 100)), strict=True):
-            expected = Walker().predict(Inputs(1.2 * np.linspace(150.0, 250.0, count), 8.0, 0.4)).depth_m
-            np.testing.assert_allclose(found, [expected] * 60)
-
-
-def test_a_formula_is_parsed_once(monkeypatch):
-    """Parsing is not safe in threads (CPython issue 106905), evaluating is."""
-    walker = Walker((formula_effect("boost: strength: k*a; a in 0.5..2"),))
-    monkeypatch.setattr("ast.parse", None)
-    walker.predict(Inputs(200.0, 8.0, 0.4), [{"a": 1.1}])
-
-
-class Straggler:
-    """Garbage whose end gives other threads a turn, wherever it is collected."""
-
-    def __init__(self):
-        self.itself = self
-
-    def __del__(self):
-        for _ in range(300):
-            pass
-
-
-def test_formulas_are_parsed_by_threads_at_once(hasty_threads):
-    """As the explorer does, which reads the address's formulas in each of its threads."""
-    usual = gc.get_threshold()
-    gc.set_threshold(20)
-
-    def parse_many(_):
-        for _ in range(300):
-            Straggler()
-            formula_effect("boost: strength: k*(1 + a*(phi - (0.6 + 0*(k - 1)))); a in 0.5..2")
-
-    try:
-        with ThreadPoolExecutor(4) as threads:
-            list(threads.map(parse_many, range(4)))
-    finally:
-        gc.set_threshold(*usual)
-
-
-@pytest.mark.parametrize("formula", ["k*exp(a)", "k*a"])
-def test_ctrl_c_in_the_middle_of_a_formula_is_ctrl_c(formula):
-    class Interrupted:
-        __array_ufunc__ = None
-
-        def __rmul__(self, _):
-            raise KeyboardInterrupt
-
-    def interrupted(_):
-        raise KeyboardInterrupt
-
-    effect = formula_effect(f"boost: strength: {formula}; a in 0..1")
-    interpreter = effect._each_thread.interpreter
-    interpreter.symtable["exp"] = interrupted
-    chain = Walker().chain(Inputs(200.0, 8.0, 0.4), (), np.array([0.02]), first_step=False)
-    with pytest.raises(KeyboardInterrupt):
-        effect.apply(chain, {"a": Interrupted()})
-
-
-def test_a_formula_effect_travels_between_processes():
-    import pickle
-
-    effect = formula_effect("boost: strength: k*a; a in 0.5..2")
-    effect = pickle.loads(pickle.dumps(effect))
-    found = Walker((effect,)).predict(Inputs(200.0, 8.0, 0.4), [{"a": 1.1}])
-    assert float(found.depth_m) == pytest.approx(float(Walker().predict(Inputs(220.0, 8.0, 0.4)).depth_m))

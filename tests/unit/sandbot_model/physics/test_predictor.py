@@ -62,7 +62,7 @@ def test_effects_and_values_by_name():
         ({"effects": "stance_overlap", "values": "stance_overlap.eta"}, "is not 'effect.parameter=number'"),
         ({"phi": (0.6, 0.58), "k_n_per_m": (200.0, 210.0)}, "phi must rise"),
         ({"phi": (0.58, 0.6)}, "as many values"),
-        ({"result": "none.json"}, "No such file"),
+        ({"result": "none.json"}, "no such file"),
     ],
 )
 def test_refuses_what_does_not_fit(given, message):

@@ -3,7 +3,6 @@
 Everything after this works on cells, so its cost does not grow with the number of trials.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -14,6 +13,7 @@ from sandbot_model.data.clustering import phi_levels, same_within
 from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error
+from sandbot_model.data.regime import swum_at_once, walks
 from sandbot_model.physics.gait import peak_is_resolved, slow_phase_ratio
 from sandbot_model.physics.observables import NAMES, USUAL_NOISE, Observable
 from sandbot_record.trials.table import Trials
@@ -21,21 +21,6 @@ from sandbot_record.trials.table import Trials
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-
-FAR_M = 0.01
-"""What a first step is longer at least than a swimmer's if the leg held in it."""
-
-
-def swum_at_once(gaits: Iterable[str], omega: Floats, values: Floats) -> Bools:
-    """Trials ``(n,)`` of values ``(n, 4)`` that swam from the first step on, with legs of uneven pace.
-
-    How far they get in it is the clock's affair: where on its shaft the leg is mounted says when it passes its lowest
-    point, and the table does not say that. A trial that swims after a first step that held is none of them.
-    """
-    uneven = np.array([slow_phase_ratio(one) != 1.0 for one in gaits])
-    speed, lift, first = values[:, Observable.speed], values[:, Observable.lift], values[:, Observable.first_step]
-    swims = np.where(np.isfinite(lift), lift <= WALKING_LIFT_M, speed <= WALKING_SPEED_M_S)
-    return np.asarray(uneven & swims & (first < speed * np.pi / omega + FAR_M))
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,10 +74,6 @@ WHOLE = ("level_phi", "noise", "pure_error_dof")
 OMEGA_TOLERANCE = 5e-3
 """Leg frequencies closer than this (relative) are the same condition."""
 
-WALKING_LIFT_M = 3e-4
-WALKING_SPEED_M_S = 0.035
-"""A cell walks if its body is lifted, or where lift was not measured, if it is clearly faster than swimming."""
-
 
 def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     """Gather trials into cells. Trials without φ, ω or any observable, or not ended ``ok``, are left out and counted.
@@ -132,13 +113,12 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
     count = np.stack([np.bincount(cell, np.isfinite(column), cells) for column in values.T], axis=-1).astype(np.int64)
     level_phi = average(phi, level, int(level.max()) + 1)
     mean = np.stack([average(column) for column in values.T], axis=-1)
-    speed, lift = mean[:, Observable.speed], mean[:, Observable.lift]
-    walks = np.where(np.isfinite(lift), lift > WALKING_LIFT_M, speed > WALKING_SPEED_M_S)
-    slope = local_slope(mean, keys, level_phi, walks)[cell]
+    walking = walks(mean)
+    slope = local_slope(mean, keys, level_phi, walking)[cell]
     rho = reliability(values - mean[cell], slope * (phi - average(phi)[cell])[:, None])
     values = values - rho * slope * (phi - level_phi[level])[:, None]
     mean = np.stack([average(column) for column in values.T], axis=-1)
-    error = pure_error(values - mean[cell], cell, count, walks, average(omega))
+    error = pure_error(values - mean[cell], cell, count, walking, average(omega))
     with np.errstate(invalid="ignore", divide="ignore"):
         root = np.sqrt(np.where(count > 0, count, np.nan).astype(float))
         spread = np.where(count > 1, np.sqrt(_squares(values - mean[cell], cell, cells) / (count - 1)), np.nan)

@@ -10,6 +10,7 @@ from sandbot_model.discovery.plain import data_summary, fit_summary
 from sandbot_model.fitting.fit import Fit, fit
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.geometry import step_from_lift
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.robot import Robot
@@ -47,7 +48,7 @@ def geometry_lock(cells: Cells, robot: Robot | None = None) -> Array:
     """
     robot = robot or Robot()
     lift = np.clip(cells.mean[:, Observable.lift], 0.0, robot.leg_radius_m)
-    locked = 2 * np.sqrt(lift * (2 * robot.leg_radius_m - lift))
+    locked = step_from_lift(lift, robot.leg_radius_m)
     with np.errstate(invalid="ignore", divide="ignore"):
         walked = np.pi * cells.mean[:, Observable.speed] / cells.omega
         return np.where(locked > 0.3 * robot.leg_radius_m, walked / locked, np.nan)

@@ -1,8 +1,7 @@
 """The search over sets of effects: none, singles, pairs, triples, each fitted to its global minimum."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -82,7 +81,7 @@ class EffectSearch:
         """The base model with each effect at its usual strength, where the data can't exclude it."""
         base = self.fits[()]
         names = [name for name in self.names if not worth(self.fits, (name,), ())]
-        models = [model_of(self.base, (name,), self._at_start(name), self.robot) for name in names]
+        models = [model_of(self.base, (name,), self.effects, self.robot, self._at_start(name)) for name in names]
         points = self.fit_all(solve, [(model, self.cells, base.known, True) for model in models])
         found = [fitted_at(model, self.cells, point) for model, point in zip(models, points, strict=True)]
         return [one for one in found if one.deviance < base.deviance + NOT_EXCLUDED]
@@ -129,14 +128,9 @@ class EffectSearch:
         ]
         return min(helpful, default=(0.0, ()))[1]
 
-    def _at_start(self, name: str) -> Mapping[str, Effect]:
-        """The catalogue with one effect's parameters held where they usually are."""
-        held = copy(self.effects[name])
-        held.__dict__["parameters"] = tuple(
-            replace(one, low=one.start, high=one.start, hard_low=one.start, hard_high=one.start)
-            for one in held.parameters
-        )
-        return {**self.effects, name: held}
+    def _at_start(self, name: str) -> dict[str, float]:
+        """Where one effect's parameters usually are."""
+        return {f"{name}.{one.name}": one.start for one in self.effects[name].parameters}
 
     def candidates(self) -> list[Candidate]:
         """Every single effect against the base model, the most useful first."""

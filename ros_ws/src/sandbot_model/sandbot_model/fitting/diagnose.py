@@ -13,12 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from sandbot_model.data.conditions import WALKING_LIFT_M, Cells
+from sandbot_model.data.conditions import Cells
+from sandbot_model.data.regime import WALKING_LIFT_M, walks
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array, Bool
+from sandbot_model.physics.geometry import step_from_lift
 from sandbot_model.physics.observables import Observable
 
 MISSED = 3.0
+LOCK_LIFT_M = 4 * WALKING_LIFT_M
+"""Lift from which a step is read: ds/dΔz grows towards none, so that less of it is mostly noise."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ def locked_z(fit: Fit, observable: Observable) -> Array:
     cells, radius = fit.cells, fit.fitted.robot.leg_radius_m
     lift = np.where(_clearly_lifted(cells), cells.mean[:, Observable.lift], np.nan)
     scale = cells.omega / np.pi if observable is Observable.speed else np.ones_like(cells.omega)
-    step = 2 * np.sqrt(lift * (2 * radius - lift))
+    step = step_from_lift(lift, radius)
     slope = scale * 4 * (radius - lift) / step
     gap = cells.mean[:, observable] - scale * step
     covariance = cells.covariance
@@ -64,8 +68,8 @@ def locked_z(fit: Fit, observable: Observable) -> Array:
 
 
 def _clearly_lifted(cells: Cells) -> Bool:
-    """Cells ``(n,)`` whose lift is four times what passes for walking: a step read off less is mostly noise."""
-    return np.asarray(np.nan_to_num(cells.mean[:, Observable.lift]) > 4 * WALKING_LIFT_M)
+    """Cells ``(n,)`` that walk with a lift from which a step can be read."""
+    return np.isfinite(cells.mean[:, Observable.lift]) & walks(cells.mean, LOCK_LIFT_M)
 
 
 def _test(stage: str, connects: str, cells: Cells, z: Array) -> StageTest:

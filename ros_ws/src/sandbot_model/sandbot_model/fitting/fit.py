@@ -15,7 +15,7 @@ from sandbot_model.fitting.levenberg_marquardt import bounds, full_jacobian
 from sandbot_model.fitting.likelihood import Problem, States
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.model import Model
-from sandbot_model.physics.walking import Inputs, KCurve, Prediction
+from sandbot_model.physics.walking import KCurve, Prediction
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,16 +112,8 @@ class Fit:
         at, k = np.asarray(phi, dtype=float), np.exp(ln_k)
         cells = self.cells
         beta = cells.slow_phase_ratio[0] if slow_phase_ratio is None else slow_phase_ratio
-        delta_t, v_swim, params = self.fitted.arguments(theta)
-        inputs = Inputs(
-            k_n_per_m=np.interp(at, self.level_phi, k),
-            omega_rad_s=omega,
-            delta_t_s=delta_t,
-            phi=at,
-            v_swim_m_s=v_swim,
-            slow_phase_ratio=beta,
-            k_of_phi=KCurve(self.level_phi, k),
-        )
+        curve = KCurve(self.level_phi, k)
+        inputs, params = self.fitted.inputs(theta, curve(at), omega, at, beta, curve)
         shape = np.broadcast_shapes(np.shape(at), np.shape(omega), np.shape(beta))
         found = self.fitted.walker.predict(inputs, params)
         return Prediction(*(np.broadcast_to(values, shape) for values in vars(found).values()))

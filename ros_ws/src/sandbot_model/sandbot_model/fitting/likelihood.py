@@ -9,7 +9,7 @@ Away from a switch the scatter is part of the pure error V_c0 already. Beside on
 the mean says little, the mixture's variance says so, and one such cell can't decide a fit.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -147,8 +147,7 @@ class Problem:
 
     def press(self, theta: Array, k: Array, phi: Array, depth: Array) -> Array:
         """Force [N] on a leg pressed slowly into virgin ground, of the shape of ``k (..., readings)``."""
-        delta_t, _, params = self.model.arguments(theta[..., None, :])
-        inputs = Inputs(k_n_per_m=k, omega_rad_s=1e-6, delta_t_s=delta_t, phi=phi)
+        inputs, params = self.model.inputs(theta[..., None, :], k, 1e-6, phi)
         chain = self.model.walker.chain(inputs, params, depth[:, None], first_step=True, one_leg=True)
         return np.broadcast_to(chain.force + chain.extra_force, (*k.shape, 1))[..., 0]
 
@@ -198,7 +197,7 @@ class Problem:
         """
         if not self._along_the_track:
             return np.ones((1, 1, 4))
-        track = np.asarray(self.spread(params, np.asarray(inputs.delta_t_s), np.asarray(inputs.phi)))[..., 0]
+        track = self.model.walker.sigma_phi(inputs, params)[..., 0]
         between = self.cells.phi_scatter**2
         averaged = np.sqrt((between + track**2 / STEPS) / np.maximum(between + track**2, 1e-18))
         one = np.ones_like(averaged)
@@ -289,25 +288,16 @@ class Problem:
     def _inputs(self, theta: Array, ln_k: Array, slope: Array) -> tuple[Inputs, Params]:
         """Inputs of shape ``(..., cells, nodes)`` for θ ``(..., parameters)`` and ln k ``(..., levels)``."""
         cells = self.cells
-        delta_t, v_swim, params = self.model.arguments(theta[..., None, None, :])
         level_k = np.exp(ln_k)
         k = level_k[..., cells.level, None]
-        phi = cells.level_phi[cells.level][:, None]
-        sigma_phi = np.hypot(cells.phi_scatter, self.spread(params, delta_t, phi))
-        sigma_k = np.maximum(np.abs(slope)[..., cells.level, None] * sigma_phi, LEAST_SPREAD * k)
-        inputs = Inputs(
-            k_n_per_m=np.maximum(k + sigma_k * NODES, 0.05 * k),
-            omega_rad_s=cells.omega[:, None],
-            delta_t_s=delta_t,
-            phi=phi,
-            v_swim_m_s=v_swim,
-            slow_phase_ratio=cells.slow_phase_ratio[:, None],
-            k_of_phi=KCurve(cells.level_phi, level_k, inner=3),
+        inputs, params = self.model.inputs(
+            theta[..., None, None, :],
+            k,
+            cells.omega[:, None],
+            cells.level_phi[cells.level][:, None],
+            cells.slow_phase_ratio[:, None],
+            KCurve(cells.level_phi, level_k, inner=3),
         )
-        return inputs, params
-
-    def spread(self, params: Params, delta_t: Array, phi: Array) -> Array:
-        """σ_φ along the track that effects ask for."""
-        one = Inputs(k_n_per_m=1.0, omega_rad_s=1.0, delta_t_s=delta_t, phi=phi)
-        sigma = self.model.walker.chain(one, params, np.array([0.01]), first_step=False).sigma_phi
-        return sigma[..., 0] if sigma.ndim else sigma
+        sigma_phi = np.hypot(cells.phi_scatter, self.model.walker.sigma_phi(inputs, params))
+        sigma_k = np.maximum(np.abs(slope)[..., cells.level, None] * sigma_phi, LEAST_SPREAD * k)
+        return replace(inputs, k_n_per_m=np.maximum(k + sigma_k * NODES, 0.05 * k)), params

@@ -16,7 +16,7 @@ from sandbot_model.fitting.likelihood import NODES, WEIGHTS, Problem
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import Observable
-from sandbot_model.physics.walking import Inputs, KCurve
+from sandbot_model.physics.walking import KCurve
 
 K_GRID = 48
 K_RANGE = (0.55, 4.0)
@@ -142,21 +142,20 @@ def _table(problem: Problem, theta: Array, k_grid: Array, slope: Array, k_curve:
     cells, model = problem.cells, problem.model
     clock = np.stack([cells.omega, cells.slow_phase_ratio])
     conditions, index = np.unique(clock, axis=1, return_inverse=True)
-    delta_t, v_swim, params = model.arguments(theta[:, None, None, None, :])
-    inputs = Inputs(
-        k_n_per_m=k_grid[:, None],
-        omega_rad_s=conditions[0],
-        delta_t_s=delta_t,
-        phi=cells.level_phi[:, None, None],
-        v_swim_m_s=v_swim,
-        slow_phase_ratio=conditions[1],
-        k_of_phi=KCurve(cells.level_phi, k_curve),
+    omega, slow_phase_ratio = conditions
+    inputs, params = model.inputs(
+        theta[:, None, None, None, :],
+        k_grid[:, None],
+        omega,
+        cells.level_phi[:, None, None],
+        slow_phase_ratio,
+        KCurve(cells.level_phi, k_curve),
     )
     values = model.walker.predict(inputs, params).observables
     values = np.broadcast_to(values, (len(theta), values.shape[1], len(k_grid), conditions.shape[1], 4))
     level = cells.level if values.shape[1] > 1 else np.zeros_like(cells.level)
     table = np.asarray(values[:, level, :, index])
-    sigma = np.broadcast_to(problem.spread(params, delta_t, inputs.phi), (len(theta), 1, 1, 1))[:, 0, 0, 0]  # type: ignore[arg-type]
+    sigma = np.broadcast_to(model.walker.sigma_phi(inputs, params), (len(theta), 1, 1, 1))[:, 0, 0, 0]
     return _averaged(table, k_grid, np.abs(slope)[cells.level][:, None] * sigma) if sigma.any() else table
 
 

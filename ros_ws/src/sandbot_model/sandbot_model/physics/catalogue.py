@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sandbot_common.errors import InputError
+from sandbot_model.physics import chain
 from sandbot_model.physics.effect import STAGES, Effect, Parameter
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
@@ -42,6 +43,8 @@ def effects_in(path: Path) -> list[Effect]:
     module = importlib.util.module_from_spec(spec)
     # Workers find its classes by name.
     sys.modules[spec.name] = module
+    # Files written for 0.1 import from sandbot_model.chain.
+    sys.modules.setdefault("sandbot_model.chain", chain)
     # The folder is the user's: no __pycache__ is left in it.
     usual, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
@@ -53,13 +56,13 @@ def effects_in(path: Path) -> list[Effect]:
     classes = [one for one in vars(module).values() if isinstance(one, type) and one.__module__ == module.__name__]
     found = [_made(one, str(path)) for one in classes if issubclass(one, Effect)]
     if not found:
-        raise InputError(f"{path}: no subclass of sandbot_model.physics.chain.Effect in it")
+        raise InputError(f"{path}: no subclass of sandbot_model.Effect in it")
     return found
 
 
 def _made(cls: object, where: str) -> Effect:
     if not (isinstance(cls, type) and issubclass(cls, Effect)):
-        raise InputError(f"{where}: {cls!r} is not a subclass of sandbot_model.physics.chain.Effect")
+        raise InputError(f"{where}: {cls!r} is not a subclass of sandbot_model.Effect")
     for name in ("identifier", "stage", "formula", "source", "seen_in"):
         if not isinstance(getattr(cls, name, None), str):
             raise InputError(f"{where}: {cls.__name__} has no {name}")
@@ -92,8 +95,8 @@ def _try(effect: Effect, where: str) -> None:
     try:
         with np.errstate(all="ignore"):
             walker.predict(inputs, [values])
-            chain = walker.chain(inputs, [values], np.array([0.03, 0.04]), first_step=False)
-            sound = all(np.isfinite(part).all() for part in (chain.margin, chain.speed, chain.peak_ratio))
+            filled = walker.chain(inputs, [values], np.array([0.03, 0.04]), first_step=False)
+            sound = all(np.isfinite(part).all() for part in (filled.margin, filled.speed, filled.peak_ratio))
     except Exception as error:
         raise InputError(f"{where}: {type(effect).__name__}.apply: {_in_a_line(error)}") from error
     if not sound:

@@ -16,6 +16,7 @@ import numpy as np
 
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect, Values
+from sandbot_model.physics.effect import Parameter as Parameter  # users' files of 0.1 import it from here
 from sandbot_model.physics.geometry import chord
 from sandbot_model.physics.robot import Robot
 

@@ -1,8 +1,8 @@
 """What an effect is: a formula at one stage of the chain, with parameters of plausible range."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -38,21 +38,28 @@ class Parameter:
         margin = 0.5 * (self.high - self.low)
         return max(self.low - margin, self.hard_low), min(self.high + margin, self.hard_high)
 
+    def held_at(self, value: float) -> "Parameter":
+        """The parameter with no range but this value."""
+        return replace(self, low=value, high=value, start=value, hard_low=value, hard_high=value)
+
 
 class Effect:
-    """A physical effect missing from the base model: one formula at one stage. Subclass it and set what is below."""
+    """A physical effect missing from the base model: one formula at one stage.
 
-    identifier: ClassVar[str]
-    stage: ClassVar[str]
-    formula: ClassVar[str]
-    source: ClassVar[str]
-    seen_in: ClassVar[str]
-    parameters: ClassVar[tuple[Parameter, ...]] = ()
-    first_step_differs: ClassVar[bool] = False
+    Subclass it and set what is below, on the class or, where one class makes many effects, on each instance.
+    """
+
+    identifier: str
+    stage: str
+    formula: str
+    source: str
+    seen_in: str
+    parameters: tuple[Parameter, ...] = ()
+    first_step_differs: bool = False
     """True if the effect is another in the first step: virgin ground, standing start (see ``chain.first_step``)."""
-    along_the_track: ClassVar[bool] = False
+    along_the_track: bool = False
     """True if φ varies within a trial (the effect sets ``chain.sigma_phi``): averages are then taken along the way."""
-    replaces: ClassVar[tuple[str, ...]] = ()
+    replaces: tuple[str, ...] = ()
     """Parameters of the base model that mean nothing once the effect acts."""
 
     def apply(self, chain: "Chain", p: Values) -> None:

@@ -22,6 +22,7 @@ from sandbot_common.errors import InputError
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values
+from sandbot_model.physics.walking import Inputs, Walker
 
 MAIN = {"clock": "omega", "strength": "k", "balance": "force", "step": "step", "speed": "kept"}
 """What a bare expression sets at each stage."""
@@ -83,25 +84,20 @@ class _Formula(Effect):
     seen_in = "-"
 
     def __init__(self, name: str, stage: str, sets: _Sets, parameters: tuple[Parameter, ...]) -> None:
-        # An effect's description is a class attribute elsewhere; here each instance is its own kind.
-        formula = ", ".join(
+        self.identifier, self.stage, self.sets, self.parameters = name, stage, sets, parameters
+        self.formula = ", ".join(
             f"{one} -> {one} {sets.how} ({sets.expression})" if sets.how else f"{one} -> {sets.expression}"
             for one in sets.quantities
         )
         names = {one.id for one in ast.walk(sets.parsed) if isinstance(one, ast.Name)}
-        self.__dict__.update(
-            identifier=name, stage=stage, formula=formula, parameters=parameters, first_step_differs="first" in names
-        )
-        self.sets = sets
+        self.first_step_differs = "first" in names
         self.readable = _readable(stage)
         # What an interpreter evaluates stands in a table of its own, and the explorer fits in several threads.
         self._each_thread = threading.local()
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "_each_thread"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state, _each_thread=threading.local())
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A worker makes its own interpreters.
+        return _Formula, (self.identifier, self.stage, self.sets, self.parameters)
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Evaluate the expression on the chain's arrays."""
@@ -188,8 +184,6 @@ def _parsed(expression: str, text: str) -> ast.Expr:
 
 def _checked(effect: _Formula, text: str) -> Effect:
     """Run it once, so that a slip shows before any fit."""
-    from sandbot_model.physics.walking import Inputs, Walker
-
     for name in effect.sets.quantities:
         if name not in effect.readable:
             raise InputError(

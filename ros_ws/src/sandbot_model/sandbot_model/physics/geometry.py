@@ -1,4 +1,4 @@
-"""The c-leg above its lowest point: step length from depth, and depth from lift."""
+"""The c-leg as a circle that rolls on its lowest point: how depth, lift, step and leg angle hang together."""
 
 import numpy as np
 
@@ -10,3 +10,16 @@ def chord(robot: Robot, depth: Array) -> Array:
     """Step length s = 2√(R² - (d + h - R)²) [m] (Li09); 2R where the leg holds above its centre, 0 at 2R - h."""
     above = np.maximum(depth + robot.axle_height_m - robot.leg_radius_m, 0.0)
     return np.asarray(2 * np.sqrt(np.maximum(robot.leg_radius_m**2 - above**2, 0.0)))
+
+
+def step_from_lift(lift_m: Array, leg_radius_m: float) -> Array:
+    """Step length s = 2√(Δz(2R - Δz)) [m] of a body lifted by Δz [m]: the geometry lock, nothing fitted (Li09).
+
+    It is ``chord`` with Δz = 2R - h - d. NaN where the lift is.
+    """
+    return np.asarray(2 * np.sqrt(np.maximum(lift_m * (2 * leg_radius_m - lift_m), 0.0)))
+
+
+def stance_angle(step_m: Array, leg_radius_m: float) -> Array:
+    """Largest leg angle while standing, asin(s/2R) [rad]: the leg turns from minus it to plus it in a step."""
+    return np.asarray(np.arcsin(np.clip(step_m / (2 * leg_radius_m), 0.0, 1.0)))

@@ -1,16 +1,17 @@
 """A base model with a set of effects and the parameters they share: what a fit searches."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sandbot_common.errors import InputError
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.robot import SANDBOT, Robot
-from sandbot_model.physics.walking import BASES, V_SWIM_M_S, Params, Walker
+from sandbot_model.physics.walking import BASES, V_SWIM_M_S, Inputs, KCurve, Params, Walker
 
 BASE_PARAMETERS = (
     Parameter("delta_t_s", "s", 0.1, 1.2, 0.4, "time in which the body is brought to leg speed", hard_low=0.02),
@@ -28,6 +29,8 @@ class Model:
     effects: tuple[Effect, ...]
     catalogue: Mapping[str, Effect]
     robot: Robot = SANDBOT
+    held: Mapping[str, float] = field(default_factory=dict)
+    """Shared parameters that are not fitted but held at a value, by their names in ``names``."""
 
     @cached_property
     def identifiers(self) -> tuple[str, ...]:
@@ -42,20 +45,20 @@ class Model:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The shared parameters, those of effects named ``effect.parameter``."""
-        replaced = {name for effect in self.walker.effects for name in effect.replaces}
-        own = [one for one in BASE_PARAMETERS if one.name not in replaced]
-        return (*own, *(one for effect in self.walker.effects for one in effect.parameters))
+        """The shared parameters in the order of ``names``; one that is held has no range but its value."""
+        return tuple(one.held_at(self.held[name]) if name in self.held else one for name, one in self._by_name.items())
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the shared parameters, in order."""
-        replaced = {name for effect in self.walker.effects for name in effect.replaces}
-        own = [one.name for one in BASE_PARAMETERS if one.name not in replaced]
-        return (
-            *own,
-            *(f"{effect.identifier}.{one.name}" for effect in self.walker.effects for one in effect.parameters),
-        )
+        """Names of the shared parameters, those of effects ``effect.parameter``."""
+        return tuple(self._by_name)
+
+    @cached_property
+    def _by_name(self) -> dict[str, Parameter]:
+        effects = self.walker.effects
+        replaced = {name for effect in effects for name in effect.replaces}
+        base = {one.name: one for one in BASE_PARAMETERS if one.name not in replaced}
+        return base | {f"{effect.identifier}.{one.name}": one for effect in effects for one in effect.parameters}
 
     def arguments(self, theta: Array) -> tuple[Array, Array, Params]:
         """Δt, v_swim and the effects' parameters from values ``(..., parameters)`` in the order of ``names``."""
@@ -66,9 +69,33 @@ class Model:
         ]
         return values["delta_t_s"], values.get("v_swim_m_s", np.asarray(V_SWIM_M_S)), params
 
+    def inputs(
+        self,
+        theta: Array,
+        k_n_per_m: ArrayLike,
+        omega_rad_s: ArrayLike,
+        phi: ArrayLike,
+        slow_phase_ratio: ArrayLike = 1.0,
+        k_of_phi: KCurve | None = None,
+    ) -> tuple[Inputs, Params]:
+        """What the walker predicts from: conditions, and shared parameters ``theta (..., parameters)``.
 
-def model_of(base: str, effects: Sequence[str], catalogue: Mapping[str, Effect], robot: Robot | None = None) -> Model:
-    """The model named. Raises InputError for an unknown base or effect, or an effect the base has already."""
+        The leading axes of θ broadcast against the conditions.
+        """
+        delta_t, v_swim, params = self.arguments(theta)
+        return Inputs(k_n_per_m, omega_rad_s, delta_t, phi, v_swim, slow_phase_ratio, k_of_phi), params
+
+
+def model_of(
+    base: str,
+    effects: Sequence[str],
+    catalogue: Mapping[str, Effect],
+    robot: Robot | None = None,
+    held: Mapping[str, float] | None = None,
+) -> Model:
+    """The model named. Raises InputError for an unknown base or effect, an effect the base has already, or a
+    parameter held that is none.
+    """
     if base not in BASES:
         raise InputError(f"model {base!r} is not one of {', '.join(BASES)}")
     for name in effects:
@@ -78,5 +105,9 @@ def model_of(base: str, effects: Sequence[str], catalogue: Mapping[str, Effect],
             raise InputError(f"effect {name!r} is part of the {base} model already")
         if list(effects).count(name) > 1:
             raise InputError(f"effect {name!r} is named twice")
-    chosen = set(effects)
-    return Model(base, tuple(e for n, e in catalogue.items() if n in chosen), catalogue, robot or SANDBOT)
+    chosen = tuple(effect for name, effect in catalogue.items() if name in effects)
+    model = Model(base, chosen, catalogue, robot or SANDBOT, held or {})
+    for name in model.held:
+        if name not in model.names:
+            raise InputError(f"{name!r} is held but no parameter of the model; it has {', '.join(model.names)}")
+    return model

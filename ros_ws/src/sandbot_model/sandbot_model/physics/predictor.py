@@ -14,8 +14,9 @@ from sandbot_common.parameters import parameter
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import slow_phase_ratio
+from sandbot_model.physics.geometry import stance_angle, step_from_lift
 from sandbot_model.physics.model import Model, model_of
-from sandbot_model.physics.walking import BASES, Inputs, KCurve
+from sandbot_model.physics.walking import BASES, KCurve
 
 
 @dataclass(frozen=True)
@@ -80,17 +81,15 @@ class Predictor:
         return found
 
     def _solve(self, phi: float, omega: float, gait: str) -> tuple[float, float]:
-        delta_t, v_swim, params = self.model.arguments(self.theta)
         curve = KCurve(self.phi, self.k_n_per_m)
-        k, ratio = curve(np.asarray(phi)), slow_phase_ratio(gait)
-        inputs = Inputs(k, omega, delta_t, phi, v_swim, slow_phase_ratio=ratio, k_of_phi=curve)
+        inputs, params = self.model.inputs(
+            self.theta, curve(np.asarray(phi)), omega, phi, slow_phase_ratio(gait), curve
+        )
         found = self.model.walker.predict(inputs, params)
         if not bool(found.walking):
             return float(found.speed_m_s), 0.0
         radius = self.model.robot.leg_radius_m
-        lift = float(found.lift_m)
-        half_chord = math.sqrt(max(lift * (2 * radius - lift), 0.0))
-        return float(found.speed_m_s), math.asin(min(half_chord / radius, 1.0))
+        return float(found.speed_m_s), float(stance_angle(step_from_lift(found.lift_m, radius), radius))
 
 
 def predictor_of(given: PredictorParameters) -> Predictor:

@@ -171,6 +171,10 @@ class Walker:
         """Force given minus force needed [N] at depths of the inputs' shape."""
         return _flat(self.chain(inputs, params, depth[..., None], first_step=first_step).margin)
 
+    def sigma_phi(self, inputs: Inputs, params: Params) -> Array:
+        """Standard deviation of φ along the track that effects ask for [1]."""
+        return _flat(self.chain(inputs, params, np.array([0.01]), first_step=False).sigma_phi)
+
     def _first_crossing(self, inputs: Inputs, params: Params, *, first_step: bool) -> tuple[Array, Bool]:
         grid = _depth_grid(self.robot.deepest_m)
         margin = self.chain(inputs, params, grid, first_step=first_step).margin

@@ -7,7 +7,7 @@ import numpy as np
 from sandbot_model.data.conditions import Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM
-from sandbot_model.physics.walking import Inputs, KCurve
+from sandbot_model.physics.walking import KCurve
 from sandbot_model.report.figures import as_json, in_panel, legend_entry, model_name, panels
 from sandbot_model.report.theme import LIGHT, Spec, Theme
 from sandbot_model.report.view import Step, bands
@@ -32,15 +32,13 @@ def forces(fit: Fit, omega_rad_s: float) -> Forces:
     cells, walker = fit.cells, fit.fitted.walker
     first = np.array([band.cells[0] for band in bands(cells)])
     level = cells.level[first]
-    delta_t, v_swim, params = fit.fitted.arguments(np.array([fit.parameters[name].value for name in fit.fitted.names]))
-    inputs = Inputs(
-        k_n_per_m=fit.k_n_per_m[level],
-        omega_rad_s=omega_rad_s,
-        delta_t_s=delta_t,
-        phi=cells.level_phi[level],
-        v_swim_m_s=v_swim,
-        slow_phase_ratio=cells.slow_phase_ratio[first],
-        k_of_phi=KCurve(fit.level_phi, fit.k_n_per_m),
+    inputs, params = fit.fitted.inputs(
+        np.array([fit.parameters[name].value for name in fit.fitted.names]),
+        fit.k_n_per_m[level],
+        omega_rad_s,
+        cells.level_phi[level],
+        cells.slow_phase_ratio[first],
+        KCurve(fit.level_phi, fit.k_n_per_m),
     )
     depth = np.linspace(0.0, fit.fitted.robot.deepest_m, DEPTH_POINTS)
     chain = walker.chain(inputs, params, depth, first_step=False)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.geometry import step_from_lift
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
 from sandbot_model.report.view import (
@@ -243,7 +244,7 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme:
 
 def lock_curve(lift_m: Floats, radius_m: float = 0.0355) -> Floats:
     """Step length s = 2√(Δz(2R − Δz)) [m] of a leg of radius R that lifts its axle by Δz [m] (Li09, physics §2)."""
-    return np.asarray(2.0 * np.sqrt(np.clip(lift_m * (2.0 * radius_m - lift_m), 0.0, None)))
+    return step_from_lift(lift_m, radius_m)
 
 
 def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:

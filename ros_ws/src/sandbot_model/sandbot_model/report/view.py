@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_model.data import regime
 from sandbot_model.data.clustering import same_within
-from sandbot_model.data.conditions import OMEGA_TOLERANCE, WALKING_LIFT_M, WALKING_SPEED_M_S, Cells, Floats
+from sandbot_model.data.conditions import OMEGA_TOLERANCE, Cells, Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import NAMES, Observable
 
@@ -129,9 +130,8 @@ def walks(cells: Cells) -> NDArray[np.bool_]:
     """Whether the robot walks in each cell, (n,): its lift is clearly above nothing, or, where lift was not measured,
     it is clearly faster than swimming.
     """
-    lift, sem = cells.mean[:, Observable.lift], cells.sem[:, Observable.lift]
-    clear = np.maximum(WALKING_LIFT_M, CLEARLY_SEM * np.nan_to_num(sem))
-    return np.where(np.isfinite(lift), np.nan_to_num(lift) > clear, measured(cells, "speed") > WALKING_SPEED_M_S)
+    sem = np.nan_to_num(cells.sem[:, Observable.lift])
+    return regime.walks(cells.mean, np.maximum(regime.WALKING_LIFT_M, CLEARLY_SEM * sem))
 
 
 def residual_z(fit: Fit, observable: str) -> Floats:

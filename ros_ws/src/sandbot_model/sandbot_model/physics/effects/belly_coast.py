@@ -4,6 +4,7 @@ import numpy as np
 
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Parameter, Values
+from sandbot_model.physics.geometry import stance_angle
 
 
 class BellyCoast(Effect):
@@ -24,11 +25,11 @@ class BellyCoast(Effect):
         rate = chain.slow_phase_ratio * chain.omega
         touch_down = rate * below
         # The leg stands over the chord's angle; what is left of half a period is there to slide.
-        stood = 2 * np.arcsin(np.clip(chain.chord / (2 * robot.leg_radius_m), 0.0, 1.0)) / rate
-        left = np.maximum(np.pi / chain.omega - stood, 0.0)
+        stood = 2 * stance_angle(chain.chord, robot.leg_radius_m) / rate
+        time_left = np.maximum(np.pi / chain.omega - stood, 0.0)
         if chain.first_step:
             # From a standing start half of it has gone by before the leg stands.
-            left = left / 2
+            time_left = time_left / 2
         friction = p["mu_b"] * robot.gravity_m_s2
-        time = np.minimum(touch_down / friction, left)
+        time = np.minimum(touch_down / friction, time_left)
         chain.step = chain.step + touch_down * time - 0.5 * friction * time**2

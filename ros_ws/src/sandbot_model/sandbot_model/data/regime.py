@@ -1,0 +1,35 @@
+"""Whether a robot walked or swam, from what was measured of it."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from sandbot_model.physics.arrays import Array, Bool
+from sandbot_model.physics.gait import slow_phase_ratio
+from sandbot_model.physics.observables import Observable
+
+WALKING_LIFT_M = 3e-4
+"""Lift above which a body was lifted by its legs: several times what the tracking makes of none."""
+WALKING_SPEED_M_S = 0.035
+"""Clearly faster than swimming (Li09: 0.02 m/s), where lift was not measured."""
+HELD_M = 0.01
+"""What a first step is longer at least than a swimmer's if the leg held in it."""
+
+
+def walks(values: Array, least_lift_m: Array | float = WALKING_LIFT_M) -> Bool:
+    """Whether the robot walked ``(...)``, of measured observables ``(..., 4)``: its body was lifted by more than
+    ``least_lift_m``, or, where lift was not measured, it was faster than any swimmer.
+    """
+    speed, lift = values[..., Observable.speed], values[..., Observable.lift]
+    return np.where(np.isfinite(lift), lift > least_lift_m, speed > WALKING_SPEED_M_S)
+
+
+def swum_at_once(gaits: Iterable[str], omega: Array, values: Array) -> Bool:
+    """Trials ``(n,)`` of values ``(n, 4)`` that swam from the first step on, with legs of uneven pace.
+
+    How far they get in it is the clock's affair: where on its shaft the leg is mounted says when it passes its lowest
+    point, and the table does not say that. A trial that swims after a first step that held is none of them.
+    """
+    uneven = np.array([slow_phase_ratio(gait) != 1.0 for gait in gaits])
+    speed, first_step = values[:, Observable.speed], values[:, Observable.first_step]
+    return np.asarray(uneven & ~walks(values) & (first_step < speed * np.pi / omega + HELD_M))

@@ -1,0 +1,170 @@
+"""An effect from a line of text: what it does, what is refused, and that threads and processes may share it."""
+
+import gc
+import pickle
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sandbot_common.errors import InputError
+from sandbot_model.physics.formula import formula_effect
+from sandbot_model.physics.walking import Inputs, Walker
+
+
+def test_a_formula_is_an_effect():
+    effect = formula_effect("boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5")
+    assert (effect.identifier, effect.stage) == ("boost", "strength")
+    assert (effect.parameters[0].low, effect.parameters[0].high) == (-5, 5)
+    phi = np.array([0.6, 0.62])
+    found = Walker((effect,)).predict(Inputs(200.0, 8.0, 0.4, phi), [{"a": 5.0}]).depth_m
+    expected = Walker().predict(Inputs(200.0 * (1 + 5 * (phi - 0.6)), 8.0, 0.4)).depth_m
+    np.testing.assert_allclose(found, expected)
+
+
+def test_a_formula_may_set_another_quantity():
+    effect = formula_effect("brake: balance: extra_force = c*omega; c [N s] in 0..0.1")
+    found = Walker((effect,)).predict(Inputs(200.0, 8.0, 0.4), [{"c": 0.05}])
+    assert float(found.depth_m) < float(Walker().predict(Inputs(200.0, 8.0, 0.4)).depth_m)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("boost", "expected 'name: stage: formula"),
+        ("Boost: strength: k", "lower-case"),
+        ("boost: muscle: k", "stage 'muscle'"),
+        ("boost: strength: k*a; a in 5..1", "low must be below high"),
+        ("boost: strength: k*a; a from 1 to 5", "is not 'parameter"),
+        ("boost: strength: k*unknown", "unknown"),
+        ("boost: strength: k*(", "boost"),
+        ("boost: strength: force = k", "can't be set at stage strength"),
+        ("boost: strength: k*phi; phi in 0..1", "choose another name"),
+        ("boost: strength: k*first; first in 0..1", "choose another name"),
+        ("boost: speed: kept, k2 *= 1 + a; a in 0..1", "'k2' can't be set at stage speed"),
+        ("boost: speed: kept -= a; a in 0..1", "boost"),
+        ("boost: strength: __import__('os').system('true')", "boost"),
+        ("boost: strength: open('/etc/passwd').read()", "boost"),
+        ("boost: strength: k.__class__.__bases__", "boost"),
+    ],
+)
+def test_refuses_formulas_that_do_not_fit(text, message):
+    with pytest.raises(InputError, match=message) as raised:
+        formula_effect(text)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.fixture
+def hasty_threads():
+    """Threads that take turns a thousand times more often than usual."""
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(5e-6)
+    yield
+    sys.setswitchinterval(usual)
+
+
+def test_a_formula_effect_is_used_by_threads_at_once(hasty_threads):
+    """As the explorer does, whose page asks again before it has been answered."""
+    walker = Walker((formula_effect("boost: strength: k*a + 0*phi; a in 0.5..2"),))
+
+    def depths(count):
+        k = np.linspace(150.0, 250.0, count)
+        given = Inputs(k, 8.0, 0.4, np.full(count, 0.6))
+        return [walker.predict(given, [{"a": 1.2}]).depth_m for _ in range(60)]
+
+    with ThreadPoolExecutor(4) as threads:
+        for count, found in zip((3, 40, 7, 100), threads.map(depths, (3, 40, 7, 100)), strict=True):
+            expected = Walker().predict(Inputs(1.2 * np.linspace(150.0, 250.0, count), 8.0, 0.4)).depth_m
+            np.testing.assert_allclose(found, [expected] * 60)
+
+
+def test_a_formula_is_parsed_once(monkeypatch):
+    """Parsing is not safe in threads (CPython issue 106905), evaluating is."""
+    walker = Walker((formula_effect("boost: strength: k*a; a in 0.5..2"),))
+    monkeypatch.setattr("ast.parse", None)
+    walker.predict(Inputs(200.0, 8.0, 0.4), [{"a": 1.1}])
+
+
+class Straggler:
+    """Garbage whose end gives other threads a turn, wherever it is collected."""
+
+    def __init__(self):
+        self.itself = self
+
+    def __del__(self):
+        for _ in range(300):
+            pass
+
+
+def test_formulas_are_parsed_by_threads_at_once(hasty_threads):
+    """As the explorer does, which reads the address's formulas in each of its threads."""
+    usual = gc.get_threshold()
+    gc.set_threshold(20)
+
+    def parse_many(_):
+        for _ in range(300):
+            Straggler()
+            formula_effect("boost: strength: k*(1 + a*(phi - (0.6 + 0*(k - 1)))); a in 0.5..2")
+
+    try:
+        with ThreadPoolExecutor(4) as threads:
+            list(threads.map(parse_many, range(4)))
+    finally:
+        gc.set_threshold(*usual)
+
+
+@pytest.mark.parametrize("formula", ["k*exp(a)", "k*a"])
+def test_ctrl_c_in_the_middle_of_a_formula_is_ctrl_c(formula):
+    class Interrupted:
+        __array_ufunc__ = None
+
+        def __rmul__(self, _):
+            raise KeyboardInterrupt
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    effect = formula_effect(f"boost: strength: {formula}; a in 0..1")
+    interpreter = effect._each_thread.interpreter
+    interpreter.symtable["exp"] = interrupted
+    chain = Walker().chain(Inputs(200.0, 8.0, 0.4), (), np.array([0.02]), first_step=False)
+    with pytest.raises(KeyboardInterrupt):
+        effect.apply(chain, {"a": Interrupted()})
+
+
+def test_a_formula_effect_travels_between_processes():
+    effect = formula_effect("boost: strength: k*a; a in 0.5..2")
+    effect = pickle.loads(pickle.dumps(effect))
+    found = Walker((effect,)).predict(Inputs(200.0, 8.0, 0.4), [{"a": 1.1}])
+    assert float(found.depth_m) == pytest.approx(float(Walker().predict(Inputs(220.0, 8.0, 0.4)).depth_m))
+
+
+def test_each_formula_is_an_effect_of_its_own():
+    one, other = formula_effect("one: strength: k*a; a in 0.5..2"), formula_effect("two: balance: force*first")
+    assert (one.identifier, one.stage, len(one.parameters), one.first_step_differs) == ("one", "strength", 1, False)
+    assert (other.identifier, other.stage, other.parameters, other.first_step_differs) == ("two", "balance", (), True)
+    assert one.formula == "k -> k*a"
+
+
+@given(st.sampled_from([1.5, 2.0, 3.0]), st.sampled_from("*+"))
+def test_a_change_in_place_is_the_assignment_written_out(value, how):
+    short = formula_effect(f"one: strength: k {how}= {value}")
+    long = formula_effect(f"one: strength: k = k {how} {value}")
+    found = [Walker((effect,)).predict(Inputs(190.0, 8.0, 0.4), [{}]).observables for effect in (short, long)]
+    np.testing.assert_array_equal(*found)
+
+
+PARTS = [*"k=*+(),;a", "boost", ":", "strength", "balance", "1e400", "first", " in ", "0..1", "\n", "[N]"]
+
+
+@given(st.text(max_size=40) | st.lists(st.sampled_from(PARTS), max_size=14).map("".join))
+def test_any_text_is_an_effect_or_one_line(text):
+    said = ""
+    try:
+        assert formula_effect(text).identifier in text
+    except InputError as error:
+        said = str(error)
+    assert "\n" not in said
