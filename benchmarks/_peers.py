@@ -20,7 +20,7 @@ from sandbot_model.data.clustering import phi_levels
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.data.regime import swum_at_once
 from sandbot_model.fitting.fit import Fit, fit
-from sandbot_model.fitting.global_minimum import Known
+from sandbot_model.fitting.global_minimum import WarmStart
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import peak_is_resolved, slow_phase_ratio
 from sandbot_model.physics.model import Model, model_of
@@ -233,14 +233,14 @@ def speed_only(trials: Trials) -> Trials:
     return replace(trials, **{name: np.full(len(trials.phi), np.nan) for name in COLUMNS[1:]})
 
 
-def base_fit(trials: Trials, near: Known | None = None) -> Fit:
+def base_fit(trials: Trials, near: WarmStart | None = None) -> Fit:
     """The simple model, fitted to mean speed to its global optimum."""
     return fit(model_of("simple", (), CATALOGUE), cells_of(speed_only(trials)), near)
 
 
 def base_alone(trials: Trials) -> Choice:
     """The simple model: names nothing."""
-    near = base_fit(trials).known
+    near = base_fit(trials).warm_start
     return Choice((), lambda others: speed_of(base_fit(others, near)))
 
 
@@ -289,7 +289,7 @@ def physical(base: Fit, phi: Floats, omega: Floats) -> Mapping[str, Floats]:
     W and S are 1 where the base model walks and swims, v, s and d its speed, step and depth, Fr = Rω²/g, and
     T = -∂v/∂F = -(ω/π) 4(d+h-R)/(s k) what a newton of missing support costs.
     """
-    robot, at = base.fitted.robot, base.predict(phi, omega)
+    robot, at = base.model.robot, base.predict(phi, omega)
     walk = at.walking.astype(float)
     step, depth, speed = (
         np.nan_to_num(at.step_m, nan=robot.leg_radius_m),
@@ -343,7 +343,7 @@ def sindy(library: Library, on_base: bool) -> Callable[[Trials], Choice]:
         named = _mapped(terms) if gain > CLEARLY else ()
 
         def refit(others: Trials) -> Predict:
-            new = base_fit(others, base.known)
+            new = base_fit(others, base.warm_start)
             fitted, _ = _sparse(library, on_base, new, others)
 
             def speed(phi: Floats, omega: Floats) -> Floats:
@@ -417,7 +417,7 @@ def gp_discrepancy(trials: Trials) -> Choice:
     best = max((_process(base, trials, one, 2) for one in kernels), key=lambda one: one.log_marginal_likelihood_value_)
 
     def refit(others: Trials) -> Predict:
-        new = base_fit(others, base.known)
+        new = base_fit(others, base.warm_start)
         process = _process(new, others, best.kernel_, 0)
         return lambda phi, omega: speed_of(new)(phi, omega) + process.predict(_scaled(phi, omega))
 

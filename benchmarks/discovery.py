@@ -71,7 +71,7 @@ def ours(trials: Trials) -> Choice:
     named: Named = ()
     if found.verdict.status in ("identified", "ambiguous"):
         named = tuple(frozenset(one) for one in found.verdict.alternatives)
-    return Choice(named, lambda others: speed_of(fit(last.fitted, cells_of(others), last.known)))
+    return Choice(named, lambda others: speed_of(fit(last.model, cells_of(others), last.warm_start)))
 
 
 def _discovered(trials: Trials) -> Discovery:
@@ -94,7 +94,7 @@ def ours_with_formula(trials: Trials) -> Choice:
     if left is None:
         return choice
     model = model_of(found.model, (*left.effects, left.name), catalogue(formulas=[left.formula]))
-    near = found.steps[0].known
+    near = found.steps[0].warm_start
     return Choice(choice.named, lambda others: speed_of(fit(model, cells_of(others), near)))
 
 

@@ -231,8 +231,10 @@ def _gain(world: Hidden, seed: int) -> float:
     base = fit(model_of("simple", (), catalogue()), cells)
     parts = [base]
     if len(world.truth) > 1:
-        parts = [fit(model_of("simple", (name,), catalogue()), cells, base.known) for name in world.truth]
-    whole = fit(model_of("simple", world.truth, catalogue()), cells, min(parts, key=lambda one: one.deviance).known)
+        parts = [fit(model_of("simple", (name,), catalogue()), cells, base.warm_start) for name in world.truth]
+    whole = fit(
+        model_of("simple", world.truth, catalogue()), cells, min(parts, key=lambda one: one.deviance).warm_start
+    )
     return min(part.deviance for part in parts) - whole.deviance
 
 

@@ -38,7 +38,7 @@ def test_the_deepest_of_many_valleys_is_found(seed):
     cells = cells_of(BY_NAME["disturbed_ground + stance_overlap"].trials(seed, noise=0.5))
     found = fit(model_of("simple", (), EFFECTS), cells)
     for names in (("disturbed_ground",), ("disturbed_ground", "stance_overlap")):
-        found = fit(model_of("simple", names, EFFECTS), cells, found.known)
+        found = fit(model_of("simple", names, EFFECTS), cells, found.warm_start)
     assert found.parameters["stance_overlap.eta"].value == pytest.approx(0.1, abs=0.01)
     assert found.parameters["disturbed_ground.s_c"].value == pytest.approx(0.95, abs=0.03)
     assert found.lack_of_fit_p > 0.9

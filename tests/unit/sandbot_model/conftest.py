@@ -46,6 +46,6 @@ def draw(
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def drawn():
     return draw

@@ -32,7 +32,7 @@ def test_readings_that_agree_leave_the_model_as_it_was(drawn):
     trials = drawn(seed=3)
     alone, both = fit(model_of("simple", (), EFFECTS), cells_of(trials)), fitted(trials, readings(K * DEPTH))
     assert passes(both)
-    assert both.lack_of_fit["penetration"] > 1e-3
+    assert both.goodness.lack_of_fit["penetration"] > 1e-3
     assert np.abs(both.k_n_per_m - alone.k_n_per_m).max() < 2.0
     assert (both.k_stderr_n_per_m < alone.k_stderr_n_per_m).all()
 

@@ -116,7 +116,7 @@ def test_a_users_effect_of_the_same_name_is_left_alone_and_workers_change_nothin
     base = fit(model_of("simple", (), EFFECTS), cells)
     first = formula_effect(describe_residual(base, EFFECTS).formula)
     known = {**EFFECTS, "residual": first}
-    better = fit(model_of("simple", ("residual",), known), cells, base.known)
+    better = fit(model_of("simple", ("residual",), known), cells, base.warm_start)
     left = describe_residual(better, known)
     assert (left.name, left.effects) == ("residual_2", ("residual",))
     assert left.options.endswith("--effects residual,residual_2")
@@ -148,7 +148,7 @@ def test_the_score_foretells_what_the_fit_gains(drawn):
 
 def test_every_term_says_in_a_formula_what_its_values_are(drawn):
     base = base_fit(drawn(seed=0))
-    cells, robot = base.cells, base.fitted.robot
+    cells, robot = base.cells, base.model.robot
     phi = cells.level_phi[cells.level]
     depth = np.nan_to_num(base.predict(phi, cells.omega).depth_m, nan=robot.deepest_m)
     inputs = Inputs(1.0, cells.omega, base.parameters["delta_t_s"].value, phi)

@@ -398,7 +398,7 @@ def test_the_modelled_waveform_is_the_arc_of_a_leg_that_holds(tmp_path, session)
     bag = walking_bag(tmp_path / "t00", v_x=lambda t: 0.0)
     (found,), _ = waveforms.read({"t00": bag}, ["t00"])
     speed = waveforms.modelled(found, fit, cell)
-    radius = fit.fitted.robot.leg_radius_m
+    radius = fit.model.robot.leg_radius_m
     holds = speed > 0
     angle = np.arcsin(np.sin(found.leg_angle_rad[:, 0]))
     assert speed[holds] == pytest.approx(radius * PACE * np.cos(angle[holds]))

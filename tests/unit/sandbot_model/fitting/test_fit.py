@@ -1,3 +1,6 @@
+import pickle
+import sys
+
 import numpy as np
 import pytest
 
@@ -97,7 +100,7 @@ def test_speed_alone_is_enough(drawn):
     trials = dataclasses.replace(trials, lift_m=nothing, peak_speed_m_s=nothing, first_step_m=nothing)
     found = fit(model_of("simple", (), EFFECTS), cells_of(trials))
     assert found.parameters["delta_t_s"].value == pytest.approx(0.4, abs=0.06)
-    assert list(found.lack_of_fit) == ["speed"]
+    assert list(found.goodness.lack_of_fit) == ["speed"]
 
 
 def test_without_replicates_nothing_is_tested(drawn):
@@ -130,3 +133,42 @@ def test_refuses_unknown_models(base, names, message):
 def test_cost_does_not_grow_with_trials(drawn):
     few, many = cells_of(drawn(replicates=2)), cells_of(drawn(replicates=20))
     assert few.mean.shape == many.mean.shape
+
+
+@pytest.fixture(scope="module")
+def slipping(drawn):
+    return fit(model_of("simple", ("leg_slip",), EFFECTS), cells_of(drawn(("leg_slip",), levels=3)))
+
+
+def test_it_prints_as_a_person_would_write_it(slipping):
+    said = repr(slipping)
+    assert len(said.splitlines()) <= 12
+    assert said.startswith("simple model + leg_slip, fitted to 63 trials in 21 conditions\n")
+    delta_t = slipping.parameters["delta_t_s"]
+    assert f"delta_t_s                   {delta_t.value:.4f} ± {delta_t.stderr:.4f} s\n" in said
+    assert f"{100 * slipping.rmse_m_s:.2f} cm/s in sample" in said
+
+
+def test_its_tables_hold_its_numbers(slipping):
+    frame, residuals = slipping.to_frame(), slipping.residuals_frame()
+    assert frame.loc["leg_slip.sigma", "value"] == slipping.parameters["leg_slip.sigma"].value
+    assert frame.loc["k_n_per_m", "stderr"].to_numpy() == pytest.approx(slipping.k_stderr_n_per_m)
+    assert len(residuals) == slipping.problem.measured.sum()
+    missed = residuals[residuals.z.abs() > 3]
+    assert len(missed) == len(slipping.fails)
+    assert (residuals.measured - residuals.predicted).to_numpy() == pytest.approx(residuals.residual)
+
+
+def test_without_pandas_it_says_so(slipping, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(InputError, match="pandas is not installed"):
+        slipping.to_frame()
+
+
+def test_a_pickle_holds_what_was_found_and_no_working(slipping):
+    slipping.to_dict()
+    packed = pickle.dumps(slipping)
+    assert len(packed) < len(pickle.dumps(slipping.cells)) + 10_000
+    again = pickle.loads(packed)
+    assert "state" not in vars(again)
+    assert again.to_dict() == slipping.to_dict()

@@ -204,7 +204,7 @@ def test_forces_cross_where_the_leg_holds(fitted):
     """k d = m (g + Rω/Δt) for the simple model; a robot that swims has no crossing and the figure says so."""
     base, omega = fitted[0], 10.0
     spec = balance.force_balance(base, omega)
-    robot, delta_t = base.fit.fitted.robot, base.fit.parameters["delta_t_s"].value
+    robot, delta_t = base.fit.model.robot, base.fit.parameters["delta_t_s"].value
     needed = robot.mass_per_leg_kg * (robot.gravity_m_s2 + robot.leg_radius_m * omega / delta_t)
     dots = {one["xaxis"]: one for one in spec["data"] if one["name"] == "the leg holds" and "xaxis" in one}
     assert dots

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from sandbot_model.data.conditions import Cells, noise_floor
-from sandbot_model.discovery.plain import data_summary, fit_summary
 from sandbot_model.fitting.fit import Fit, fit
+from sandbot_model.fitting.plain import data_summary
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.geometry import step_from_lift
@@ -35,7 +35,7 @@ def compare(
     steps: list[Fit] = []
     for count in range(len(names) + 1):
         model = model_of(base, names[:count], effects, robot)
-        steps.append(fit(model, cells, steps[-1].known if steps else None))
+        steps.append(fit(model, cells, steps[-1].warm_start if steps else None))
         progress(" + ".join(names[:count]) or "base")
     return tuple(steps)
 
@@ -60,9 +60,9 @@ def to_json(steps: Sequence[Fit]) -> dict[str, Any]:
     floor = noise_floor(cells)
     return {
         "schema": SCHEMA,
-        "model": steps[0].model,
+        "model": steps[0].model.base,
         "data": data_summary(cells),
         "noise_floor_m_s": floor["speed"] if np.isfinite(floor["speed"]) else None,
         "noise_floor": {name: value if np.isfinite(value) else None for name, value in floor.items()},
-        "steps": [fit_summary(step) for step in steps],
+        "steps": [step.to_dict() for step in steps],
     }

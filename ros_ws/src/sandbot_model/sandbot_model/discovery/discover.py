@@ -13,13 +13,13 @@ import numpy as np
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.effect_search import Candidate, EffectSearch, Sets
 from sandbot_model.discovery.next_trials import NextTrial, excluding, next_trials
-from sandbot_model.discovery.plain import data_summary, fit_summary, number, plain
 from sandbot_model.discovery.residual import Description
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.verdict import Verdict, judge, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Map, Progress
+from sandbot_model.fitting.plain import data_summary, number, plain
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.robot import Robot
 
@@ -60,7 +60,7 @@ class Discovery:
             "data": data_summary(self.cells),
             "noise_floor_m_s": number(self.noise_floor_m_s),
             "noise_floor": {name: number(value) for name, value in self.noise_floor.items()},
-            "steps": [fit_summary(step) for step in self.steps],
+            "steps": [step.to_dict() for step in self.steps],
             "candidates": [plain(candidate) for candidate in self.candidates],
             "verdict": {
                 "status": self.verdict.status,

@@ -82,7 +82,7 @@ class EffectSearch:
         base = self.fits[()]
         names = [name for name in self.names if not worth(self.fits, (name,), ())]
         models = [model_of(self.base, (name,), self.effects, self.robot, self._at_start(name)) for name in names]
-        points = self.fit_all(solve, [(model, self.cells, base.known, True) for model in models])
+        points = self.fit_all(solve, [(model, self.cells, base.warm_start, True) for model in models])
         found = [fitted_at(model, self.cells, point) for model, point in zip(models, points, strict=True)]
         return [one for one in found if one.deviance < base.deviance + NOT_EXCLUDED]
 
@@ -99,7 +99,7 @@ class EffectSearch:
         if not found:
             return None
         best = min(found, key=lambda one: one.bic)
-        if best.deviance[1] > NEARLY * self.fits[best.effects].dof:
+        if best.deviance[1] > NEARLY * self.fits[best.effects].goodness.dof:
             return best
         more = self._described(beside) if (beside := self._beside(best)) else None
         return more if more is not None and more.bic < best.bic else best
@@ -118,8 +118,10 @@ class EffectSearch:
         sets = [self._sorted((*left.effects, name)) for name in self.names if name not in left.effects]
         with_it = [(*left.effects, left.name), *((*one, left.name) for one in sets)]
         models = [model_of(self.base, names, effects, self.robot) for names in with_it]
-        alone = fitted_at(models[0], self.cells, solve((models[0], self.cells, self.fits[left.effects].known, False)))
-        points = self.fit_all(solve, [(model, self.cells, alone.known, True) for model in models[1:]])
+        alone = fitted_at(
+            models[0], self.cells, solve((models[0], self.cells, self.fits[left.effects].warm_start, False))
+        )
+        points = self.fit_all(solve, [(model, self.cells, alone.warm_start, True) for model in models[1:]])
         fits = [fitted_at(model, self.cells, point) for model, point in zip(models[1:], points, strict=True)]
         helpful = [
             (one.bic, effects)
@@ -179,7 +181,7 @@ class EffectSearch:
         tasks = []
         for one in sets:
             parent = self._parent(one)
-            known = None if parent is None else parent.known
+            known = None if parent is None else parent.warm_start
             tasks.append((self._model(one), self.cells, known, nearby))
         for done, (one, task, point) in enumerate(zip(sets, tasks, self.fit_all(solve, tasks), strict=True), start=1):
             found = fitted_at(task[0], self.cells, point)

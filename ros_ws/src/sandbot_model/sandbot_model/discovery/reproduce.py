@@ -33,5 +33,5 @@ def point_of(found: Fit, by_hand: Mapping[str, float] | None = None) -> Point:
         if name not in values:
             raise InputError(f"parameter {name!r} is not one of {', '.join(values)}")
         values[name] = value
-    theta = np.array([values[name] for name in found.fitted.names])
+    theta = np.array([values[name] for name in found.model.names])
     return Point(theta, found.state.ln_k[0], found.state.slope[0])

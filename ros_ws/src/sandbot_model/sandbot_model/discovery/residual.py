@@ -157,15 +157,15 @@ def _tried(
     def fitted(some: Sequence[_Guess], *, nearby: bool) -> list[_Tried]:
         models = [
             model_of(
-                fit.model,
+                fit.model.base,
                 (*fit.effects, one.name),
                 {**effects, one.name: formula_effect(one.formula(FREE))},
-                fit.fitted.robot,
+                fit.model.robot,
             )
             for one in some
         ]
         found = []
-        points = fit_all(solve, [(model, fit.cells, fit.known, nearby) for model in models])
+        points = fit_all(solve, [(model, fit.cells, fit.warm_start, nearby) for model in models])
         for guess, model, point in zip(some, models, points, strict=True):
             end = fitted_at(model, fit.cells, point)
             values = tuple(end.parameters[f"{guess.name}.c{i}"].value for i in range(len(guess.terms)))
@@ -241,10 +241,10 @@ def _distinct(guesses: Sequence[_Guess]) -> list[_Guess]:
 
 def _slopes(found: Fit, lever: Lever) -> Array:
     """d(whitened prediction)/d(relative change of the lever), ``(cells, 4)``."""
-    known = found.fitted.catalogue
+    known = found.model.catalogue
     name = _free("lever", known)
     change = formula_effect(f"{name}: {lever.stage}: {lever.assignment('c')}; c [1] in -1..1")
-    model = model_of(found.model, (*found.effects, name), {**known, name: change}, found.fitted.robot)
+    model = model_of(found.model.base, (*found.effects, name), {**known, name: change}, found.model.robot)
     at = model.names.index(f"{name}.c")
     theta = np.insert(found.state.theta[0], at, 0.0)
     problem = Problem(model, found.cells)
@@ -268,8 +268,8 @@ def _told(fit: Fit, best: _Tried, rival: _Tried | None) -> Description:
     enough = "leave nothing to explain" if found.lack_of_fit_p >= LACK_OF_FIT else "still leave something to explain"
     sentence = (
         f"{on_top}{guess.lever.words} differs from the model's by {' and '.join(parts)} ({guess.lever.unit}): the "
-        f"deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on {found.dof} degrees of freedom, the error "
-        f"out of sample goes from {100 * cv[0]:.2f} to {100 * cv[1]:.2f} cm/s, and replicates {enough} "
+        f"deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on {found.goodness.dof} degrees of freedom, "
+        f"the error out of sample goes from {100 * cv[0]:.2f} to {100 * cv[1]:.2f} cm/s, and replicates {enough} "
         f"(p = {found.lack_of_fit_p:.2g})"
     )
     if rival is not None and rival.score < best.score + CLEARLY:

@@ -37,4 +37,4 @@ def _bic(fit: Fit, noise: Array) -> Array:
     moved = np.where(problem.measured[:, :, None], moved, 0.0).reshape(4 * cells, -1)
     residual = state.missed[0][:, None] + np.concatenate([moved, noise[4 * cells :]])
     left = off(residual, followed(problem, state))
-    return np.asarray(np.sum(left**2, axis=0) + fit.bic - fit.chi2)
+    return np.asarray(np.sum(left**2, axis=0) + fit.bic - fit.goodness.chi2)

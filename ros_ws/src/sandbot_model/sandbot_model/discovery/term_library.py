@@ -78,7 +78,7 @@ LEVERS = (
 
 def terms(fit: Fit) -> list[Term]:
     """The library for these cells, at the depths of this fit."""
-    cells, robot = fit.cells, fit.fitted.robot
+    cells, robot = fit.cells, fit.model.robot
     omega, phi = cells.omega, cells.level_phi[cells.level]
     depth = np.nan_to_num(fit.predict(phi, omega, cells.slow_phase_ratio).depth_m, nan=robot.deepest_m)
     radius, delta_t = robot.leg_radius_m, fit.parameters["delta_t_s"].value

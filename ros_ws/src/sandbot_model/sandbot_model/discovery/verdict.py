@@ -37,7 +37,7 @@ class Verdict:
 
 def passes(fit: Fit) -> bool:
     """Whether the replicates leave nothing to explain, jointly and in each observable, at believable parameters."""
-    each = [p for p in fit.lack_of_fit.values() if p == p]
+    each = [p for p in fit.goodness.lack_of_fit.values() if p == p]
     enough = fit.lack_of_fit_p >= LACK_OF_FIT and all(p >= LACK_OF_FIT_OF_ONE for p in each)
     return bool(enough and sound(fit))
 
@@ -74,7 +74,7 @@ def claim(fit: Fit) -> float:
 
 
 def _overdispersion(fit: Fit) -> float:
-    return max(1.0, fit.chi2 / fit.dof) if fit.dof > 0 else 1.0
+    return max(1.0, fit.goodness.chi2 / fit.goodness.dof) if fit.goodness.dof > 0 else 1.0
 
 
 def _parts(fit: Fit) -> Array:
@@ -98,7 +98,7 @@ def judge(fits: Mapping[tuple[str, ...], Fit]) -> Verdict:
             "adequate",
             (),
             (),
-            f"the {base.model} model misses the cell means by no more than replicates scatter {_p(base)}",
+            f"the {base.model.base} model misses the cell means by no more than replicates scatter {_p(base)}",
         )
     good = [one for key, one in fits.items() if key and passes(one) and _all_needed(fits, key)]
     if not good:
@@ -134,7 +134,7 @@ def _because(fits: Mapping[tuple[str, ...], Fit], best: Fit) -> str:
         rest += f" ({_name(nearest.effects)} {nearest.bic - best.bic:.0f}, {but})"
     return (
         f"with {_name(best.effects)} the deviance falls from {base.deviance:.0f} to {best.deviance:.0f} "
-        f"on {best.dof} degrees of freedom and replicates leave nothing to explain {_p(best)}{rest}"
+        f"on {best.goodness.dof} degrees of freedom and replicates leave nothing to explain {_p(best)}{rest}"
     )
 
 

@@ -20,7 +20,7 @@ from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.discover import Discovery, discover
 from sandbot_model.discovery.reproduce import point_of
 from sandbot_model.fitting.fit import Fit, fit, fitted_at
-from sandbot_model.fitting.global_minimum import Known, Point
+from sandbot_model.fitting.global_minimum import Point, WarmStart
 from sandbot_model.fitting.parallel import Progress
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Effect
@@ -45,7 +45,7 @@ class Solved:
     cv_rmse_m_s: float
 
 
-def solve(model: Model, cells: Cells, near: Known | None) -> Solved:
+def solve(model: Model, cells: Cells, near: WarmStart | None) -> Solved:
     """Fit one model; runs in a worker process."""
     return solved(fit(model, cells, near))
 
@@ -163,11 +163,11 @@ class Session:
             self._solved[self._key(selection)] = made
         return found
 
-    def _near(self, selection: Selection) -> Known | None:
+    def _near(self, selection: Selection) -> WarmStart | None:
         """What the fit without the last effect found, if it is there."""
         with self._lock:
             parent = self._steps.get(self._key(replace(selection, effects=selection.effects[:-1])))
-        return parent.fit.known if parent and selection.effects else None
+        return parent.fit.warm_start if parent and selection.effects else None
 
     def _begin(self, selection: Selection) -> "Future[Solved]":
         """The fit of a selection, begun if it was not, from the fit without its last effect if that is there."""

@@ -201,7 +201,7 @@ def values(effect: Effect, current: Step) -> str:
 
 def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) -> list[Slider]:
     """One slider for each shared parameter of the model shown, over its plausible range and its value."""
-    model = current.fit.fitted
+    model = current.fit.model
     held = dict(selection.by_hand)
     found = []
     for name, parameter in zip(model.names, model.parameters, strict=True):

@@ -110,7 +110,7 @@ def _leg_mount_rad(bag: Bag) -> float:
 
 def modelled(waveform: Waveform, fit: Fit, cell: int) -> Floats:
     """The model's v_x [m/s] at the trial's own leg angles, (m,): along the leg's arc while it holds, else at rest."""
-    predictor = Predictor(fit.fitted, fit.state.theta[0], fit.level_phi, fit.k_n_per_m)
+    predictor = Predictor(fit.model, fit.point.theta, fit.level_phi, fit.k_n_per_m)
     cells = fit.cells
     phi, omega, gait = float(cells.level_phi[cells.level[cell]]), float(cells.omega[cell]), cells.gait[cell]
     legs = zip(waveform.leg_angle_rad, waveform.leg_rate_rad_s, strict=True)

@@ -14,7 +14,7 @@ from sandbot_model.data.clustering import phi_levels, same_within
 from sandbot_model.data.conditions import OMEGA_TOLERANCE, cells_of
 from sandbot_model.data.penetrometer import Readings
 from sandbot_model.fitting.fit import fit
-from sandbot_model.fitting.global_minimum import Known
+from sandbot_model.fitting.global_minimum import WarmStart
 from sandbot_model.fitting.parallel import Map
 from sandbot_model.physics.model import Model
 from sandbot_record.trials.table import Trials
@@ -29,7 +29,7 @@ def bootstrap(
     draws: int,
     *,
     readings: Readings | None = None,
-    near: Known | None = None,
+    near: WarmStart | None = None,
     seed: int = 0,
     fit_all: Map = map,
     each: Callable[[Iterable[Values]], Iterable[Values]] = iter,
@@ -61,7 +61,7 @@ def _redraw(
     groups: Sequence[Ints],
     model: Model,
     readings: Readings | None,
-    near: Known | None,
+    near: WarmStart | None,
     seed: np.random.SeedSequence,
 ) -> Values:
     """The parameters fitted to one draw."""

@@ -52,7 +52,7 @@ def stage_tests(fit: Fit) -> tuple[StageTest, ...]:
 
 def locked_z(fit: Fit, observable: Observable) -> Array:
     """Measured minus locked, in standard errors ``(cells,)``: ωs(Δz)/π for the speed, s(Δz) for the first step."""
-    cells, radius = fit.cells, fit.fitted.robot.leg_radius_m
+    cells, radius = fit.cells, fit.model.robot.leg_radius_m
     lift = np.where(_clearly_lifted(cells), cells.mean[:, Observable.lift], np.nan)
     scale = cells.omega / np.pi if observable is Observable.speed else np.ones_like(cells.omega)
     step = step_from_lift(lift, radius)

@@ -1,77 +1,146 @@
 """Fit a walking model with effects to cells: one k per φ level, everything else shared."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting import goodness
-from sandbot_model.fitting.global_minimum import Known, Point, best_state
-from sandbot_model.fitting.goodness import Estimate, Fail
-from sandbot_model.fitting.leave_one_out import clear_of_switch, left_out
+from sandbot_model.fitting.global_minimum import Point, WarmStart, solve
+from sandbot_model.fitting.goodness import Estimate, Fail, Goodness
+from sandbot_model.fitting.leave_one_out import CrossValidation, cross_validation
 from sandbot_model.fitting.levenberg_marquardt import bounds, full_jacobian
 from sandbot_model.fitting.likelihood import Problem, States
+from sandbot_model.fitting.plain import data_frame, number, plain
+from sandbot_model.fitting.text import cm_s, probability, with_error
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.model import Model
+from sandbot_model.physics.observables import NAMES
 from sandbot_model.physics.walking import KCurve, Prediction
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Fit:
-    """A fitted model. Arrays over cells have length n, the last axis is ``Observable``."""
+    """A fitted model. Arrays over cells have length n, the last axis is ``Observable``.
 
-    model: str
-    effects: tuple[str, ...]
-    parameters: Mapping[str, Estimate]
-    level_phi: Array
-    k_n_per_m: Array
-    k_stderr_n_per_m: Array
-    covariance: Array = field(repr=False)
-    """Of the shared parameters, in the order of ``parameters``, and the levels' ln k; what can't be told is 0."""
+    What follows from these fields is worked out when it is asked for, and not pickled.
+    """
+
+    model: Model
     cells: Cells
-    predicted: Array
-    residual_z: Array
-    fails: tuple[Fail, ...]
-    rmse_m_s: float
-    """Speed: rms over trials of measured minus model, so that a perfect model reaches the noise floor. Cells where
-    the robot walks or swims by chance, in the replicates or by the model, have no value to be near and are not in."""
-    cv_rmse_m_s: float
-    """The same with every cell predicted by a fit to all others, where those can tell it (``cv_cells``)."""
-    cv_deviance: float
-    """Deviance of all cells, each predicted by a fit to all others, as one score of how well the set foretells."""
-    cv_cells: int
-    """Cells that ``cv_rmse_m_s`` is made of."""
-    rmse: Mapping[str, float]
-    cv_rmse: Mapping[str, float]
-    chi2: float
-    deviance: float
-    dof: int
-    bic: float
-    lack_of_fit_p: float
-    """F test of the cell means against pure error, all observables together; NaN without replicates."""
-    lack_of_fit: Mapping[str, float]
-    at_bounds: tuple[str, ...]
-    """Parameters pressed against the end of their search range."""
-    implausible: tuple[str, ...]
-    """Parameters more than three standard errors outside their plausible range."""
-    fitted: Model = field(repr=False)
-    problem: Problem = field(repr=False)
-    state: States = field(repr=False)
+    point: Point
+    stderr: Array
+    """Standard errors of the shared parameters, then of every level's ln k; NaN where the data do not determine one."""
+    covariance: Array
+    """Of the same; 0 where the data do not determine one."""
+    goodness: Goodness
+    cross_validation: CrossValidation
 
     @property
-    def known(self) -> Known:
+    def effects(self) -> tuple[str, ...]:
+        """Identifiers of the effects on top of the base model."""
+        return self.model.identifiers
+
+    @cached_property
+    def parameters(self) -> Mapping[str, Estimate]:
+        """The shared parameters."""
+        named = zip(self.model.names, self.point.theta, self.stderr, strict=False)
+        return {name: Estimate(float(value), float(error)) for name, value, error in named}
+
+    @property
+    def level_phi(self) -> Array:
+        """Volume fraction of every level."""
+        return self.cells.level_phi
+
+    @cached_property
+    def k_n_per_m(self) -> Array:
+        """Stiffness of the ground at every level."""
+        return np.asarray(np.exp(self.point.ln_k))
+
+    @property
+    def k_stderr_n_per_m(self) -> Array:
+        """Its standard error."""
+        return self.k_n_per_m * self.stderr[len(self.point.theta) :]
+
+    @property
+    def deviance(self) -> float:
+        """See ``Goodness``."""
+        return self.goodness.deviance
+
+    @property
+    def bic(self) -> float:
+        """See ``Goodness``."""
+        return self.goodness.bic
+
+    @property
+    def lack_of_fit_p(self) -> float:
+        """See ``Goodness``."""
+        return self.goodness.lack_of_fit_p
+
+    @property
+    def rmse_m_s(self) -> float:
+        """Error of mean speed in sample."""
+        return self.goodness.rmse["speed"]
+
+    @property
+    def cv_rmse_m_s(self) -> float:
+        """Error of mean speed out of sample."""
+        return self.cross_validation.rmse["speed"]
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The likelihood that was maximised."""
+        return Problem(self.model, self.cells)
+
+    @cached_property
+    def state(self) -> States:
+        """The likelihood at the fitted parameters, one row."""
+        return _state(self.problem, self.point)
+
+    @property
+    def predicted(self) -> Array:
+        """Cell means by the model ``(n, 4)``."""
+        return np.asarray(self.state.predicted[0])
+
+    @cached_property
+    def residual_z(self) -> Array:
+        """Measured minus model in standard errors ``(n, 4)``; NaN where not measured."""
+        return goodness.residual_z(self.problem, self.state)
+
+    @cached_property
+    def fails(self) -> tuple[Fail, ...]:
+        """The cell means that are missed, the worst first."""
+        return goodness.fails(self.cells, goodness.residual(self.problem, self.state), self.residual_z)
+
+    @cached_property
+    def at_bounds(self) -> tuple[str, ...]:
+        """Parameters pressed against the end of their search range."""
+        return goodness.at_bounds(self.problem, self.point.theta)
+
+    @cached_property
+    def implausible(self) -> tuple[str, ...]:
+        """Parameters more than three standard errors outside their plausible range."""
+        return goodness.implausible(self.model, self.parameters)
+
+    @property
+    def warm_start(self) -> WarmStart:
         """What a larger model may start from."""
         values = {name: estimate.value for name, estimate in self.parameters.items()}
-        return Known(self.k_n_per_m, values, self.deviance)
+        return WarmStart(self.k_n_per_m, values, self.deviance)
 
     def predict(self, phi: ArrayLike, omega: ArrayLike, slow_phase_ratio: ArrayLike | None = None) -> Prediction:
         """The observables at other conditions; k is interpolated between levels and held beyond them.
 
         ``slow_phase_ratio`` is β of the gait, by default that of the trials.
         """
-        return self._predict(self.state.theta[0], self.state.ln_k[0], phi, omega, slow_phase_ratio)
+        return self._predict(self.point.theta, self.point.ln_k, phi, omega, slow_phase_ratio)
 
     def uncertainty(self, phi: ArrayLike, omega: ArrayLike, slow_phase_ratio: ArrayLike | None = None) -> Array:
         """Standard deviation ``(..., 4)`` of what ``predict`` says, from not knowing θ and k exactly.
@@ -86,17 +155,113 @@ class Fit:
         return np.asarray(np.broadcast_to(found, (*shape, 4)))
 
     def press(self, phi: Array, depth_m: Array) -> tuple[Array, Array]:
-        """Force [N] on a leg pressed into virgin ground (see ``penetration``) and its standard deviation, ``(n,)``."""
+        """Force [N] on a leg pressed into virgin ground (see ``penetrometer``) and its standard deviation, ``(n,)``."""
 
         def force(theta: Array, ln_k: Array) -> Array:
             return self.problem.press(theta, np.interp(phi, self.level_phi, np.exp(ln_k)), phi, depth_m)
 
-        return force(self.state.theta[0], self.state.ln_k[0]), self._spread(force)
+        return force(self.point.theta, self.point.ln_k), self._spread(force)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data: one step of the JSON of ``compare`` and ``discover``."""
+        fit, cv = self.goodness, self.cross_validation
+        return {
+            "effects": list(self.effects),
+            "rmse_m_s": number(self.rmse_m_s),
+            "cv_rmse_m_s": number(self.cv_rmse_m_s),
+            "rmse": {name: number(value) for name, value in fit.rmse.items()},
+            "cv_rmse": {name: number(value) for name, value in cv.rmse.items()},
+            "cv_cells": cv.cells,
+            "cv_deviance": number(cv.deviance),
+            "chi2": number(fit.chi2),
+            "dof": fit.dof,
+            "lack_of_fit_p": number(fit.lack_of_fit_p),
+            "lack_of_fit": {name: number(value) for name, value in fit.lack_of_fit.items()},
+            "parameters": {
+                name: {"value": number(value), "stderr": number(stderr)}
+                for name, (value, stderr) in self.parameters.items()
+            },
+            "k_n_per_m": [
+                {"phi": number(phi), "value": number(k), "stderr": number(stderr)}
+                for phi, k, stderr in zip(self.level_phi, self.k_n_per_m, self.k_stderr_n_per_m, strict=True)
+            ],
+            "at_bounds": list(self.at_bounds),
+            "implausible": list(self.implausible),
+            "fails": [plain(fail) for fail in self.fails],
+        }
+
+    def to_frame(self) -> "DataFrame":
+        """Parameters and k(φ) [SI]: one row each, with value, standard error and unit.
+
+        Raises InputError where pandas is not installed.
+        """
+        rows = [
+            {"parameter": name, "phi": np.nan, "value": value, "stderr": stderr, "unit": parameter.unit}
+            for (name, (value, stderr)), parameter in zip(self.parameters.items(), self.model.parameters, strict=True)
+        ]
+        rows += [
+            {"parameter": "k_n_per_m", "phi": phi, "value": k, "stderr": stderr, "unit": "N/m"}
+            for phi, k, stderr in zip(self.level_phi, self.k_n_per_m, self.k_stderr_n_per_m, strict=True)
+        ]
+        return data_frame(rows).set_index("parameter")
+
+    def residuals_frame(self) -> "DataFrame":
+        """Measured beside predicted [SI]: one row for each observable measured in a cell.
+
+        Raises InputError where pandas is not installed.
+        """
+        cells = self.cells
+        rows = [
+            {
+                "phi": cells.phi[cell],
+                "omega_rad_s": cells.omega[cell],
+                "gait": cells.gait[cell],
+                "observable": NAMES[observable],
+                "replicates": cells.n[cell, observable],
+                "measured": cells.mean[cell, observable],
+                "predicted": self.predicted[cell, observable],
+                "residual": cells.mean[cell, observable] - self.predicted[cell, observable],
+                "z": self.residual_z[cell, observable],
+            }
+            for cell, observable in np.argwhere(self.problem.measured)
+        ]
+        return data_frame(rows)
+
+    def __repr__(self) -> str:
+        cells = self.cells
+        lines = [
+            f"{self.name}, fitted to {cells.trials} trials in {len(cells)} conditions",
+            *(f"  {name:<28}{estimate}" for name, estimate in self.estimates()),
+            f"  {'error of mean speed':<28}{cm_s(self.rmse_m_s)} in sample, {cm_s(self.cv_rmse_m_s)} out of sample",
+            f"  {'lack of fit':<28}p = {probability(self.lack_of_fit_p)}",
+        ]
+        return "\n".join(lines)
+
+    @property
+    def name(self) -> str:
+        """The model in words: ``simple model + leg_slip``."""
+        return " + ".join((f"{self.model.base} model", *self.effects))
+
+    def estimates(self) -> list[tuple[str, str]]:
+        """Each parameter and k(φ) with its value as text, rounded to its error."""
+        units = ["" if one.unit == "1" else f" {one.unit}" for one in self.model.parameters]
+        shared = [
+            (name, with_error(*estimate) + unit)
+            for (name, estimate), unit in zip(self.parameters.items(), units, strict=True)
+        ]
+        levels = [
+            (f"k at φ {phi:.3f}", f"{with_error(k, stderr)} N/m")
+            for phi, k, stderr in zip(self.level_phi, self.k_n_per_m, self.k_stderr_n_per_m, strict=True)
+        ]
+        return [*shared, *levels]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def _spread(self, predict: Callable[[Array, Array], Array]) -> Array:
         low, high = bounds(self.problem)
         count = len(low)
-        here = np.concatenate([self.state.theta[0], self.state.ln_k[0]])
+        here = np.concatenate([self.point.theta, self.point.ln_k])
         variance, axes = np.linalg.eigh(self.covariance)
         total = np.zeros(())
         for size, axis in zip(np.sqrt(np.maximum(variance, 0.0)), axes.T, strict=True):
@@ -113,78 +278,48 @@ class Fit:
         cells = self.cells
         beta = cells.slow_phase_ratio[0] if slow_phase_ratio is None else slow_phase_ratio
         curve = KCurve(self.level_phi, k)
-        inputs, params = self.fitted.inputs(theta, curve(at), omega, at, beta, curve)
+        inputs, params = self.model.inputs(theta, curve(at), omega, at, beta, curve)
         shape = np.broadcast_shapes(np.shape(at), np.shape(omega), np.shape(beta))
-        found = self.fitted.walker.predict(inputs, params)
+        found = self.model.walker.predict(inputs, params)
         return Prediction(*(np.broadcast_to(values, shape) for values in vars(found).values()))
 
 
-def fit(model: Model, cells: Cells, near: Known | None = None) -> Fit:
+def fit(model: Model, cells: Cells, near: WarmStart | None = None) -> Fit:
     """The global minimum of the deviance over θ and one k per level.
 
     ``near`` is what a smaller model has found: its k(φ) is where the search begins, its parameters are tried as a
     start.
     """
-    problem = Problem(model, cells)
-    return summary(problem, best_state(problem, near))
+    return fitted_at(model, cells, solve((model, cells, near, False)))
 
 
 def fitted_at(model: Model, cells: Cells, point: Point) -> Fit:
-    """The fit whose minimum is known already."""
+    """The fit whose minimum is known already, with its standard errors, tests and errors."""
     problem = Problem(model, cells)
-    return summary(problem, problem.states(point.theta[None], point.ln_k[None], point.slope[None]))
-
-
-def summary(problem: Problem, state: States) -> Fit:
-    """Standard errors, tests and errors of a fitted state (one row)."""
-    cells, model = problem.cells, problem.model
+    state = _state(problem, point)
     jacobian = full_jacobian(problem, state)[0]
+    stderr, covariance = _standard_errors(jacobian)
+    return Fit(
+        model=model,
+        cells=cells,
+        point=point,
+        stderr=stderr,
+        covariance=covariance,
+        goodness=goodness.goodness(problem, state),
+        cross_validation=cross_validation(problem, state, jacobian),
+    )
+
+
+def _state(problem: Problem, point: Point) -> States:
+    return problem.states(point.theta[None], point.ln_k[None], point.slope[None])
+
+
+def _standard_errors(jacobian: Array) -> tuple[Array, Array]:
+    """Standard errors and covariance of all unknowns; NaN and 0 for those that the data do not determine."""
     normal = jacobian.T @ jacobian
     covariance = np.linalg.pinv(normal, rcond=1e-12, hermitian=True)
     stderr = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    untold = np.diag(normal) < 1e-12
-    stderr[untold] = np.nan
-    covariance[untold] = covariance[:, untold] = 0.0
-    theta, k, predicted = state.theta[0], np.exp(state.ln_k[0]), state.predicted[0]
-    values, unknowns = int(problem.measured.sum()) + state.pressed.shape[1], len(theta) + len(k)
-    gap = np.where(problem.measured, cells.mean - predicted, np.nan)
-    z = gap / np.sqrt(np.diagonal(state.covariance[0], axis1=1, axis2=2))
-    chi2, deviance = float(np.sum(state.missed**2)), float(state.deviance[0])
-    firm = clear_of_switch(problem, problem.widening(state.covariance[0]))
-    left = left_out(problem, state, jacobian)
-    rmse = goodness.rms(cells, np.where(firm[:, None], gap, np.nan))
-    cv_rmse = goodness.rms(cells, np.where(left.told[:, None], left.gap, np.nan))
-    estimates = {
-        name: Estimate(float(value), float(error))
-        for name, value, error in zip(model.names, theta, stderr, strict=False)
-    }
-    return Fit(
-        model=model.base,
-        effects=model.identifiers,
-        parameters=estimates,
-        level_phi=cells.level_phi,
-        k_n_per_m=k,
-        k_stderr_n_per_m=k * stderr[len(theta) :],
-        covariance=covariance,
-        cells=cells,
-        predicted=predicted,
-        residual_z=z,
-        fails=goodness.fails(cells, gap, z),
-        rmse_m_s=rmse["speed"],
-        cv_rmse_m_s=cv_rmse["speed"],
-        cv_deviance=left.deviance,
-        cv_cells=int(left.told.sum()),
-        rmse=rmse,
-        cv_rmse=cv_rmse,
-        chi2=chi2,
-        deviance=deviance,
-        dof=values - unknowns,
-        bic=deviance + unknowns * float(np.log(values)),
-        lack_of_fit_p=goodness.joint_p(chi2, values - unknowns, cells),
-        lack_of_fit=goodness.p_by_observable(z, problem, unknowns) | goodness.p_of_readings(state),
-        at_bounds=goodness.at_bounds(problem, theta),
-        implausible=goodness.implausible(model, estimates),
-        fitted=model,
-        problem=problem,
-        state=state,
-    )
+    undetermined = np.diag(normal) < 1e-12
+    stderr[undetermined] = np.nan
+    covariance[undetermined] = covariance[:, undetermined] = 0.0
+    return np.asarray(stderr), np.asarray(covariance)

@@ -51,7 +51,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Known:
+class WarmStart:
     """What a smaller model has found: k of each level and the shared parameters by name."""
 
     k_n_per_m: Array
@@ -59,7 +59,7 @@ class Known:
     deviance: float
 
 
-def solve(task: tuple[Model, Cells, Known | None, bool]) -> Point:
+def solve(task: tuple[Model, Cells, WarmStart | None, bool]) -> Point:
     """The minimum for (model, cells, what a smaller model has found, whether to look near that only)."""
     model, cells, near, nearby = task
     problem = Problem(model, cells)
@@ -67,7 +67,7 @@ def solve(task: tuple[Model, Cells, Known | None, bool]) -> Point:
     return Point(state.theta[0], state.ln_k[0], state.slope[0])
 
 
-def best_state(problem: Problem, near: Known | None = None) -> States:
+def best_state(problem: Problem, near: WarmStart | None = None) -> States:
     """The least deviance found anywhere; with more in the model not above that of ``near``, if one nests the other."""
     found = _search(problem, near)
     if near is not None and found.deviance[0] > near.deviance:
@@ -90,7 +90,7 @@ def _plausible(problem: Problem, states: States) -> States:
     return moved if moved.deviance[0] < states.deviance[0] + NEXT_TO_NOTHING else states
 
 
-def _search(problem: Problem, near: Known | None) -> States:
+def _search(problem: Problem, near: WarmStart | None) -> States:
     """Coarse search, descent from many starts of which ever fewer are followed, a look around, descent. One row."""
     levels = len(problem.cells.level_phi)
     critical = problem.model.robot.critical_k_n_per_m
@@ -160,7 +160,7 @@ def _settled(problem: Problem, states: States) -> States:
     return states
 
 
-def nearby_state(problem: Problem, near: Known) -> States:
+def nearby_state(problem: Problem, near: WarmStart) -> States:
     """The best minimum close to a smaller model that fits already: what is added can only be a small change."""
     theta = _inherited(problem.model, near)
     ln_k = np.repeat(np.log(near.k_n_per_m)[None], len(theta), axis=0)
@@ -198,7 +198,7 @@ def _slopes(problem: Problem, ln_k: Array) -> Array:
     return np.array([slope_of(problem.cells.level_phi, k) for k in np.exp(ln_k)])
 
 
-def _inherited(model: Model, near: Known) -> Array:
+def _inherited(model: Model, near: WarmStart) -> Array:
     """Starts with what the smaller model knows, the new effects at their start and near their neutral value."""
     starts_at = np.array([one.start for one in model.parameters])
     for index, name in enumerate(model.names):

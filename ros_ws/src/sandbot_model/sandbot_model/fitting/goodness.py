@@ -22,10 +22,58 @@ PLAUSIBLE_SIGMAS = 3.0
 
 
 class Estimate(NamedTuple):
-    """A fitted value with its standard error (NaN where it can't be told)."""
+    """A fitted value with its standard error (NaN where the data do not determine it)."""
 
     value: float
     stderr: float
+
+
+@dataclass(frozen=True)
+class Goodness:
+    """How near a fit comes to the trials it was fitted to, judged by how far replicates scatter."""
+
+    rmse: Mapping[str, float]
+    """Of each observable [SI], rms over trials of measured minus model, so that a perfect model reaches the noise
+    floor. Cells where the robot walks or swims by chance, in the replicates or by the model, have no value to be near
+    and are not in."""
+    chi2: float
+    deviance: float
+    """-2 ln likelihood up to a constant: χ², and what a wider variance costs beside the switch to swimming."""
+    dof: int
+    bic: float
+    """Bayesian information criterion (Schwarz 1978): deviance + unknowns · ln(values)."""
+    lack_of_fit_p: float
+    """F test of the cell means against pure error, all observables together; NaN without replicates."""
+    lack_of_fit: Mapping[str, float]
+    """The same for each observable, and for a penetrometer's readings."""
+
+
+def goodness(problem: Problem, state: States) -> Goodness:
+    """Errors and tests of a fitted state (one row)."""
+    values = int(problem.measured.sum()) + state.pressed.shape[1]
+    unknowns = state.theta.shape[1] + state.ln_k.shape[1]
+    gap, chi2, deviance = residual(problem, state), float(np.sum(state.missed**2)), float(state.deviance[0])
+    clear = problem.away_from_switch(problem.widening(state.covariance[0]))
+    dof = values - unknowns
+    return Goodness(
+        rmse=rms(problem.cells, np.where(clear[:, None], gap, np.nan)),
+        chi2=chi2,
+        deviance=deviance,
+        dof=dof,
+        bic=deviance + unknowns * float(np.log(values)),
+        lack_of_fit_p=joint_p(chi2, dof, problem.cells),
+        lack_of_fit=p_by_observable(residual_z(problem, state), problem, unknowns) | p_of_readings(state),
+    )
+
+
+def residual(problem: Problem, state: States) -> Array:
+    """Measured minus model ``(cells, 4)``, NaN where not measured. One row."""
+    return np.where(problem.measured, problem.cells.mean - state.predicted[0], np.nan)
+
+
+def residual_z(problem: Problem, state: States) -> Array:
+    """The same in standard errors of the cell mean."""
+    return np.asarray(residual(problem, state) / np.sqrt(np.diagonal(state.covariance[0], axis1=1, axis2=2)))
 
 
 @dataclass(frozen=True)
@@ -99,9 +147,9 @@ def at_bounds(problem: Problem, theta: Array) -> tuple[str, ...]:
 def implausible(model: Model, estimates: Mapping[str, Estimate]) -> tuple[str, ...]:
     """Shared parameters more than ``PLAUSIBLE_SIGMAS`` standard errors outside their plausible range."""
     found = []
-    for name, one in zip(model.names, model.parameters, strict=True):
+    for name, parameter in zip(model.names, model.parameters, strict=True):
         value, error = estimates[name]
         margin = PLAUSIBLE_SIGMAS * (error if np.isfinite(error) else 0.0)
-        if value < one.low - margin or value > one.high + margin:
+        if value < parameter.low - margin or value > parameter.high + margin:
             found.append(name)
     return tuple(found)

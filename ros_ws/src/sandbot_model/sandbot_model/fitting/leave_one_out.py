@@ -1,10 +1,13 @@
-"""Every cell predicted by a fit to all the others."""
+"""Leave-one-out cross-validation: every cell predicted by a fit to all the others."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from sandbot_model.fitting.global_minimum import FIRST_ITERATIONS, HOPELESS
+from sandbot_model.fitting.goodness import rms
 from sandbot_model.fitting.levenberg_marquardt import bounds, descend
 from sandbot_model.fitting.likelihood import Problem, States
 from sandbot_model.physics.arrays import Array, Bool
@@ -12,34 +15,72 @@ from sandbot_model.physics.observables import Observable
 
 K_PRIOR = 0.03
 """How well k is known from neighbouring levels, relative."""
-EDGE = 1.25
-"""A cell whose mean scatters so much wider by chance of walking or swimming than by pure error is on the edge."""
 FAR = 2.0
 """Standard errors of a cell mean beyond which leaving it out is more than a linear step."""
 CV_MOST = 100.0
-"""Most that one cell counts in ``cv_deviance``: what only it could tell is not held against a set without end."""
+"""Most that one cell adds to the deviance: what no other cell could determine is not held against a set without end."""
 
 
-class LeftOut(NamedTuple):
-    """Cells predicted by the others: measured minus predicted ``(cells, 4)`` and whether they can tell ``(cells,)``."""
+@dataclass(frozen=True)
+class CrossValidation:
+    """How well every cell is predicted by a fit to all the others."""
 
-    gap: Array
-    told: Bool
+    rmse: Mapping[str, float]
+    """Of each observable [SI], rms over the trials of the cells that are scored (see ``leave_one_out``)."""
+    cells: int
+    """How many cells that is."""
+    deviance: float
+    """Deviance of all cells, each predicted by the others, at most ``CV_MOST`` a cell."""
+
+
+class LeaveOneOut(NamedTuple):
+    """Cells predicted by the others: measured minus predicted ``(cells, 4)``, which are scored ``(cells,)``."""
+
+    residual: Array
+    scored: Bool
     deviance: float
 
 
-def left_out(problem: Problem, state: States, jacobian: Array) -> LeftOut:
+def cross_validation(problem: Problem, state: States, jacobian: Array) -> CrossValidation:
+    """The errors of ``leave_one_out``, summed up."""
+    found = leave_one_out(problem, state, jacobian)
+    scored = np.where(found.scored[:, None], found.residual, np.nan)
+    return CrossValidation(rms(problem.cells, scored), int(found.scored.sum()), found.deviance)
+
+
+def leave_one_out(problem: Problem, state: States, jacobian: Array) -> LeaveOneOut:
     """Each cell by the parameters that fit the others.
 
-    Taking a cell's rows J_c, r_c out of the normal equations moves the minimum by -(JᵀJ - J_cᵀJ_c)⁻¹ J_cᵀ r_c; the
-    model itself is then evaluated there. A cell whose prediction moves far is fitted again without it. Where the cell
-    left out alone tells its level's k, k is taken as known to ``K_PRIOR`` from the levels beside it. A
-    cell is told if the others know it as well as its own replicates do, and whether it walks does not hang on itself.
+    The parameters move by one linear step (see ``_linear_step``) and the model itself is evaluated there; a cell whose
+    prediction moves far is fitted again without it. A cell is scored only if the other cells predict its speed at least
+    as precisely as its own replicates measure it, and if leaving it out does not change whether it walks.
     """
-    count, level = state.theta.shape[1], problem.cells.level
+    theta, ln_k, speed_sd = _linear_step(problem, state, jacobian)
+    precise = speed_sd < np.sqrt(problem.covariance[:, Observable.speed, Observable.speed])
+    scored = precise & problem.away_from_switch(problem.widening(state.covariance[0]))
+    found = problem.each_by_its_own(theta, ln_k, state.slope)
+    far = np.flatnonzero(scored & _moved_far(problem, state, found.predicted))
+    if len(far):
+        for cell in far:
+            theta[cell], ln_k[cell] = _fit_without(problem, int(cell), state, theta[cell], ln_k[cell])
+        found = problem.each_by_its_own(theta, ln_k, state.slope)
+    scored &= problem.away_from_switch(found.widening)
+    scored &= found.walks == (state.footing.walking[0].mean(axis=1) > 0.5)
+    residual = np.where(problem.measured, problem.cells.mean - found.predicted, np.nan)
+    return LeaveOneOut(residual, scored, float(np.minimum(found.deviance, CV_MOST).sum()))
+
+
+def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Array, Array, Array]:
+    """θ ``(cells, parameters)`` and ln k ``(cells, levels)`` without each cell, and how well they predict its speed.
+
+    Taking a cell's rows J_c, r_c out of the normal equations moves the minimum by -(JᵀJ - J_cᵀJ_c)⁻¹ J_cᵀ r_c. Where no
+    other cell determines its level's k, k is taken as known to ``K_PRIOR`` from the levels beside it. The third is the
+    standard deviation [m/s] of the predicted speed ``(cells,)``.
+    """
+    count, cells = state.theta.shape[1], len(problem.cells)
     prior = np.zeros(jacobian.shape[1])
     prior[count:] = K_PRIOR**-2
-    blocks = jacobian[: 4 * len(level)].reshape(len(level), 4, -1)
+    blocks = jacobian[: 4 * cells].reshape(cells, 4, -1)
     normal = jacobian.T @ jacobian + np.diag(prior) - np.einsum("cip,ciq->cpq", blocks, blocks)
     scale = np.sqrt(np.maximum(np.diag(jacobian.T @ jacobian) + prior, 1e-12))
     inverse = np.linalg.inv(normal / scale[:, None] / scale[None, :] + 1e-9 * np.eye(len(scale)))
@@ -50,19 +91,7 @@ def left_out(problem: Problem, state: States, jacobian: Array) -> LeftOut:
     ln_k = state.ln_k + np.clip(move[:, count:], -3 * K_PRIOR, 3 * K_PRIOR)
     # The first row of L turns whitened slopes into those of speed.
     slope = np.einsum("ci,cip->cp", np.linalg.inv(state.whiten[0])[:, Observable.speed, :], blocks)
-    unsure = np.sqrt(np.einsum("cp,cpq,cq->c", slope, inverse, slope))
-    told = (unsure < np.sqrt(problem.covariance[:, Observable.speed, Observable.speed])) & clear_of_switch(
-        problem, problem.widening(state.covariance[0])
-    )
-    found = problem.each_by_its_own(theta, ln_k, state.slope)
-    far = np.flatnonzero(told & _moved_far(problem, state, found.predicted))
-    if len(far):
-        for cell in far:
-            theta[cell], ln_k[cell] = _fit_without(problem, int(cell), state, theta[cell], ln_k[cell])
-        found = problem.each_by_its_own(theta, ln_k, state.slope)
-    told &= clear_of_switch(problem, found.widening) & (found.walks == (state.footing.walking[0].mean(axis=1) > 0.5))
-    gap = np.where(problem.measured, problem.cells.mean - found.predicted, np.nan)
-    return LeftOut(gap, told, float(np.minimum(found.deviance, CV_MOST).sum()))
+    return theta, ln_k, np.asarray(np.sqrt(np.einsum("cp,cpq,cq->c", slope, inverse, slope)))
 
 
 def _moved_far(problem: Problem, state: States, predicted: Array) -> Bool:
@@ -79,12 +108,3 @@ def _fit_without(problem: Problem, cell: int, state: States, theta: Array, ln_k:
     found = descend(fewer, begin, 2 * FIRST_ITERATIONS)
     best = int(found.deviance.argmin())
     return found.theta[best], found.ln_k[best]
-
-
-def clear_of_switch(problem: Problem, widening: Array) -> Bool:
-    """Cells where neither the replicates nor the model walk or swim by chance.
-
-    A model that has most of them on the edge does not know what it says, and is scored on all.
-    """
-    firm = widening < EDGE
-    return np.asarray(~problem.cells.own_scatter & (firm | (firm.mean() < 0.5)))

@@ -31,6 +31,8 @@ STEP = 1e-5
 DEPTH_STEP_M = 1e-8
 STEPS = 10
 """Steps over which a trial averages what varies along the track; about as many as four periods have."""
+WIDENED = 1.25
+"""Scatter of a cell mean over its pure error from which the cell walks or swims by chance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,6 +240,14 @@ class Problem:
         """How much wider a cell mean's speed scatters than by pure error ``(cells,)``; above 1 beside a switch."""
         speed = Observable.speed
         return np.asarray(np.sqrt(covariance[:, speed, speed] / self.covariance[:, speed, speed]))
+
+    def away_from_switch(self, widening: Array) -> Bool:
+        """Cells ``(cells,)`` where neither the replicates nor the model walk or swim by chance.
+
+        A model that has most of them beside the switch does not know what it says, and is scored on all.
+        """
+        sure = widening < WIDENED
+        return np.asarray(~self.cells.own_scatter & (sure | (sure.mean() < 0.5)))
 
     def jacobian(self, states: States) -> Array:
         """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``; the last column is the level's ln k.

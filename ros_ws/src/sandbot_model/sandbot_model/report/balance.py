@@ -29,18 +29,18 @@ class Forces:
 
 def forces(fit: Fit, omega_rad_s: float) -> Forces:
     """The force balance of every band at one leg frequency [rad/s]."""
-    cells, walker = fit.cells, fit.fitted.walker
+    cells, walker = fit.cells, fit.model.walker
     first = np.array([band.cells[0] for band in bands(cells)])
     level = cells.level[first]
-    inputs, params = fit.fitted.inputs(
-        np.array([fit.parameters[name].value for name in fit.fitted.names]),
+    inputs, params = fit.model.inputs(
+        fit.point.theta,
         fit.k_n_per_m[level],
         omega_rad_s,
         cells.level_phi[level],
         cells.slow_phase_ratio[first],
         KCurve(fit.level_phi, fit.k_n_per_m),
     )
-    depth = np.linspace(0.0, fit.fitted.robot.deepest_m, DEPTH_POINTS)
+    depth = np.linspace(0.0, fit.model.robot.deepest_m, DEPTH_POINTS)
     chain = walker.chain(inputs, params, depth, first_step=False)
     given, needed = (
         np.broadcast_to(force, (len(first), len(depth))) for force in (chain.force + chain.extra_force, chain.load)

@@ -84,7 +84,7 @@ def critical(step: Step) -> str:
 def step_ratio(step: Step) -> str:
     """Between what step lengths the robot walks."""
     cells = step.fit.cells
-    ratio = np.pi * measured(cells, "speed") / cells.omega / step.fit.fitted.robot.leg_radius_m
+    ratio = np.pi * measured(cells, "speed") / cells.omega / step.fit.model.robot.leg_radius_m
     if not np.isfinite(ratio).any():
         return "Mean speed was not measured, so step length is not known."
     longest = int(np.nanargmax(ratio))

@@ -195,7 +195,10 @@ def _errors(steps: tuple[Step, ...]) -> Table:
     ]
     rows = []
     for step in steps:
-        errors = (f"{text.centi(step.fit.rmse[n])} / {text.centi(step.fit.cv_rmse[n])}" for n in cells.observables)
+        errors = (
+            f"{text.centi(step.fit.goodness.rmse[n])} / {text.centi(step.fit.cross_validation.rmse[n])}"
+            for n in cells.observables
+        )
         failing = len({(fail.phi, fail.omega_rad_s) for fail in step.fit.fails})
         rows.append((step.label, *errors, text.probability(step.fit.lack_of_fit_p), f"{failing} of {len(cells)}"))
     rows.append(("noise floor", *(text.centi(floor[name]) for name in cells.observables), "", ""))

@@ -3,40 +3,19 @@
 import math
 from collections.abc import Iterable
 
+from sandbot_model.fitting.text import UNKNOWN, cm_s, probability, with_error
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import BASE_PARAMETERS
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.view import readable
 
-UNKNOWN = "not known"
-
-
-def cm_s(value_m_s: float) -> str:
-    """A speed [m/s] in cm/s: ``4.11 cm/s``."""
-    return f"{CM * value_m_s:.2f} cm/s" if math.isfinite(value_m_s) else UNKNOWN
+__all__ = ("centi", "cm_s", "described", "number", "probability", "with_error")
 
 
 def centi(value: float) -> str:
     """A length or speed in cm or cm/s, without its unit."""
     return f"{CM * value:.2f}" if math.isfinite(value) else UNKNOWN
-
-
-def probability(p: float) -> str:
-    """A p-value: ``0.43``, ``< 0.001``."""
-    if not math.isfinite(p):
-        return UNKNOWN
-    return "< 0.001" if p < 0.001 else f"{p:.2g}"
-
-
-def with_error(value: float, stderr: float) -> str:
-    """Value ± standard error, rounded to two digits of the error: ``0.401 ± 0.012``."""
-    if not math.isfinite(value):
-        return UNKNOWN
-    if not math.isfinite(stderr) or stderr <= 0.0:
-        return f"{value:.4g} (± {UNKNOWN})"
-    decimals = max(0, 1 - math.floor(math.log10(stderr)))
-    return f"{value:.{decimals}f} ± {stderr:.{decimals}f}"
 
 
 def number(value: float, digits: int = 1) -> str:

@@ -57,7 +57,7 @@ class Step:
     def label(self) -> str:
         """What a person calls the step."""
         if not self.fit.effects:
-            return f"{self.fit.model} model"
+            return f"{self.fit.model.base} model"
         return "+ " + " + ".join(map(readable, self.fit.effects))
 
     @cached_property

@@ -63,7 +63,7 @@ def _compare(argv: Sequence[str]) -> None:
         model = model_of(selection.model, selection.effects, effects)
         bar = partial(tqdm, total=args.bootstrap, desc="bootstrap", unit="draw", file=sys.stderr, disable=None)
         with fitters as fit_all:
-            near = steps[-1].known
+            near = steps[-1].warm_start
             drawn = bootstrap(trials, model, args.bootstrap, readings=readings, near=near, fit_all=fit_all, each=bar)
         print("\n" + tables.bootstrap(steps[-1], drawn, args.bootstrap))
         content["bootstrap"] = {"draws": args.bootstrap, "stderr": drawn}

@@ -7,22 +7,10 @@ import numpy as np
 from sandbot_model.data.conditions import noise_floor
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.text import table
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import assumption
 from sandbot_model.physics.observables import CM, Observable
-
-
-def table(rows: Sequence[Sequence[str]]) -> str:
-    """Rows of text in columns, the first left, the others right; the first row is underlined."""
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    lines = [
-        "  ".join(
-            cell.ljust(width) if column == 0 else cell.rjust(width)
-            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    ]
-    return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
 
 
 def data_line(fit: Fit) -> str:
@@ -48,12 +36,12 @@ def ladder(steps: Sequence[Fit]) -> str:
     ]
     rows = [head]
     for step in steps:
-        name = f"{step.model}" if not step.effects else "+ " + " + ".join(step.effects)
+        name = step.model.base if not step.effects else "+ " + " + ".join(step.effects)
         failing = len({(fail.phi, fail.omega_rad_s) for fail in step.fails})
         rows.append(
             [
                 name,
-                *(f"{CM * step.rmse[one]:.3f}" for one in measured),
+                *(f"{CM * step.goodness.rmse[one]:.3f}" for one in measured),
                 f"{CM * step.cv_rmse_m_s:.3f}",
                 f"{step.lack_of_fit_p:.2g}",
                 str(failing),

@@ -1,0 +1,57 @@
+"""Numbers and tables as people read them: as many digits as the error allows, never a silent NaN."""
+
+import html
+import math
+from collections.abc import Sequence
+
+from sandbot_model.physics.observables import CM
+
+UNKNOWN = "not known"
+
+Rows = Sequence[Sequence[str]]
+"""A table; its first row is the head."""
+
+
+def cm_s(value_m_s: float) -> str:
+    """A speed [m/s] in cm/s: ``4.11 cm/s``."""
+    return f"{CM * value_m_s:.2f} cm/s" if math.isfinite(value_m_s) else UNKNOWN
+
+
+def probability(p: float) -> str:
+    """A p-value: ``0.43``, ``< 0.001``."""
+    if not math.isfinite(p):
+        return UNKNOWN
+    return "< 0.001" if p < 0.001 else f"{p:.2g}"
+
+
+def with_error(value: float, stderr: float) -> str:
+    """Value ± standard error, rounded to two digits of the error: ``0.401 ± 0.012``."""
+    if not math.isfinite(value):
+        return UNKNOWN
+    if not math.isfinite(stderr) or stderr <= 0.0:
+        return f"{value:.4g} (± {UNKNOWN})"
+    decimals = max(0, 1 - math.floor(math.log10(stderr)))
+    return f"{value:.{decimals}f} ± {stderr:.{decimals}f}"
+
+
+def table(rows: Rows) -> str:
+    """Rows of text in columns, the first left, the others right; the first row is underlined."""
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = [
+        "  ".join(
+            cell.ljust(width) if column == 0 else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    ]
+    return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
+
+
+def html_table(rows: Rows) -> str:
+    """The same for a notebook."""
+    head, *body = ("".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in row) for tag, row in _tagged(rows))
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(f'<tr>{row}</tr>' for row in body)}</tbody></table>"
+
+
+def _tagged(rows: Rows) -> list[tuple[str, Sequence[str]]]:
+    return [("td" if index else "th", row) for index, row in enumerate(rows)]
