@@ -37,7 +37,8 @@ def made_up_step(cells, z=None, fails=(), effects=()):
     grid = np.linspace(4, 28, 7)
     table = np.zeros((len(cells), 4)) if z is None else z
     fit = SimpleNamespace(
-        cells=cells, effects=effects, model="simple", residual_z=table, fails=fails, rmse_m_s=0.02, cv_rmse_m_s=0.03,
+        cells=cells, effects=effects, model=SimpleNamespace(base="simple"), residual_z=table, fails=fails,
+        rmse_m_s=0.02, cv_rmse_m_s=0.03,
         uncertainty=lambda phi, omega, beta: np.full((*np.broadcast_shapes(phi.shape, omega.shape), 4), 0.01),
     )  # fmt: skip
     return Step(fit, grid, np.full((len(bands(cells)), len(grid)), 0.10))
