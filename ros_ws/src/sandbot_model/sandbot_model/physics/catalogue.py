@@ -13,6 +13,7 @@ from sandbot_model.physics import chain
 from sandbot_model.physics.effect import STAGES, Effect, Parameter
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
+from sandbot_model.physics.typeset import mathml
 from sandbot_model.physics.walking import Inputs, Walker
 
 GROUP = "sandbot_model.effects"
@@ -121,6 +122,7 @@ def describe(effects: Mapping[str, Effect]) -> list[dict[str, object]]:
             "effect": effect.identifier,
             "stage": effect.stage,
             "formula": effect.formula,
+            "typeset": mathml(effect.formula),
             "parameters": [
                 {
                     "name": one.name,

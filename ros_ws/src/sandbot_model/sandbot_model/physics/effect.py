@@ -31,6 +31,8 @@ class Parameter:
     """Where the effect vanishes, if such a value exists."""
     hard_low: float = -np.inf
     hard_high: float = np.inf
+    symbol: str = ""
+    """What the effect's formula calls it; empty if that is its name."""
 
     @property
     def search(self) -> tuple[float, float]:
@@ -52,6 +54,7 @@ class Effect:
     identifier: str
     stage: str
     formula: str
+    """What ``apply`` does, in words or as docs/physics.md §6 says formulas are written (see ``typeset``)."""
     source: str
     seen_in: str
     parameters: tuple[Parameter, ...] = ()

@@ -16,7 +16,7 @@ class AddedMass(Effect):
 
     identifier = "added_mass"
     stage = "balance"
-    formula = "m_a = c_g phi rho_g (pi/3) (wR/pi)^(3/2) tan theta_c"
+    formula = "m_a -> m_a + c_g*phi*rho_g*pi/3*(w*R/pi)^1.5*tan(theta_c); rho_g = 1000 [kg/m^3]; theta_c = pi/3"
     source = "Aguilar & Goldman 2016"
     seen_in = "T only; about 0.6 % of m"
     parameters = (Parameter("c_g", "1", 2.0, 3.5, 2.7, "added mass coefficient", neutral=0.0, hard_low=0.0),)

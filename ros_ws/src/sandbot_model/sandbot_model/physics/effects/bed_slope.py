@@ -11,10 +11,17 @@ class BedSlope(Effect):
 
     identifier = "bed_slope"
     stage = "balance"
-    formula = "g -> g cos chi; s -> s (1 - 3 m g sin chi/F_x)"
+    formula = (
+        "g -> g*cos(chi); s -> s*e; peak -> peak*e; e = max(1 - 3*m*g*sin(chi)/F_x, 0); "
+        "F_x = 1.5*alpha_x*w*d^2; alpha_x = 146e3 [N/m^3]"
+    )
     source = "statics on an incline"
     seen_in = "direction asymmetry"
-    parameters = (Parameter("chi_rad", "rad", -0.035, 0.035, 0.01, "slope of the bed, uphill positive", neutral=0.0),)
+    parameters = (
+        Parameter(
+            "chi_rad", "rad", -0.035, 0.035, 0.01, "slope of the bed, uphill positive", neutral=0.0, symbol="chi"
+        ),
+    )
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""

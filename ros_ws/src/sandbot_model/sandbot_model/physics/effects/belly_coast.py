@@ -12,7 +12,10 @@ class BellyCoast(Effect):
 
     identifier = "belly_coast"
     stage = "step"
-    formula = "s += u t - mu_b g t^2/2, u = beta omega (d + h - R), t = min(u/(mu_b g), time left of the step)"
+    formula = (
+        "s -> s + u*t - mu_b*g*t^2/2; u = beta*omega*max(d + h - R, 0); t = min(u/(mu_b*g), t_left/(1 + first)); "
+        "t_left = max(pi/omega - 2*asin(s_0/(2*R))/(beta*omega), 0): first is 1 in the first step and 0 in all others"
+    )
     source = "friction decay of the speed at touch-down"
     seen_in = "W decay; high omega"
     parameters = (Parameter("mu_b", "1", 0.3, 1.5, 0.7, "friction coefficient of the belly on grains", hard_low=0.02),)

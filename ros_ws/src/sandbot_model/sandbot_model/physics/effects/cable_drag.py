@@ -11,10 +11,14 @@ class CableDrag(Effect):
 
     identifier = "cable_drag"
     stage = "step"
-    formula = "s -> s (1 - F_c/F_x), F_x = 1.5 alpha_x w d^2"
+    formula = "s -> s*e; peak -> peak*e; e = clip(1 - F_c/F_x, 0, 1); F_x = 1.5*alpha_x*w*d^2; alpha_x = 146e3 [N/m^3]"
     source = "Li09, rails and cable"
     seen_in = "s and W peak, L unchanged"
-    parameters = (Parameter("f_c_n", "N", 0.05, 0.5, 0.2, "drag of the cable on one leg", neutral=0.0, hard_low=0.0),)
+    parameters = (
+        Parameter(
+            "f_c_n", "N", 0.05, 0.5, 0.2, "drag of the cable on one leg", neutral=0.0, hard_low=0.0, symbol="F_c"
+        ),
+    )
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""

@@ -11,7 +11,7 @@ class CarriedMomentum(Effect):
 
     identifier = "carried_momentum"
     stage = "balance"
-    formula = "dv -> dv - chi_m v"
+    formula = "Delta_v -> max(Delta_v - chi_m*v, 0): not in the first step"
     source = "momentum kept between steps"
     seen_in = "W trough"
     parameters = (

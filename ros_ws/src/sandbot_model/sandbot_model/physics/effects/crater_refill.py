@@ -11,12 +11,14 @@ class CraterRefill(Effect):
 
     identifier = "crater_refill"
     stage = "strength"
-    formula = "z -> z - z_0 exp(-pi/(omega tau)) where s < 1.2 R"
+    formula = "z -> max(z - z_0*exp(-pi/(omega*tau))*clip((1.2*R - a)/(0.1*R), 0, 1), 0): not in the first step"
     source = "Li09, depression left by a leg"
     seen_in = "v, W; omega > omega_c"
     parameters = (
-        Parameter("z_0_m", "m", 0.003, 0.015, 0.008, "depth of a fresh crater", neutral=0.0, hard_low=0.0),
-        Parameter("tau_s", "s", 0.05, 0.3, 0.15, "time in which it refills", hard_low=0.01),
+        Parameter(
+            "z_0_m", "m", 0.003, 0.015, 0.008, "depth of a fresh crater", neutral=0.0, hard_low=0.0, symbol="z_0"
+        ),
+        Parameter("tau_s", "s", 0.05, 0.3, 0.15, "time in which it refills", hard_low=0.01, symbol="tau"),
     )
     first_step_differs = True
 

@@ -11,7 +11,7 @@ class DepthNonlinearity(Effect):
 
     identifier = "depth_nonlinearity"
     stage = "balance"
-    formula = "F = k d_r (z/d_r)^n, d_r = 3.9 cm"
+    formula = "F -> F*(z/d_r)^(n - 1)"
     source = "Kang et al. 2018"
     seen_in = "F(z)"
     parameters = (Parameter("n", "1", 0.8, 1.5, 1.2, "exponent of the force over depth", neutral=1.0, hard_low=0.3),)

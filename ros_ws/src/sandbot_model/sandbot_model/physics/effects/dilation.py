@@ -14,7 +14,10 @@ class Dilation(Effect):
 
     identifier = "dilation"
     stage = "strength"
-    formula = "phi_d = phi + xi (phi_c - phi), k_L = k(phi_d)"
+    formula = (
+        "k -> k + (K(phi_d) - K(phi))*clip((0.95*R - a)/(0.1*R), 0, 1); phi_d = phi + xi*(phi_c - phi): "
+        "not in the first step"
+    )
     source = "Gravish et al. 2010"
     seen_in = "sign flips at phi_c"
     parameters = (

@@ -12,7 +12,10 @@ class ExactLegArc(Effect):
 
     identifier = "exact_leg_arc"
     stage = "balance"
-    formula = "F_z = R w alpha [(R/2)(psi + cos psi sin psi) + (d - R) sin psi] from -psi_min to psi_max, alpha = k/wR"
+    formula = (
+        "F -> F*(P(psi_max) + P(psi_min))/z; P(psi) = R/2*(psi + cos(psi)*sin(psi)) + (z - R)*sin(psi); "
+        "psi_max = acos(1 - z/R); psi_min = min(psi_max, acos((d + h)/R - 1) + Delta_xi)"
+    )
     source = "Li09, full model; physics §3"
     seen_in = "v, L; d > 3.5 cm"
 

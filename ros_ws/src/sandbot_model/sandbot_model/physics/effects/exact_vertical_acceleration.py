@@ -9,7 +9,7 @@ class ExactVerticalAcceleration(Effect):
 
     identifier = "exact_vertical_acceleration"
     stage = "balance"
-    formula = "a_z = (R omega/dt) s/2R"
+    formula = "a_z -> a_z*s_0/(2*R)"
     source = "Li09, full model; physics §3"
     seen_in = "v, L at high omega"
 

@@ -11,10 +11,12 @@ class FiniteDepth(Effect):
 
     identifier = "finite_depth"
     stage = "strength"
-    formula = "k -> k [1 + exp(-(D - z)/l)]"
+    formula = "k -> k*(1 + exp(-(D - z)/l))"
     source = "Stone et al. 2004"
     seen_in = "L cap; deep d"
-    parameters = (Parameter("l_m", "m", 0.01, 0.03, 0.02, "depth over which the floor is felt", hard_low=0.002),)
+    parameters = (
+        Parameter("l_m", "m", 0.01, 0.03, 0.02, "depth over which the floor is felt", hard_low=0.002, symbol="l"),
+    )
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""

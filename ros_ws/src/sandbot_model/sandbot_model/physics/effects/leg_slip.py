@@ -11,11 +11,13 @@ class LegSlip(Effect):
 
     identifier = "leg_slip"
     stage = "step"
-    formula = "s -> s (1 - sigma (d_r/d)^2), d_r = 3.9 cm"
+    formula = "s -> s*e; peak -> peak*e; e = clip(1 - sigma_s*(d_r/d)^2, 0, 1)"
     source = "circular slipping, Li09"
     seen_in = "s and W peak; shallow d"
     parameters = (
-        Parameter("sigma", "1", 0.0, 0.2, 0.1, "slip at depth d_r", neutral=0.0, hard_low=0.0, hard_high=0.9),
+        Parameter(
+            "sigma", "1", 0.0, 0.2, 0.1, "slip at depth d_r", neutral=0.0, hard_low=0.0, hard_high=0.9, symbol="sigma_s"
+        ),
     )
 
     def apply(self, chain: Chain, p: Values) -> None:

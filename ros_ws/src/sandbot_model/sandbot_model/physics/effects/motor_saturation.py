@@ -24,6 +24,7 @@ class MotorSaturation(Effect):
             "leg frequency at which the motors give out",
             hard_low=5.0,
             hard_high=300.0,
+            symbol="omega_s",
         ),
     )
 

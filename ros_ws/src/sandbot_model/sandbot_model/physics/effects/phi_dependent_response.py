@@ -11,7 +11,7 @@ class PhiDependentResponse(Effect):
 
     identifier = "phi_dependent_response"
     stage = "balance"
-    formula = "dt = dt_0 [1 + b (phi - .61)/.05]"
+    formula = "Delta_t -> Delta_t*max(1 + b*(phi - 0.61)/0.05, 0.05)"
     source = "Li09"
     seen_in = "omega_c(phi)"
     parameters = (Parameter("b", "1", -0.5, 1.0, 0.3, "change of Δt over 0.05 of φ", neutral=0.0, hard_low=-0.95),)

@@ -14,7 +14,7 @@ class PhiNonuniformity(Effect):
 
     identifier = "phi_nonuniformity"
     stage = "strength"
-    formula = "v averaged over phi ~ N(phi, sigma_phi)"
+    formula = "sigma -> hypot(sigma, sigma_phi): v averaged over phi ~ N(phi, sigma)"
     source = "Li09, air flow uniform to 10 %"
     seen_in = "replicate scatter near omega_c"
     parameters = (

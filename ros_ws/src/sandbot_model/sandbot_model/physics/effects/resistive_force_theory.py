@@ -18,7 +18,7 @@ class ResistiveForceTheory(Effect):
 
     identifier = "resistive_force_theory"
     stage = "balance"
-    formula = "F_z = integral alpha_z(beta, gamma) z dA along the leg"
+    formula = "F -> F*f(z)/f(d_r): f is the integral of alpha_z(beta, gamma) z dA along the wetted leg, over z"
     source = "Li, Zhang & Goldman 2013, generic coefficients"
     seen_in = "d, T; loose ground"
 

@@ -14,7 +14,7 @@ class SlowPhaseSpeed(Effect):
 
     identifier = "slow_phase_speed"
     stage = "balance"
-    formula = "dv = beta R omega, peak rho R omega, instead of R omega"
+    formula = "Delta_v -> beta*Delta_v; peak -> rho*peak"
     source = "the clock: beta = theta_s/(2 pi d_c)"
     seen_in = "W peak"
     parameters = (

@@ -9,7 +9,7 @@ class StanceOverlap(Effect):
 
     identifier = "stance_overlap"
     stage = "speed"
-    formula = "v -> v (1 - eta), the first step likewise"
+    formula = "v -> v*(1 - eta): the first step likewise"
     source = "Li09, double stance"
     seen_in = "off the geometry lock, L unchanged"
     parameters = (

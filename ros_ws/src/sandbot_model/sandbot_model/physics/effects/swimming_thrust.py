@@ -11,10 +11,10 @@ class SwimmingThrust(Effect):
 
     identifier = "swimming_thrust"
     stage = "speed"
-    formula = "v_swim = min(A/omega, R omega/pi)"
+    formula = "v_swim -> min(A/omega, R*omega/pi)"
     source = "Li09, omega^-2 advance per cycle"
     seen_in = "v in swimming; low k, omega > omega_c"
-    parameters = (Parameter("thrust_m_s2", "m/s²", 0.16, 0.48, 0.32, "A, thrust per mass", hard_low=0.0),)
+    parameters = (Parameter("thrust_m_s2", "m/s²", 0.16, 0.48, 0.32, "A, thrust per mass", hard_low=0.0, symbol="A"),)
     replaces = ("v_swim_m_s",)
 
     def apply(self, chain: Chain, p: Values) -> None:

@@ -11,7 +11,7 @@ class UnequalLegLoad(Effect):
 
     identifier = "unequal_leg_load"
     stage = "strength"
-    formula = "k -> 0 where (1 + x) z > 2R - h: the middle leg carries m (1 + x)"
+    formula = "k -> where((1 + x)*z > 2*R - h, 0, k): the middle leg carries m (1 + x)"
     source = "statics of a 2+1 tripod"
     seen_in = "P; early collapse"
     parameters = (

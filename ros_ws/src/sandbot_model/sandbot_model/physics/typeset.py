@@ -1,0 +1,135 @@
+"""Formulas of effects as MathML, which browsers show without a library.
+
+A formula is statements separated by ``;`` and, after a colon, words:
+
+    "s -> s*e; peak -> peak*e; e = clip(1 - F_c/F_x, 0, 1); F_x = 1.5*alpha_x*w*d^2; alpha_x = 146e3 [N/m^3]: remark"
+
+``quantity -> expression`` is a change of the chain, ``name = expression [unit]`` or ``f(x) = expression`` says what a
+name stands for; docs/physics.md §6 lists the quantities. What does not read like that (a user's own words) is shown as
+it is.
+"""
+
+import ast
+import re
+from collections.abc import Callable
+from html import escape
+from typing import NamedTuple
+
+LETTERS = (
+    "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi pi rho sigma tau phi chi psi omega",
+    "αβγδεζηθκλμνξπρστφχψω",
+)
+GREEK = dict(zip(LETTERS[0].split(), LETTERS[1], strict=True))
+_STATEMENT = re.compile(
+    r"(?P<left>[A-Za-z_]\w*(?:\(\w+\))?)\s*(?P<how>->|=)\s*(?P<right>[^[]+?)\s*(?:\[(?P<unit>[^]]*)\])?"
+)
+_SIGNS: dict[type[ast.AST], str] = {ast.Add: "+", ast.Sub: "−", ast.Mult: "\u2062", ast.Gt: "&gt;", ast.Lt: "&lt;"}
+_RAISED = str.maketrans({"^": None, "2": "²", "3": "³"})
+_SUM, _PRODUCT, _POWER, _ATOM = range(4)
+"""How tightly an expression holds together."""
+
+
+class Statement(NamedTuple):
+    """``left -> right`` or ``left = right``, and the right side's unit."""
+
+    left: str
+    how: str
+    right: str
+    unit: str
+
+
+def statements(formula: str) -> tuple[tuple[Statement, ...], str]:
+    """A formula's statements and its words. Raises ValueError where it does not read like that."""
+    body, _, words = formula.partition(":")
+    found = []
+    for part in body.split(";"):
+        match = _STATEMENT.fullmatch(part.strip())
+        if match is None:
+            raise ValueError(f"{part.strip()!r} is no statement of a formula")
+        found.append(Statement(match["left"], match["how"], match["right"].replace("^", "**"), match["unit"] or ""))
+    return tuple(found), words.strip()
+
+
+def mathml(formula: str) -> str:
+    """The formula as a ``<math>`` element."""
+    try:
+        lines, words = statements(formula)
+        shown = "<mtext>;&#160; </mtext>".join(map(_line, lines))
+    except (ValueError, SyntaxError):
+        shown, words = "", formula
+    separator = "<mtext>, </mtext>" if shown and words else ""
+    return f"<math>{shown}{separator}{f'<mtext>{escape(words)}</mtext>' if words else ''}</math>"
+
+
+def _line(one: Statement) -> str:
+    sign = "→" if one.how == "->" else "="
+    unit = f"<mtext>&#160;{escape(one.unit.translate(_RAISED))}</mtext>" if one.unit else ""
+    return f"{_shown(one.left)[0]}<mo>{sign}</mo>{_shown(one.right)[0]}{unit}"
+
+
+def _shown(expression: str) -> tuple[str, int]:
+    return _node(ast.parse(expression, mode="eval").body)
+
+
+def _node(node: ast.expr) -> tuple[str, int]:
+    """MathML of an expression and how tightly it holds together."""
+    match node:
+        case ast.Name(id=name):
+            return _name(name), _ATOM
+        case ast.Constant(value=int() | float() as value):
+            return f"<mn>{value:g}</mn>", _ATOM
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return f"<mrow><mo>−</mo>{_held(operand, _PRODUCT)}</mrow>", _SUM
+        case ast.BinOp(left=left, op=ast.Div(), right=right):
+            return f"<mfrac>{_row(left)}{_row(right)}</mfrac>", _PRODUCT
+        case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            return f"<msup>{_held(left, _ATOM)}{_row(right)}</msup>", _POWER
+        case ast.BinOp(left=left, op=ast.Mult(), right=right):
+            return f"<mrow>{_held(left, _PRODUCT)}<mo>{_SIGNS[ast.Mult]}</mo>{_held(right, _PRODUCT)}</mrow>", _PRODUCT
+        case ast.BinOp(left=left, op=ast.Add() | ast.Sub() as sign, right=right):
+            after = _held(right, _PRODUCT if isinstance(sign, ast.Sub) else _SUM)
+            return f"<mrow>{_held(left, _SUM)}<mo>{_SIGNS[type(sign)]}</mo>{after}</mrow>", _SUM
+        case ast.Compare(left=left, ops=[ast.Gt() | ast.Lt() as sign], comparators=[right]):
+            return f"<mrow>{_row(left)}<mo>{_SIGNS[type(sign)]}</mo>{_row(right)}</mrow>", _SUM
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            return _CALLS.get(name, _call)(name, [_row(one) for one in arguments]), _ATOM
+    raise ValueError(f"{ast.unparse(node)!r} is not typeset")
+
+
+def _row(node: ast.expr) -> str:
+    return f"<mrow>{_node(node)[0]}</mrow>"
+
+
+def _held(node: ast.expr, tightness: int) -> str:
+    """With parentheses where it holds together less tightly than that."""
+    shown, own = _node(node)
+    return shown if own >= tightness else f"<mrow><mo>(</mo>{shown}<mo>)</mo></mrow>"
+
+
+def _name(name: str) -> str:
+    head, _, subscript = name.partition("_")
+    if head == "Delta":
+        return f"<mrow><mi>Δ</mi>{_name(subscript)}</mrow>"
+    symbol = f"<mi>{GREEK.get(head, head)}</mi>"
+    return f"<msub>{symbol}<mi>{GREEK.get(subscript, subscript)}</mi></msub>" if subscript else symbol
+
+
+def _call(name: str, arguments: list[str]) -> str:
+    inside = "<mo>,</mo>".join(arguments)
+    return f"<mrow>{_name(name)}<mo>\u2061</mo><mo>(</mo>{inside}<mo>)</mo></mrow>"
+
+
+def _root(_name: str, arguments: list[str]) -> str:
+    return f"<msqrt>{arguments[0]}</msqrt>"
+
+
+def _hypotenuse(_name: str, arguments: list[str]) -> str:
+    return f"<msqrt>{'<mo>+</mo>'.join(f'<msup>{one}<mn>2</mn></msup>' for one in arguments)}</msqrt>"
+
+
+def _choice(_name: str, arguments: list[str]) -> str:
+    condition, value, otherwise = arguments
+    return f"<mrow>{value}<mtext> if </mtext>{condition}<mtext>, else </mtext>{otherwise}</mrow>"
+
+
+_CALLS: dict[str, Callable[[str, list[str]], str]] = {"sqrt": _root, "hypot": _hypotenuse, "where": _choice}
