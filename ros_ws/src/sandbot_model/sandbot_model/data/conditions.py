@@ -42,13 +42,17 @@ class Cells:
     noise: Floats = field(metadata={"shape": "(4,)", "doc": "pure error: pooled sd of one trial; NaN if unknown"})
     covariance: Floats = field(metadata={"shape": "(n, 4, 4)", "doc": "covariance of the cell means"})
     pure_error_dof: Ints = field(metadata={"shape": "(4,)", "doc": "degrees of freedom of the pure error"})
-    own_scatter: NDArray[np.bool_] = field(metadata={"doc": "(n,), cells taken at their own scatter (see noise)"})
+    own_scatter: NDArray[np.bool_] = field(
+        metadata={"doc": "(n,), cells taken at their own scatter (see ``pure_error``)"}
+    )
     phi_scatter: float = field(metadata={"doc": "sd of measured φ among replicates: how well the bed meets its target"})
-    phi_reliability: float = field(metadata={"doc": "share ρ of the measured deviation of φ that is real (see adjust)"})
+    phi_reliability: float = field(
+        metadata={"doc": "share ρ of the measured deviation of φ that is real (see ``covariate``)"}
+    )
     trials: int
     excluded: int = 0
     pressed: Pressed | None = None
-    """What a penetrometer says of the levels (see ``penetration``)."""
+    """What a penetrometer says of the levels (see ``penetrometer``)."""
 
     @property
     def observables(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Adequate, identified, ambiguous or unexplained: the rules (design §7). A verdict is never forced."""
+"""Adequate, identified, ambiguous or unexplained: the rules of a verdict, which is never forced."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -90,7 +90,7 @@ Active = Sequence[tuple[Effect, Values]]
 
 
 def through(chain: Chain, effects: Active) -> Chain:
-    """Fill the chain stage by stage and let each stage's effects act (physics §2, then §6)."""
+    """Fill the chain stage by stage and let each stage's effects act (physics §2, with the effects of physics §6)."""
 
     def act(stage: str) -> None:
         for effect, values in effects:

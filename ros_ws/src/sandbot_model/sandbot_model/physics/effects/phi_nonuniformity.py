@@ -7,7 +7,7 @@ from sandbot_model.physics.effect import Effect, Parameter, Values
 
 
 class PhiNonuniformity(Effect):
-    """The average over k(φ) is taken after the chain (see ``problem``).
+    """The average over k(φ) is taken after the chain (see ``likelihood``).
 
     Every step takes half a period, so speed is a plain average; the lift is the middle step's, the peak the best one's.
     """

@@ -1,0 +1,80 @@
+"""Nothing cites what is not in the repository."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+FILES = [
+    ROOT / name
+    for name in subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    ).stdout.split("\0")
+    if name.endswith((".py", ".md", ".yaml", ".toml", ".sh", "Makefile"))
+    and (ROOT / name).is_file() and not name.endswith("test_references.py")
+]  # fmt: skip
+DECISIONS = {int(path.name[:4]) for path in (ROOT / "docs" / "decisions").glob("[0-9]*.md")}
+FOLDERS = ("docs", "benchmarks", "tests", "reference", "examples", "ros_ws/src")
+SECTION = re.compile(r"\b(?P<page>[A-Za-z][\w-]*)(?:\.md)?\]?(?:\([\w./-]*\))?[,;]? §(?P<number>\d+)")
+PAPERS = {"Li09", "Li", "CPython"}
+PATH = re.compile(rf"(?<![\w/.{{}}*-])(?:{'|'.join(FOLDERS)})/[\w./-]*[\w/]")
+DECISION = re.compile(r"\bdecision\s+(?P<number>\d+)\b")
+LINK = re.compile(r"\]\((?!https?:|#|mailto:)(?P<path>[^)#\s]+)")
+MODULE = re.compile(r"\bsee ``(?P<name>[a-z_]+)``")
+
+
+OWN = {"and", "in", "of"}
+"""Words before a section of the page itself."""
+
+
+def missing(text: str, path: Path, names: set[str]) -> list[str]:
+    """What a text, that of the file at ``path``, cites and the repository has not."""
+    found = []
+    for one in SECTION.finditer(text):
+        page = path if one["page"] in OWN else ROOT / "docs" / f"{one['page'].lower()}.md"
+        if one["page"] not in PAPERS and not (
+            page.is_file() and re.search(rf"^## {one['number']}\.", page.read_text(encoding="utf-8"), flags=re.M)
+        ):
+            found.append(one[0])
+    found += [one[0] for one in PATH.finditer(text) if not (ROOT / one[0].rstrip(".")).exists()]
+    found += [one[0] for one in DECISION.finditer(text) if int(one["number"]) not in DECISIONS]
+    if path.suffix == ".md":
+        found += [one[0] for one in LINK.finditer(text) if not (path.parent / one["path"]).exists()]
+    found += [one[0] for one in MODULE.finditer(text) if one["name"] not in names]
+    return found
+
+
+@pytest.fixture(scope="module")
+def names():
+    """Modules, and the functions and classes in any of them."""
+    defined = re.compile(r"^\s*(?:def|class) (\w+)", flags=re.M)
+    found = {path.stem for path in FILES}
+    for path in FILES:
+        if path.suffix == ".py":
+            found |= set(defined.findall(path.read_text(encoding="utf-8")))
+    return found
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_everything_cited_is_here(path, names):
+    text = path.read_text(encoding="utf-8")
+    assert missing(text, path, names) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "as design §7 has it", "physics §99", "docs/nowhere.md", "tests/unit/test_none.py", "see decision 999",
+        "[page](nowhere.md)", "(see ``unheard_of_module``)", "[physics](physics.md) §99",
+    ],
+)  # fmt: skip
+def test_what_is_not_here_is_noticed(text, names):
+    assert missing(text, ROOT / "docs" / "physics.md", names)
+
+
+@pytest.mark.parametrize("text", ["physics §6", "docs/physics.md", "decision 1", "Li09 §3", "(see ``catalogue``)"])
+def test_what_is_here_is_not(text, names):
+    assert not missing(text, ROOT / "docs" / "physics.md", names)
