@@ -14,7 +14,7 @@ from sandbot_record.trials.csv_table import read_csv
 
 PHI, OMEGA, REPLICATES = hidden.PHI, hidden.OMEGA, 3
 NAMES = (
-    "disturbed_ground(k_l_n_m=175, s_c=0.95)",
+    "disturbed_ground(k_l_n_per_m=175, s_c=0.95)",
     "exact_vertical_acceleration()",
     "exact_leg_arc(tip_deg=45)",
     "stance_overlap(eta=0.1)",

@@ -33,7 +33,7 @@ DRAWS, DOUBTFUL = 3, 4.0
 """Draws of the noise from which the expected gain is taken where one leaves a doubt."""
 PHI = np.linspace(0.58, 0.633, 7).tolist()
 OMEGA = [4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 30.0]
-SOFT = {"k_knots_n_m": (110.0, 132.0, 142.0)}
+SOFT = {"k_knots_n_per_m": (110.0, 132.0, 142.0)}
 """On an arc the same ground carries more: at these k the robot of the arc walks and swims as the other does."""
 
 
@@ -89,8 +89,8 @@ OVERLAP = ("stance_overlap", {"eta": 0.1})
 THRUST = ("swimming_thrust", {"a_m_s2": 0.35})
 LATE = ("phi_dependent_response", {"b": 0.8})
 PAIRS = (
-    (("disturbed_ground", {"k_l_n_m": 175.0, "s_c": 0.95}), OVERLAP),
-    (("disturbed_ground", {"k_l_n_m": 175.0, "s_c": 0.95}), THRUST),
+    (("disturbed_ground", {"k_l_n_per_m": 175.0, "s_c": 0.95}), OVERLAP),
+    (("disturbed_ground", {"k_l_n_per_m": 175.0, "s_c": 0.95}), THRUST),
     (("exact_vertical_acceleration", {}), OVERLAP),
     (("exact_vertical_acceleration", {}), THRUST),
     (("crater_refill", {"z0_m": 0.008, "tau_s": 0.15}), OVERLAP),
@@ -101,7 +101,7 @@ PAIRS = (
     (LATE, THRUST),
 )
 
-DISTURBED = [{"k_l_n_m": k, "s_c": s} for k, s in ((175.0, 0.95), (170.0, 1.0), (182.0, 0.9))]
+DISTURBED = [{"k_l_n_per_m": k, "s_c": s} for k, s in ((175.0, 0.95), (170.0, 1.0), (182.0, 0.9))]
 
 WORLDS: tuple[Hidden, ...] = (
     *_single("separable", "disturbed_ground", DISTURBED),

@@ -34,9 +34,9 @@ replicates: 2
 WORLD = """\
 schema: sandbot.world/1
 phi_knots: [0.58, 0.6, 0.633]
-k_knots_n_m: [170.0, 195.0, 220.0]
+k_knots_n_per_m: [170.0, 195.0, 220.0]
 delta_t_s: 0.4
-effects: {disturbed_ground: {k_l_n_m: 172.0, s_c: 0.95}}
+effects: {disturbed_ground: {k_l_n_per_m: 172.0, s_c: 0.95}}
 noise: {scale: 1.0, speed_sd_m_s: 0.005, lift_sd_m: 0.0003, peak_sd: 0.01, first_step_sd_m: 0.001, phi_sd: 0.0005}
 """
 TITLE = "Walking collapses on loose ground"

@@ -9,7 +9,7 @@ from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.model import model_of
 
 IDENTIFIED = [
-    "disturbed_ground(k_l_n_m=175, s_c=0.95)",
+    "disturbed_ground(k_l_n_per_m=175, s_c=0.95)",
     "exact_vertical_acceleration()",
     "stance_overlap(eta=0.1)",
     "swimming_thrust(a_m_s2=0.32)",

@@ -29,7 +29,7 @@ def trial(world, phi, omega, gait="UNIFORM", seed=0, rate_hz=200.0):
 
 def read(world, phi, omega, **how):
     """Its readings."""
-    return readings(trial(world, phi, omega, **how), world.robot.leg_mount_rad)
+    return readings(trial(world, phi, omega, **how), world.body.leg_mount_rad)
 
 
 def expected(k, omega, delta_t_s=0.4, beta=1.0):

@@ -17,7 +17,7 @@ def test_rows_follow_the_simple_model_without_noise():
     assert len(rows) == 4
     for row in rows:
         assert tuple(row) == COLUMNS
-        speed, lift, peak, step = expected(QUIET.stiffness_n_m(row["phi"]), row["omega_rad_s"])
+        speed, lift, peak, step = expected(QUIET.stiffness_n_per_m(row["phi"]), row["omega_rad_s"])
         assert row["speed_m_s"] == pytest.approx(speed, rel=0.005)
         assert row["lift_m"] == pytest.approx(lift, rel=0.02)
         assert row["peak_speed_m_s"] == pytest.approx(peak, rel=0.005)

@@ -20,7 +20,7 @@ def force_at(world, depth, phi=0.62, rate=0.0):
 
 
 def test_linear_ground_pushes_back_k_times_depth():
-    k = QUIET.stiffness_n_m(0.62)
+    k = QUIET.stiffness_n_per_m(0.62)
     assert force_at(QUIET, 0.03) == pytest.approx(k * 0.03, rel=1e-9)
     assert ground().force_n(np.pi, 0.0, 0.0, H, 0.0) == 0.0
 
@@ -30,7 +30,7 @@ def test_linear_ground_pushes_back_k_times_depth():
 )
 def test_leg_arc_has_the_certified_forces(depth, ratio):
     """physics.md section 5: F_z/(alpha w R d) of a 225 degree arc."""
-    k = QUIET.stiffness_n_m(0.62)
+    k = QUIET.stiffness_n_per_m(0.62)
     assert force_at(with_effect("exact_leg_arc", tip_deg=45.0), depth) / (k * depth) == pytest.approx(ratio, abs=6e-4)
 
 
@@ -42,27 +42,27 @@ def test_resistive_stress_is_one_for_a_flat_plate_and_larger_head_on():
 @given(distance=st.floats(0.0, 0.06))
 def test_overlap_of_footprints_is_linear_between_its_ends(distance):
     s_c, k_l = 0.95, 165.0
-    world = with_effect("disturbed_ground", k_l_n_m=k_l, s_c=s_c)
-    k, track = world.stiffness_n_m(0.62), ground(world)
+    world = with_effect("disturbed_ground", k_l_n_per_m=k_l, s_c=s_c)
+    k, track = world.stiffness_n_per_m(0.62), ground(world)
     track.disturb(0.3, 0.0)
     part = np.clip((s_c * R - distance) / (0.1 * R), 0.0, 1.0)
-    assert track.strength_n_m(0.3 + distance) == pytest.approx(k - (k - k_l) * part, rel=1e-9)
-    assert track.strength_n_m(0.3 - distance) == pytest.approx(k - (k - k_l) * part, rel=1e-9)
+    assert track.strength_n_per_m(0.3 + distance) == pytest.approx(k - (k - k_l) * part, rel=1e-9)
+    assert track.strength_n_per_m(0.3 - distance) == pytest.approx(k - (k - k_l) * part, rel=1e-9)
 
 
 def test_disturbed_ground_is_never_stronger_than_before():
-    world = with_effect("disturbed_ground", k_l_n_m=195.0)
+    world = with_effect("disturbed_ground", k_l_n_per_m=195.0)
     track = ground(world, phi=0.585)
     track.disturb(0.3, 0.0)
-    assert track.strength_n_m(0.3) == world.stiffness_n_m(0.585) < 195.0
+    assert track.strength_n_per_m(0.3) == world.stiffness_n_per_m(0.585) < 195.0
 
 
 def test_virgin_ground_forgets_nothing_it_was_not_told():
     track = ground(with_effect("disturbed_ground"))
-    assert track.strength_n_m(0.3) == pytest.approx(QUIET.stiffness_n_m(0.62))
+    assert track.strength_n_per_m(0.3) == pytest.approx(QUIET.stiffness_n_per_m(0.62))
     quiet = ground()
     quiet.disturb(0.3, 0.0)
-    assert quiet.strength_n_m(0.3) == pytest.approx(QUIET.stiffness_n_m(0.62))
+    assert quiet.strength_n_per_m(0.3) == pytest.approx(QUIET.stiffness_n_per_m(0.62))
 
 
 def test_craters_refill():
@@ -78,7 +78,7 @@ def test_dilation_changes_sign_at_the_critical_volume_fraction():
     for phi, sign in ((0.585, 1.0), (0.625, -1.0)):
         track = ground(world, phi)
         track.disturb(0.3, 0.0)
-        assert np.sign(track.strength_n_m(0.3) - world.stiffness_n_m(phi)) == sign
+        assert np.sign(track.strength_n_per_m(0.3) - world.stiffness_n_per_m(phi)) == sign
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from sandbot_lab.tools.penetrometer import main, press
 
 def test_linear_ground_gives_k_times_depth():
     rows = press(QUIET, [0.6, 0.62], [0.02, 0.04], sd=0.0)
-    forces = [QUIET.stiffness_n_m(phi) * depth for phi in (0.6, 0.62) for depth in (0.02, 0.04)]
+    forces = [QUIET.stiffness_n_per_m(phi) * depth for phi in (0.6, 0.62) for depth in (0.02, 0.04)]
     assert [row["force_n"] for row in rows] == pytest.approx(forces, rel=1e-9)
 
 
@@ -24,7 +24,7 @@ def test_cohesion_is_an_offset():
 
 def test_the_sensor_scatters_as_it_says():
     rows = press(QUIET, np.linspace(0.58, 0.633, 200), [0.03], seed=1, sd=0.02)
-    pulls = [(row["force_n"] - QUIET.stiffness_n_m(row["phi"]) * 0.03) / row["force_sd_n"] for row in rows]
+    pulls = [(row["force_n"] - QUIET.stiffness_n_per_m(row["phi"]) * 0.03) / row["force_sd_n"] for row in rows]
     assert np.std(pulls) == pytest.approx(1.0, abs=0.15)
     assert rows == press(QUIET, np.linspace(0.58, 0.633, 200), [0.03], seed=1, sd=0.02)
 

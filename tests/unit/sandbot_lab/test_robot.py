@@ -16,7 +16,7 @@ CELLS = [(phi, omega) for phi in (0.58, 0.595, 0.61, 0.633) for omega in (4.0, 1
 
 @pytest.mark.parametrize(("phi", "omega"), CELLS)
 def test_null_world_is_the_simple_model(phi, omega):
-    seen, model = read(QUIET, phi, omega), expected(QUIET.stiffness_n_m(phi), omega)
+    seen, model = read(QUIET, phi, omega), expected(QUIET.stiffness_n_per_m(phi), omega)
     if model is None:
         assert seen.speed_m_s == pytest.approx(0.02, rel=1e-6)
         assert seen.peak_speed_m_s == pytest.approx(0.02, rel=1e-6)
@@ -49,7 +49,7 @@ def test_every_effect_changes_some_observable(name):
 
 
 def test_disturbed_ground_collapses_after_a_normal_first_step():
-    world = with_effect("disturbed_ground", k_l_n_m=170.0, s_c=0.95)
+    world = with_effect("disturbed_ground", k_l_n_per_m=170.0, s_c=0.95)
     seen, virgin = read(world, 0.61, 22.0), read(QUIET, 0.61, 22.0)
     assert seen.first_step_m == pytest.approx(virgin.first_step_m, rel=1e-6)
     assert seen.speed_m_s == pytest.approx(0.02, rel=0.01)
@@ -108,7 +108,7 @@ def test_sgcs_walks_at_the_slow_phase_rate():
     beta, world = 1.1 / (2 * np.pi * 0.45), sgcs_world().with_noise(0.0)
     for phi in np.linspace(0.593, 0.633, 3):
         for omega in (4.0, 8.0, 12.0):
-            speed, lift, peak, _ = expected(world.stiffness_n_m(phi), omega, world.delta_t_s, beta)
+            speed, lift, peak, _ = expected(world.stiffness_n_per_m(phi), omega, world.delta_t_s, beta)
             seen = read(world, phi, omega, gait="SGCS")
             assert (seen.speed_m_s, seen.peak_speed_m_s) == pytest.approx((speed, peak), rel=0.01)
             assert seen.lift_m == pytest.approx(lift, rel=0.02)
@@ -183,7 +183,7 @@ def test_live_time_never_runs_backwards():
 
 def test_sgcs_on_strong_ground_holds_from_the_edge_of_the_slow_phase():
     """Control: outside the region of `sgcs_world` the step is set by the clock, not by the balance at the slow rate."""
-    strong = World(k_knots_n_m=(200.0, 200.0, 200.0), delta_t_s=0.3, robot=sgcs_world().robot).with_noise(0.0)
+    strong = World(k_knots_n_per_m=(200.0, 200.0, 200.0), delta_t_s=0.3, robot=sgcs_world().robot).with_noise(0.0)
     step = np.pi / 8.0 * read(strong, 0.61, 8.0, gait="SGCS").speed_m_s
     assert step == pytest.approx(2 * R * np.sin(0.55), rel=0.01)
     assert expected(200.0, 8.0, 0.3, 1.1 / (2 * np.pi * 0.45))[3] > 1.05 * step
@@ -191,7 +191,7 @@ def test_sgcs_on_strong_ground_holds_from_the_edge_of_the_slow_phase():
 
 def test_a_swimmer_that_once_walked_swims_like_one_that_never_did():
     """The stroke rate behind the thrust is that of the strokes, not of the walk before them."""
-    effects = {"disturbed_ground": {"k_l_n_m": 165.0, "s_c": 0.95}, "swimming_thrust": {"a_m_s2": 0.45}}
+    effects = {"disturbed_ground": {"k_l_n_per_m": 165.0, "s_c": 0.95}, "swimming_thrust": {"a_m_s2": 0.45}}
     seen = read(World(effects=effects).with_noise(0.0), 0.61, 22.0)
     assert seen.first_step_m > 0.02
     assert seen.speed_m_s == pytest.approx(0.45 / 22.0, rel=1e-3)

@@ -34,8 +34,8 @@ def test_round_trip(tmp_path, world):
         ({"noise": {"scale": -1.0}}, "noise: scale: -1.0 is outside"),
         ({"robot": {"wheels": 4}}, "robot: unknown key 'wheels'"),
         ({"delta_t_s": 0.0}, "delta_t_s: 0.0 is outside"),
-        ({"phi_knots": [0.6, 0.58], "k_knots_n_m": [1.0, 2.0]}, "phi rising"),
-        ({"phi_knots": [0.58, 0.6], "k_knots_n_m": [170.0]}, "at least two knots each"),
+        ({"phi_knots": [0.6, 0.58], "k_knots_n_per_m": [1.0, 2.0]}, "phi rising"),
+        ({"phi_knots": [0.58, 0.6], "k_knots_n_per_m": [170.0]}, "at least two knots each"),
     ],
 )
 def test_refusals_name_file_and_value(content, words):
@@ -49,10 +49,10 @@ def test_refusals_name_file_and_value(content, words):
 
 def test_stiffness_goes_through_its_knots_and_bends_at_the_knee():
     world = null_world()
-    assert [world.stiffness_n_m(phi) for phi in world.phi_knots] == pytest.approx([170.0, 205.0, 220.0])
-    assert world.stiffness_n_m(0.59) == pytest.approx(187.5)
-    assert world.stiffness_n_m(0.57) < 170.0
-    assert world.stiffness_n_m(0.64) > 220.0
+    assert [world.stiffness_n_per_m(phi) for phi in world.phi_knots] == pytest.approx([170.0, 205.0, 220.0])
+    assert world.stiffness_n_per_m(0.59) == pytest.approx(187.5)
+    assert world.stiffness_n_per_m(0.57) < 170.0
+    assert world.stiffness_n_per_m(0.64) > 220.0
 
 
 @given(seed=st.integers(0, 2**31))

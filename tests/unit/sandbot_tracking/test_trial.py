@@ -7,6 +7,7 @@ import pytest
 
 from sandbot_clock.gait import PRESETS, leg_angles
 from sandbot_common.errors import InputError
+from sandbot_common.robot import Robot
 from sandbot_tracking import trial
 from sandbot_tracking.fold import NotMeasured
 from sandbot_tracking.trial import summarise
@@ -140,7 +141,7 @@ def test_the_first_step_is_counted_to_rest_whatever_the_gait(omega, name, mount,
         legs_t = np.arange(-0.2, 3.6, 0.005)
         angle = stance(name, omega, legs_t, alpha, mount)[0] % (2 * np.pi)
         z = np.full(t.size, H)
-        found = summarise(t, x, z, z, legs_t, angle, leg_mount_rad=mount)
+        found = summarise(t, x, z, z, legs_t, angle, robot=Robot(leg_mount_rad=mount))
         assert found.first_step_m == pytest.approx(2 * R * np.sin(alpha), abs=2e-4)
         assert found.speed_m_s == pytest.approx(omega / np.pi * 2 * R * np.sin(alpha), rel=2e-3)
 

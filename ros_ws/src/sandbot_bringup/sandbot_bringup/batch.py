@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_bed.protocol import prepare
-from sandbot_bringup.config import leg_mount_of
+from sandbot_bringup.config import robot_of
 from sandbot_bringup.folder import CampaignFolder, frames_kept
 from sandbot_bringup.plan import Plan, PlannedTrial, to_yaml
 from sandbot_bringup.provenance import trial_message, trial_metadata
@@ -18,6 +18,7 @@ from sandbot_clock.gait import leg_angles
 from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import load_yaml
+from sandbot_common.robot import Robot
 from sandbot_lab.bed import LabBed
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.robot import Trace, simulate
@@ -29,7 +30,6 @@ from sandbot_tracking.period import PeriodMeans
 Floats = NDArray[np.float64]
 
 BED_STEP_S = 0.02
-FRAME_RATE_HZ = 100.0
 LED_ON_S = 0.05
 DRAIN_S = 0.05
 """Frames go on this long after the legs have stopped, as they do live."""
@@ -46,9 +46,9 @@ class Setup:
     """robot.yaml and cameras.yaml as text, attached to every bag."""
 
     @cached_property
-    def leg_mount_rad(self) -> float:
-        """What must be added to shaft angles."""
-        return leg_mount_of(self.files)
+    def robot(self) -> Robot:
+        """The robot of the campaign's robot.yaml."""
+        return robot_of(self.files)
 
     @cached_property
     def cameras(self) -> Mapping[str, object]:
@@ -56,13 +56,13 @@ class Setup:
         return dict(load_yaml(self.files["cameras.yaml"]))
 
 
-def choose_world(folder: CampaignFolder, path: Path | None, hide: int | None) -> World:
+def choose_world(folder: CampaignFolder, robot: Robot, path: Path | None, hide: int | None) -> World:
     """The world to run in: the folder's own when resuming, else the given file, a drawn one, or the null world."""
     asked = read_world(path) if path is not None else draw_world(hide) if hide is not None else None
     if not folder.truth.exists():
         return asked or null_world()
     sealed = read_world(folder.truth)
-    if asked is not None and asked != sealed:
+    if asked is not None and asked.walked_by(robot) != sealed.walked_by(robot):
         raise InputError(
             f"{folder.path}: its trials were run in another world than the one asked for; give another --out"
         )
@@ -77,27 +77,27 @@ def seal(folder: CampaignFolder, world: World) -> None:
 
 def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
     """Prepare the bed, let the robot run before both cameras, track it, and write the bag; returns its path."""
-    plan = setup.plan
+    plan, world = setup.plan, setup.world.walked_by(setup.robot)
     bed = LabBed(seed=trial.seed)
     bag = TrialBag(start_ns)
-    bag.announce(trial_message(plan, trial, setup.leg_mount_rad, start_ns))
+    bag.announce(trial_message(plan, trial, setup.robot, start_ns))
     prepared = prepare(plan.bed_protocol, bed, trial.phi, bed.advance, BED_STEP_S, observe=bag.bed)
     bag.legs_start(prepared.duration_s + plan.standing_s)
 
     t_s = np.arange(round(plan.duration_s(trial.omega_rad_s) * plan.setpoint_rate_hz) + 1) / plan.setpoint_rate_hz
     angles, rates = leg_angles(plan.clock_gait, trial.omega_rad_s, t_s)
-    trace = simulate(setup.world, bed.phi, t_s, angles, rates, seed=trial.seed)
+    trace = simulate(world, bed.phi, t_s, angles, rates, seed=trial.seed)
     bag.legs(topics.LEG_SETPOINTS, t_s, angles, rates, np.zeros_like(angles))
     bag.legs(topics.LEG_STATES, t_s, trace.leg_angle_rad, trace.leg_rate_rad_s, trace.leg_effort_n_m)
 
     cameras = cameras_from_mapping(setup.cameras, "cameras")
-    tracker = OfflineTracker(cameras)
+    tracker = OfflineTracker(cameras, setup.robot)
     for t, angle in zip(t_s, trace.leg_angle_rad, strict=True):
         tracker.legs(float(t), angle)
     _film(setup, trial, trace, tracker, cameras, bag)
     path = setup.folder.bag(trial)
     files = {**setup.files, "campaign.yaml": to_yaml(plan)}
-    bag.write(path, trial_metadata(plan, trial, setup.leg_mount_rad, start_ns, "simulated", "ok"), files)
+    bag.write(path, trial_metadata(plan, trial, setup.robot, start_ns, "simulated", "ok"), files)
     return path
 
 
@@ -110,17 +110,19 @@ def _film(
     bag: TrialBag,
 ) -> None:
     """Render and track both cameras from before the legs start until after they stop; keep frames if asked."""
+    body = setup.world.walked_by(setup.robot).body
     views = {
-        name: LabCamera(name, setup.cameras[name], seed=trial.seed)  # type: ignore[arg-type]
+        name: LabCamera(name, setup.cameras[name], trial.seed, body)  # type: ignore[arg-type]
         for name in ("dorsal", "lateral")
     }
     kept = frames_kept(setup.plan, trial)
     means = PeriodMeans()
     advance = np.mean(np.unwrap(trace.leg_angle_rad, axis=0) - trace.leg_angle_rad[0], axis=1)
-    first = -round(setup.plan.standing_s * FRAME_RATE_HZ)
-    last = int((trace.t_s[-1] + DRAIN_S) * FRAME_RATE_HZ)
+    rate_hz = cameras["dorsal"].frame_rate_hz
+    first = -round(setup.plan.standing_s * rate_hz)
+    last = int((trace.t_s[-1] + DRAIN_S) * rate_hz)
     for number in range(first, last + 1):
-        t_s = number / FRAME_RATE_HZ
+        t_s = number / rate_hz
         frames = {name: view.film(trace, t_s, 0.0 <= t_s < LED_ON_S) for name, view in views.items()}
         sample = tracker.update(t_s, frames["dorsal"], frames["lateral"])
         bag.sample(sample)

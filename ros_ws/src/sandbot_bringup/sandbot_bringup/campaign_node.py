@@ -18,13 +18,14 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 from tqdm import tqdm
 
-from sandbot_bringup.config import leg_mount_of
+from sandbot_bringup.config import robot_of
 from sandbot_bringup.folder import PARTIAL, CampaignFolder, frames_kept
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.node import ask, publisher, subscription, use_shared_memory
+from sandbot_common.robot import Robot
 
 DISCOVERY_S = 20.0
 """Nodes that just started need this long at most to be seen on a busy machine."""
@@ -53,7 +54,7 @@ def run_live(
     rclpy.init()
     failed: list[tuple[str, str]] = []
     try:
-        operator = Operator(plan, leg_mount_of(files))
+        operator = Operator(plan, robot_of(files))
         operator.find_nodes()
         folder.adopt(plan, files)
         for trial in tqdm(folder.missing(trials), unit="trial", desc="campaign"):
@@ -69,9 +70,9 @@ def run_live(
 class Operator(Node):
     """Does what a person at the trackway does, through the same services and parameters."""
 
-    def __init__(self, plan: Plan, leg_mount: float) -> None:
+    def __init__(self, plan: Plan, robot: Robot) -> None:
         super().__init__("campaign")
-        self._plan, self._leg_mount_rad = plan, leg_mount
+        self._plan, self._robot = plan, robot
         self._trial = publisher(self, topics.TRIAL)
         self._phi: float | None = None
         self._bed_stage = ""
@@ -153,7 +154,7 @@ class Operator(Node):
         if self._has_lab:
             self._set("lab", "trial_seed", trial.seed)
             self._call("/lab/reset")
-        self._trial.publish(messages.string(trial_message(self._plan, trial, self._leg_mount_rad, time.time_ns())))
+        self._trial.publish(messages.string(trial_message(self._plan, trial, self._robot, time.time_ns())))
 
     def _prepare_bed(self) -> None:
         self._call("/bed/prepare")

@@ -1,13 +1,14 @@
 """Where the project's own plans, calibrations and tables lie once installed, and reading those a plan names."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 
 from sandbot_bringup.plan import Plan
-from sandbot_common.files import load_yaml, read_yaml
-from sandbot_common.legs import leg_mount_rad
+from sandbot_common.errors import InputError
+from sandbot_common.robot import Robot, read_robot, robot_from_text
+from sandbot_tracking.calibration import Camera, read_cameras
 
 
 def config_folder() -> Path:
@@ -19,20 +20,34 @@ def files_of(plan: Plan, beside: Path, campaign: Path) -> dict[str, str]:
     """robot.yaml and cameras.yaml as text: the campaign's own once it has begun, else those the plan names (relative
     to ``beside``), else the project's.
 
-    Raises InputError where a file is missing or not YAML, or gives no angle as the legs' mount.
+    Raises InputError where a file is missing or does not say what it should.
     """
     files = {}
-    for name, given in (("robot.yaml", plan.robot), ("cameras.yaml", plan.cameras)):
+    readers: tuple[tuple[str, str, Callable[[Path], Robot | dict[str, Camera]]], ...] = (
+        ("robot.yaml", plan.robot, read_robot),
+        ("cameras.yaml", plan.cameras, read_cameras),
+    )
+    for name, given, reader in readers:
         path = beside / given if given else config_folder() / name
         # A campaign is one experiment: a calibration made later must not slip into its remaining trials.
         if (campaign / name).exists():
             path = campaign / name
-        read_yaml(path)
+        described = reader(path)
         files[name] = path.read_text(encoding="utf-8")
-    leg_mount_of(files)
+        if not isinstance(described, Robot):
+            _check_cameras(described, path)
     return files
 
 
-def leg_mount_of(files: Mapping[str, str]) -> float:
-    """The robot's ``leg_mount_rad``. Raises InputError if it is no angle."""
-    return leg_mount_rad(load_yaml(files["robot.yaml"]), "robot.yaml")
+def _check_cameras(cameras: Mapping[str, Camera], path: Path) -> None:
+    """Both cameras are there, and film at one rate: the tracker works on pairs of frames."""
+    if set(cameras) != {"dorsal", "lateral"}:
+        raise InputError(f"{path}: cameras {', '.join(cameras)}: dorsal and lateral are needed, and no others")
+    rates = {name: camera.frame_rate_hz for name, camera in cameras.items()}
+    if len(set(rates.values())) > 1:
+        raise InputError(f"{path}: frame_rate_hz: {rates['dorsal']:g} and {rates['lateral']:g}: one for both is needed")
+
+
+def robot_of(files: Mapping[str, str]) -> Robot:
+    """The robot of a campaign's files."""
+    return robot_from_text(files["robot.yaml"], "robot.yaml")

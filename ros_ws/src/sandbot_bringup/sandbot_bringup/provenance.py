@@ -8,9 +8,10 @@ from importlib.metadata import version
 from pathlib import Path
 
 from sandbot_bringup.plan import Plan, PlannedTrial
+from sandbot_common.robot import Robot, to_mapping
 
 
-def trial_message(plan: Plan, trial: PlannedTrial, leg_mount_rad: float, start_ns: int) -> str:
+def trial_message(plan: Plan, trial: PlannedTrial, robot: Robot, start_ns: int) -> str:
     """The JSON published latched on /trial: what is being run."""
     return json.dumps(
         {
@@ -19,7 +20,8 @@ def trial_message(plan: Plan, trial: PlannedTrial, leg_mount_rad: float, start_n
             "phi_target": trial.phi,
             "omega_rad_s": trial.omega_rad_s,
             "gait": plan.gait_name,
-            "leg_mount_rad": leg_mount_rad,
+            "leg_mount_rad": robot.leg_mount_rad,
+            "robot": to_mapping(robot),
             "replicate": trial.replicate,
             "seed": trial.seed,
             "software_version": version("sandbot_bringup"),
@@ -30,13 +32,13 @@ def trial_message(plan: Plan, trial: PlannedTrial, leg_mount_rad: float, start_n
 
 
 def trial_metadata(
-    plan: Plan, trial: PlannedTrial, leg_mount_rad: float, start_ns: int, clock: str, exit_status: str
+    plan: Plan, trial: PlannedTrial, robot: Robot, start_ns: int, clock: str, exit_status: str
 ) -> dict[str, str]:
     """The MCAP metadata record `trial`: id, plan, parameters, software, start, clock used, exit status."""
     return {
         "id": trial.trial_id,
         "plan": plan.name,
-        "parameters": trial_message(plan, trial, leg_mount_rad, start_ns),
+        "parameters": trial_message(plan, trial, robot, start_ns),
         "software_version": version("sandbot_bringup"),
         "commit": commit(),
         "start": datetime.fromtimestamp(start_ns / 1e9, UTC).isoformat(),

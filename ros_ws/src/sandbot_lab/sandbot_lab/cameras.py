@@ -13,16 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sandbot_common.errors import InputError
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_lab.calibration import Calibration, calibration
 from sandbot_lab.drawing import draw_box, draw_disc
 
 Floats = NDArray[np.float64]
 Frame = NDArray[np.uint8]
 
-AXLE_OFFSET_M = 0.10
-"""The axle markers' distance from the com, ahead and behind."""
-REST_HEIGHT_M = 0.025
-"""Axle height of the robot at rest on its belly."""
 BODY_LENGTH_M, BODY_WIDTH_M, BODY_HEIGHT_M = 0.30, 0.15, 0.12
 MARKER_RADIUS_PX = 6.0
 
@@ -59,13 +56,15 @@ class Motion(Protocol):
 class LabCamera:
     """One camera, ``dorsal`` or ``lateral``, over its own piece of ground; all chance comes from ``seed``."""
 
-    def __init__(self, name: str, camera: Mapping[str, Any], seed: int, *, body: bool = True) -> None:
-        """``camera``: its section of cameras.yaml. ``body``: draw the dark robot under its markers."""
+    def __init__(
+        self, name: str, camera: Mapping[str, Any], seed: int, robot: Robot = SANDBOT, *, body: bool = True
+    ) -> None:
+        """``camera``: its section of cameras.yaml; ``robot``: where its markers are. ``body``: draw it dark."""
         if name not in ("dorsal", "lateral"):
             raise InputError(f"camera: {name!r} is not dorsal or lateral")
         self.name = name
         self.calibration: Calibration = calibration(camera, f"camera {name}")
-        self._body = body
+        self._body, self._robot = body, robot
         self._rng = np.random.default_rng([seed, len(name)])
         self._ground = _ground(self.calibration.height, self.calibration.width, self._rng)
         self._noise = _noise_tile(self.calibration.height + _SLACK[0], self.calibration.width + _SLACK[1])
@@ -103,13 +102,14 @@ class LabCamera:
         """Places (n, 3) [m; trackway frame] of this camera's markers: (com,) or (front axle, rear axle)."""
         offset = self.calibration.plane_offset_m
         if self.name == "dorsal":
-            return (np.stack((x_m, np.zeros_like(x_m), offset + z_m - REST_HEIGHT_M), axis=-1),)
-        ahead, up = AXLE_OFFSET_M * np.cos(pitch_rad), AXLE_OFFSET_M * np.sin(pitch_rad)
+            return (np.stack((x_m, np.zeros_like(x_m), offset + z_m - self._robot.axle_height_m), axis=-1),)
+        half = 0.5 * self._robot.axle_distance_m
+        ahead, up = half * np.cos(pitch_rad), half * np.sin(pitch_rad)
         side = np.full_like(x_m, offset)
         return np.stack((x_m + ahead, side, z_m + up), axis=-1), np.stack((x_m - ahead, side, z_m - up), axis=-1)
 
     def _draw_body(self, image: Frame, x: Floats, z: Floats) -> None:
-        half, offset, belly = 0.5 * BODY_LENGTH_M, self.calibration.plane_offset_m, z - REST_HEIGHT_M
+        half, offset, belly = 0.5 * BODY_LENGTH_M, self.calibration.plane_offset_m, z - self._robot.axle_height_m
         if self.name == "dorsal":
             side, top = np.full_like(x, 0.5 * BODY_WIDTH_M), offset + belly
             corners = np.stack((x - half, side, top), axis=-1), np.stack((x + half, -side, top), axis=-1)

@@ -88,7 +88,7 @@ def direct_trials(
                     "omega_rad_s": float(omega),
                     "gait": gait,
                     "replicate": replicate,
-                    **_read(readings(trace, world.robot.leg_mount_rad), errors, rng),
+                    **_read(readings(trace, world.body.leg_mount_rad), errors, rng),
                     "status": "ok",
                 }
                 rows.append({name: row[name] for name in COLUMNS})

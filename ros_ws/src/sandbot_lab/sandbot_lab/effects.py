@@ -41,7 +41,7 @@ EFFECTS: dict[str, Effect] = {
     "disturbed_ground": Effect(
         "a foot leaves a weaker stretch at its place; a later foot that overlaps it finds strength k_l (Li09)",
         (
-            P("k_l_n_m", 175.0, 150.0, 200.0, "N/m", "stiffness of disturbed ground"),
+            P("k_l_n_per_m", 175.0, 150.0, 200.0, "N/m", "stiffness of disturbed ground"),
             P("s_c", 0.95, 0.7, 1.2, "R", "distance between footholds below which they begin to overlap"),
         ),
     ),
@@ -68,11 +68,11 @@ EFFECTS: dict[str, Effect] = {
         "the container's floor stiffens the ground: k (1 + exp(-(D - z)/l)) (Stone 2004)",
         (
             P("length_m", 0.02, 0.01, 0.03, "m", "decay length of the floor's influence"),
-            P("bed_m", 0.10, 0.06, 0.15, "m", "depth D of the bed"),
+            P("bed_m", 0.0, 0.0, 0.15, "m", "depth D of the bed; 0: the robot's bed_depth_m"),
         ),
     ),
     "depth_nonlinearity": Effect(
-        "penetration force k d_r (z/d_r)^n, d_r = 3.9 cm (Kang 2018)",
+        "penetration force k d_r (z/d_r)^n, d_r of the robot (Kang 2018)",
         (P("n", 1.2, 0.8, 1.5, "", "exponent of depth"),),
     ),
     "cohesion": Effect("penetration force + 2 c w R", (P("c_pa", 200.0, 0.0, 500.0, "Pa", "cohesion"),)),
@@ -86,7 +86,7 @@ EFFECTS: dict[str, Effect] = {
     ),
     "exact_leg_arc": Effect(
         "yield stress alpha*depth summed over the submerged arc of the leg, tip included (Li09, full model)",
-        (P("tip_deg", 45.0, 30.0, 60.0, "deg", "arc beyond the half circle"),),
+        (P("tip_deg", 0.0, 0.0, 60.0, "deg", "arc beyond the half circle; 0: the robot's"),),
     ),
     "resistive_force_theory": Effect(
         "stress on each element of the arc depends on its tilt and direction of motion (Li, Zhang & Goldman 2013)",
@@ -114,7 +114,7 @@ EFFECTS: dict[str, Effect] = {
         (P("eta", 0.15, 0.0, 0.4, "", "fraction of the chord lost"),),
     ),
     "leg_slip": Effect(
-        "during a hold the contact slips backwards: advance (1 - sigma (d_r/d)^2), d_r = 3.9 cm",
+        "during a hold the contact slips backwards: advance (1 - sigma (d_r/d)^2), d_r of the robot",
         (P("sigma", 0.15, 0.0, 0.4, "", "slip at the reference depth"),),
     ),
     "cable_drag": Effect(

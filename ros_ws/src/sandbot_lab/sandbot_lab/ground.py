@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from sandbot_lab.jit import jit
 from sandbot_lab.outsiders import strength_factor
 
-REFERENCE_DEPTH = 0.039  # d_r [m]: a leg's usual depth, where nonlinear laws meet the linear one
 FOOT = 0.05  # half length of a foot's print, in leg radii
 CRATER_REACH = 1.2  # a crater lowers the surface this far from its centre, in leg radii
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
@@ -26,7 +25,7 @@ FLAT_PLATE = A00 + A10 + B11 + B01 + B_11
 class Ground(Protocol):
     """What a leg meets along the track."""
 
-    def strength_n_m(self, x_m: float) -> float:
+    def strength_n_per_m(self, x_m: float) -> float:
         """Penetration stiffness at a place."""
 
     def surface_m(self, x_m: float, t_s: float) -> float:
@@ -91,7 +90,7 @@ def arc_ends(p: Any, theta: float, depth: float) -> tuple[float, float]:
     opposite the hip (-theta) by the excess of the arc over a half circle.
     """
     wetted = acos(min(max(1.0 - depth / p.radius, -1.0), 1.0))
-    tip = -theta + p.exact_leg_arc_tip_deg * pi / 180.0 if p.exact_leg_arc else -theta + pi / 4.0
+    tip = -theta + p.exact_leg_arc_tip_deg * pi / 180.0 if p.exact_leg_arc else -theta + p.arc_excess
     return -wetted, min(wetted, tip)
 
 
@@ -156,7 +155,7 @@ def force(p: Any, s: Any, theta: float, rate: float, x: float, z: float, t: floa
     elif p.exact_leg_arc:
         total = arc_force(p, theta, depth, alpha)
     elif p.depth_nonlinearity:
-        total = k * REFERENCE_DEPTH * (depth / REFERENCE_DEPTH) ** p.depth_nonlinearity_n
+        total = k * p.reference_depth * (depth / p.reference_depth) ** p.depth_nonlinearity_n
     else:
         total = k * depth
     if p.cohesion:
@@ -173,7 +172,7 @@ class TrackGround:
         """Takes the records of one trial, shape (1,) each; ``disturb`` writes into ``state``."""
         self._p, self._s = physics[0], state[0]
 
-    def strength_n_m(self, x_m: float) -> float:
+    def strength_n_per_m(self, x_m: float) -> float:
         """Penetration stiffness at a place."""
         return float(strength(self._p, self._s, x_m, self._p["k"]))
 

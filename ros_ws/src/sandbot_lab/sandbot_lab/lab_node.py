@@ -20,9 +20,10 @@ from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_common.parameters import parameter
+from sandbot_common.robot import read_robot
 from sandbot_lab.bed import LabBed
 from sandbot_lab.calibration import Calibration, calibration
-from sandbot_lab.cameras import REST_HEIGHT_M, LabCamera
+from sandbot_lab.cameras import LabCamera
 from sandbot_lab.robot import START_X_M
 from sandbot_lab.stage import NANO, LiveTrial, warm_up
 from sandbot_lab.world import null_world, read_world
@@ -41,6 +42,7 @@ class LabParameters:
 
     world: str = parameter("", doc="sealed world file; empty: the null world")
     cameras: str = parameter("", doc="cameras file; empty: the project's own")
+    robot: str = parameter("", doc="robot file; empty: the project's own SandBot; a robot of the world's goes first")
     seed: int = parameter(1, doc="chance of the bed", low=0, high=2**62)
     trial_seed: int = parameter(1, doc="chance of the next trial", low=0, high=2**62)
     phi: float = parameter(0.0, doc="volume fraction of the next trial; 0: the bed's own", low=0.0, high=0.7)
@@ -56,7 +58,8 @@ class LabNode(Node):
         super().__init__("lab")
         self._settings = node.Parameters(self, LabParameters, self._check)
         current = self._settings.current
-        self._world = read_world(Path(current.world)) if current.world else null_world()
+        world = read_world(Path(current.world)) if current.world else null_world()
+        self._world = world.walked_by(read_robot(current.robot or _own("robot.yaml")))
         self._sections = self._read_cameras(current.cameras)
         self._info = {name: camera_info(calibration(self._sections[name], name)) for name in CAMERAS}
         warm_up(self._sections)
@@ -79,13 +82,13 @@ class LabNode(Node):
         self._health = node.Health(self, self._figures)
 
     def _check(self, new: LabParameters) -> None:
-        fixed = ("world", "cameras", "seed")
+        fixed = ("world", "cameras", "robot", "seed")
         for name in fixed:
             if getattr(new, name) != getattr(self._settings.current, name):
                 raise InputError(f"lab parameters: {name} is fixed when the node starts")
 
     def _read_cameras(self, path: str) -> dict[str, Any]:
-        file = Path(path) if path else Path(get_package_share_directory("sandbot_bringup")) / "config" / "cameras.yaml"
+        file = Path(path) if path else _own("cameras.yaml")
         sections = read_yaml(file)
         for name in CAMERAS:
             if not isinstance(sections.get(name), Mapping):
@@ -95,7 +98,7 @@ class LabNode(Node):
 
     def _idle_cameras(self) -> dict[str, LabCamera]:
         seed = self._settings.current.trial_seed
-        return {name: LabCamera(name, self._sections[name], seed) for name in CAMERAS}
+        return {name: LabCamera(name, self._sections[name], seed, self._world.body) for name in CAMERAS}
 
     def _now_ns(self) -> int:
         return int(self.get_clock().now().nanoseconds)
@@ -159,7 +162,7 @@ class LabNode(Node):
             return
         now_ns = self._now_ns()
         for name, camera in self._idle.items():
-            self._publish_frame(name, now_ns, camera.render(current.start_x, REST_HEIGHT_M))
+            self._publish_frame(name, now_ns, camera.render(current.start_x, self._world.body.axle_height_m))
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not self._standing:
@@ -177,6 +180,10 @@ class LabNode(Node):
             "setpoints": self._setpoints,
             "refused": self._refused,
         }
+
+
+def _own(name: str) -> Path:
+    return Path(get_package_share_directory("sandbot_bringup")) / "config" / name
 
 
 def camera_info(camera: Calibration) -> CameraInfo:

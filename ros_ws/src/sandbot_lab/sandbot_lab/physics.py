@@ -25,9 +25,21 @@ _EFFECT_FIELDS = [
     for field in [(name, "?"), *((f"{name}_{parameter.name}", "f8") for parameter in effect.parameters)]
 ]
 
+_ROBOT = {
+    "radius": "leg_radius_m",
+    "height": "axle_height_m",
+    "width": "leg_width_m",
+    "arc_excess": "arc_excess_rad",
+    "mass": "mass_per_leg_kg",
+    "gravity": "gravity_m_s2",
+    "mount": "leg_mount_rad",
+    "reference_depth": "stiffness_depth_m",
+}
+_NUMBERS = (*_ROBOT, "swim", "phi", "k", "delta_t")
+
 PHYSICS = np.dtype(
     [
-        *((name, "f8") for name in ("radius", "height", "width", "mass", "swim", "mount", "phi", "k", "delta_t")),
+        *((name, "f8") for name in _NUMBERS),
         ("k_sweep", "f8", (SWEEPS,)),  # stiffness met by each sweep, N/m
         ("k_disturbed", "f8"),
         ("s_c", "f8"),
@@ -79,24 +91,32 @@ def physics_record(world: World, phi: float, seed: int) -> NDArray[Any]:
     """The ``PHYSICS`` record, shape (1,), of one trial at volume fraction ``phi``; all chance comes from ``seed``."""
     rng = np.random.default_rng(seed)
     record = np.zeros(1, PHYSICS)
-    record["radius"], record["height"] = world.robot.radius_m, world.robot.axle_height_m
-    record["width"], record["mass"] = world.robot.leg_width_m, world.robot.mass_kg
-    record["swim"], record["mount"] = world.robot.swim_m_s, world.robot.leg_mount_rad
-    record["phi"], record["k"] = phi, world.stiffness_n_m(phi)
+    for name, of_robot in _ROBOT.items():
+        record[name] = getattr(world.body, of_robot)
+    record["swim"], record["phi"], record["k"] = world.swim_m_s, phi, world.stiffness_n_per_m(phi)
     record["delta_t"] = world.delta_t_s
     for name, values in world.effects.items():
         record[name] = True
         for key, value in values.items():
             record[f"{name}_{key}"] = value
+    _robots_own(record, world)
     _replicate(record, world, rng)
     _strengths(record, world, phi, rng)
     return record
 
 
+def _robots_own(record: NDArray[Any], world: World) -> None:
+    """What an effect's parameter leaves to the robot by being 0."""
+    if not record["exact_leg_arc_tip_deg"]:
+        record["exact_leg_arc_tip_deg"] = np.rad2deg(world.body.arc_excess_rad)
+    if not record["finite_depth_bed_m"]:
+        record["finite_depth_bed_m"] = world.body.bed_depth_m
+
+
 def fresh_state(world: World, x_m: float) -> NDArray[Any]:
     """The ``STATE`` record, shape (1,), of a robot at rest on its belly at ``x_m`` on virgin ground."""
     state = np.zeros(1, STATE)
-    state["x"], state["z"] = x_m, world.robot.axle_height_m
+    state["x"], state["z"] = x_m, world.body.axle_height_m
     return state
 
 
@@ -109,16 +129,16 @@ def _replicate(record: NDArray[Any], world: World, rng: np.random.Generator) -> 
 
 
 def _strengths(record: NDArray[Any], world: World, phi: float, rng: np.random.Generator) -> None:
-    record["k_sweep"] = world.stiffness_n_m(phi)
+    record["k_sweep"] = world.stiffness_n_per_m(phi)
     if "phi_nonuniformity" in world.effects:
         local = phi + world.effects["phi_nonuniformity"]["sigma_phi"] * rng.standard_normal(SWEEPS)
-        record["k_sweep"] = [world.stiffness_n_m(value) for value in local]
-    record["k_disturbed"] = world.stiffness_n_m(phi)
+        record["k_sweep"] = [world.stiffness_n_per_m(value) for value in local]
+    record["k_disturbed"] = world.stiffness_n_per_m(phi)
     for name in ("disturbed_ground", "dilation"):
         if name in world.effects:
             record["s_c"] = world.effects[name]["s_c"]
     if "dilation" in world.effects:
         values = world.effects["dilation"]
-        record["k_disturbed"] = world.stiffness_n_m(phi + values["xi"] * (values["phi_c"] - phi))
+        record["k_disturbed"] = world.stiffness_n_per_m(phi + values["xi"] * (values["phi_c"] - phi))
     if "disturbed_ground" in world.effects:
-        record["k_disturbed"] = world.effects["disturbed_ground"]["k_l_n_m"]
+        record["k_disturbed"] = world.effects["disturbed_ground"]["k_l_n_per_m"]

@@ -68,7 +68,7 @@ class LiveTrial:
         """``cameras``: sections of cameras.yaml by name; none for a trial without images. Raises InputError."""
         self.t0_ns = t0_ns
         self._robot = LabRobot(world, phi, seed, start_x_m)
-        self._cameras = {name: LabCamera(name, camera, seed) for name, camera in cameras.items()}
+        self._cameras = {name: LabCamera(name, camera, seed, world.body) for name, camera in cameras.items()}
         self._taken = dict.fromkeys(cameras, 0)
         self._motion = RecentMotion()
 

@@ -3,11 +3,9 @@
 from math import asin, cos, pi, sin, tan
 from typing import Any
 
-from sandbot_lab.ground import REFERENCE_DEPTH
 from sandbot_lab.jit import jit
 from sandbot_lab.outsiders import advance_factor, x_belly_suction
 
-G = 9.81
 TRACTION_STRESS = 146e3  # alpha_x [N/m3]: 1.5 alpha_x w d^2 is 4 N at the reference depth
 GRAIN_DENSITY = 1100.0
 ROUNDING = 1e-9  # rad
@@ -40,7 +38,7 @@ def velocity_change(p: Any, s: Any, theta: float, rate: float) -> float:
 @jit
 def load(p: Any, s: Any, theta: float, rate: float) -> float:
     """Force [N] a leg must find to hold: weight, and the force that brings the body up to leg speed."""
-    gravity, mass = G, p.mass
+    gravity, mass = p.gravity, p.mass
     if p.bed_slope:
         gravity *= cos(p.bed_slope_chi_deg * pi / 180.0)
     if p.unequal_leg_load:
@@ -60,12 +58,12 @@ def advance_gain(p: Any, depth: float, rate: float) -> float:
     """Part of the leg's chord that becomes advance, after slip."""
     gain = advance_factor(p, rate)
     if p.leg_slip:
-        gain *= 1.0 - p.leg_slip_sigma * (REFERENCE_DEPTH / depth) ** 2
+        gain *= 1.0 - p.leg_slip_sigma * (p.reference_depth / depth) ** 2
     traction = 1.5 * TRACTION_STRESS * p.width * depth * depth
     if p.cable_drag:
         gain *= 1.0 - p.cable_drag_f_c_n / traction
     if p.bed_slope:
-        gain *= 1.0 - 3.0 * p.mass * G * sin(p.bed_slope_chi_deg * pi / 180.0) / traction
+        gain *= 1.0 - 3.0 * p.mass * p.gravity * sin(p.bed_slope_chi_deg * pi / 180.0) / traction
     return max(gain, 0.0)
 
 
@@ -131,4 +129,4 @@ def saturation(p: Any, rate: float) -> float:
 @jit
 def coasting_loss(p: Any, dt: float) -> float:
     """Speed a sliding belly loses in dt."""
-    return float(p.belly_coast_mu_b * G * dt)
+    return float(p.belly_coast_mu_b * p.gravity * dt)

@@ -6,6 +6,7 @@ world = read_world(Path("world.yaml"));  trace = simulate(world, phi, t_s, angle
 import dataclasses
 import difflib
 import math
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,23 +18,10 @@ import yaml
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml, write_text
 from sandbot_common.parameters import from_mapping, parameter
+from sandbot_common.robot import SANDBOT, Robot, robot_from_mapping, to_mapping
 from sandbot_lab.effects import DRAWN, EFFECTS, checked_effect
 
 SCHEMA = "sandbot.world/1"
-
-
-@dataclass(frozen=True)
-class RobotParameters:
-    """Li09's robot; each tripod carries it with three legs, hence a third of the mass a leg."""
-
-    radius_m: float = parameter(0.0355, unit="m", doc="c-leg radius R", low=0.01, high=0.1)
-    axle_height_m: float = parameter(0.025, unit="m", doc="axle height above the flat belly", low=0.0, high=0.1)
-    leg_width_m: float = parameter(0.012, unit="m", doc="leg width", low=0.001, high=0.05)
-    mass_kg: float = parameter(0.767, unit="kg", doc="mass carried by one leg", low=0.1, high=5.0)
-    swim_m_s: float = parameter(0.02, unit="m/s", doc="speed when swimming", low=0.0, high=0.1)
-    leg_mount_rad: float = parameter(
-        0.0, unit="rad", doc="added to the shaft angle to give the angle of the leg's centre", low=-3.2, high=3.2
-    )
 
 
 @dataclass(frozen=True)
@@ -59,7 +47,7 @@ class World:
     """Everything the virtual lab knows and the analysis must not. InputError names what is wrong."""
 
     phi_knots: tuple[float, ...] = parameter((0.580, 0.600, 0.633), doc="volume fractions of the strength knots")
-    k_knots_n_m: tuple[float, ...] = parameter(
+    k_knots_n_per_m: tuple[float, ...] = parameter(
         (170.0, 205.0, 220.0),
         unit="N/m",
         doc="stiffness k at the knots, linear between and beyond",
@@ -67,27 +55,38 @@ class World:
         high=2000.0,
     )
     delta_t_s: float = parameter(0.4, unit="s", doc="response time of the ground", low=0.01, high=5.0)
+    swim_m_s: float = parameter(0.02, unit="m/s", doc="speed of a robot that swims", low=0.0, high=0.1)
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     noise: Noise = field(default_factory=Noise)
-    robot: RobotParameters = field(default_factory=RobotParameters)
+    robot: Robot | None = None
+    """The robot that truly walks, whatever robot.yaml says; None: the campaign's (`walked_by`), else SandBot."""
 
     def __post_init__(self) -> None:
         """Fill in the defaults of the effects and refuse what can't be."""
         filled = {name: checked_effect(name, dict(given or {}), "effects") for name, given in self.effects.items()}
         object.__setattr__(self, "effects", filled)
         rises = all(low < high for low, high in zip(self.phi_knots, self.phi_knots[1:], strict=False))
-        if len(self.phi_knots) < 2 or len(self.phi_knots) != len(self.k_knots_n_m) or not rises:
+        if len(self.phi_knots) < 2 or len(self.phi_knots) != len(self.k_knots_n_per_m) or not rises:
             raise InputError(
-                f"phi_knots, k_knots_n_m: {list(self.phi_knots)}, {list(self.k_knots_n_m)}:"
+                f"phi_knots, k_knots_n_per_m: {list(self.phi_knots)}, {list(self.k_knots_n_per_m)}:"
                 " at least two knots each, as many of both, phi rising"
             )
 
-    def stiffness_n_m(self, phi: float) -> float:
+    def stiffness_n_per_m(self, phi: float) -> float:
         """k(φ) of virgin ground, piecewise linear, the outer pieces prolonged; never below 1 N/m."""
-        knots, values = np.asarray(self.phi_knots), np.asarray(self.k_knots_n_m)
+        knots, values = np.asarray(self.phi_knots), np.asarray(self.k_knots_n_per_m)
         piece = int(np.clip(np.searchsorted(knots, phi) - 1, 0, len(knots) - 2))
         slope = (values[piece + 1] - values[piece]) / (knots[piece + 1] - knots[piece])
         return float(max(values[piece] + slope * (phi - knots[piece]), 1.0))
+
+    @property
+    def body(self) -> Robot:
+        """The robot that walks here."""
+        return self.robot or SANDBOT
+
+    def walked_by(self, robot: Robot) -> "World":
+        """This world with the campaign's robot, unless it has its own."""
+        return self if self.robot else dataclasses.replace(self, robot=robot)
 
     def with_noise(self, scale: float) -> "World":
         """The same world with every noise multiplied by ``scale``."""
@@ -106,6 +105,7 @@ def read_world(path: Path) -> World:
 
 def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
     """A world from a mapping as in the YAML file; missing sections take their defaults."""
+    content = _by_their_new_names(content, where)
     known = ("schema", *(item.name for item in dataclasses.fields(World)))
     for key in content:
         if key not in known:
@@ -119,8 +119,9 @@ def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
         raise InputError(f"{where}: schema: {schema!r} is not {SCHEMA!r}")
     sections: dict[str, Any] = {
         "noise": from_mapping(Noise, values.pop("noise", {}), f"{where}: noise"),
-        "robot": from_mapping(RobotParameters, values.pop("robot", {}), f"{where}: robot"),
     }
+    if "robot" in values:
+        sections["robot"] = robot_from_mapping(values.pop("robot"), f"{where}: robot")
     effects = values.pop("effects", None) or {}
     if not isinstance(effects, Mapping):
         raise InputError(f"{where}: effects: expected a mapping of effects, got {effects!r}")
@@ -132,23 +133,54 @@ def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
         raise InputError(text if text.startswith(where) else f"{where}: {text}") from None
 
 
+_OLD_NAMES = {"k_knots_n_m": "k_knots_n_per_m", "k_l_n_m": "k_l_n_per_m"}
+_OLD_ROBOT = {"radius_m": "leg_radius_m", "mass_kg": "mass_per_leg_kg"}
+
+
+def _by_their_new_names(content: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """World files of earlier versions: keys that have another name or place since, each said on stderr."""
+    values = {_renamed(str(key), _OLD_NAMES, where): value for key, value in content.items()}
+    if isinstance(effects := values.get("effects"), Mapping):
+        values["effects"] = {
+            name: {_renamed(str(key), _OLD_NAMES, where): value for key, value in given.items()}
+            if isinstance(given, Mapping)
+            else given
+            for name, given in effects.items()
+        }
+    if isinstance(robot := values.get("robot"), Mapping):
+        robot = {_renamed(str(key), _OLD_ROBOT, where): value for key, value in robot.items()}
+        if "swim_m_s" in robot:
+            print(f"{where}: robot: swim_m_s stands beside robot: since, as the ground's own", file=sys.stderr)
+            values["swim_m_s"] = robot.pop("swim_m_s")
+        values["robot"] = robot
+    return values
+
+
+def _renamed(key: str, names: Mapping[str, str], where: str) -> str:
+    if key in names:
+        print(f"{where}: {key} is called {names[key]} since", file=sys.stderr)
+    return names.get(key, key)
+
+
 def write_world(world: World, path: Path) -> None:
     """Write the world as YAML, whole or not at all; `read_world` gives the same world back."""
-    content = {
+    content: dict[str, Any] = {
         "schema": SCHEMA,
         "phi_knots": list(world.phi_knots),
-        "k_knots_n_m": list(world.k_knots_n_m),
+        "k_knots_n_per_m": list(world.k_knots_n_per_m),
         "delta_t_s": world.delta_t_s,
+        "swim_m_s": world.swim_m_s,
         "effects": {name: dict(values) for name, values in world.effects.items()},
         "noise": dataclasses.asdict(world.noise),
-        "robot": dataclasses.asdict(world.robot),
     }
+    if world.robot is not None:
+        content["robot"] = to_mapping(world.robot)
     write_text(path, yaml.safe_dump(content, sort_keys=False))
 
 
 # Strengths at which an effect stands out of the noise of 7 φ × 7 ω × 3 trials; where not given, the defaults do.
 _STRENGTH = {
-    "disturbed_ground": {"k_l_n_m": (167.0, 180.0), "s_c": (0.88, 1.0)},
+    "disturbed_ground": {"k_l_n_per_m": (167.0, 180.0), "s_c": (0.88, 1.0)},
     "stance_overlap": {"eta": (0.12, 0.25)},
     "swimming_thrust": {"a_m_s2": (0.40, 0.48)},
     "leg_slip": {"sigma": (0.12, 0.20)},
@@ -173,7 +205,7 @@ def draw_world(seed: int, among: Iterable[str] | None = None) -> World:
         # Round figures are kinder to a reader of the opened seal, and lose nothing.
         values[key] = _three_figures(float(rng.uniform(low, high)))
     if name == "exact_leg_arc":
-        return World(k_knots_n_m=_ARC_STIFFNESS, effects={name: values})
+        return World(k_knots_n_per_m=_ARC_STIFFNESS, effects={name: values})
     return World(effects={name: values})
 
 
@@ -188,4 +220,4 @@ def sgcs_world() -> World:
     φ 0.580–0.633, ω 4–16 rad/s begins and ends inside the slow phase (s ≤ 2R sin 0.55 = 1.045 R): then mean speed is
     ωs/π with the velocity change βRω, and the peak of v_x(t) is βRω.
     """
-    return World(k_knots_n_m=(170.0, 178.0, 184.0), delta_t_s=0.3, robot=RobotParameters(leg_mount_rad=0.5))
+    return World(k_knots_n_per_m=(170.0, 178.0, 184.0), delta_t_s=0.3, robot=Robot(leg_mount_rad=0.5))

@@ -9,15 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_tracking.calibration import Camera
 from sandbot_tracking.markers import Appearance, Frame
 from sandbot_tracking.speed import HarmonicSpeed
 from sandbot_tracking.track import Counts, Gates, MarkerTracker, Marks
-from sandbot_tracking.trial import AXLE_REST_M
 
 Floats = NDArray[np.float64]
 
-AXLE_DISTANCE_M = 0.20
 REMEMBERED = 4000
 """Leg angles kept at least: several turns of the slowest gait at 1 kHz."""
 UNKNOWN_LIFT_M = 0.01
@@ -107,6 +106,7 @@ class OfflineTracker:
     def __init__(
         self,
         cameras: Mapping[str, Camera],
+        robot: Robot = SANDBOT,
         looks: Appearance | None = None,
         gates: Gates | None = None,
         omega_rad_s: float | None = None,
@@ -116,6 +116,7 @@ class OfflineTracker:
             raise InputError(f"cameras {', '.join(cameras) or 'none'}: a dorsal one is needed")
         self.clock = LegClock()
         self._omega = omega_rad_s
+        self._robot = robot
         self._dorsal, self._lateral = cameras["dorsal"], cameras.get("lateral")
         self._body = MarkerTracker(("com",), looks, gates, ignore_px=_led(self._dorsal))
         self._axles: MarkerTracker | None = None
@@ -130,11 +131,10 @@ class OfflineTracker:
         self._keep = keep
         self._samples: list[Sample] = []
 
-    @staticmethod
-    def _axle_px(camera: Camera) -> Floats:
+    def _axle_px(self, camera: Camera) -> Floats:
         """Image x of two points as far apart as the axles, in the middle of the view."""
         middle = camera.to_plane([[camera.width / 2, camera.height / 2]])[0]
-        reach = np.array([AXLE_DISTANCE_M / 2, 0.0, 0.0])
+        reach = np.array([self._robot.axle_distance_m / 2, 0.0, 0.0])
         return np.asarray(camera.to_pixels([middle - reach, middle + reach])[:, 0], dtype=float)
 
     @property
@@ -176,10 +176,10 @@ class OfflineTracker:
             return np.full(3, np.nan), np.nan
         marks: Marks = self._body.update(frame)
         if self._lateral is None:
-            z, var_z = AXLE_REST_M, UNKNOWN_LIFT_M**2
+            z, var_z = self._robot.axle_height_m, UNKNOWN_LIFT_M**2
         if not (marks.found[0] and np.isfinite(z)):
             return np.full(3, np.nan), np.nan
-        plane = self._dorsal.plane.offset_m + z - AXLE_REST_M
+        plane = self._dorsal.plane.offset_m + z - self._robot.axle_height_m
         com = self._dorsal.to_plane(marks.xy_px, plane)[0]
         variance = self._dorsal.covariance_m2(marks.xy_px, marks.var_px2, plane)[0, 0, 0]
         parallax = self._dorsal.parallax(marks.xy_px)[0, 0]

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
+from sandbot_common.robot import read_robot
 from sandbot_tracking.calibration import read_cameras
 from sandbot_tracking.markers import Frame
 from sandbot_tracking.offline import OfflineTracker, Sample
@@ -24,6 +25,7 @@ class TrackerParameters:
     """What the tracker needs to know."""
 
     cameras: str = parameter("", doc="YAML file of the calibrated cameras (dorsal, lateral); empty: the project's own")
+    robot: str = parameter("", doc="YAML file of the robot; empty: the project's own SandBot")
 
 
 class TrackerNode(Node):
@@ -32,7 +34,9 @@ class TrackerNode(Node):
     def __init__(self) -> None:
         super().__init__("tracker")
         self._settings = node.Parameters(self, TrackerParameters, _fixed)
-        self._cameras = read_cameras(self._settings.current.cameras or _own_cameras())
+        current = self._settings.current
+        self._cameras = read_cameras(current.cameras or _own("cameras.yaml"))
+        self._robot = read_robot(current.robot or _own("robot.yaml"))
         self._publish = {
             name: node.publisher(self, topic)
             for name, topic in (
@@ -52,7 +56,7 @@ class TrackerNode(Node):
 
     def _begin(self) -> None:
         # Each trial's LED edge: the robot has been carried back to the start, so its marks are looked for anew.
-        self._tracker = OfflineTracker(self._cameras, keep=False)
+        self._tracker = OfflineTracker(self._cameras, self._robot, keep=False)
         self._means = PeriodMeans()
 
     def _image(self, camera: str, image: Any) -> None:
@@ -100,13 +104,13 @@ class TrackerNode(Node):
         return values
 
 
-def _own_cameras() -> Path:
+def _own(name: str) -> Path:
     # Found by name in the overlay, as any ROS package's share: this room does not import bringup.
-    return Path(get_package_share_directory("sandbot_bringup")) / "config" / "cameras.yaml"
+    return Path(get_package_share_directory("sandbot_bringup")) / "config" / name
 
 
 def _fixed(_: TrackerParameters) -> None:
-    raise InputError("cameras is read at the start: restart the tracker to change it")
+    raise InputError("cameras and robot are read at the start: restart the tracker to change them")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

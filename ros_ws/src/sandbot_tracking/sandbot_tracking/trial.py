@@ -15,13 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sandbot_common.errors import InputError
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_tracking.fold import NotMeasured, peak_height, peak_slope
 
 Floats = NDArray[np.float64]
-
-AXLE_REST_M = 0.025
-"""Axle height with the belly on the surface (Li09): the rest height where none was seen."""
-
 
 SWIMMING_SLACK = 0.8
 """A swimmer's peak is its mean speed, measured to better than this."""
@@ -74,13 +71,13 @@ def summarise(
     leg_angle: ArrayLike,
     *,
     start_s: float = 0.0,
-    rest_height_m: float = AXLE_REST_M,
-    leg_mount_rad: float = 0.0,
+    robot: Robot = SANDBOT,
 ) -> TrialSummary:
     """The observables of a trial whose clock started at ``start_s``.
 
     t_s, com_x_m, front_z_m, rear_z_m: (n,), metres in the trackway frame, NaN where a landmark is missing;
-    leg_t_s (m,) and leg_angle (m, 6) [rad], wrapped or not, plus ``leg_mount_rad``: the angles of the c-legs' centres.
+    leg_t_s (m,) and leg_angle (m, 6) [rad], wrapped or not, of the shafts. ``robot`` gives what must be added to
+    them (``leg_mount_rad``), and the axles' height where none was seen at rest.
     Raises InputError if shapes do not fit or time does not grow.
     """
     t, x, front, rear = (np.asarray(values, dtype=float) for values in (t_s, com_x_m, front_z_m, rear_z_m))
@@ -89,7 +86,7 @@ def summarise(
     moving = t >= start_s
     frames, gaps = int(moving.sum()), int((moving & ~np.isfinite(x + z)).sum())
     try:
-        edges, early = handovers(leg_t_s, np.asarray(leg_angle, dtype=float) + leg_mount_rad, start_s)
+        edges, early = handovers(leg_t_s, np.asarray(leg_angle, dtype=float) + robot.leg_mount_rad, start_s)
     except NotMeasured as why:
         return TrialSummary(*(np.nan,) * 5, frames, gaps, 0, str(why))
 
@@ -99,7 +96,7 @@ def summarise(
     peak = lift = np.nan
     if cycles:
         steps = steady_steps(t, x, edges, cycles)
-        rest = _rest_height(t, z, start_s, steps, rest_height_m)
+        rest = _rest_height(t, z, start_s, steps, robot.axle_height_m)
         try:
             lift = peak_height(t, z - rest, steps.edges)
         except NotMeasured as why:

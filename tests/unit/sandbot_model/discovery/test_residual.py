@@ -13,6 +13,7 @@ from sandbot_model.fitting.parallel import workers
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
+from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.walking import Inputs, Walker
 
@@ -150,7 +151,7 @@ def test_every_term_says_in_a_formula_what_its_values_are(drawn):
     base = base_fit(drawn(seed=0))
     cells, robot = base.cells, base.model.robot
     phi = cells.level_phi[cells.level]
-    depth = np.nan_to_num(base.predict(phi, cells.omega).depth_m, nan=robot.deepest_m)
+    depth = np.nan_to_num(base.predict(phi, cells.omega).depth_m, nan=deepest_m(robot))
     inputs = Inputs(1.0, cells.omega, base.parameters["delta_t_s"].value, phi)
     for term in terms(base):
         chain = Walker().chain(inputs, (), depth[:, None], first_step=False)

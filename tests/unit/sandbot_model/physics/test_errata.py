@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from sandbot_common.robot import SANDBOT
 from sandbot_model.physics.effects import CATALOGUE
-from sandbot_model.physics.robot import SANDBOT
 from sandbot_model.physics.walking import BASES, Inputs, Walker
 
 R = SANDBOT.leg_radius_m

@@ -13,18 +13,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
+from sandbot_common.robot import SANDBOT
 from sandbot_model.physics.catalogue import describe
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.effects.resistive_force_theory import A00, A10, B01, B11, B_11
-from sandbot_model.physics.robot import SANDBOT
+from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.typeset import mathml, statements
 from sandbot_model.physics.walking import Inputs, KCurve, Walker
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
 EACH = pytest.mark.parametrize("name", EFFECTS)
-DEPTH = np.linspace(2e-3, SANDBOT.deepest_m - 1e-3, 12)
+DEPTH = np.linspace(2e-3, deepest_m(SANDBOT) - 1e-3, 12)
 CURVE = KCurve(np.array([0.56, 0.6, 0.65]), np.array([160.0, 205.0, 230.0]))
 OF_CHAIN = {
     "k": "k", "omega": "omega", "phi": "phi", "Delta_t": "delta_t", "v_swim": "v_swim", "beta": "slow_phase_ratio",

@@ -9,9 +9,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize_scalar
 
+from sandbot_common.robot import Robot
 from sandbot_model.physics.effects import CATALOGUE
-from sandbot_model.physics.geometry import chord
-from sandbot_model.physics.robot import Robot
+from sandbot_model.physics.geometry import chord, critical_k_n_per_m, deepest_m
 from sandbot_model.physics.walking import BASES, Inputs, KCurve, Walker, _depth_grid
 
 REFERENCE = yaml.safe_load((Path(__file__).parents[4] / "reference" / "walking.yaml").read_text())
@@ -45,8 +45,8 @@ def test_stiffness_that_gives_a_step_at_rest():
     whole, none = REFERENCE["resting_stiffness"]
     k = brentq(lambda k: float(simple(k, STILL).step_m) / R - whole["step_over_r"], 170, 200)
     assert agrees(k, whole["k_n_per_m"], whole["digits"])
-    assert agrees(ROBOT.critical_k_n_per_m, none["k_n_per_m"], none["digits"])
-    assert not simple(ROBOT.critical_k_n_per_m - 0.01, STILL).walking
+    assert agrees(critical_k_n_per_m(ROBOT), none["k_n_per_m"], none["digits"])
+    assert not simple(critical_k_n_per_m(ROBOT) - 0.01, STILL).walking
 
 
 def test_step_geometry_and_critical_depth():
@@ -55,7 +55,7 @@ def test_step_geometry_and_critical_depth():
     assert agrees(depth, case["depth_m"], case["digits"])
     critical = REFERENCE["critical_depth_m"]
     assert agrees(brentq(lambda d: float(chord(ROBOT, np.array(d))) / R - 1, 0.03, 0.045), critical["at_s_equal_R"], 5)
-    assert agrees(ROBOT.deepest_m, critical["deepest"], critical["digits"])
+    assert agrees(deepest_m(ROBOT), critical["deepest"], critical["digits"])
 
 
 def test_simple_speed():
@@ -153,11 +153,11 @@ def test_the_depth_found_is_the_first_that_holds(k, omega, names):
     inputs = Inputs(k, omega, 0.4, 0.61, k_of_phi=KCurve(np.array([0.58, 0.63]), np.array([170.0, 220.0])))
     walker = Walker(effects)
     found = walker.footing(inputs, params)
-    grid = np.linspace(0, ROBOT.deepest_m, 4001)
+    grid = np.linspace(0, deepest_m(ROBOT), 4001)
     margin = np.broadcast_to(walker.chain(inputs, params, grid, first_step=False).margin, grid.shape)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], margin >= 0, [False]])))
     begins, ends = grid[edges[::2]], grid[edges[1::2] - 1]
-    coarse = _depth_grid(ROBOT.deepest_m)
+    coarse = _depth_grid(deepest_m(ROBOT))
     wide = np.flatnonzero(ends - begins > np.interp(begins, coarse[1:], np.diff(coarse)))
     if not len(begins):
         assert not found.walking

@@ -12,6 +12,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.compare import compare
 from sandbot_model.fitting.goodness import Fail
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import Observable
 from sandbot_model.report import balance, captions, figures, mechanics
 from sandbot_model.report.curves import steps
@@ -29,6 +30,7 @@ def made_up_cells(**columns):
     trials = {
         "phi": phi, "omega_rad_s": omega, "gait": ["UNIFORM"] * len(phi), "status": ["ok"] * len(phi),
         "speed_m_s": 0.10 + 0.01 * replicate, "lift_m": NONE, "peak_speed_m_s": NONE, "first_step_m": NONE,
+        "robot": None, "frame_rate_hz": np.nan,
     }  # fmt: skip
     return cells_of(SimpleNamespace(**trials | columns))
 
@@ -181,17 +183,17 @@ def test_without_replicates_the_ladder_has_no_floor():
 def test_lock_curve_has_the_reference_values(depth_m, step_over_r):
     """Physics §5: d and s/R at k = 200 and 170 N/m; lift is 2R − h − d."""
     lift = np.array([2 * 0.0355 - 0.025 - depth_m])
-    assert figures.lock_curve(lift)[0] / 0.0355 == pytest.approx(step_over_r, abs=1e-3)
+    assert figures.lock_curve(lift, 0.0355)[0] / 0.0355 == pytest.approx(step_over_r, abs=1e-3)
 
 
 def test_points_of_a_locked_robot_lie_on_the_curve_and_others_do_not():
     lift = np.full(NONE.shape, 0.008)
     omega = np.meshgrid(PHI, OMEGA, [0, 1], indexing="ij")[1].ravel()
-    locked = omega * figures.lock_curve(lift) / np.pi
+    locked = omega * figures.lock_curve(lift, 0.0355) / np.pi
     for share, on_curve in [(1.0, True), (0.85, False)]:
         spec = figures.geometry_lock(made_up_cells(lift_m=lift, speed_m_s=share * locked))
         points = np.concatenate([trace["y"] for trace in traces(spec, "markers")])
-        assert np.allclose(points, 100 * figures.lock_curve(lift)[0], rtol=1e-6) == on_curve
+        assert np.allclose(points, 100 * figures.lock_curve(lift, 0.0355)[0], rtol=1e-6) == on_curve
 
 
 @pytest.fixture
@@ -213,7 +215,7 @@ def test_forces_cross_where_the_leg_holds(fitted):
         axis = f"x{'' if i == 0 else i + 1}"
         (said,) = [one["text"] for one in spec["layout"]["annotations"] if one.get("xref") == f"{axis} domain"]
         depth = needed / k
-        if depth < robot.deepest_m:
+        if depth < deepest_m(robot):
             assert dots[axis]["x"] == pytest.approx([100 * depth], rel=1e-4)
             assert dots[axis]["y"] == pytest.approx([needed], rel=1e-4)
             assert said == f"d = {100 * depth:.2f} cm"

@@ -43,7 +43,7 @@ def made_up_trials(phis=(0.60, 0.615, 0.633), replicates=2, omegas=(4, 10, 16, 2
     return SimpleNamespace(
         trial_id=[f"trial_{i:03d}" for i in range(len(phi))], phi=phi + rng.normal(0, 2e-4, len(phi)),
         omega_rad_s=omega.astype(float), gait=["UNIFORM"] * len(phi), replicate=replicate,
-        status=["ok"] * len(phi), **measured,
+        status=["ok"] * len(phi), robot=None, frame_rate_hz=np.nan, **measured,
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from sandbot_bringup.config import config_folder, files_of
+from sandbot_bringup.config import config_folder, files_of, robot_of
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import Plan, PlannedTrial, read_plan, trials_of, with_next_trials
 from sandbot_common import cli
@@ -102,7 +102,7 @@ def _batch(
 ) -> Sequence[tuple[str, str]]:
     from sandbot_bringup import batch, runner
 
-    world = batch.choose_world(folder, options.world, options.hide)
+    world = batch.choose_world(folder, robot_of(files), options.world, options.hide)
     folder.adopt(plan, files)
     folder.clear_torn()
     batch.seal(folder, world)

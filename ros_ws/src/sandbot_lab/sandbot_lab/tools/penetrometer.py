@@ -32,7 +32,7 @@ def press(
 
     Raises InputError for a volume fraction no bed has, or a depth the leg can't reach with the belly at rest.
     """
-    radius, height = world.robot.radius_m, world.robot.axle_height_m
+    radius, height = world.body.leg_radius_m, world.body.axle_height_m
     deepest = 2 * radius - height
     rows = []
     for level in phis:

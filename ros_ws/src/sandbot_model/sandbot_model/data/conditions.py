@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.clustering import phi_levels, same_within
 from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error
 from sandbot_model.data.regime import swum_at_once, walks
-from sandbot_model.physics.gait import peak_is_resolved, slow_phase_ratio
+from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, peak_is_resolved, slow_phase_ratio
 from sandbot_model.physics.observables import NAMES, USUAL_NOISE, Observable
 from sandbot_record.trials.table import Trials
 
@@ -53,6 +54,8 @@ class Cells:
     excluded: int = 0
     pressed: Pressed | None = None
     """What a penetrometer says of the levels (see ``penetrometer``)."""
+    robot: Robot = SANDBOT
+    """The robot that walked."""
 
     @property
     def observables(self) -> tuple[str, ...]:
@@ -82,7 +85,8 @@ OMEGA_TOLERANCE = 5e-3
 def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     """Gather trials into cells. Trials without φ, ω or any observable, or not ended ``ok``, are left out and counted.
 
-    ``readings`` are a penetrometer's. Raises InputError if no trial is left, or no reading is at the trials' φ.
+    Trials that don't tell their robot are SandBot's, filmed at the usual rate. ``readings`` are a penetrometer's.
+    Raises InputError if no trial is left, or no reading is at the trials' φ.
     """
     phi, omega = np.asarray(trials.phi, dtype=float), np.asarray(trials.omega_rad_s, dtype=float)
     values = np.stack([np.asarray(getattr(trials, one.column), dtype=float) for one in Observable], axis=-1)
@@ -95,10 +99,12 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
         )
     gait = np.asarray([str(one) for one in trials.gait])[usable]
     phi, omega, values = phi[usable], omega[usable], values[usable]
-    blurred = [not peak_is_resolved(name, frequency) for name, frequency in zip(gait, omega, strict=True)]
+    rate_hz = trials.frame_rate_hz if np.isfinite(trials.frame_rate_hz) else USUAL_FRAME_RATE_HZ
+    blurred = [not peak_is_resolved(name, frequency, rate_hz) for name, frequency in zip(gait, omega, strict=True)]
     values[blurred, Observable.peak_speed] = np.nan
     values[swum_at_once(gait, omega, values), Observable.first_step] = np.nan
     cells = _gather(phi, omega, gait, values, excluded=int((~usable).sum()))
+    cells = replace(cells, robot=trials.robot or SANDBOT)
     return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi))
 
 

@@ -13,7 +13,6 @@ from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.geometry import step_from_lift
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable
-from sandbot_model.physics.robot import Robot
 
 SCHEMA = "sandbot.comparison/1"
 
@@ -24,34 +23,33 @@ def compare(
     names: Sequence[str] = (),
     *,
     base: str = "simple",
-    robot: Robot | None = None,
     progress: Callable[[str], None] = lambda _step: None,
 ) -> tuple[Fit, ...]:
     """Fits of the base model and of it with the first, the first two, … of the named effects.
 
     Raises InputError for a name that is not in the catalogue.
     """
-    model_of(base, names, effects, robot)
+    model_of(base, names, effects, cells.robot)
     steps: list[Fit] = []
     for count in range(len(names) + 1):
-        model = model_of(base, names[:count], effects, robot)
+        model = model_of(base, names[:count], effects, cells.robot)
         steps.append(fit(model, cells, steps[-1].warm_start if steps else None))
         progress(" + ".join(names[:count]) or "base")
     return tuple(steps)
 
 
-def geometry_lock(cells: Cells, robot: Robot | None = None) -> Array:
+def geometry_lock(cells: Cells) -> Array:
     """Measured over locked step length of each cell ``(cells,)``; NaN where speed or lift is missing or it swims.
 
     Lift and speed both tell the step: s = 2√(Δz(2R - Δz)) and s = πv̄/ω. Their ratio is 1 for every effect on strength
     or balance; below 1 something between step and speed loses way, above 1 something gains it. Nothing is fitted.
     """
-    robot = robot or Robot()
-    lift = np.clip(cells.mean[:, Observable.lift], 0.0, robot.leg_radius_m)
-    locked = step_from_lift(lift, robot.leg_radius_m)
+    radius = cells.robot.leg_radius_m
+    lift = np.clip(cells.mean[:, Observable.lift], 0.0, radius)
+    locked = step_from_lift(lift, radius)
     with np.errstate(invalid="ignore", divide="ignore"):
         walked = np.pi * cells.mean[:, Observable.speed] / cells.omega
-        return np.where(locked > 0.3 * robot.leg_radius_m, walked / locked, np.nan)
+        return np.where(locked > 0.3 * radius, walked / locked, np.nan)
 
 
 def to_json(steps: Sequence[Fit]) -> dict[str, Any]:

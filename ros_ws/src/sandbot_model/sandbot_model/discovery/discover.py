@@ -21,7 +21,6 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.fitting.plain import data_summary, number, plain
 from sandbot_model.physics.effect import Effect
-from sandbot_model.physics.robot import Robot
 
 SCHEMA = "sandbot.discovery/1"
 TELLING_SD = 0.5
@@ -82,12 +81,11 @@ def discover(
     *,
     base: str = "simple",
     max_effects: int = 3,
-    robot: Robot | None = None,
     fit_all: Map = map,
     progress: Progress = lambda _stage, _done, _total: None,
 ) -> Discovery:
     """Search the catalogue; ``fit_all`` maps the fits (see ``parallel``), ``progress`` hears (stage, done, total)."""
-    search = EffectSearch(cells, effects, base, robot or Robot(), fit_all, progress)
+    search = EffectSearch(cells, effects, base, fit_all, progress)
     search.run(max_effects)
     verdict = judge(search.fits)
     ladder = search.ladder(verdict)

@@ -15,7 +15,6 @@ from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.model import Model, model_of
-from sandbot_model.physics.robot import Robot
 
 SURVIVORS = 9
 """Single effects that go into every pair among themselves."""
@@ -47,9 +46,9 @@ class EffectSearch:
     """The sets tried so far and what to try next."""
 
     def __init__(
-        self, cells: Cells, effects: Mapping[str, Effect], base: str, robot: Robot, fit_all: Map, progress: Progress
+        self, cells: Cells, effects: Mapping[str, Effect], base: str, fit_all: Map, progress: Progress
     ) -> None:
-        self.cells, self.effects, self.base, self.robot = cells, effects, base, robot
+        self.cells, self.effects, self.base, self.robot = cells, effects, base, cells.robot
         self.fit_all, self.progress = fit_all, progress
         self.fits: Sets = {}
         inherent = {effect.identifier for effect in self._model(()).walker.effects}

@@ -22,7 +22,7 @@ def steps_of(selection: Selection, cells: Cells, effects: Mapping[str, Effect]) 
     steps = compare(cells, effects, selection.effects, base=selection.model)
     if not selection.by_hand:
         return steps
-    model = model_of(selection.model, selection.effects, effects)
+    model = model_of(selection.model, selection.effects, effects, cells.robot)
     return (*steps, fitted_at(model, cells, point_of(steps[-1], dict(selection.by_hand))))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
-from sandbot_model.physics.geometry import chord
+from sandbot_model.physics.geometry import chord, deepest_m
 
 BAND_RAD_S = 3.0
 """Half width of a band of leg frequencies, to 1/e."""
@@ -80,7 +80,7 @@ def terms(fit: Fit) -> list[Term]:
     """The library for these cells, at the depths of this fit."""
     cells, robot = fit.cells, fit.model.robot
     omega, phi = cells.omega, cells.level_phi[cells.level]
-    depth = np.nan_to_num(fit.predict(phi, omega, cells.slow_phase_ratio).depth_m, nan=robot.deepest_m)
+    depth = np.nan_to_num(fit.predict(phi, omega, cells.slow_phase_ratio).depth_m, nan=deepest_m(robot))
     radius, delta_t = robot.leg_radius_m, fit.parameters["delta_t_s"].value
     froude = radius * omega**2 / robot.gravity_m_s2
     return [

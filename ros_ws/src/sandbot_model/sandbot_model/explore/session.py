@@ -119,7 +119,7 @@ class Session:
 
     def model(self, selection: Selection) -> Model:
         """The model selected. Raises InputError for an effect that is not known."""
-        return model_of(selection.model, selection.effects, self.catalogue(selection.formulas))
+        return model_of(selection.model, selection.effects, self.catalogue(selection.formulas), self.cells.robot)
 
     def _alone(self, selection: Selection) -> float:
         """Error of the last effect by itself [m/s], if that is known: what helps most is likely wanted first."""

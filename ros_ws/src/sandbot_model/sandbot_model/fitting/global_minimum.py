@@ -12,6 +12,7 @@ from sandbot_model.fitting.likelihood import Problem, States
 from sandbot_model.fitting.scans import bounded, following, look_along_k, look_along_theta
 from sandbot_model.fitting.starts import Start, again, starts
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.geometry import critical_k_n_per_m
 from sandbot_model.physics.model import Model
 
 FIRST_ITERATIONS = 4
@@ -93,7 +94,7 @@ def _plausible(problem: Problem, states: States) -> States:
 def _search(problem: Problem, near: WarmStart | None) -> States:
     """Coarse search, descent from many starts of which ever fewer are followed, a look around, descent. One row."""
     levels = len(problem.cells.level_phi)
-    critical = problem.model.robot.critical_k_n_per_m
+    critical = critical_k_n_per_m(problem.model.robot)
     k_curve = near.k_n_per_m if near is not None else critical * np.linspace(1.04, 1.34, levels)
     also = None if near is None else _inherited(problem.model, near)
     found = starts(problem, slope_of(problem.cells.level_phi, k_curve), k_curve, also=also)

@@ -14,6 +14,7 @@ import numpy as np
 
 from sandbot_model.fitting.likelihood import NODES, WEIGHTS, Problem
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.geometry import critical_k_n_per_m
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.walking import KCurve
@@ -47,7 +48,7 @@ def starts(problem: Problem, slope: Array, k_curve: Array, also: Array | None = 
     ``k_curve (levels,)`` is where effects that ask for k(φ) look; ``also (m, parameters)`` are points tried as well.
     """
     model = problem.model
-    k_grid = model.robot.critical_k_n_per_m * np.geomspace(*K_RANGE, K_GRID)
+    k_grid = critical_k_n_per_m(model.robot) * np.geomspace(*K_RANGE, K_GRID)
     unit = _samples(model)
     if also is not None:
         unit = np.concatenate([_unit(model, also), unit])
@@ -70,7 +71,7 @@ def again(problem: Problem, theta: Array, ln_k: Array, slope: Array) -> list[Sta
     clock = model.names.index("delta_t_s")
     unit[:, clock] += np.log(NEAR_DELTA_T) * (2 * sample[:, -1] - 1) / (high - low)[clock]
     k = np.exp(ln_k)
-    k_grid = _closer(k, model.robot.critical_k_n_per_m * np.geomspace(*K_RANGE, K_GRID))
+    k_grid = _closer(k, critical_k_n_per_m(model.robot) * np.geomspace(*K_RANGE, K_GRID))
     return _distinct(model, _try(problem, unit, slope, k, k_grid), MOST // 2)
 
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sandbot_common.robot import Robot
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect, Values
 from sandbot_model.physics.effect import Parameter as Parameter  # users' files of 0.1 import it from here
 from sandbot_model.physics.geometry import chord
-from sandbot_model.physics.robot import Robot
 
 HORIZONTAL_STRENGTH = 146e3
 """α_x [N/m³], so that F_x is 4 N at 3.9 cm (physics §6)."""

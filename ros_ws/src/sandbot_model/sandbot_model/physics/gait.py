@@ -11,8 +11,8 @@ ASSUMED = "SGCS"
 """The gait that trials are taken to have whose table does not tell."""
 STANCE_END = 0.75
 """Leg angle [rad] at which a long stance ends, asin(s/2R)."""
-FRAME_S = 0.01
-"""Time between camera frames (physics §1)."""
+USUAL_FRAME_RATE_HZ = 100.0
+"""Frames a second where the data do not tell (Li09)."""
 FRAMES_OF_A_PEAK = 2.5
 _CUSTOM = re.compile(r"CUSTOM\((\S+) (\S+) (\S+)\)")
 
@@ -42,8 +42,8 @@ def slow_phase_ratio(gait: str) -> float:
     return theta_s / (2 * np.pi * duty)
 
 
-def peak_is_resolved(gait: str, omega: float) -> bool:
-    """Whether the fastest part of a stance lasts long enough to be seen at 100 frames/s.
+def peak_is_resolved(gait: str, omega: float, frame_rate_hz: float = USUAL_FRAME_RATE_HZ) -> bool:
+    """Whether the fastest part of a stance lasts long enough to be seen by the cameras.
 
     A gait that passes into the fast phase before the leg leaves the ground ends its stance at (2π - θ_s)/(2π(1 -
     d_c)) ω for (0.75 - θ_e)/that seconds; below two frames the largest v_x(t) is the cameras' and not the robot's.
@@ -53,4 +53,4 @@ def peak_is_resolved(gait: str, omega: float) -> bool:
     if slow_end >= STANCE_END:
         return True
     swing = (2 * np.pi - theta_s) / (2 * np.pi * (1 - duty)) * omega
-    return (STANCE_END - slow_end) / swing >= FRAMES_OF_A_PEAK * FRAME_S
+    return (STANCE_END - slow_end) / swing >= FRAMES_OF_A_PEAK / frame_rate_hz

@@ -2,8 +2,18 @@
 
 import numpy as np
 
+from sandbot_common.robot import Robot
 from sandbot_model.physics.arrays import Array
-from sandbot_model.physics.robot import Robot
+
+
+def deepest_m(robot: Robot) -> float:
+    """2R - h: the depth at which the step has shrunk to nothing and the robot swims."""
+    return 2 * robot.leg_radius_m - robot.axle_height_m
+
+
+def critical_k_n_per_m(robot: Robot) -> float:
+    """The stiffness that just carries the weight at the deepest depth, mg/(2R - h)."""
+    return robot.mass_per_leg_kg * robot.gravity_m_s2 / deepest_m(robot)
 
 
 def chord(robot: Robot, depth: Array) -> Array:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sandbot_common.errors import InputError
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect, Parameter
-from sandbot_model.physics.robot import SANDBOT, Robot
 from sandbot_model.physics.walking import BASES, V_SWIM_M_S, Inputs, KCurve, Params, Walker
 
 BASE_PARAMETERS = (

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_json
 from sandbot_common.parameters import parameter
+from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, robot_from_mapping
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import slow_phase_ratio
@@ -24,6 +25,7 @@ class PredictorParameters:
     """The model a predictor runs; ``result`` takes all from a file of ``discover --json`` or ``compare --json``."""
 
     result: str = parameter("", doc="JSON of discover or compare: use its last step (empty: the parameters below)")
+    robot: str = parameter("", doc="robot file (empty: the result's, else the trial's own, else SandBot)")
     model: str = parameter("simple", doc="base model", choices=tuple(BASES))
     effects: str = parameter("", doc="effects, separated by commas")
     values: str = parameter("", doc="their parameters, e.g. 'stance_overlap.eta=0.1, ...' (default: each one's start)")
@@ -92,28 +94,38 @@ class Predictor:
         return float(found.speed_m_s), float(stance_angle(step_from_lift(found.lift_m, radius), radius))
 
 
+def of_robot(predictor: Predictor, robot: Robot) -> Predictor:
+    """The same model for another robot."""
+    return Predictor(replace(predictor.model, robot=robot), predictor.theta, predictor.phi, predictor.k_n_per_m)
+
+
 def predictor_of(given: PredictorParameters) -> Predictor:
     """The predictor the parameters describe. Raises InputError where they do not fit together."""
+    robot = read_robot(given.robot) if given.robot else None
     if given.result:
-        return predictor_from_json(Path(given.result))
+        return predictor_from_json(Path(given.result), robot)
     if len(given.phi) != len(given.k_n_per_m) or list(given.phi) != sorted(set(given.phi)):
         raise InputError("phi must rise and have as many values as k_n_per_m")
     names = [name.strip() for name in given.effects.split(",") if name.strip()]
-    model = model_of(given.model, names, catalogue())
+    model = model_of(given.model, names, catalogue(), robot)
     values = {"delta_t_s": given.delta_t_s, "v_swim_m_s": given.v_swim_m_s, **_assignments(given.values)}
     return _predictor(model, values, np.array(given.phi), np.array(given.k_n_per_m), "values")
 
 
-def predictor_from_json(path: Path) -> Predictor:
-    """The last step of a result of ``discover --json`` or ``compare --json``."""
+def predictor_from_json(path: Path, robot: Robot | None = None) -> Predictor:
+    """The last step of a result of ``discover --json`` or ``compare --json``, which must be of ``robot`` if given."""
     content = read_json(path)
     try:
         step = content["steps"][-1]
         values = {name: one["value"] for name, one in step["parameters"].items()}
         curve = [(row["phi"], row["value"]) for row in step["k_n_per_m"]]
-        model = model_of(content["model"], step["effects"], catalogue())
-    except (KeyError, IndexError, TypeError) as error:
+        told = content.get("robot")
+        own = robot_from_mapping(told, f"{path}: robot") if told is not None else robot or SANDBOT
+        model = model_of(content["model"], step["effects"], catalogue(), own)
+    except (KeyError, IndexError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: not a result of discover or compare: {type(error).__name__} {error}") from None
+    if robot is not None and robot != own:
+        raise InputError(f"{path}: the result of another robot than robot says ({difference(own, robot)})")
     phi, k = np.array(curve, dtype=float).T
     return _predictor(model, values, phi, k, str(path))
 

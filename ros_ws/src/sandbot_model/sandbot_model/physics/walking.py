@@ -16,10 +16,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.chain import Chain, through
 from sandbot_model.physics.effect import Effect
-from sandbot_model.physics.robot import SANDBOT, Robot
+from sandbot_model.physics.geometry import deepest_m
 
 BASES: dict[str, tuple[str, ...]] = {
     "simple": (),
@@ -139,7 +140,7 @@ class Walker:
         swum = _flat(virgin.v_swim * virgin.thrust_time)
         columns = np.broadcast_arrays(
             np.where(walking, _flat(steady.speed), swim),
-            np.where(walking, self.robot.deepest_m - footing.depth, 0.0),
+            np.where(walking, deepest_m(self.robot) - footing.depth, 0.0),
             np.where(walking, _flat(steady.leg_speed * steady.peak_ratio), swim),
             np.where(footing.virgin_walking, _flat(virgin.advance), swum),
             np.where(walking, footing.depth, np.nan),
@@ -176,7 +177,7 @@ class Walker:
         return _flat(self.chain(inputs, params, np.array([0.01]), first_step=False).sigma_phi)
 
     def _first_crossing(self, inputs: Inputs, params: Params, *, first_step: bool) -> tuple[Array, Bool]:
-        grid = _depth_grid(self.robot.deepest_m)
+        grid = _depth_grid(deepest_m(self.robot))
         margin = self.chain(inputs, params, grid, first_step=first_step).margin
         holds = margin >= 0
         walking = holds.any(axis=-1)
@@ -195,7 +196,7 @@ class Walker:
             )
             low, high = np.where(above, low, depth), np.where(above, depth, high)
         depth = _secant(low, high, margin_low, margin_high)
-        return np.where(walking, depth, self.robot.deepest_m), np.asarray(walking)
+        return np.where(walking, depth, deepest_m(self.robot)), np.asarray(walking)
 
 
 def _secant(low: Array, high: Array, margin_low: Array, margin_high: Array) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 
 from sandbot_model.data.conditions import Floats
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import CM
 from sandbot_model.physics.walking import KCurve
 from sandbot_model.report.figures import as_json, in_panel, legend_entry, model_name, panels
@@ -40,7 +41,7 @@ def forces(fit: Fit, omega_rad_s: float) -> Forces:
         cells.slow_phase_ratio[first],
         KCurve(fit.level_phi, fit.k_n_per_m),
     )
-    depth = np.linspace(0.0, fit.model.robot.deepest_m, DEPTH_POINTS)
+    depth = np.linspace(0.0, deepest_m(fit.model.robot), DEPTH_POINTS)
     chain = walker.chain(inputs, params, depth, first_step=False)
     given, needed = (
         np.broadcast_to(force, (len(first), len(depth))) for force in (chain.force + chain.extra_force, chain.load)

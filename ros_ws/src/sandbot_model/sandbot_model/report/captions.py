@@ -20,7 +20,7 @@ HOW = {
     "the mean. Cells without a mark agree with the model; – was not measured.",
     "ladder": "In sample: the model fitted to all trials. Out of sample: each condition predicted by a model fitted "
     "without it. Noise floor: scatter of replicates, which no model can beat.",
-    "lock": "A leg of radius R = 3.55 cm that lifts its axle by Δz advances by s = 2√(Δz(2R − Δz)), whatever the "
+    "lock": "A leg of radius R that lifts its axle by Δz advances by s = 2√(Δz(2R − Δz)), whatever the "
     "ground. Points along the curve: the legs hold, and only how deep they sink changes. Points off it: speed is lost "
     "or won after the legs hold (slip, drag, overlap of stances, coasting). Open grey: the robot swims (no lift beyond "
     "noise).",
@@ -111,7 +111,8 @@ def lock(cells: Cells) -> str:
     if not known.size:
         return "Step length against body lift. No walking cell has both speed and lift."
     return (
-        "Step length against body lift, with the curve that the geometry of a circular leg dictates. Step length from "
+        "Step length against body lift, with the curve that the geometry of a circular leg of radius "
+        f"R = {CM * cells.robot.leg_radius_m:.3g} cm dictates. Step length from "
         f"speed over step length from lift: median {np.median(known):.3f} over {known.size} walking cells (1: nothing "
         "lost or won between step and speed)."
     )

@@ -242,7 +242,7 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme:
     }
 
 
-def lock_curve(lift_m: Floats, radius_m: float = 0.0355) -> Floats:
+def lock_curve(lift_m: Floats, radius_m: float) -> Floats:
     """Step length s = 2√(Δz(2R − Δz)) [m] of a leg of radius R that lifts its axle by Δz [m] (Li09, physics §2)."""
     return step_from_lift(lift_m, radius_m)
 
@@ -252,10 +252,11 @@ def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
     step_length, step_scatter = (CM * np.pi * f(cells, "speed") / cells.omega for f in (measured, scatter))
     lift, lift_scatter = (CM * f(cells, "lift") for f in (measured, scatter))
     grid = np.linspace(0.0, max(_finite_max(lift) / CM * 1.15, 1e-3), 121)
+    locked = lock_curve(grid, cells.robot.leg_radius_m)
     data: list[Spec] = [
         {
             "type": "scatter", "mode": "lines", "name": "s = 2√(Δz(2R − Δz))<br>nothing fitted", "hoverinfo": "skip",
-            "x": as_json(CM * grid), "y": as_json(CM * lock_curve(grid)), "line": {"color": theme.ink, "width": 1.5},
+            "x": as_json(CM * grid), "y": as_json(CM * locked), "line": {"color": theme.ink, "width": 1.5},
         }
     ]  # fmt: skip
     walking = walks(cells)

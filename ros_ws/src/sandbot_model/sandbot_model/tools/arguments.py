@@ -3,16 +3,21 @@
 import argparse
 import json
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from sandbot_common.cli import Parser, output
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_text, writing
+from sandbot_common.robot import Robot, difference, read_robot
 from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.data.penetrometer import Readings, read_readings
 from sandbot_model.fitting.parallel import Map, cluster, workers
+from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ
 from sandbot_model.physics.walking import BASES
+from sandbot_record.trials.read import read
+from sandbot_record.trials.setting import frame_rate
 from sandbot_record.trials.table import Trials
 
 
@@ -38,11 +43,54 @@ def add_catalogue(parser: Parser) -> None:
 def add_data(parser: Parser) -> None:
     """What to read and what to write."""
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
+    add_setting(parser)
     add_penetrometer(parser)
     parser.add_argument("--model", choices=tuple(BASES), default="simple", help="base model (default: simple)")
     parser.add_argument("--json", type=output, metavar="OUT", help="write the result as JSON")
     parser.add_argument("--html", type=output, metavar="OUT", help="write a self-contained report")
     parser.add_argument("--title", default=None, help="title of the report (default: the name of DATA)")
+
+
+def add_setting(parser: Parser) -> None:
+    """What a bag tells and a table doesn't: who walked, and how it was filmed."""
+    parser.add_argument(
+        "--robot",
+        type=Path,
+        metavar="FILE.yaml",
+        help="the robot, as in robot.yaml (default: the bags' own, else SandBot)",
+    )
+    parser.add_argument(
+        "--cameras",
+        type=Path,
+        metavar="FILE.yaml",
+        help=f"the cameras' frame rate (default: the bags' own, else {USUAL_FRAME_RATE_HZ:g} frames/s)",
+    )
+
+
+def trials(args: argparse.Namespace) -> tuple[Trials, str]:
+    """The trials of DATA, of the robot and frame rate that the options name, and a line on whose numbers are used.
+
+    Raises InputError.
+    """
+    found = read(args.data)
+    if args.cameras is not None:
+        found = replace(found, frame_rate_hz=frame_rate(args.cameras))
+    if args.robot is not None:
+        return _of_robot(found, read_robot(args.robot), str(args.robot))
+    told = "as the bags tell" if found.robot else "not told, SandBot is assumed (--robot FILE.yaml names another)"
+    return found, f"robot: {told}"
+
+
+def _of_robot(trials: Trials, robot: Robot, where: str) -> tuple[Trials, str]:
+    own, line = trials.robot, f"robot: {where}"
+    if own is not None and own != robot:
+        if own.leg_mount_rad != robot.leg_mount_rad:
+            raise InputError(
+                f"{where}: leg_mount_rad: {robot.leg_mount_rad:g}, but the first steps in DATA were read with "
+                f"{own.leg_mount_rad:g}; say that here, too"
+            )
+        line += f" in place of the bags' own ({difference(robot, own)})"
+    return replace(trials, robot=robot), line
 
 
 def add_penetrometer(parser: Parser) -> None:

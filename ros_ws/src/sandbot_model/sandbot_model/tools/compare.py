@@ -20,7 +20,6 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.report import write_comparison
 from sandbot_model.tools import arguments, tables
-from sandbot_record.trials.read import read
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -47,11 +46,12 @@ def _compare(argv: Sequence[str]) -> None:
         raise InputError("--dask: only the draws of --bootstrap N go to a cluster; give that too")
     selection = _selection(args)
     effects = catalogue(args.effects_from, selection.formulas)
-    trials = read(args.data)
+    trials, robot_line = arguments.trials(args)
     readings = arguments.readings(args)
     cells = cells_of(trials, readings)
     steps = steps_of(selection, cells, effects)
-    print(tables.data_line(steps[0]), "\n")
+    print(tables.data_line(steps[0]))
+    print(robot_line, "\n")
     if selection.by_hand:
         print("last step held by hand:", ", ".join(f"{name} = {value:g}" for name, value in selection.by_hand), "\n")
     print(tables.ladder(steps), "\n")
@@ -60,7 +60,7 @@ def _compare(argv: Sequence[str]) -> None:
     print(tables.lock_line(geometry_lock(cells)))
     content = to_json(steps)
     if args.bootstrap is not None:
-        model = model_of(selection.model, selection.effects, effects)
+        model = model_of(selection.model, selection.effects, effects, cells.robot)
         bar = partial(tqdm, total=args.bootstrap, desc="bootstrap", unit="draw", file=sys.stderr, disable=None)
         with fitters as fit_all:
             near = steps[-1].warm_start

@@ -12,7 +12,6 @@ from sandbot_model.discovery.discover import Discovery, discover
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.report import write_report
 from sandbot_model.tools import arguments, tables
-from sandbot_record.trials.read import read
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -31,7 +30,7 @@ def _discover(argv: Sequence[str]) -> None:
         raise InputError(f"--max-effects {args.max_effects}: 0 or more are needed")
     fitters = arguments.fitters(args)
     effects = catalogue(args.effects_from, args.effect)
-    trials = read(args.data)
+    trials, robot_line = arguments.trials(args)
     cells = arguments.cells(args, trials)
     with fitters as fit_all, tqdm(unit="fit", file=sys.stderr, disable=None) as bar:
 
@@ -44,6 +43,8 @@ def _discover(argv: Sequence[str]) -> None:
         found = discover(
             cells, effects, base=args.model, max_effects=args.max_effects, fit_all=fit_all, progress=progress
         )
+    print(tables.data_line(found.steps[0]))
+    print(robot_line, "\n")
     _print(found)
     if args.json is not None:
         arguments.write_json(args.json, found.to_json())
@@ -56,7 +57,6 @@ def _discover(argv: Sequence[str]) -> None:
 
 
 def _print(found: Discovery) -> None:
-    print(tables.data_line(found.steps[0]), "\n")
     print(tables.ladder(found.steps), "\n")
     if found.stages:
         print(tables.stages(found), "\n")

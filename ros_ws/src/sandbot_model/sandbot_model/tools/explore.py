@@ -41,6 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _explore(argv: Sequence[str]) -> None:
     parser = cli.Parser(prog="explore", description=__doc__)
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
+    arguments.add_setting(parser)
     arguments.add_penetrometer(parser)
     parser.add_argument("--beside", type=Path, metavar="DATA", help="another data set to show with the same effects")
     parser.add_argument("--port", type=int, default=8050, help="port on this host (default: 8050; 0: any free one)")
@@ -58,7 +59,7 @@ def _explore(argv: Sequence[str]) -> None:
     query = to_query(from_mapping(read_yaml(args.selection), str(args.selection))) if args.selection else ""
     title = args.title or args.data[0].resolve().stem
     try:
-        trials = read(args.data)
+        trials, _ = arguments.trials(args)
         cells = arguments.cells(args, trials)
     except InputError as error:
         # A name that is none is a slip of the command line; data that say nothing are for the page to tell.

@@ -11,7 +11,8 @@ from std_msgs.msg import Float64, String
 from sandbot_common import messages, node, topics
 from sandbot_common.files import parse_json
 from sandbot_common.legs import leg_mount_rad
-from sandbot_model.physics.predictor import Predictor, PredictorParameters, predictor_of
+from sandbot_common.robot import difference, robot_from_mapping
+from sandbot_model.physics.predictor import Predictor, PredictorParameters, of_robot, predictor_of
 
 NO_VARIANCE = -1.0
 
@@ -44,12 +45,27 @@ class PredictorNode(Node):
             trial = parse_json(message.data, topics.TRIAL.name)
             self._omega, self._gait = float(trial["omega_rad_s"]), str(trial.get("gait", ""))
             self._leg_mount_rad = leg_mount_rad(trial, topics.TRIAL.name)
+            self._mind(trial)
             if math.isnan(self._phi) and "phi" in trial:
                 self._phi = float(trial["phi"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             self._health.level, self._health.text = 1, f"/trial can't be read: {type(error).__name__} {error}"
             return
         self._announce()
+
+    def _mind(self, trial: Mapping[str, object]) -> None:
+        """Walk the trial's robot, unless a file or a result says which robot this predictor is of."""
+        if "robot" not in trial:
+            return
+        robot, own = robot_from_mapping(trial["robot"], "/trial: robot"), self._predictor.model.robot
+        settings = self._settings.current
+        if not settings.robot and not settings.result:
+            self._predictor = of_robot(self._predictor, robot)
+        elif robot != own:
+            self._health.level = 1
+            self._health.text = f"predicts for another robot than /trial tells ({difference(own, robot)})"
+        else:
+            self._health.level, self._health.text = 0, "ok"
 
     def _on_phi(self, message: Float64) -> None:
         self._phi = float(message.data)

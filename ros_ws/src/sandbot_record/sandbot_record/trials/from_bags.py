@@ -19,21 +19,26 @@ import numpy as np
 from sandbot_common import files, topics
 from sandbot_common.errors import InputError
 from sandbot_common.legs import leg_mount_rad
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_common.workers import pool
 from sandbot_record.bags import reader
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials.csv_table import read_csv, write_csv
+from sandbot_record.trials.setting import Setting, of_bag, of_campaign, shared
 from sandbot_record.trials.table import OK, Floats, Row, Trials, from_rows
 from sandbot_tracking.trial import TrialSummary, summarise
 
 TRIALS_CSV = "trials.csv"
 CACHE = ".table-cache.json"
-RECIPE = "4"
+RECIPE = "5"
 """Part of the cache key: raise it when rows are made otherwise."""
 
 _POINT = ("point.x", "point.y", "point.z")
 _PARALLEL_FROM = 8
 """Bags from which starting worker processes pays."""
+
+
+Measured = tuple[Row, Setting]
 
 
 @dataclass(frozen=True)
@@ -46,10 +51,20 @@ class Report:
 
 
 def row_from_bag(path: Path) -> Row:
-    """The row of one trial's bag. Raises InputError if the bag is unreadable, unfinished or says nothing of a trial.
+    """The row of one trial's bag, see `trial_from_bag`."""
+    return _measured(path)[0]
+
+
+def trial_from_bag(path: Path) -> Trials:
+    """The table of one trial. Raises InputError if the bag is unreadable, unfinished or says nothing of a trial.
 
     What could not be measured is NaN, and status says why.
     """
+    row, setting = _measured(path)
+    return from_rows([row], setting.robot, setting.frame_rate_hz)
+
+
+def _measured(path: Path) -> tuple[Row, Setting]:
     bag = Bag.open(path)
     if not bag.count:
         raise InputError(f"{path}: empty bag, no messages")
@@ -63,10 +78,12 @@ def row_from_bag(path: Path) -> Row:
         replicate=_float(plan.get("replicate")),
     )
     exit_status = _exit_status(bag)
+    setting = of_bag(bag, plan, math.nan)
     try:
-        summary = _summary(bag, plan)
+        robot = replace(setting.robot or SANDBOT, leg_mount_rad=_leg_mount_rad(plan, setting.robot))
+        summary, frame_rate_hz = _summary(bag, robot)
     except InputError as error:
-        return replace(row, status=str(error).removeprefix(f"{path}: "))
+        return replace(row, status=str(error).removeprefix(f"{path}: ")), setting
     row = replace(
         row,
         speed_m_s=summary.speed_m_s,
@@ -75,7 +92,20 @@ def row_from_bag(path: Path) -> Row:
         peak_speed_m_s=summary.peak_speed_m_s,
         first_step_m=summary.first_step_m,
     )
-    return replace(row, status=_status(row, exit_status, summary.reason))
+    row = replace(row, status=_status(row, exit_status, summary.reason))
+    return row, replace(setting, frame_rate_hz=frame_rate_hz)
+
+
+def _leg_mount_rad(plan: dict[str, Any], robot: Robot | None) -> float:
+    """Where /trial gives it beside the robot, the two must agree: bags of earlier versions give it there alone."""
+    if "leg_mount_rad" not in plan:
+        return robot.leg_mount_rad if robot else 0.0
+    mount = leg_mount_rad(plan, topics.TRIAL.name)
+    if robot is not None and mount != robot.leg_mount_rad:
+        raise InputError(
+            f"{topics.TRIAL.name}: leg_mount_rad {mount:g} is not that of the robot, {robot.leg_mount_rad:g}"
+        )
+    return mount
 
 
 def campaign(folder: Path, workers: int | None = None) -> Report:
@@ -88,20 +118,26 @@ def campaign(folder: Path, workers: int | None = None) -> Report:
         if (folder / TRIALS_CSV).is_file():
             return Report(read_csv(folder / TRIALS_CSV), (), 0)
         raise InputError(f"{folder}: neither a campaign (trials/<trial_id>/ or {TRIALS_CSV}) nor a bag")
+    told = of_campaign(folder)
     if _table_is_newer(folder, bags):
-        return Report(read_csv(folder / TRIALS_CSV), (), len(bags))
+        setting = shared([told, _measured(bags[0])[1]])
+        table = replace(read_csv(folder / TRIALS_CSV), robot=setting.robot, frame_rate_hz=setting.frame_rate_hz)
+        return Report(table, (), len(bags))
     cache = _read_cache(folder)
     hashes = {bag: content_hash(bag) for bag in bags}
     todo = [bag for bag in bags if hashes[bag] not in cache]
     made = dict(zip(todo, _rows(todo, workers), strict=True))
-    results = {bag: made[bag] if bag in made else Row(**cache[hashes[bag]]) for bag in bags}
-    rows = {bag: row for bag, row in results.items() if isinstance(row, Row)}
-    skipped = [str(error) for error in results.values() if isinstance(error, str)]
-    if not rows:
+    results = {bag: made[bag] if bag in made else cache[hashes[bag]] for bag in bags}
+    measured = {bag: one for bag, one in results.items() if not isinstance(one, str)}
+    skipped = [error for error in results.values() if isinstance(error, str)]
+    if not measured:
         raise InputError(f"{folder}: none of {len(bags)} bags gives a row; the first: {skipped[0]}")
+    rows = {bag: row for bag, (row, _) in measured.items()}
     _check_ids(rows)
-    _write_cache(folder, {hashes[bag]: _jsonable(row) for bag, row in rows.items()})
-    return Report(from_rows(list(rows.values())), tuple(skipped), len(bags) - len(todo))
+    _write_cache(folder, {hashes[bag]: one for bag, one in measured.items()})
+    setting = shared([told, *(one for _, one in measured.values())])
+    table = from_rows(list(rows.values()), setting.robot, setting.frame_rate_hz)
+    return Report(table, tuple(skipped), len(bags) - len(todo))
 
 
 def make(folder: Path, out: Path | None = None, workers: int | None = None) -> Path:
@@ -146,7 +182,7 @@ def _table_is_newer(folder: Path, bags: Sequence[Path]) -> bool:
     return len(read_csv(table)) == len(bags)
 
 
-def _rows(bags: Sequence[Path], workers: int | None) -> list[Row | str]:
+def _rows(bags: Sequence[Path], workers: int | None) -> list[Measured | str]:
     """A row or the reason why there is none, for each bag."""
     workers = min(workers or os.cpu_count() or 1, len(bags))
     if workers < 2 or len(bags) < _PARALLEL_FROM:
@@ -155,9 +191,9 @@ def _rows(bags: Sequence[Path], workers: int | None) -> list[Row | str]:
         return list(forked.map(_row_or_reason, bags, chunksize=4))
 
 
-def _row_or_reason(bag: Path) -> Row | str:
+def _row_or_reason(bag: Path) -> Measured | str:
     try:
-        return row_from_bag(bag)
+        return _measured(bag)
     except InputError as error:
         return str(error)
 
@@ -181,21 +217,23 @@ def plan_of(bag: Bag) -> dict[str, Any]:
     return plan
 
 
-def _summary(bag: Bag, plan: dict[str, Any]) -> TrialSummary:
+def _summary(bag: Bag, robot: Robot) -> tuple[TrialSummary, float]:
+    """What was measured, and how many frames a second it was measured in (NaN below two)."""
     zero_ns = start_ns(bag)
     com, front, rear = _landmarks(bag)
     frames = np.unique(np.concatenate([com[0], front[0], rear[0]]))
     legs = bag.columns(topics.LEG_STATES.name, "position", *FIELD_STAMP)
     leg_ns, first = np.unique(legs.stamp_ns, return_index=True)
-    return summarise(
+    summary = summarise(
         (frames - zero_ns) * 1e-9,
         _on(frames, *com, 0),
         _on(frames, *front, 2),
         _on(frames, *rear, 2),
         (leg_ns - zero_ns) * 1e-9,
         legs["position"][first],
-        leg_mount_rad=leg_mount_rad(plan, topics.TRIAL.name),
+        robot=robot,
     )
+    return summary, round(1e9 / float(np.median(np.diff(frames))), 1) if len(frames) > 1 else math.nan
 
 
 def _landmarks(bag: Bag) -> list[tuple[Any, Floats]]:
@@ -266,28 +304,30 @@ def _check_ids(rows: dict[Path, Row]) -> None:
         seen[row.trial_id] = bag
 
 
-def _read_cache(folder: Path) -> dict[str, dict[str, Any]]:
-    """Rows by content hash; a cache that can't be read is no cache."""
+def _read_cache(folder: Path) -> dict[str, Measured]:
+    """Rows and settings by content hash; a cache that can't be read is no cache."""
     try:
-        content = files.read_json(folder / CACHE)
-        return {
-            key: asdict(Row(**{name: _from_json(value) for name, value in row.items()})) for key, row in content.items()
-        }
-    except (InputError, TypeError, AttributeError):
+        return {key: _from_json(one) for key, one in files.read_json(folder / CACHE).items()}
+    except (InputError, TypeError, ValueError, AttributeError, LookupError):
         return {}
 
 
-def _write_cache(folder: Path, rows: dict[str, dict[str, Any]]) -> None:
+def _write_cache(folder: Path, measured: dict[str, Measured]) -> None:
     # A read-only campaign is read all the same, only not as fast the next time.
     with contextlib.suppress(OSError):
-        files.write_text(folder / CACHE, json.dumps(rows))
+        files.write_text(folder / CACHE, json.dumps({key: _jsonable(*one) for key, one in measured.items()}))
 
 
-def _jsonable(row: Row) -> dict[str, Any]:
-    return {
-        name: None if isinstance(value, float) and math.isnan(value) else value for name, value in asdict(row).items()
-    }
+def _jsonable(row: Row, setting: Setting) -> list[dict[str, Any]]:
+    return [
+        {name: None if isinstance(value, float) and math.isnan(value) else value for name, value in asdict(one).items()}
+        for one in (row, setting)
+    ]
 
 
-def _from_json(value: Any) -> Any:
-    return math.nan if value is None else value
+def _from_json(content: list[dict[str, Any]]) -> Measured:
+    row: dict[str, Any]
+    setting: dict[str, Any]
+    row, setting = ({name: math.nan if value is None else value for name, value in one.items()} for one in content)
+    robot = setting["robot"]
+    return Row(**row), Setting(**{**setting, "robot": Robot(**robot) if isinstance(robot, dict) else None})

@@ -5,39 +5,40 @@ from pathlib import Path
 
 from sandbot_common.errors import InputError
 from sandbot_record.bags.reader import is_bag
-from sandbot_record.trials.csv_table import csv_rows
-from sandbot_record.trials.from_bags import campaign, row_from_bag
+from sandbot_record.trials.csv_table import read_csv
+from sandbot_record.trials.from_bags import campaign, trial_from_bag
+from sandbot_record.trials.setting import Setting, shared
 from sandbot_record.trials.table import OK, Row, Trials, check_ids, from_rows
 
 
 def read(data: Path | str | Sequence[Path | str]) -> Trials:
     """The trials of DATA: a campaign folder, one or more bags, or CSV files (several are joined).
 
-    Raises InputError (one line: which file, row, column, value) if anything does not fit, if two trials share an id, or
-    if no trial is usable.
+    Raises InputError (one line: which file, row, column, value) if anything does not fit, if two trials share an id or
+    are of two robots, or if no trial is usable.
     """
     given = [data] if isinstance(data, Path | str) else list(data)
     if not given:
         raise InputError("no data given: a campaign folder, bags or a trials CSV is needed")
-    rows: list[Row] = []
-    for path in map(Path, given):
-        rows += _read_one(path)
+    tables = [_read_one(path) for path in map(Path, given)]
+    rows = [row for table in tables for row in table.rows()]
     where = ", ".join(str(path) for path in given[:3]) + (" …" if len(given) > 3 else "")
     check_ids(rows, [where] * len(rows))
-    table = from_rows(rows)
+    setting = shared(Setting(str(path), one.robot, one.frame_rate_hz) for path, one in zip(given, tables, strict=True))
+    table = from_rows(rows, setting.robot, setting.frame_rate_hz)
     if not table.usable.any():
         raise InputError(f"{where}: no usable trial among {len(rows)}: {_why_unusable(rows)}")
     return table
 
 
-def _read_one(path: Path) -> list[Row]:
+def _read_one(path: Path) -> Trials:
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     if path.is_file() and not is_bag(path):
-        return csv_rows(path)
+        return read_csv(path)
     if is_bag(path):
-        return [row_from_bag(path)]
-    return campaign(path).trials.rows()
+        return trial_from_bag(path)
+    return campaign(path).trials
 
 
 def _why_unusable(rows: Sequence[Row]) -> str:

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
+from sandbot_common.robot import Robot
 
 Floats = NDArray[np.float64]
 OK = "ok"
@@ -56,6 +57,10 @@ class Trials:
     peak_speed_m_s: Floats
     first_step_m: Floats
     status: NDArray[Any]
+    robot: Robot | None = None
+    """The robot of all of them; None: the data do not tell."""
+    frame_rate_hz: float = math.nan
+    """Frames a second of the cameras; NaN: the data do not tell."""
 
     def __len__(self) -> int:
         return len(self.trial_id)
@@ -79,16 +84,16 @@ class Trials:
 
     def select(self, which: NDArray[Any]) -> "Trials":
         """The rows a mask or index array picks."""
-        return Trials(**{name: getattr(self, name)[which] for name in COLUMNS})
+        return replace(self, **{name: getattr(self, name)[which] for name in COLUMNS})
 
 
-def from_rows(rows: Sequence[Row]) -> Trials:
-    """The table of some rows."""
+def from_rows(rows: Sequence[Row], robot: Robot | None = None, frame_rate_hz: float = math.nan) -> Trials:
+    """The table of some rows, and what they share."""
     columns: dict[str, Any] = {
         name: np.array([getattr(row, name) for row in rows], dtype=np.str_ if name in TEXTS else np.float64)
         for name in COLUMNS
     }
-    return Trials(**columns)
+    return Trials(**columns, robot=robot, frame_rate_hz=frame_rate_hz)
 
 
 def check_ids(rows: Sequence[Row], where: Sequence[str]) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import check_output, whole_file, writing
+from sandbot_common.robot import SANDBOT, Robot, read_robot
 from sandbot_tracking.calibration import Camera, read_cameras
 from sandbot_tracking.led import LedEdge
 from sandbot_tracking.offline import OfflineTracker
@@ -28,6 +29,7 @@ def command(argv: Sequence[str]) -> int:
     parser.add_argument("dorsal", help="video of the dorsal camera")
     parser.add_argument("lateral", nargs="?", help="video of the lateral camera, frame by frame in step")
     parser.add_argument("--cameras", type=Path, required=True, help="YAML file of the calibrated cameras")
+    parser.add_argument("--robot", type=Path, help="YAML file of the robot (default: SandBot)")
     parser.add_argument("--omega", type=float, help="leg frequency [rad/s]: gives the observables")
     parser.add_argument("--start", type=float, help="time the legs start [s]; default: the sync LED, else 0")
     parser.add_argument("--out", type=cli.output, help="CSV to write (default: DORSAL.csv)")
@@ -42,7 +44,9 @@ def command(argv: Sequence[str]) -> int:
     for name in wanted:
         if name not in cameras:
             raise InputError(f"{given.cameras}: no {name!r} camera in it")
-    tracker, led_s = track({name: cameras[name] for name in wanted}, given.dorsal, given.lateral, given.omega)
+    robot = read_robot(given.robot) if given.robot else SANDBOT
+    seen = {name: cameras[name] for name in wanted}
+    tracker, led_s = track(seen, given.dorsal, given.lateral, given.omega, robot)
     start_s = given.start if given.start is not None else led_s if led_s is not None else 0.0
     marks = tracker.landmarks()
     try:
@@ -54,15 +58,19 @@ def command(argv: Sequence[str]) -> int:
     gone = int(np.isnan(marks.com[:, 0]).sum())
     print(f"{out}: {marks.t_s.size} frames, {gone} without the centre of mass, start at {start_s:.3f} s")
     if given.omega is not None:
-        print(line(observables(tracker, given.omega, start_s)))
+        print(line(observables(tracker, given.omega, start_s, robot)))
     return 0
 
 
 def track(
-    cameras: dict[str, Camera], dorsal: str, lateral: str | None, omega_rad_s: float | None
+    cameras: dict[str, Camera],
+    dorsal: str,
+    lateral: str | None,
+    omega_rad_s: float | None,
+    robot: Robot = SANDBOT,
 ) -> tuple[OfflineTracker, float | None]:
     """Track the videos to their ends; also the time of the LED's edge in the dorsal one [s], None if not seen."""
-    tracker = OfflineTracker(cameras, omega_rad_s=omega_rad_s)
+    tracker = OfflineTracker(cameras, robot, omega_rad_s=omega_rad_s)
     region = cameras["dorsal"].led_region
     led, edge_s = LedEdge(region) if region else None, None
     with Source(dorsal) as top:
@@ -79,15 +87,14 @@ def track(
     return tracker, edge_s
 
 
-def observables(tracker: OfflineTracker, omega_rad_s: float, start_s: float) -> TrialSummary:
+def observables(tracker: OfflineTracker, omega_rad_s: float, start_s: float, robot: Robot = SANDBOT) -> TrialSummary:
     """The trial's observables with legs that turn evenly at ω from the start on."""
     marks = tracker.landmarks()
     leg_t = np.arange(start_s, marks.t_s[-1] + 1e-9, min(0.005, 0.5 / omega_rad_s))
     turn = omega_rad_s * (leg_t - start_s)
     angles = turn[:, None] - np.array([np.pi / 2] * 3 + [3 * np.pi / 2] * 3)
-    return summarise(
-        marks.t_s, marks.com[:, 0], marks.front_axle[:, 2], marks.rear_axle[:, 2], leg_t, angles, start_s=start_s
-    )
+    landmarks = marks.com[:, 0], marks.front_axle[:, 2], marks.rear_axle[:, 2]
+    return summarise(marks.t_s, *landmarks, leg_t, angles, start_s=start_s, robot=robot)
 
 
 def write(path: Path, tracker: OfflineTracker, speed: Velocity) -> None:

@@ -4,10 +4,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from sandbot_common.robot import Robot
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Values
-from sandbot_model.physics.robot import Robot
+from sandbot_model.physics.geometry import deepest_m
 
 A00, A10, B11, B01, B_11 = 0.206, 0.169, 0.212, 0.358, 0.055
 """Generic vertical coefficients, Li 2013 table S2 (only their ratios matter here)."""
@@ -32,7 +33,7 @@ class ResistiveForceTheory(Effect):
 @lru_cache(maxsize=8)
 def _shape(robot: Robot, elements: int = 361, depths: int = 60) -> tuple[Array, Array]:
     """Force over (depth × its value at d_r), at depths from just below the surface to 2R - h."""
-    grid = np.linspace(1e-4, robot.deepest_m, depths)
+    grid = np.linspace(1e-4, deepest_m(robot), depths)
     force = np.array([_force(robot, depth, elements) for depth in grid])
     per_depth = force / grid
     return grid, per_depth / np.interp(robot.stiffness_depth_m, grid, per_depth)

@@ -4,6 +4,7 @@ import numpy as np
 
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Parameter, Values
+from sandbot_model.physics.geometry import deepest_m
 
 
 class UnequalLegLoad(Effect):
@@ -24,4 +25,4 @@ class UnequalLegLoad(Effect):
             return
         middle = chain.penetration * (1 + p["x"])
         # Exactly at the deepest depth the chain ends anyway; a margin keeps x = 0 the base model to the last bit.
-        chain.k = np.where(middle > chain.robot.deepest_m * (1 + 1e-12), 0.0, chain.k)
+        chain.k = np.where(middle > deepest_m(chain.robot) * (1 + 1e-12), 0.0, chain.k)

@@ -1,0 +1,117 @@
+"""The robot in numbers: declared once, read once (``robot.yaml``), the same for lab, tracking and analysis."""
+
+import dataclasses
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from sandbot_common.errors import InputError
+from sandbot_common.files import load_yaml, read_yaml
+from sandbot_common.parameters import from_mapping, parameter, specs
+
+FILE = "robot.yaml"
+"""Its name in a campaign's folder and among a bag's attachments."""
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot on c-legs, three a tripod; SandBot (Li09) by default. Numbers that don't go together: InputError."""
+
+    leg_radius_m: float = parameter(0.0355, unit="m", doc="c-leg radius R", low=0.005, high=0.5)
+    axle_height_m: float = parameter(0.025, unit="m", doc="axle height h above the flat belly", low=0.0, high=1.0)
+    leg_width_m: float = parameter(0.012, unit="m", doc="leg width w", low=0.001, high=0.5)
+    arc_excess_rad: float = parameter(
+        math.pi / 4, unit="rad", doc="c-leg arc beyond a half circle Δξ", low=0.0, high=2.5
+    )
+    mass_per_leg_kg: float = parameter(0.767, unit="kg", doc="mass a stance leg carries m", low=0.005, high=100.0)
+    gravity_m_s2: float = parameter(9.81, unit="m/s²", doc="g", low=0.1, high=30.0)
+    leg_mount_rad: float = parameter(
+        0.0,
+        unit="rad",
+        doc="added to the shaft angle to give the angle of the c-leg's centre",
+        low=-math.pi,
+        high=math.pi,
+    )
+    axle_distance_m: float = parameter(
+        0.20, unit="m", doc="distance between the markers of front and rear axle", low=0.01, high=2.0
+    )
+    stiffness_depth_m: float = parameter(
+        0.039, unit="m", doc="depth d_r at which force laws are tied to the stiffness k", low=0.001, high=0.5
+    )
+    bed_depth_m: float = parameter(0.10, unit="m", doc="depth of the bed D", low=0.01, high=10.0)
+
+    def __post_init__(self) -> None:
+        """What no single bound sees."""
+        for name, high, what in (
+            ("axle_height_m", 2 * self.leg_radius_m, "twice leg_radius_m: the legs would not reach below the belly"),
+            ("leg_width_m", 2 * self.leg_radius_m, "twice leg_radius_m: a leg wider than its own circle"),
+            ("stiffness_depth_m", self.bed_depth_m, "bed_depth_m: deeper than there is ground"),
+        ):
+            if getattr(self, name) >= high:
+                raise InputError(f"{name}: {getattr(self, name):g} is not below {high:g}, {what}")
+
+
+SANDBOT = Robot()
+"""The robot of Li09."""
+
+
+def read_robot(path: Path | str) -> Robot:
+    """The robot a YAML file describes; what it leaves out is SandBot's. Raises InputError."""
+    return robot_from_mapping(read_yaml(Path(path)), str(path))
+
+
+def robot_from_text(text: str, where: str) -> Robot:
+    """The robot of a YAML text, such as a bag's attachment."""
+    try:
+        content = load_yaml(text)
+    except yaml.YAMLError as error:
+        raise InputError(f"{where}: not YAML: {' '.join(str(error).split())}") from None
+    return robot_from_mapping(content, where)
+
+
+def robot_from_mapping(mapping: Any, where: str) -> Robot:
+    """The robot of a mapping; ``where`` opens every error line. Raises InputError."""
+    if isinstance(mapping, Mapping):
+        for key in mapping:
+            if remedy := _in_its_unit(str(key)):
+                raise InputError(f"{where}: unknown key {key!r}; {remedy}")
+    try:
+        return from_mapping(Robot, mapping, where)
+    except InputError as error:
+        raise InputError(str(error) if str(error).startswith(where) else f"{where}: {error}") from None
+
+
+def to_mapping(robot: Robot) -> dict[str, float]:
+    """What ``robot_from_mapping`` reads back."""
+    return dataclasses.asdict(robot)
+
+
+def difference(one: Robot, other: Robot) -> str:
+    """In what two robots differ, "leg_radius_m 0.05 and 0.0355, …"; empty if in nothing."""
+    pairs = ((spec.name, getattr(one, spec.name), getattr(other, spec.name)) for spec in specs(Robot))
+    return ", ".join(f"{name} {left:g} and {right:g}" for name, left, right in pairs if left != right)
+
+
+_CONVERSIONS = {
+    "_mm": ("_m", "divided by 1000"),
+    "_cm": ("_m", "divided by 100"),
+    "_deg": ("_rad", "times π/180"),
+    "_g": ("_kg", "divided by 1000"),
+}
+
+
+def _in_its_unit(key: str) -> str:
+    """What a key that is right but for its unit should have been; empty for any other."""
+    bases = {re.sub("_(m_s2|kg|rad|m)$", "", spec.name): spec.name for spec in specs(Robot)}
+    if key in bases:
+        return f"say {bases[key]}: every key tells its unit"
+    for suffix, (unit, conversion) in _CONVERSIONS.items():
+        right = key.removesuffix(suffix) + unit
+        if key.endswith(suffix) and right in bases.values():
+            return f"say {right} (values {conversion})"
+    return ""

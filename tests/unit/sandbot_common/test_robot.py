@@ -1,0 +1,56 @@
+"""robot.yaml: what is written is read back; a key that would be ignored or misread is refused in one line."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sandbot_common.errors import InputError
+from sandbot_common.parameters import specs
+from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, robot_from_mapping, to_mapping
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ({"leg_radus_m": 0.05}, "unknown key 'leg_radus_m', did you mean 'leg_radius_m'?"),
+        ({"leg_radius": 0.05}, "say leg_radius_m: every key tells its unit"),
+        ({"gravity": 9.81}, "say gravity_m_s2"),
+        ({"leg_radius_mm": 50}, "say leg_radius_m (values divided by 1000)"),
+        ({"axle_height_cm": 2.5}, "say axle_height_m (values divided by 100)"),
+        ({"leg_mount_deg": 30}, "say leg_mount_rad (values times π/180)"),
+        ({"mass_per_leg_g": 767}, "say mass_per_leg_kg (values divided by 1000)"),
+        ({"leg_radius_m": 35.5}, "leg_radius_m: 35.5 is outside [0.005, 0.5] m"),
+        ({"leg_radius_m": "big"}, "'big' is not of type float"),
+        ({"mass_per_leg_kg": math.nan}, "nan is outside"),
+        ({"leg_mount_rad": 30}, "leg_mount_rad: 30 is outside"),
+        ({"axle_height_m": 0.08}, "axle_height_m: 0.08 is not below 0.071"),
+        ({"leg_radius_m": 0.01}, "axle_height_m: 0.025 is not below 0.02"),
+        ({"stiffness_depth_m": 0.2}, "stiffness_depth_m: 0.2 is not below 0.1"),
+        (["leg_radius_m"], "expected a mapping"),
+    ],
+)
+def test_what_cannot_be_a_robot_is_refused_with_the_remedy(content, words):
+    with pytest.raises(InputError) as refusal:
+        robot_from_mapping(content, "mine.yaml")
+    assert str(refusal.value).startswith("mine.yaml: ")
+    assert words in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+@given(st.floats(0.03, 0.5), st.floats(0.0, 0.059), st.floats(0.005, 100.0), st.floats(-math.pi, math.pi))
+def test_round_trip(radius, height, mass, mount):
+    robot = Robot(leg_radius_m=radius, axle_height_m=height, mass_per_leg_kg=mass, leg_mount_rad=mount)
+    assert robot_from_mapping(to_mapping(robot), "r") == robot
+    assert (difference(robot, SANDBOT) == "") == (robot == SANDBOT)
+
+
+def test_what_the_file_leaves_out_is_sandbots(tmp_path):
+    (tmp_path / "robot.yaml").write_text("leg_radius_m: 0.05\n", encoding="utf-8")
+    assert read_robot(tmp_path / "robot.yaml") == Robot(leg_radius_m=0.05)
+    assert difference(Robot(leg_radius_m=0.05), SANDBOT) == "leg_radius_m 0.05 and 0.0355"
+
+
+def test_every_key_tells_its_unit():
+    assert all(spec.name.endswith(("_m", "_kg", "_rad", "_m_s2")) and spec.unit for spec in specs(Robot))
