@@ -1,8 +1,11 @@
+import fcntl
+import itertools
 import os
 import signal
+import tempfile
 import time
-import zlib
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,12 +20,25 @@ settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
 
+DOMAINS = range(1, 102)
+"""Above 101 a DDS domain's ports would be anybody's; 0 is whatever else runs on this host."""
+
+
 @pytest.fixture
-def domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
-    """A DDS domain of this test's own, set for its processes as well; above 101 its ports would be anybody's."""
-    number = 1 + (os.getpid() * 7 + zlib.crc32(request.node.nodeid.encode())) % 100
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
-    return number
+def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """A DDS domain that no other test on this host has, set for this test's processes as well."""
+    folder = Path(tempfile.gettempdir()) / f"trackway-domains-{os.getuid()}"
+    folder.mkdir(exist_ok=True)
+    # Not all from the first on: what a domain was left with may need a moment to go.
+    for number in itertools.islice(itertools.cycle(DOMAINS), os.getpid() % len(DOMAINS), None):
+        with (folder / str(number)).open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # the end of this process frees it, whatever happens
+            except BlockingIOError:
+                continue
+            monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
+            yield number
+            return
 
 
 class Beside:
@@ -46,8 +62,8 @@ class Beside:
             self._executor.spin_once(timeout_sec=0.02)
         return bool(condition())
 
-    def until(self, condition: Callable[[], Any], seconds: float = 20.0) -> None:
-        """Wait for the condition to hold."""
+    def until(self, condition: Callable[[], Any], seconds: float = 60.0) -> None:
+        """Wait for the condition to hold; the limit is there to fail, not to measure."""
         assert self.wait(condition, seconds), "waited in vain"
 
     def call(self, service: str) -> Any:
@@ -58,7 +74,7 @@ class Beside:
 
         client = self.node.create_client(Trigger, service)
         self.until(client.service_is_ready)
-        answer = ask(client, Trigger.Request(), self.wait, 20.0)
+        answer = ask(client, Trigger.Request(), self.wait, 60.0)
         self.node.destroy_client(client)
         return answer
 

@@ -16,7 +16,7 @@ def clock(domain):
     process = subprocess.Popen([sys.executable, "-m", "sandbot_clock.clock_node"])
     yield
     process.terminate()
-    assert process.wait(timeout=10) == 0
+    assert process.wait(timeout=30) == 0
 
 
 def test_runs_on_schedule_stops_at_rest_and_heeds_the_air(clock, beside):

@@ -17,7 +17,7 @@ def predictor(domain):
     process = subprocess.Popen([sys.executable, "-m", "sandbot_model.tools.predictor_node"])
     yield process
     process.terminate()
-    process.wait(10)
+    process.wait(30)
 
 
 def test_follows_a_trial(predictor, beside):
@@ -42,7 +42,7 @@ def test_follows_a_trial(predictor, beside):
         assert predictor.poll() is None, "the predictor has gone"
         return speeds and means and errors
 
-    beside.until(answered, 30.0)
+    beside.until(answered)
     assert speeds[-1].twist.twist.linear.x == pytest.approx(0.0355 * 16.0)
     assert means[-1].data == pytest.approx(0.2135, abs=5e-4)
     assert errors[-1].data == pytest.approx(0.25 - means[-1].data)
