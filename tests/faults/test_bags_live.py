@@ -24,12 +24,14 @@ from sandbot_record.bags.playback import Timeline
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.bags.recover import recover
 from sandbot_record.bags.writer import BagWriter
+from sandbot_record.tools.record import main as record_main
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(300)]
 
 PUBLISHER = """
-import signal, sys, time
+import sys, time
 import numpy as np, rclpy
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Range
@@ -43,22 +45,22 @@ image = publisher(node, topics.DORSAL_IMAGE)
 weak = node.create_publisher(Range, "/bed/height", QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
 trial.publish(messages.string('{"trial_id": "t1"}'))
 frame = np.arange(480 * 640, dtype=np.uint8).reshape(480, 640)
-rate, wait_for, count = float(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
-while legs.get_subscription_count() < wait_for:
+rate, count, frames, *heard = float(sys.argv[1]), int(sys.argv[2]), sys.argv[3] == "True", *sys.argv[4:]
+outlets = {"legs": legs, "trial": trial, "image": image, "height": weak}
+while not all(outlets[name].get_subscription_count() for name in heard):
     time.sleep(0.02)
-time.sleep(0.5 * wait_for)  # the other topics are matched in the same moment, give or take
 print("go", flush=True)
 start, zero = time.monotonic(), np.zeros(6)
 for i in range(count):
     legs.publish(messages.joint_state(time.time_ns(), topics.LEGS, zero + i, zero, zero))
     if i % 20 == 0:
         weak.publish(messages.range_(i, 0.1, 0.0, 1.0, "bed"))
-        if len(sys.argv) > 4:
+        if frames:
             frame[0, :4] = np.frombuffer(i.to_bytes(4, "little"), np.uint8)
             image.publish(messages.image(i, "dorsal", frame))
     time.sleep(max(0.0, start + (i + 1) / rate - time.monotonic()))
+assert all(one.wait_for_all_acked(Duration(seconds=60)) for one in (legs, trial, image))
 print("done", flush=True)
-time.sleep(1.0)
 """
 
 
@@ -82,8 +84,9 @@ def recorder(*arguments, **options):
     return process("-X", "faulthandler", "-m", "sandbot_record.tools.record", *arguments, **options)
 
 
-def publisher(rate, wait_for, count, *more):
-    return process("-c", PUBLISHER, rate, wait_for, count, *more)
+def publisher(rate, count, *heard, frames=False):
+    """``count`` numbered messages on /leg_states, and frames, as soon as there are ears for what is to be heard."""
+    return process("-c", PUBLISHER, rate, count, frames, *heard)
 
 
 def until(started: subprocess.Popen, beginning: str) -> str:
@@ -95,7 +98,7 @@ def until(started: subprocess.Popen, beginning: str) -> str:
 
 def test_records_everything_and_matches_the_publishers_qos(tmp_path):
     names = ("/leg_states", "/trial", "/bed/height", "/speed")
-    with recorder(*names, "--out", tmp_path / "b") as record, publisher(500, 1, 1500) as source:
+    with recorder(*names, "--out", tmp_path / "b") as record, publisher(500, 1500, "legs", "trial", "height") as source:
         until(record, "recording to")
         until(source, "done")
         record.send_signal(signal.SIGINT)
@@ -119,7 +122,7 @@ def test_records_everything_and_matches_the_publishers_qos(tmp_path):
 def test_stops_cleanly(tmp_path, how):
     with (
         recorder("--all", "--images", "jpeg", "--out", tmp_path / "b") as record,
-        publisher(200, 1, 400, "i") as source,
+        publisher(200, 400, "legs", "image", frames=True) as source,
     ):
         until(record, "recording to")
         until(source, "done")
@@ -159,11 +162,12 @@ def stop_by_service() -> None:
     subprocess.run([sys.executable, "-c", CALLER], check=True, timeout=60)
 
 
-def test_killed_at_twenty_moments_all_but_the_last_second_comes_back(tmp_path):
+@pytest.mark.parametrize("batches", [3, pytest.param(10, marks=pytest.mark.whole)])
+def test_killed_at_any_moment_all_but_the_last_second_comes_back(tmp_path, batches):
     draw = random.Random(9)
-    with publisher(1000, 0, 200_000) as source:
+    with publisher(1000, 200_000) as source:
         until(source, "go")
-        for batch in range(10):
+        for batch in range(batches):
             bags = [tmp_path / f"b{batch}{n}" for n in range(2)]  # more at once would starve on two cores
             with contextlib.ExitStack() as stack:
                 running = [stack.enter_context(recorder("/leg_states", "--out", bag)) for bag in bags]
@@ -181,12 +185,12 @@ def test_killed_at_twenty_moments_all_but_the_last_second_comes_back(tmp_path):
 
 def wait_for_messages(record: subprocess.Popen, bag: Path) -> None:
     """Until there is something in a bag; a recorder that hears nothing says where its threads are (on stderr)."""
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 60
     while Bag.open(bag, strict=False).count == 0:
         if time.monotonic() > deadline:
             ended = record.poll()
             record.send_signal(signal.SIGABRT)
-            raise AssertionError(f"{bag.name}: nothing came within 20 s; exit code then {ended}, now {record.wait(10)}")
+            raise AssertionError(f"{bag.name}: nothing came within a minute; exit code then {ended}, now {record.wait(10)}")
         time.sleep(0.05)
 
 
@@ -223,7 +227,7 @@ def frame_numbers(bag: Path) -> list[int]:
 def test_frames_in_a_video_are_all_there_and_outlive_a_kill(tmp_path, codec):
     video = ("--images", "video", "--video-codec", codec)
     names = ("/leg_states", IMAGES)
-    with recorder(*names, *video, "--out", tmp_path / "a") as record, publisher(400, 1, 1200, "i") as source:
+    with recorder(*names, *video, "--out", tmp_path / "a") as record, publisher(400, 1200, "legs", "image", frames=True) as source:
         until(record, "recording to")
         until(source, "done")
         record.send_signal(signal.SIGINT)
@@ -231,7 +235,7 @@ def test_frames_in_a_video_are_all_there_and_outlive_a_kill(tmp_path, codec):
         assert record.wait(20) == 0
     assert frame_numbers(tmp_path / "a") == list(range(0, 1200, 20))
     draw = random.Random(4)
-    with publisher(400, 0, 100_000, "i") as source:
+    with publisher(400, 100_000, frames=True) as source:
         until(source, "go")
         for number in range(3):
             bag = tmp_path / f"k{number}"
@@ -255,7 +259,7 @@ def test_a_video_that_no_longer_fits_stops_the_recording_and_says_so(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
     command = ("/leg_states", IMAGES, "--images", "video", "--out", tmp_path / "b")
-    with recorder(*command, preexec_fn=small_files) as record, publisher(1000, 1, 8000, "i") as source:
+    with recorder(*command, preexec_fn=small_files) as record, publisher(1000, 8000, "legs", "image", frames=True) as source:
         until(source, "go")
         last = record.stdout.read()
         assert record.wait(20) == 1
@@ -275,7 +279,7 @@ def test_a_full_disk_closes_the_bag_and_says_so(tmp_path):
 
     with (
         recorder("/leg_states", "--out", tmp_path / "b", preexec_fn=small_files) as record,
-        publisher(500, 1, 4000) as source,
+        publisher(500, 4000, "legs") as source,
     ):
         until(source, "go")
         last = record.stdout.read()
@@ -291,28 +295,33 @@ def test_a_full_disk_closes_the_bag_and_says_so(tmp_path):
 
 
 def test_replayed_is_what_was_recorded(tmp_path):
-    with recorder("/leg_states", "--out", tmp_path / "a") as record, publisher(200, 1, 600) as source:
+    with recorder("/leg_states", "--out", tmp_path / "a") as record, publisher(200, 600, "legs") as source:
         until(record, "recording to")
         until(source, "done")
         record.send_signal(signal.SIGINT)
         assert record.wait(20) == 0
-    arguments = (tmp_path / "a", "--start", 1, "--rate", 2, "--clock", "--delay", 4, "--remap", "/leg_states:=/again")
-    with recorder("--all", "--out", tmp_path / "b") as record:
-        until(record, "recording to")
-        with process("-m", "sandbot_record.tools.replay", *arguments) as replay:
-            line = until(replay, "replayed")
-            assert replay.wait(20) == 0
+    arguments = (tmp_path / "a", "--start", 1, "--rate", 2, "--clock", "--remap", "/leg_states:=/again")
+    with (
+        replay_at_a_terminal(*arguments, "--delay", 3) as (strike, replay),
+        recorder("/again", "/clock", "--out", tmp_path / "b") as record,
+    ):
+        strike(" ")
+        until(record, "recording to")  # which it says of topics with a publisher that it has met
+        strike(" ")
+        line = until(replay, "replayed")
+        assert replay.wait(20) == 0
         record.send_signal(signal.SIGINT)
         assert record.wait(20) == 0
     first, second = Bag.open(tmp_path / "a"), Bag.open(tmp_path / "b")
     again = second.columns("/again", "position")
     numbers = again["position"][:, 0].astype(int)
-    assert (np.diff(numbers) == 1).all()
-    assert numbers[-1] == 599
+    assert numbers.tolist() == list(range(numbers[0], 600))
     assert abs(numbers[0] - 200) < 20
     original = first.columns("/leg_states").log_time_ns
-    played = (again.log_time_ns[-1] - again.log_time_ns[0]) * 2
-    assert played == pytest.approx(original[-1] - original[numbers[0]], rel=0.15)  # the first ones may be late
+    # Half of the messages later, twice as soon: the median, for a message here and there is late on a busy machine.
+    half = len(numbers) // 2
+    took, had_taken = (np.median(t_ns[half:] - t_ns[:-half]) for t_ns in (again.log_time_ns, original[numbers[0] :]))
+    assert 2 * took == pytest.approx(had_taken, rel=0.15)
     assert second.topics["/clock"].count > 50
     assert "late by" in line
 
@@ -327,9 +336,10 @@ node = rclpy.create_node("flood")
 qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 outlets = [node.create_publisher(JointState, "/leg_states", qos) for _ in range(2)]
 state = JointState(effort=[0.0] * 20_000)
+print("there", flush=True)
+input()
 while not all(one.get_subscription_count() for one in outlets):
     time.sleep(0.02)
-time.sleep(1.0)
 for _ in range(1000):
     for one in outlets:
         one.publish(state)
@@ -340,8 +350,14 @@ time.sleep(1.0)
 
 def test_what_the_middleware_lost_is_counted_also_of_two_publishers(tmp_path):
     """Two publishers: gaps in their numbers can't be told apart, only the middleware's own count is left."""
-    with recorder("/leg_states", "--out", tmp_path / "b") as record, process("-c", FLOOD) as source:
-        until(record, "recording to")
+    with (
+        process("-c", FLOOD, stdin=subprocess.PIPE) as source,
+        recorder("/leg_states", "--out", tmp_path / "b") as record,
+    ):
+        until(source, "there")
+        until(record, "recording to")  # it has met both
+        source.stdin.write("\n")
+        source.stdin.flush()
         until(source, "done")
         record.send_signal(signal.SIGINT)
         last = record.stdout.read()
@@ -376,7 +392,7 @@ def test_a_type_that_is_not_installed_is_named_once_and_the_rest_recorded(tmp_pa
     with (
         process("-c", MARKER) as viewer,
         process("-c", NOT_INSTALLED, "--all", "--out", tmp_path / "b") as record,
-        publisher(200, 1, 400) as source,
+        publisher(200, 400, "legs") as source,
     ):
         until(viewer, "go")
         refusal = until(record, "not recording")
@@ -402,7 +418,7 @@ def replay_at_a_terminal(*arguments):
     before = termios.tcgetattr(slave)
     try:
         with process("-m", "sandbot_record.tools.replay", *arguments, stdin=slave) as replay:
-            deadline = time.monotonic() + 20
+            deadline = time.monotonic() + 60
             while termios.tcgetattr(slave)[3] & termios.ICANON:
                 assert time.monotonic() < deadline
                 time.sleep(0.02)
@@ -414,9 +430,9 @@ def replay_at_a_terminal(*arguments):
 
 
 def slow_bag(path: Path) -> Path:
-    """20 s of 100 Hz."""
+    """A minute of 100 Hz."""
     with BagWriter(path) as writer:
-        for index in range(2001):
+        for index in range(6001):
             t_ns = bags.T0 + index * 10_000_000
             writer.write(topics.LEG_STATES, bags.joint_state(index, t_ns), t_ns)
     return path
@@ -424,7 +440,6 @@ def slow_bag(path: Path) -> Path:
 
 def test_keys_pause_seek_and_change_the_rate(tmp_path):
     bag = slow_bag(tmp_path / "b")
-    start = time.monotonic()
     with replay_at_a_terminal(bag, "--until", "1") as (strike, replay):
         strike(" ")
         with pytest.raises(subprocess.TimeoutExpired):
@@ -433,15 +448,16 @@ def test_keys_pause_seek_and_change_the_rate(tmp_path):
         assert "replayed 101 messages" in until(replay, "replayed")
         assert replay.wait(20) == 0
     with replay_at_a_terminal(bag) as (strike, replay):
-        strike(LEFT + RIGHT * 25)
+        strike(LEFT + RIGHT * 65)
         line = until(replay, "replayed")
         assert replay.wait(20) == 0
-        assert int(line.split()[1]) < 1000  # most of it was passed over
+        assert int(line.split()[1]) < 3000  # most of it was passed over
+    start = time.monotonic()
     with replay_at_a_terminal(bag) as (strike, replay):
         strike(DOWN + UP * 31)  # 1.1 to the power of 30: 17 times as fast
-        assert "replayed 2001 messages" in until(replay, "replayed")
+        assert "replayed 6001 messages" in until(replay, "replayed")
         assert replay.wait(20) == 0
-    assert time.monotonic() - start < 35  # 41 s without the keys, and the starts of three processes
+    assert time.monotonic() - start < 45  # 60 without the keys, 4 with them; the rest is what a busy machine takes
 
 
 @pytest.mark.parametrize(
@@ -455,9 +471,8 @@ def test_keys_pause_seek_and_change_the_rate(tmp_path):
         (("/x", "--frob"), "unknown option --frob"),
     ],
 )
-def test_record_refuses_in_one_line(tmp_path, arguments, complaint):
-    command = [sys.executable, "-m", "sandbot_record.tools.record", *arguments, "--out", str(tmp_path / "b")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 2
-    assert complaint in done.stderr
-    assert done.stderr.count("\n") == 1
+def test_record_refuses_in_one_line(tmp_path, arguments, complaint, capsys):
+    assert record_main([*arguments, "--out", str(tmp_path / "b")]) == 2
+    said = capsys.readouterr().err
+    assert complaint in said
+    assert said.count("\n") == 1
