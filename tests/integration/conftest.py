@@ -1,6 +1,8 @@
 import os
+import pty
 import signal
 import subprocess
+import termios
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -11,14 +13,17 @@ import yaml
 
 
 class Process:
-    """A real process whose output lines can be awaited."""
+    """A real process whose output lines can be awaited; its stdin is a terminal at which keys can be struck."""
 
     def __init__(self, command: list[str], env: dict[str, str]) -> None:
         self.lines: list[str] = []
         self._news = threading.Condition()
+        keyboard, terminal = pty.openpty()
+        self._keyboard, self._terminal = open(keyboard, "w"), open(terminal)
         self._process = subprocess.Popen(
-            command, env=env, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
-        )
+            command, env=env, text=True, stdin=self._terminal, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )  # fmt: skip
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -36,7 +41,7 @@ class Process:
         with self._news:
             self._news.notify_all()
 
-    def until(self, matches: Callable[[str], bool], timeout_s: float = 30.0) -> str:
+    def until(self, matches: Callable[[str], bool], timeout_s: float = 60.0) -> str:
         """The first line that matches; fails with the whole output where the process ends or time is up."""
         deadline = time.monotonic() + timeout_s
         with self._news:
@@ -49,6 +54,15 @@ class Process:
                     raise AssertionError("no such line in:\n" + "\n".join(self.lines))
                 self._news.wait(left)
 
+    def strike(self, keys: str, timeout_s: float = 60.0) -> None:
+        """Keys, once the process takes them one by one."""
+        deadline = time.monotonic() + timeout_s
+        while termios.tcgetattr(self._terminal)[3] & termios.ICANON:
+            assert time.monotonic() < deadline, "it does not listen to keys:\n" + "\n".join(self.lines)
+            time.sleep(0.02)
+        self._keyboard.write(keys)
+        self._keyboard.flush()
+
     def wait(self, timeout_s: float) -> int:
         """The exit code."""
         return self._process.wait(timeout_s)
@@ -58,12 +72,13 @@ class Process:
         if self._process.poll() is None:
             os.killpg(self._process.pid, signal.SIGINT)
             try:
-                self._process.wait(15)
+                self._process.wait(30)
             except subprocess.TimeoutExpired:
                 os.killpg(self._process.pid, signal.SIGKILL)
         self._reader.join(5)
         assert self._process.stdout is not None
-        self._process.stdout.close()
+        for file in (self._process.stdout, self._keyboard, self._terminal):
+            file.close()
         return self._process.wait(5)
 
 

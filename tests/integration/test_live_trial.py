@@ -17,7 +17,7 @@ from sandbot_common import topics
 from sandbot_lab.robot import simulate
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(600)]
 
 TRIAL = "phi0.6050_w12.000_r01"
 PHI = 0.605
@@ -50,7 +50,7 @@ def test_live_row_equals_batch_row_and_speed_is_seen_live(tmp_path, start, plan_
     echo = start("ros2", "topic", "echo", "/speed", "geometry_msgs/msg/TwistWithCovarianceStamped")
     rate = start("ros2", "topic", "hz", "/speed")
     live = start("ros2", "run", "sandbot_bringup", "campaign", plan, "--out", tmp_path / "live")
-    assert live.wait(180) == 0, "\n".join(live.lines + nodes.lines)
+    assert live.wait(500) == 0, "\n".join(live.lines + nodes.lines)
 
     echo.until(lambda line: re.search(r"^\s+x: 0\.[12]", line) is not None)
     # How fast frames are rendered is the machine's affair (100 Hz on a quiet one, 26 Hz was seen on a shared one); that
