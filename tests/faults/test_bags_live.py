@@ -190,7 +190,9 @@ def wait_for_messages(record: subprocess.Popen, bag: Path) -> None:
         if time.monotonic() > deadline:
             ended = record.poll()
             record.send_signal(signal.SIGABRT)
-            raise AssertionError(f"{bag.name}: nothing came within a minute; exit code then {ended}, now {record.wait(10)}")
+            raise AssertionError(
+                f"{bag.name}: nothing came within a minute; exit code then {ended}, now {record.wait(10)}"
+            )
         time.sleep(0.05)
 
 
@@ -227,7 +229,10 @@ def frame_numbers(bag: Path) -> list[int]:
 def test_frames_in_a_video_are_all_there_and_outlive_a_kill(tmp_path, codec):
     video = ("--images", "video", "--video-codec", codec)
     names = ("/leg_states", IMAGES)
-    with recorder(*names, *video, "--out", tmp_path / "a") as record, publisher(400, 1200, "legs", "image", frames=True) as source:
+    with (
+        recorder(*names, *video, "--out", tmp_path / "a") as record,
+        publisher(400, 1200, "legs", "image", frames=True) as source,
+    ):
         until(record, "recording to")
         until(source, "done")
         record.send_signal(signal.SIGINT)
@@ -259,7 +264,10 @@ def test_a_video_that_no_longer_fits_stops_the_recording_and_says_so(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
     command = ("/leg_states", IMAGES, "--images", "video", "--out", tmp_path / "b")
-    with recorder(*command, preexec_fn=small_files) as record, publisher(1000, 8000, "legs", "image", frames=True) as source:
+    with (
+        recorder(*command, preexec_fn=small_files) as record,
+        publisher(1000, 8000, "legs", "image", frames=True) as source,
+    ):
         until(source, "go")
         last = record.stdout.read()
         assert record.wait(20) == 1
