@@ -4,7 +4,9 @@ import os
 import signal
 import tempfile
 import time
+import zlib
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -24,21 +26,33 @@ DOMAINS = range(1, 102)
 """Above 101 a DDS domain's ports would be anybody's; 0 is whatever else runs on this host."""
 
 
-@pytest.fixture
-def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """A DDS domain that no other test on this host has, set for this test's processes as well."""
+@contextmanager
+def own_domain(first: int) -> Iterator[int]:
+    """A DDS domain that nobody else on this host has while in here: ``first``, or the next free one."""
     folder = Path(tempfile.gettempdir()) / f"trackway-domains-{os.getuid()}"
     folder.mkdir(exist_ok=True)
-    # Not all from the first on: what a domain was left with may need a moment to go.
-    for number in itertools.islice(itertools.cycle(DOMAINS), os.getpid() % len(DOMAINS), None):
+    for number in itertools.islice(itertools.cycle(DOMAINS), first % len(DOMAINS), None):
         with (folder / str(number)).open("w") as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # the end of this process frees it, whatever happens
             except BlockingIOError:
                 continue
-            monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
             yield number
             return
+
+
+@pytest.fixture(name="own_domain")
+def _own_domain() -> Callable[[int], AbstractContextManager[int]]:
+    return own_domain
+
+
+@pytest.fixture
+def domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """A DDS domain of this test's own, set for its processes as well."""
+    # Each test begins its search elsewhere: what another has left behind may need a moment to go.
+    with own_domain(os.getpid() * 7 + zlib.crc32(request.node.nodeid.encode())) as number:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
+        yield number
 
 
 class Beside:

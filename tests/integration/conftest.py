@@ -19,7 +19,7 @@ class Process:
         self.lines: list[str] = []
         self._news = threading.Condition()
         keyboard, terminal = pty.openpty()
-        self._keyboard, self._terminal = open(keyboard, "w"), open(terminal)
+        self._keyboard, self._terminal = os.fdopen(keyboard, "w"), os.fdopen(terminal)
         self._process = subprocess.Popen(
             command, env=env, text=True, stdin=self._terminal, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             start_new_session=True,

@@ -43,9 +43,8 @@ def test_replay_into_tracker_and_predictor_gives_the_same_row(tmp_path, start, b
     tracker = start("ros2", "run", "sandbot_tracking", "tracker")
     start("ros2", "run", "sandbot_model", "predictor")
     played = [topic.name for topic in GIVEN]
-    replay = start(
-        "ros2", "run", "sandbot_record", "replay", source, "--delay", "3", "--decode-jpeg", "--topics", *played
-    )
+    command = ("ros2", "run", "sandbot_record", "replay", "--delay", "3", "--rate", "0.5", "--decode-jpeg")
+    replay = start(*command, source, "--topics", *played)
     replay.strike(" ")  # it begins paused: everybody is to meet everybody first
     names = [topic.name for topic in (*SAID, *GIVEN) if "image" not in topic.name]
     record = start("ros2", "run", "sandbot_record", "record", *names, "--out", tmp_path / "again")
@@ -54,8 +53,9 @@ def test_replay_into_tracker_and_predictor_gives_the_same_row(tmp_path, start, b
     assert replay.wait(200) == 0, "\n".join(replay.lines + tracker.lines)
     before = Bag.open(source)
     # The tracker may still be at the last frames; the recorder writes out what it has once a second.
-    beside.until(lambda: counts(tmp_path / "again", TRACKED) == counts(source, TRACKED))
+    beside.wait(lambda: counts(tmp_path / "again", TRACKED) == counts(source, TRACKED), 60.0)
     record.stop()
+    assert counts(tmp_path / "again", TRACKED) == counts(source, TRACKED)
     assert "0 lost" in record.lines[-1]
 
     after = Bag.open(tmp_path / "again")
