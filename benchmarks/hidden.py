@@ -28,7 +28,7 @@ REPEATS = {1.0: {"separable": 3, "alike": 1, "faint": 1, "outside": 2, "pair": 2
 """Seeds of each kind at each scale of the noise; one at half and at twice the usual."""
 REPEATS |= {scale: {"separable": 1, "outside": 1, "pair": 1, "null": 20} for scale in (0.5, 2.0)}
 CLEAR = 50.0
-"""Expected gain in deviance from which an effect must be found: twice what a claim takes (``verdict.CLAIM``)."""
+"""Expected gain in deviance from which an effect must be found: twice what a claim takes (``Criteria.claim``)."""
 DRAWS, DOUBTFUL = 3, 4.0
 """Draws of the noise from which the expected gain is taken where one leaves a doubt."""
 PHI = np.linspace(0.58, 0.633, 7).tolist()

@@ -10,8 +10,8 @@ from tqdm import tqdm
 import hidden
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.compare import compare
+from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.verdict import LACK_OF_FIT
 from sandbot_model.physics.catalogue import catalogue
 
 BESIDE = ("x_foot_clogging", "x_resonance", "x_traction_loss")
@@ -33,7 +33,7 @@ class Left:
     @property
     def repaired(self) -> bool:
         """Replicates leave nothing to explain, and the error out of sample is that of the noise."""
-        return self.p >= LACK_OF_FIT and self.over_floor[1] <= 1.1
+        return self.p >= DEFAULT.lack_of_fit and self.over_floor[1] <= 1.1
 
 
 def cases() -> list[hidden.Case]:

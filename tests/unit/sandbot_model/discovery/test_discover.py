@@ -1,5 +1,6 @@
 import dataclasses
 import json
+import pickle
 import re
 
 import numpy as np
@@ -38,10 +39,15 @@ def test_a_planted_effect_is_identified_and_the_file_says_so(drawn):
     assert found.verdict.effects == ("stance_overlap",)
     assert found.candidates[0].effect == "stance_overlap"
     assert found.candidates[0].delta_bic < -10
-    content = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    content = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert content["schema"] == "sandbot.discovery/1"
     assert set(content) >= {"data", "noise_floor_m_s", "steps", "candidates", "verdict", "next_trials"}
     assert [step["effects"] for step in content["steps"]] == [[], ["stance_overlap"]]
+    said = repr(found)
+    assert said.startswith("identified: stance_overlap (best in ")
+    assert len(said.splitlines()) < 25
+    assert "<b>identified: stance_overlap</b>" in found._repr_html_()
+    assert len(pickle.dumps(found)) < 300_000
     assert set(content["steps"][0]) >= {"rmse_m_s", "cv_rmse_m_s", "lack_of_fit_p", "parameters", "fails"}
     assert content["verdict"]["status"] == "identified"
     assert content["data"] | {"excluded_trials": 0} == {
@@ -93,7 +99,7 @@ def test_workers_change_nothing(drawn):
     alone = discover(cells, FEW, max_effects=1)
     with workers(2) as fit_all:
         together = discover(cells, FEW, max_effects=1, fit_all=fit_all)
-    assert alone.to_json() == together.to_json()
+    assert alone.to_dict() == together.to_dict()
 
 
 @pytest.fixture
@@ -174,31 +180,3 @@ def test_bad_data_is_one_line_and_exit_2(tmp_path, capsys):
     path.write_text("phi,omega_rad_s\n0.6,8\n")
     assert discover_tool.main([str(path)]) == 2
     assert "speed_m_s" in capsys.readouterr().err
-
-
-def test_next_trials_split_what_is_left(drawn):
-    """With speed alone, overlap and swimming thrust aside, slip is a puzzle that the peak speed would solve."""
-    from sandbot_model.discovery.compare import compare
-    from sandbot_model.discovery.next_trials import next_trials
-
-    cells = cells_of(drawn(("stance_overlap",), seed=6))
-    one, other = (compare(cells, catalogue(), [name])[-1] for name in ("stance_overlap", "leg_slip"))
-    trials = next_trials([one, other])
-    assert len(trials) >= 3
-    assert trials[0].expected_gap_sd >= trials[-1].expected_gap_sd > 0
-    assert trials[0].separates == ("stance_overlap", "leg_slip")
-    assert np.isfinite([trial.expected_gap_sd for trial in trials]).all()
-    assert all(trial.replicates >= 2 for trial in trials)
-
-
-def test_says_at_which_stage_it_fails(drawn):
-    from sandbot_model.fitting.diagnose import stage_tests
-
-    def failing(effects, values=None):
-        base = fit(model_of("simple", (), {}), cells_of(drawn(effects, seed=9, values=values)))
-        return {one.stage for one in stage_tests(base) if one.p < 1e-4}
-
-    assert failing(()) == set()
-    assert "speed" in failing(("stance_overlap",), {"stance_overlap": {"eta": 0.2}})
-    assert "memory" in failing(("crater_refill",), {"crater_refill": {"z_0_m": 0.006, "tau_s": 0.3}})
-    assert "clock" in failing(("slow_phase_speed",), {"slow_phase_speed": {"rho": 0.8}})

@@ -5,8 +5,9 @@ import pytest
 
 from sandbot_model.data.conditions import cells_of, noise_floor
 from sandbot_model.discovery.compare import compare
+from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.residual import _guesses, _score, _tried, describe_residual
+from sandbot_model.discovery.residual import _guesses, _score, _tried, suggest_formula
 from sandbot_model.discovery.term_library import LEVERS, terms
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.parallel import workers
@@ -56,7 +57,7 @@ PLANTED = [
 def test_what_is_planted_is_described_at_its_stage_and_repaired(drawn, formula, said):
     trials = drawn(seed=3, formulas=[formula])
     cells = cells_of(trials)
-    found = describe_residual(base_fit(trials), EFFECTS)
+    found = suggest_formula(base_fit(trials), EFFECTS)
     stage, lever, where = said
     assert found.stage == stage
     assert found.sentence.startswith(lever)
@@ -71,17 +72,17 @@ def test_what_is_planted_is_described_at_its_stage_and_repaired(drawn, formula, 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_nothing_is_described_where_nothing_is_missing(drawn, seed):
-    assert describe_residual(base_fit(drawn(seed=seed)), EFFECTS) is None
+    assert suggest_formula(base_fit(drawn(seed=seed)), EFFECTS) is None
 
 
 def test_what_the_fitted_stiffness_absorbs_is_not_described(drawn):
     formula = "hidden: strength: k *= 1 + a*(phi - 0.6); a [1] in 1..3"
-    assert describe_residual(base_fit(drawn(seed=1, formulas=[formula])), EFFECTS) is None
+    assert suggest_formula(base_fit(drawn(seed=1, formulas=[formula])), EFFECTS) is None
 
 
 def test_a_second_term_on_the_same_lever(drawn):
     formula = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0) + 10*a*(phi - 0.6); a [1] in 0.1..0.3"
-    found = describe_residual(base_fit(drawn(seed=3, formulas=[formula])), EFFECTS)
+    found = suggest_formula(base_fit(drawn(seed=3, formulas=[formula])), EFFECTS)
     assert len(found.terms) == 2
     assert found.terms[0][0] == "above ω = 14 rad/s"
     assert "φ" in found.terms[1][0]
@@ -96,7 +97,7 @@ def test_it_stands_on_top_of_an_effect_of_the_catalogue(drawn):
     assert found.residual.effects == ("stance_overlap",)
     assert found.residual.sentence.startswith("on top of stance_overlap, the peak of v_x(t)")
     assert found.residual.options.endswith("--effects stance_overlap,residual")
-    assert found.to_json()["residual"]["effects"] == ["stance_overlap"]
+    assert found.to_dict()["residual"]["effects"] == ["stance_overlap"]
 
 
 def test_an_effect_is_found_beside_what_hides_it(drawn):
@@ -108,23 +109,23 @@ def test_an_effect_is_found_beside_what_hides_it(drawn):
     assert found.verdict.status == "unexplained"
     assert found.residual.effects == ("stance_overlap",)
     assert "above ω = 14 rad/s" in found.residual.sentence
-    assert found.residual.enough
+    assert found.residual.passes()
 
 
 def test_a_users_effect_of_the_same_name_is_left_alone_and_workers_change_nothing(drawn):
     formulas = [PLANTED[0][0], "more: step: peak_ratio *= 1 - a*maximum(0.633 - phi, 0); a [1] in 2..4"]
     cells = cells_of(drawn(seed=3, formulas=formulas))
     base = fit(model_of("simple", (), EFFECTS), cells)
-    first = formula_effect(describe_residual(base, EFFECTS).formula)
+    first = formula_effect(suggest_formula(base, EFFECTS).formula)
     known = {**EFFECTS, "residual": first}
     better = fit(model_of("simple", ("residual",), known), cells, base.warm_start)
-    left = describe_residual(better, known)
+    left = suggest_formula(better, known)
     assert (left.name, left.effects) == ("residual_2", ("residual",))
     assert left.options.endswith("--effects residual,residual_2")
     assert left.sentence.startswith("on top of residual, ")
     assert left.lack_of_fit_p > 5e-3
     with workers(2) as fit_all:
-        assert describe_residual(better, known, fit_all) == left
+        assert suggest_formula(better, known, fit_all=fit_all) == left
 
 
 def test_without_replicates_nothing_is_described(drawn):
@@ -137,7 +138,7 @@ def test_the_score_foretells_what_the_fit_gains(drawn):
     """A small effect: the first order is all there is."""
     formula = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.01..0.03"
     base = base_fit(drawn(seed=5, formulas=[formula]))
-    guesses = _guesses(base, "residual", terms(base), None)
+    guesses = _guesses(base, "residual", terms(base), None, DEFAULT.term)
     assert guesses
     tried = _tried(base, guesses, EFFECTS, map, lambda _done, _total: None)
     gains = np.array([base.deviance - one.fit.deviance for one in tried])

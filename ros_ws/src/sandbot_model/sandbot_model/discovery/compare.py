@@ -1,13 +1,17 @@
 """The ladder of a comparison: the base model, then one named effect more a step, all fitted to the same cells."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, overload
 
 import numpy as np
 
 from sandbot_model.data.conditions import Cells, noise_floor
+from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.fitting.fit import Fit, fit
-from sandbot_model.fitting.plain import data_summary
+from sandbot_model.fitting.plain import data_summary, number
+from sandbot_model.fitting.text import html_table, table
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.geometry import step_from_lift
@@ -17,6 +21,56 @@ from sandbot_model.physics.observables import Observable
 SCHEMA = "sandbot.comparison/1"
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Sequence[Fit]):
+    """The ladder: fits of the base model, then of it with one effect more a step."""
+
+    steps: tuple[Fit, ...]
+
+    @property
+    def fit(self) -> Fit:
+        """The last step, with all effects."""
+        return self.steps[-1]
+
+    @property
+    def cells(self) -> Cells:
+        """What was fitted."""
+        return self.fit.cells
+
+    @cached_property
+    def lock(self) -> Array:
+        """See ``geometry_lock``."""
+        return geometry_lock(self.cells)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data of schema ``sandbot.comparison/1``; numbers that are not known are None."""
+        floor = noise_floor(self.cells)
+        return {
+            "schema": SCHEMA,
+            "model": self.fit.model.base,
+            "data": data_summary(self.cells),
+            "noise_floor_m_s": number(floor["speed"]),
+            "noise_floor": {name: number(value) for name, value in floor.items()},
+            "steps": [step.to_dict() for step in self.steps],
+        }
+
+    @overload
+    def __getitem__(self, index: int) -> Fit: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Fit, ...]: ...
+    def __getitem__(self, index: int | slice) -> Fit | tuple[Fit, ...]:
+        return self.steps[index]
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def __repr__(self) -> str:
+        return f"{table(ladder_rows(self.steps))}\n\n{self.fit}"
+
+    def _repr_html_(self) -> str:
+        return html_table(ladder_rows(self.steps)) + self.fit._repr_html_()
+
+
 def compare(
     cells: Cells,
     effects: Mapping[str, Effect],
@@ -24,7 +78,7 @@ def compare(
     *,
     base: str = "simple",
     progress: Callable[[str], None] = lambda _step: None,
-) -> tuple[Fit, ...]:
+) -> Comparison:
     """Fits of the base model and of it with the first, the first two, … of the named effects.
 
     Raises InputError for a name that is not in the catalogue.
@@ -35,7 +89,7 @@ def compare(
         model = model_of(base, names[:count], effects, cells.robot)
         steps.append(fit(model, cells, steps[-1].warm_start if steps else None))
         progress(" + ".join(names[:count]) or "base")
-    return tuple(steps)
+    return Comparison(tuple(steps))
 
 
 def geometry_lock(cells: Cells) -> Array:
@@ -50,17 +104,3 @@ def geometry_lock(cells: Cells) -> Array:
     with np.errstate(invalid="ignore", divide="ignore"):
         walked = np.pi * cells.mean[:, Observable.speed] / cells.omega
         return np.where(locked > 0.3 * radius, walked / locked, np.nan)
-
-
-def to_json(steps: Sequence[Fit]) -> dict[str, Any]:
-    """Plain data of schema ``sandbot.comparison/1``."""
-    cells = steps[0].cells
-    floor = noise_floor(cells)
-    return {
-        "schema": SCHEMA,
-        "model": steps[0].model.base,
-        "data": data_summary(cells),
-        "noise_floor_m_s": floor["speed"] if np.isfinite(floor["speed"]) else None,
-        "noise_floor": {name: value if np.isfinite(value) else None for name, value in floor.items()},
-        "steps": [step.to_dict() for step in steps],
-    }

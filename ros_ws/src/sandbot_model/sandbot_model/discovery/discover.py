@@ -5,31 +5,36 @@ fitted to its global minimum and judged against the replicates. ``verdict`` draw
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from html import escape
 from typing import Any
 
 import numpy as np
 
 from sandbot_model.data.conditions import Cells, noise_floor
-from sandbot_model.discovery.effect_search import Candidate, EffectSearch, Sets
+from sandbot_model.discovery.candidates import Candidate, candidates
+from sandbot_model.discovery.criteria import DEFAULT, Criteria
+from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.formula_search import formula_to_try
+from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.next_trials import NextTrial, excluding, next_trials
-from sandbot_model.discovery.residual import Description
+from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.stability import win_shares
-from sandbot_model.discovery.verdict import Verdict, judge, sound
+from sandbot_model.discovery.unseen import unseen
+from sandbot_model.discovery.verdict import Sets, Verdict, judge, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.fitting.plain import data_summary, number, plain
+from sandbot_model.fitting.text import html_table, table
 from sandbot_model.physics.effect import Effect
 
 SCHEMA = "sandbot.discovery/1"
-TELLING_SD = 0.5
-"""Expected gap, in standard deviations of one trial, from which more trials are worth while."""
 LEADING = 8
 """Sets compared in the bootstrap."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Discovery:
     """Everything ``discover`` found. ``steps`` is the ladder: the base model, then one more effect a step."""
 
@@ -47,12 +52,18 @@ class Discovery:
     """If the base model is adequate: effects that could be there at their usual strength and not show in these data."""
     stages: tuple[StageTest, ...] = ()
     """Where in the chain the base model fails."""
-    residual: Description | None = None
+    residual: SuggestedFormula | None = None
     """If nothing of the catalogue fits: what is left, in the field's terms, as a formula to try."""
-    fits: tuple[Fit, ...] = field(default=(), repr=False)
+    fits: tuple[Fit, ...] = ()
+    """Every set that was tried, the best BIC first."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain data of schema ``sandbot.discovery/1``; numbers that can't be told are None."""
+    @property
+    def fit(self) -> Fit:
+        """The last step of the ladder: the set that the verdict names, or the base model."""
+        return self.steps[-1]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data of schema ``sandbot.discovery/1``; numbers that are not known are None."""
         return {
             "schema": SCHEMA,
             "model": self.model,
@@ -74,6 +85,34 @@ class Discovery:
             "residual": None if self.residual is None else plain(self.residual),
         }
 
+    to_json = to_dict
+    """Its name before."""
+
+    @property
+    def headline(self) -> str:
+        """The verdict in a few words: ``identified: stance_overlap``."""
+        named = self.verdict.status in ("identified", "ambiguous")
+        return f"{self.verdict.status}: {' + '.join(self.verdict.effects)}" if named else self.verdict.status
+
+    def __repr__(self) -> str:
+        best = f"best in {100 * self.stability:.0f} % of bootstrap draws"
+        lines = [
+            f"{self.headline} ({best})",
+            self.verdict.because,
+            "",
+            table(ladder_rows(self.steps)),
+            "",
+            repr(self.fit),
+        ]
+        if self.residual is not None:
+            lines += ["", f"try: {self.residual.formula}"]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        head, because = escape(self.headline), escape(self.verdict.because)
+        tables = html_table(ladder_rows(self.steps)) + self.fit._repr_html_()
+        return f"<p><b>{head}</b><br>{because}</p>{tables}"
+
 
 def discover(
     cells: Cells,
@@ -81,60 +120,65 @@ def discover(
     *,
     base: str = "simple",
     max_effects: int = 3,
+    criteria: Criteria = DEFAULT,
     fit_all: Map = map,
     progress: Progress = lambda _stage, _done, _total: None,
 ) -> Discovery:
-    """Search the catalogue; ``fit_all`` maps the fits (see ``parallel``), ``progress`` hears (stage, done, total)."""
-    search = EffectSearch(cells, effects, base, fit_all, progress)
+    """Search the catalogue.
+
+    ``criteria`` say what it takes to claim an effect, ``fit_all`` maps the fits (see ``parallel``) and ``progress``
+    hears (stage, done, total).
+    """
+    search = EffectSearch(cells, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
     search.run(max_effects)
-    verdict = judge(search.fits)
+    verdict = judge(search.fits, criteria)
     ladder = search.ladder(verdict)
     floor = noise_floor(cells)
-    unseen = search.unseen() if verdict.status == "adequate" else []
-    if unseen:
-        trials = excluding(search.fits[()], unseen)
-        verdict = replace(verdict, because=f"{verdict.because}; {_not_excluded(unseen, trials)}")
+    hidden = unseen(search) if verdict.status == "adequate" else []
+    if hidden:
+        trials = excluding(search.fits[()], hidden)
+        verdict = replace(verdict, because=f"{verdict.because}; {_not_excluded(hidden, trials, criteria)}")
     else:
         trials = next_trials([search.fits[one] for one in verdict.alternatives])
     if verdict.status == "ambiguous":
-        verdict = replace(verdict, because=f"{verdict.because}; {_split(trials)}")
+        verdict = replace(verdict, because=f"{verdict.because}; {_split(trials, criteria)}")
     return Discovery(
         model=base,
         cells=cells,
         noise_floor_m_s=floor["speed"],
         noise_floor=floor,
         steps=tuple(ladder),
-        candidates=tuple(search.candidates()),
+        candidates=tuple(candidates(search.fits, effects)),
         verdict=verdict,
         next_trials=tuple(trials),
-        unseen=tuple(one.effects[0] for one in unseen),
-        stability=_stability(search.fits, verdict),
+        unseen=tuple(one.effects[0] for one in hidden),
+        stability=_stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
-        residual=search.residual() if verdict.status == "unexplained" else None,
+        residual=formula_to_try(search) if verdict.status == "unexplained" else None,
         fits=tuple(sorted(search.fits.values(), key=lambda one: one.bic)),
     )
 
 
-def _split(trials: Sequence[NextTrial]) -> str:
+def _split(trials: Sequence[NextTrial], criteria: Criteria) -> str:
     """What would tell the alternatives apart."""
-    telling = [trial for trial in trials if trial.expected_gap_sd > TELLING_SD]
+    telling = [trial for trial in trials if trial.expected_gap_sd > criteria.telling_sd]
     if not telling:
         return "no trial within this range of φ and ω tells them apart by these observables: another kind is needed"
     best = telling[0]
     return f"most telling: {best.observable} at {best.where} ({best.expected_gap_sd:.1f} standard deviations of one)"
 
 
-def _not_excluded(unseen: Sequence[Fit], trials: Sequence[NextTrial]) -> str:
+def _not_excluded(hidden: Sequence[Fit], trials: Sequence[NextTrial], criteria: Criteria) -> str:
     """Which effects could hide in these data, and what would show them."""
-    names = ", ".join(one.effects[0] for one in unseen)
-    shown = {trial.separates[1]: trial for trial in reversed(trials) if trial.expected_gap_sd > TELLING_SD}
+    names = ", ".join(fit.effects[0] for fit in hidden)
+    shown = {trial.separates[1]: trial for trial in reversed(trials) if trial.expected_gap_sd > criteria.telling_sd}
     how = "; ".join(f"{name}: {trial.observable} at {trial.where}" for name, trial in shown.items())
     return f"at their usual strength these would not show in it: {names}" + (f" (what would show {how})" if how else "")
 
 
-def _stability(fits: Sets, verdict: Verdict) -> float:
+def _stability(fits: Sets, verdict: Verdict, criteria: Criteria) -> float:
     named = verdict.alternatives or ((),)
     leading = sorted((one for one in fits.values() if sound(one)), key=lambda one: one.bic)[:LEADING]
     leading += [fits[one] for one in named if fits[one] not in leading]
-    shares = win_shares(leading, np.random.default_rng(0))
+    shares = win_shares(leading, np.random.default_rng(0), criteria=criteria)
     return sum(share for fit, share in zip(leading, shares, strict=True) if fit.effects in named)

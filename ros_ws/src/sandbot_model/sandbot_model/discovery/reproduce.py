@@ -1,20 +1,21 @@
 """The numbers of a selection, from the beginning: what the explorer saves and ``compare`` prints are both these."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.choice import Selection
-from sandbot_model.discovery.compare import compare
+from sandbot_model.discovery.compare import Comparison, compare
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import Point
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.model import model_of
 
 
-def steps_of(selection: Selection, cells: Cells, effects: Mapping[str, Effect]) -> tuple[Fit, ...]:
+def steps_of(selection: Selection, cells: Cells, effects: Mapping[str, Effect]) -> Comparison:
     """The ladder of ``compare``; where values are held by hand one step more, with them and k(φ) as fitted.
 
     Raises InputError for an effect or a parameter that is not known.
@@ -23,7 +24,7 @@ def steps_of(selection: Selection, cells: Cells, effects: Mapping[str, Effect]) 
     if not selection.by_hand:
         return steps
     model = model_of(selection.model, selection.effects, effects, cells.robot)
-    return (*steps, fitted_at(model, cells, point_of(steps[-1], dict(selection.by_hand))))
+    return Comparison((*steps, fitted_at(model, cells, point_of(steps[-1], dict(selection.by_hand)))))
 
 
 def point_of(found: Fit, by_hand: Mapping[str, float] | None = None) -> Point:
@@ -34,4 +35,4 @@ def point_of(found: Fit, by_hand: Mapping[str, float] | None = None) -> Point:
             raise InputError(f"parameter {name!r} is not one of {', '.join(values)}")
         values[name] = value
     theta = np.array([values[name] for name in found.model.names])
-    return Point(theta, found.state.ln_k[0], found.state.slope[0])
+    return replace(found.point, theta=theta)

@@ -1,23 +1,23 @@
 """Nothing in the catalogue fits: what is left, in the field's terms, as a formula to try.
 
 Each term of a short library on each lever of the chain (``terms``) is judged by a score test (Rao 1948): to first
-order, how far would the deviance fall if it were added, all parameters of the fit following? The most promising are
-fitted in earnest, the best is kept; then a second term on the same lever, if that is worth it. So every number that is
-told is that of a fit to all observables, and the formula is the very effect that was fitted.
+order, how far would the deviance fall if it were added and all parameters of the fit adjusted? The most promising are
+fitted in earnest, the best is kept; then a second term on the same lever, if that is worth it. So every number reported
+is that of a fit to all observables, and the formula is the very effect that was fitted.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import count
+from itertools import chain, count
 
 import numpy as np
 
+from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.term_library import LEVERS, Lever, Term, terms
-from sandbot_model.discovery.verdict import CLEARLY, LACK_OF_FIT
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve
-from sandbot_model.fitting.levenberg_marquardt import followed, off
+from sandbot_model.fitting.levenberg_marquardt import project_out, tangent_basis
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.physics.arrays import Array
@@ -28,15 +28,12 @@ from sandbot_model.physics.model import model_of
 NAME = "residual"
 """What the formula is called, or residual_2 and so on where the user has one of that name."""
 MOST_TERMS = 2
-WORTH = 22.0
-"""What each number taken from the data, coefficient or threshold, must bring. Where nothing is missing the best of some
-500 terms brings as much in 1 of 10,000 campaigns (20,000 drawn to first order)."""
 EACH = 3
 """Terms of one lever that are fitted."""
 FREE = 0.5
-"""How far a fit may take what a term stands for; a score test far from the minimum foretells the sign at best."""
+"""How far a fit may take what a term stands for; a score test far from the minimum predicts the sign at best."""
 HOPELESS = 0.2
-"""Share of the largest gain foretold below which a term is not fitted."""
+"""Share of the largest gain predicted below which a term is not fitted."""
 CLOSER = 4
 """Levers whose best term gets a global search after a first look, and of the best lever all."""
 CLOSE = 0.98
@@ -44,7 +41,7 @@ CLOSE = 0.98
 
 
 @dataclass(frozen=True)
-class Description:
+class SuggestedFormula:
     """What is missing, ``sentence`` for a person and ``formula`` for ``--effect``, and what adding it does."""
 
     sentence: str
@@ -63,10 +60,9 @@ class Description:
     bic: float
     """With the formula, its thresholds counted as parameters."""
 
-    @property
-    def enough(self) -> bool:
+    def passes(self, criteria: Criteria = DEFAULT) -> bool:
         """Whether replicates leave nothing to explain."""
-        return self.lack_of_fit_p >= LACK_OF_FIT
+        return self.lack_of_fit_p >= criteria.lack_of_fit
 
     @property
     def name(self) -> str:
@@ -75,7 +71,7 @@ class Description:
 
     @property
     def options(self) -> str:
-        """What ``compare`` needs to be told to add it."""
+        """The options of ``compare`` that add it."""
         return f"--effect '{self.formula}' --effects {','.join((*self.effects, self.name))}"
 
 
@@ -89,6 +85,8 @@ class _Guess:
     coefficients: tuple[float, ...]
     gain: float
     direction: Array
+    per_number: float
+    """See ``Criteria.term``."""
 
     def formula(self, least_change: float = 0.0) -> str:
         """The effect. Coefficients may go to minus themselves or thrice as far, at least so far that what they stand
@@ -102,29 +100,38 @@ class _Guess:
         return f"{self.name}: {self.lever.stage}: {self.lever.assignment(body)}{ranges}"
 
     @property
-    def price(self) -> int:
-        """Numbers taken from the data: coefficients and thresholds."""
-        return len(self.terms) + sum(one.switches for one in self.terms)
+    def price(self) -> float:
+        """Gain in deviance that all numbers taken from the data, coefficients and thresholds, must bring."""
+        return self.per_number * (len(self.terms) + sum(term.switches for term in self.terms))
 
 
-def describe_residual(
-    fit: Fit, effects: Mapping[str, Effect], fit_all: Map = map, progress: Progress = lambda _stage, _done, _total: None
-) -> Description | None:
+def suggest_formula(
+    fit: Fit,
+    effects: Mapping[str, Effect],
+    criteria: Criteria = DEFAULT,
+    *,
+    fit_all: Map = map,
+    progress: Progress = lambda _stage, _done, _total: None,
+) -> SuggestedFormula | None:
     """The formula that repairs most of what this fit misses; None if none of the library is worth it."""
-    library, name = terms(fit), _free(NAME, effects)
+    library, name = terms(fit), _unused_name(NAME, effects)
     best: _Tried | None = None
     rival: _Tried | None = None
     for number in range(1, MOST_TERMS + 1):
         found, so_far = (fit, None) if best is None else (best.fit, best.guess)
         tried = _tried(
-            fit, _guesses(found, name, library, so_far), effects, fit_all, partial(progress, f"formula, term {number}")
+            fit,
+            _guesses(found, name, library, so_far, criteria.term),
+            effects,
+            fit_all,
+            partial(progress, f"formula, term {number}"),
         )
-        if not tried or tried[0].score > _score(found, so_far) - WORTH:
+        if not tried or tried[0].score > _score(found, so_far) - criteria.term:
             break
         best = tried[0]
         if number == 1:
             rival = next((one for one in tried if one.guess.lever != best.guess.lever), None)
-    return None if best is None else _told(fit, best, rival)
+    return None if best is None else _suggestion(fit, best, rival, criteria)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +143,7 @@ class _Tried:
 
     @property
     def errors(self) -> list[float]:
-        """Standard errors of the coefficients, NaN where the data can't tell one."""
+        """Standard errors of the coefficients, NaN where the data do not determine one."""
         return [self.fit.parameters[f"{self.guess.name}.c{i}"].stderr for i in range(len(self.guess.terms))]
 
     @property
@@ -171,8 +178,8 @@ def _tried(
             values = tuple(end.parameters[f"{guess.name}.c{i}"].value for i in range(len(guess.terms)))
             found.append(_Tried(replace(guess, coefficients=values), end))
             progress(len(found), len(some))
-        told = [one for one in found if all(np.isfinite(one.errors))]
-        return sorted(told, key=lambda one: one.score)
+        determined = [one for one in found if all(np.isfinite(one.errors))]
+        return sorted(determined, key=lambda one: one.score)
 
     near = fitted(guesses, nearby=True)
     best = {one.guess.lever: one.guess for one in reversed(near)}
@@ -181,41 +188,45 @@ def _tried(
     return sorted([*near, *fitted(leading, nearby=False)], key=lambda one: one.score)
 
 
-def _free(name: str, known: Iterable[str]) -> str:
+def _unused_name(name: str, names: Iterable[str]) -> str:
     """The name, with a number if it is taken."""
-    taken, one = set(known), name
-    for number in count(2):
-        if one not in taken:
-            break
-        one = f"{name}_{number}"
-    return one
+    taken = set(names)
+    numbered = (f"{name}_{number}" for number in count(2))
+    return next(one for one in chain([name], numbered) if one not in taken)
 
 
-def _guesses(found: Fit, name: str, library: Sequence[Term], so_far: _Guess | None) -> list[_Guess]:
+def _guesses(found: Fit, name: str, library: Sequence[Term], so_far: _Guess | None, per_number: float) -> list[_Guess]:
     """What to fit next: the best few terms of every lever, or of the one there is."""
-    basis = followed(found.problem, found.state)
-    missed = off(found.state.missed[0], basis)
+    basis = tangent_basis(found.problem, found.state)
+    residual = project_out(found.state.missed[0], basis)
     guesses = []
     for lever in LEVERS if so_far is None else (so_far.lever,):
         slopes = _slopes(found, lever)
         usable = [one for one in library if not (one.needs_depth and lever.stage == "clock")]
-        tried = [_guess(name, lever, one, slopes, missed, basis, so_far) for one in usable]
-        guesses += _distinct([one for one in tried if one is not None])
+        tried = [_guess(name, lever, one, slopes, residual, basis, so_far, per_number) for one in usable]
+        guesses += _distinct([one for one in tried if one is not None], per_number)
     most = max((one.gain for one in guesses), default=0.0)
     return [one for one in guesses if one.gain > HOPELESS * most]
 
 
 def _guess(
-    name: str, lever: Lever, term: Term, slopes: Array, missed: Array, basis: Array, so_far: _Guess | None
+    name: str,
+    lever: Lever,
+    term: Term,
+    slopes: Array,
+    residual: Array,
+    basis: Array,
+    so_far: _Guess | None,
+    per_number: float,
 ) -> _Guess | None:
     """One more term on a lever; None where the data say too little of it."""
-    column = np.zeros(len(missed))
+    column = np.zeros(len(residual))
     column[: slopes.size] = (slopes * term.values[:, None]).ravel()
-    direction = off(column, basis)
+    direction = project_out(column, basis)
     length = float(direction @ direction)
     if length < 1e-6 * float(column @ column) or length < 1.0:
         return None
-    coefficient = float(missed @ direction) / length
+    coefficient = float(residual @ direction) / length
     before = ((), ()) if so_far is None else (so_far.terms, so_far.coefficients)
     return _Guess(
         name=name,
@@ -224,15 +235,16 @@ def _guess(
         coefficients=(*before[1], coefficient),
         gain=length * coefficient**2,
         direction=direction / np.sqrt(length),
+        per_number=per_number,
     )
 
 
-def _distinct(guesses: Sequence[_Guess]) -> list[_Guess]:
+def _distinct(guesses: Sequence[_Guess], per_number: float) -> list[_Guess]:
     """The most promising that do not all say the same."""
-    # The plainest is always tried: what is the same everywhere moves the fit most, and is foretold worst.
-    chosen = [one for one in guesses if one.gain > WORTH and one.terms[-1].expression == "1"]
-    for one in sorted(guesses, key=lambda one: one.gain - WORTH * one.price, reverse=True):
-        if one.gain > WORTH and all(abs(float(one.direction @ other.direction)) < CLOSE for other in chosen):
+    # The plainest is always tried: what is the same everywhere moves the fit most, and is predicted worst.
+    chosen = [one for one in guesses if one.gain > per_number and one.terms[-1].expression == "1"]
+    for one in sorted(guesses, key=lambda one: one.gain - one.price, reverse=True):
+        if one.gain > per_number and all(abs(float(one.direction @ other.direction)) < CLOSE for other in chosen):
             chosen.append(one)
         if len(chosen) > EACH:
             break
@@ -242,7 +254,7 @@ def _distinct(guesses: Sequence[_Guess]) -> list[_Guess]:
 def _slopes(found: Fit, lever: Lever) -> Array:
     """d(whitened prediction)/d(relative change of the lever), ``(cells, 4)``."""
     known = found.model.catalogue
-    name = _free("lever", known)
+    name = _unused_name("lever", known)
     change = formula_effect(f"{name}: {lever.stage}: {lever.assignment('c')}; c [1] in -1..1")
     model = model_of(found.model.base, (*found.effects, name), {**known, name: change}, found.model.robot)
     at = model.names.index(f"{name}.c")
@@ -254,10 +266,10 @@ def _slopes(found: Fit, lever: Lever) -> Array:
 
 def _score(fit: Fit, guess: _Guess | None) -> float:
     """Deviance, and what each number taken from the data must bring."""
-    return fit.deviance + WORTH * (guess.price if guess else 0)
+    return fit.deviance + (guess.price if guess else 0.0)
 
 
-def _told(fit: Fit, best: _Tried, rival: _Tried | None) -> Description:
+def _suggestion(fit: Fit, best: _Tried, rival: _Tried | None, criteria: Criteria) -> SuggestedFormula:
     found, guess = best.fit, best.guess
     parts = [
         one.words.format(f"({value:+.3g} ± {error:.2g})")
@@ -265,16 +277,20 @@ def _told(fit: Fit, best: _Tried, rival: _Tried | None) -> Description:
     ]
     on_top = f"on top of {' + '.join(fit.effects)}, " if fit.effects else ""
     cv = (fit.cv_rmse_m_s, found.cv_rmse_m_s)
-    enough = "leave nothing to explain" if found.lack_of_fit_p >= LACK_OF_FIT else "still leave something to explain"
+    enough = (
+        "leave nothing to explain"
+        if found.lack_of_fit_p >= criteria.lack_of_fit
+        else "still leave something to explain"
+    )
     sentence = (
         f"{on_top}{guess.lever.words} differs from the model's by {' and '.join(parts)} ({guess.lever.unit}): the "
         f"deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on {found.goodness.dof} degrees of freedom, "
         f"the error out of sample goes from {100 * cv[0]:.2f} to {100 * cv[1]:.2f} cm/s, and replicates {enough} "
         f"(p = {found.lack_of_fit_p:.2g})"
     )
-    if rival is not None and rival.score < best.score + CLEARLY:
+    if rival is not None and rival.score < best.score + criteria.clearly:
         sentence += f"; {rival.guess.lever.words}, by {rival.guess.terms[0].words.format('so much')}, does as well"
-    return Description(
+    return SuggestedFormula(
         sentence=sentence,
         formula=guess.formula(),
         effects=fit.effects,

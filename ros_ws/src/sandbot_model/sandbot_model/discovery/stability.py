@@ -3,7 +3,7 @@
 What an effect must bring to be claimed (``verdict.claim``) it must bring in each draw.
 
 Each draw adds noise of the cell means' own covariance to the data; to first order a set's misfit is then that of its
-residual plus the noise, projected off what its parameters can follow. No fit is repeated, so hundreds of draws cost
+residual plus the noise, projected out of what its parameters can absorb. No fit is repeated, so hundreds of draws cost
 milliseconds.
 """
 
@@ -11,18 +11,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.verdict import claim
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.levenberg_marquardt import followed, off
+from sandbot_model.fitting.levenberg_marquardt import project_out, tangent_basis
 from sandbot_model.physics.arrays import Array
 
 DRAWS = 400
 
 
-def win_shares(fits: Sequence[Fit], rng: np.random.Generator, draws: int = DRAWS) -> list[float]:
+def win_shares(
+    fits: Sequence[Fit], rng: np.random.Generator, draws: int = DRAWS, criteria: Criteria = DEFAULT
+) -> list[float]:
     """Share of draws in which each set has the least BIC, plus the claim for every effect in it, of all given."""
     noise = rng.normal(size=(fits[0].state.missed.size, draws))
-    scores = np.stack([_bic(fit, noise) + claim(fit) * len(fit.effects) for fit in fits])
+    scores = np.stack([_bic(fit, noise) + claim(fit, criteria) * len(fit.effects) for fit in fits])
     winners = scores.argmin(axis=0)
     return [float(np.mean(winners == index)) for index in range(len(fits))]
 
@@ -36,5 +39,5 @@ def _bic(fit: Fit, noise: Array) -> Array:
     moved = np.einsum("cij,cjd->cid", turn, noise[: 4 * cells].reshape(cells, 4, -1))
     moved = np.where(problem.measured[:, :, None], moved, 0.0).reshape(4 * cells, -1)
     residual = state.missed[0][:, None] + np.concatenate([moved, noise[4 * cells :]])
-    left = off(residual, followed(problem, state))
-    return np.asarray(np.sum(left**2, axis=0) + fit.bic - fit.goodness.chi2)
+    remaining = project_out(residual, tangent_basis(problem, state))
+    return np.asarray(np.sum(remaining**2, axis=0) + fit.bic - fit.goodness.chi2)

@@ -8,21 +8,13 @@ import numpy as np
 from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
+from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.fitting.diagnose import stage_tests
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
 
-LACK_OF_FIT = 5e-3
-"""A model is refused where pure error alone would miss by as much less often than this."""
-LACK_OF_FIT_OF_ONE = 3e-4
-"""The same for a single observable, of which there are four."""
-CLAIM = 22.0
-"""Gain in deviance an effect must bring to be claimed: the best of some 25 effects that are not there gains as much in
-less than 1 % of null worlds (calibrated, benchmarks/hidden.md)."""
-ONE_CELL = 0.5
-"""Share of the claim that must be left without the cell that gains the most: one odd cell can't buy an effect."""
-CLEARLY = 10.0
-"""Difference of BIC from which one set is clearly worse (weights of 150 to 1)."""
+Sets = Mapping[tuple[str, ...], Fit]
+"""Fits by the effects on top of the base model."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +27,11 @@ class Verdict:
     because: str
 
 
-def passes(fit: Fit) -> bool:
+def passes(fit: Fit, criteria: Criteria = DEFAULT) -> bool:
     """Whether the replicates leave nothing to explain, jointly and in each observable, at believable parameters."""
-    each = [p for p in fit.goodness.lack_of_fit.values() if p == p]
-    enough = fit.lack_of_fit_p >= LACK_OF_FIT and all(p >= LACK_OF_FIT_OF_ONE for p in each)
-    return bool(enough and sound(fit))
+    tested = [p for p in fit.goodness.lack_of_fit.values() if np.isfinite(p)]
+    jointly = fit.lack_of_fit_p >= criteria.lack_of_fit
+    return bool(jointly and all(p >= criteria.lack_of_fit_of_one for p in tested) and sound(fit))
 
 
 def sound(fit: Fit) -> bool:
@@ -52,25 +44,25 @@ def _odd(fit: Fit) -> list[str]:
     return [name for name in (*fit.at_bounds, *fit.implausible) if "." in name]
 
 
-def worth(fits: Mapping[tuple[str, ...], Fit], larger: tuple[str, ...], smaller: tuple[str, ...]) -> bool:
+def worth(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria = DEFAULT) -> bool:
     """Whether the larger set is sound and earns its additional effects, also without the part that gains the most."""
     if not sound(fits[larger]):
         return False
     gain = _parts(fits[smaller]) - _parts(fits[larger])
-    price = claim(fits[larger]) * (len(larger) - len(smaller))
-    return bool(gain.sum() > price and gain.sum() - gain.max() > ONE_CELL * price)
+    price = claim(fits[larger], criteria) * (len(larger) - len(smaller))
+    return bool(gain.sum() > price and gain.sum() - gain.max() > criteria.one_cell * price)
 
 
-def claim(fit: Fit) -> float:
-    """``CLAIM`` where pure error is known only so well: with few replicates chance gains more.
+def claim(fit: Fit, criteria: Criteria = DEFAULT) -> float:
+    """Gain in deviance that an effect must bring here: with few replicates chance gains more than ``criteria.claim``.
 
     χ² becomes F on the replicates' degrees of freedom, and is counted in units of the scatter about the larger set,
     should that be wider than the replicates (quasi-likelihood; Burnham & Anderson 2002, ch. 2).
     """
     freedom = int(fit.cells.pure_error_dof.sum())
-    tail = chi2.sf(CLAIM, 1)
-    known = float(f_distribution.isf(tail, 1, freedom)) if freedom else np.inf
-    return known * _overdispersion(fit)
+    tail = chi2.sf(criteria.claim, 1)
+    price = float(f_distribution.isf(tail, 1, freedom)) if freedom else np.inf
+    return price * _overdispersion(fit)
 
 
 def _overdispersion(fit: Fit) -> float:
@@ -85,26 +77,26 @@ def _parts(fit: Fit) -> Array:
     return np.concatenate([fit.state.cell_deviance[0], pressed])
 
 
-def judge(fits: Mapping[tuple[str, ...], Fit]) -> Verdict:
+def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
     """The verdict on all sets tried."""
     base = fits[()]
-    if base.lack_of_fit_p != base.lack_of_fit_p:
+    if np.isnan(base.lack_of_fit_p):
         return Verdict(
             "unexplained", (), (), "no cell has replicates, so pure error is unknown and nothing can be tested"
         )
-    helpful = [key for key in fits if len(key) == 1 and worth(fits, key, ())]
-    if passes(base) and not helpful:
+    helpful = [key for key in fits if len(key) == 1 and worth(fits, key, (), criteria)]
+    if passes(base, criteria) and not helpful:
         return Verdict(
             "adequate",
             (),
             (),
             f"the {base.model.base} model misses the cell means by no more than replicates scatter {_p(base)}",
         )
-    good = [one for key, one in fits.items() if key and passes(one) and _all_needed(fits, key)]
+    good = [one for key, one in fits.items() if key and passes(one, criteria) and _all_needed(fits, key, criteria)]
     if not good:
-        return _unexplained(fits)
+        return _unexplained(fits, criteria)
     best = min(good, key=lambda one: one.bic)
-    apart = CLEARLY * _overdispersion(best)
+    apart = criteria.clearly * _overdispersion(best)
     rivals = sorted((one for one in good if one.bic - best.bic < apart and one is not best), key=lambda one: one.bic)
     if rivals:
         sets = tuple(one.effects for one in (best, *rivals))
@@ -117,12 +109,12 @@ def judge(fits: Mapping[tuple[str, ...], Fit]) -> Verdict:
     return Verdict("identified", best.effects, (best.effects,), _because(fits, best))
 
 
-def _all_needed(fits: Mapping[tuple[str, ...], Fit], key: tuple[str, ...]) -> bool:
+def _all_needed(fits: Sets, key: tuple[str, ...], criteria: Criteria) -> bool:
     parts = [part for part in combinations(key, len(key) - 1) if part in fits]
-    return all(worth(fits, key, part) for part in parts)
+    return all(worth(fits, key, part, criteria) for part in parts)
 
 
-def _because(fits: Mapping[tuple[str, ...], Fit], best: Fit) -> str:
+def _because(fits: Sets, best: Fit) -> str:
     base = fits[()]
     others = [one for key, one in fits.items() if len(key) == len(best.effects) and one is not best]
     second = min(filter(sound, others), key=lambda one: one.bic, default=None)
@@ -138,13 +130,15 @@ def _because(fits: Mapping[tuple[str, ...], Fit], best: Fit) -> str:
     )
 
 
-def best_earned(fits: Mapping[tuple[str, ...], Fit]) -> Fit:
+def best_earned(fits: Sets, criteria: Criteria = DEFAULT) -> Fit:
     """Of the sets that earn what is in them: a larger one may pass, bought with parameters that nothing speaks for."""
-    return min((one for key, one in fits.items() if not key or _all_needed(fits, key)), key=lambda one: one.bic)
+    return min(
+        (one for key, one in fits.items() if not key or _all_needed(fits, key, criteria)), key=lambda one: one.bic
+    )
 
 
-def _unexplained(fits: Mapping[tuple[str, ...], Fit]) -> Verdict:
-    best = best_earned(fits)
+def _unexplained(fits: Sets, criteria: Criteria) -> Verdict:
+    best = best_earned(fits, criteria)
     fails = best.fails
     where = ""
     if fails:

@@ -16,7 +16,7 @@ from sandbot_model.fitting.leave_one_out import CrossValidation, cross_validatio
 from sandbot_model.fitting.levenberg_marquardt import bounds, full_jacobian
 from sandbot_model.fitting.likelihood import Problem, States
 from sandbot_model.fitting.plain import data_frame, number, plain
-from sandbot_model.fitting.text import cm_s, probability, with_error
+from sandbot_model.fitting.text import cm_s, html_table, probability, with_error
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
@@ -230,12 +230,17 @@ class Fit:
     def __repr__(self) -> str:
         cells = self.cells
         lines = [
-            f"{self.name}, fitted to {cells.trials} trials in {len(cells)} conditions",
+            f"{self.name}: fitted to {cells.trials} trials in {len(cells)} conditions",
             *(f"  {name:<28}{estimate}" for name, estimate in self.estimates()),
             f"  {'error of mean speed':<28}{cm_s(self.rmse_m_s)} in sample, {cm_s(self.cv_rmse_m_s)} out of sample",
             f"  {'lack of fit':<28}p = {probability(self.lack_of_fit_p)}",
         ]
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        errors = [("error of mean speed, in sample", cm_s(self.rmse_m_s)), ("out of sample", cm_s(self.cv_rmse_m_s))]
+        tests = [("lack of fit p", probability(self.lack_of_fit_p))]
+        return html_table([(self.name, "value"), *self.estimates(), *errors, *tests])
 
     @property
     def name(self) -> str:

@@ -42,14 +42,14 @@ def full_jacobian(problem: Problem, states: States) -> Array:
     return np.concatenate([full.reshape(len(local), -1, count + levels), problem.pressed_jacobian(states)], axis=1)
 
 
-def followed(problem: Problem, states: States) -> Array:
-    """Orthonormal columns ``(4 cells + readings, rank)``: the residuals that one fit's own parameters can follow."""
+def tangent_basis(problem: Problem, states: States) -> Array:
+    """Orthonormal columns ``(4 cells + readings, rank)`` that span the residuals a fit's own parameters can absorb."""
     basis, singular, _ = np.linalg.svd(full_jacobian(problem, states)[0], full_matrices=False)
     return np.asarray(basis[:, singular > 1e-9 * singular[0]])
 
 
-def off(values: Array, basis: Array) -> Array:
-    """What of ``values (4 cells + readings, ...)`` is left beside what can be followed."""
+def project_out(values: Array, basis: Array) -> Array:
+    """``values (4 cells + readings, ...)`` less their part in the span of the basis."""
     return np.asarray(values - basis @ (basis.T @ values))
 
 

@@ -405,5 +405,5 @@ def _csv_cell(value: Any) -> str:
 
 
 def _json_download(discovery: Discovery) -> Download:
-    content = json.dumps(discovery.to_json(), indent=1, ensure_ascii=False).encode()
+    content = json.dumps(discovery.to_dict(), indent=1, ensure_ascii=False).encode()
     return Download("discovery.json", "Discovery as JSON (SI units)", data_uri(content, "application/json"))

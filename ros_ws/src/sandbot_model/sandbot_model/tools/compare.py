@@ -13,7 +13,6 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml, writing
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import Selection, from_mapping, held_by_text
-from sandbot_model.discovery.compare import geometry_lock, to_json
 from sandbot_model.discovery.reproduce import steps_of
 from sandbot_model.fitting.bootstrap import bootstrap
 from sandbot_model.physics.catalogue import catalogue
@@ -57,8 +56,8 @@ def _compare(argv: Sequence[str]) -> None:
     print(tables.ladder(steps), "\n")
     print(tables.parameters(steps[-1]), "\n")
     print(tables.fails(steps[-1]), "\n")
-    print(tables.lock_line(geometry_lock(cells)))
-    content = to_json(steps)
+    print(tables.lock_line(steps.lock))
+    content = steps.to_dict()
     if args.bootstrap is not None:
         model = model_of(selection.model, selection.effects, effects, cells.robot)
         bar = partial(tqdm, total=args.bootstrap, desc="bootstrap", unit="draw", file=sys.stderr, disable=None)

@@ -47,7 +47,7 @@ def _discover(argv: Sequence[str]) -> None:
     print(robot_line, "\n")
     _print(found)
     if args.json is not None:
-        arguments.write_json(args.json, found.to_json())
+        arguments.write_json(args.json, found.to_dict())
     if args.html is not None:
         from sandbot_record.trials.film_strip import film_strip
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sandbot_model.data.conditions import noise_floor
 from sandbot_model.discovery.discover import Discovery
+from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.text import table
 from sandbot_model.physics.arrays import Array
@@ -26,30 +26,7 @@ def data_line(fit: Fit) -> str:
 
 def ladder(steps: Sequence[Fit]) -> str:
     """Each step's error per observable, in and out of sample, over the noise floor."""
-    measured = steps[0].cells.observables
-    head = [
-        "model",
-        *(f"{name} [{Observable[name].readers_unit}]" for name in measured),
-        "out of sample: speed",
-        "lack of fit p",
-        "cells failing",
-    ]
-    rows = [head]
-    for step in steps:
-        name = step.model.base if not step.effects else "+ " + " + ".join(step.effects)
-        failing = len({(fail.phi, fail.omega_rad_s) for fail in step.fails})
-        rows.append(
-            [
-                name,
-                *(f"{CM * step.goodness.rmse[one]:.3f}" for one in measured),
-                f"{CM * step.cv_rmse_m_s:.3f}",
-                f"{step.lack_of_fit_p:.2g}",
-                str(failing),
-            ]
-        )
-    floor = noise_floor(steps[0].cells)
-    rows.append(["noise floor", *(f"{CM * floor[one]:.3f}" for one in measured), f"{CM * floor['speed']:.3f}", "", ""])
-    return table(rows)
+    return table(ladder_rows(steps))
 
 
 def bootstrap(fit: Fit, drawn: Mapping[str, float], draws: int) -> str:

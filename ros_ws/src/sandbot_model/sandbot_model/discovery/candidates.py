@@ -1,0 +1,40 @@
+"""Every single effect against the base model, and the weight of the sets that hold it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sandbot_model.discovery.verdict import Sets
+from sandbot_model.physics.effect import Effect
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What one effect changes when added to the base model (negative: better), and the weight of sets with it."""
+
+    effect: str
+    stage: str
+    delta_chi2: float
+    delta_bic: float
+    cv_rmse_m_s: float
+    weight: float
+
+
+def candidates(fits: Sets, effects: Mapping[str, Effect]) -> list[Candidate]:
+    """All effects that were fitted alone, the most useful first."""
+    base, weights = fits[()], bic_weights(fits)
+    found = []
+    for name, effect in effects.items():
+        if (single := fits.get((name,))) is not None:
+            weight = sum(value for key, value in weights.items() if name in key)
+            change = single.deviance - base.deviance
+            found.append(Candidate(name, effect.stage, change, single.bic - base.bic, single.cv_rmse_m_s, weight))
+    return sorted(found, key=lambda candidate: candidate.delta_bic)
+
+
+def bic_weights(fits: Sets) -> dict[tuple[str, ...], float]:
+    """exp(-ΔBIC/2), normalised over all sets tried."""
+    scores = np.array([fit.bic for fit in fits.values()])
+    weights = np.exp(-0.5 * np.minimum(scores - scores.min(), 1400.0))
+    return dict(zip(fits, (weights / weights.sum()).tolist(), strict=True))

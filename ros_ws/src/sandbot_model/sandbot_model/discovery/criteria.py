@@ -1,0 +1,47 @@
+"""What it takes to claim an effect: every number of the verdict that is a matter of policy."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from sandbot_common.errors import InputError
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """Thresholds of the verdict. Raises InputError for a value outside its range.
+
+    The defaults are calibrated on worlds where nothing is missing (benchmarks/hidden.md): a stricter ``claim`` misses
+    more effects that are there, a laxer one claims more that are not.
+    """
+
+    lack_of_fit: float = 5e-3
+    """p-value of the lack-of-fit test, all observables together, below which a model is refused."""
+    lack_of_fit_of_one: float = 3e-4
+    """The same for a single observable, of which there are four."""
+    claim: float = 22.0
+    """Gain in deviance that each effect must bring. The best of some 25 effects that are not there gains as much in
+    less than 1 % of worlds where nothing is missing."""
+    one_cell: float = 0.5
+    """Share of the claim that must remain without the cell that gains most: one odd cell does not buy an effect."""
+    clearly: float = 10.0
+    """Difference of BIC from which one set of effects is clearly worse than another (weights of 150 to 1)."""
+    term: float = 22.0
+    """Gain in deviance for each number, coefficient or threshold, of a formula suggested for what is left. Where
+    nothing is missing the best of some 500 terms gains as much in 1 of 10,000 campaigns (20,000 drawn to first order).
+    """
+    not_excluded: float = 4.0
+    """Rise of the deviance up to which an effect at its usual strength may be there: two standard deviations."""
+    telling_sd: float = 0.5
+    """Expected gap, in standard deviations of one trial, from which more trials are worth while."""
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            value, most = getattr(self, one.name), 1.0 if one.name in SHARES else np.inf
+            if not 0.0 < value < most:
+                raise InputError(f"criteria: {one.name} is {value!r}; a number between 0 and {most:g} is needed")
+
+
+SHARES = ("lack_of_fit", "lack_of_fit_of_one", "one_cell")
+"""Criteria that are probabilities or shares."""
+DEFAULT = Criteria()

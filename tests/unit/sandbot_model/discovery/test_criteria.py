@@ -1,0 +1,31 @@
+"""Policy of the verdict in one place: what it refuses, and that it is obeyed."""
+
+import dataclasses
+
+import pytest
+
+from sandbot_common.errors import InputError
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.criteria import DEFAULT, Criteria
+from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.verdict import judge
+from sandbot_model.physics.effects import CATALOGUE
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("lack_of_fit", 1.5), ("claim", 0.0), ("one_cell", -0.1), ("clearly", float("nan"))]
+)
+def test_a_value_that_means_nothing_is_refused(name, value):
+    with pytest.raises(InputError, match=f"criteria: {name} is"):
+        dataclasses.replace(DEFAULT, **{name: value})
+
+
+def test_other_criteria_change_the_verdict(drawn):
+    overlap = {effect.identifier: effect for effect in CATALOGUE if effect.identifier == "stance_overlap"}
+    cells = cells_of(drawn(("stance_overlap",), seed=6, levels=3))
+    usual = discover(cells, overlap, max_effects=1)
+    fits = {fit.effects: fit for fit in usual.fits}
+    assert usual.verdict.status == judge(fits).status == "identified"
+    assert judge(fits, Criteria(claim=1e4)).status == "unexplained"
+    lenient = Criteria(claim=1e4, lack_of_fit=1e-30, lack_of_fit_of_one=1e-30)
+    assert discover(cells, overlap, max_effects=1, criteria=lenient).verdict.status == "adequate"

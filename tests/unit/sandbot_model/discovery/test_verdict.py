@@ -1,0 +1,94 @@
+"""The rules of the verdict on hand-made fits: deviance, χ² and p are given, nothing is fitted."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sandbot_model.discovery import verdict
+from sandbot_model.discovery.criteria import Criteria
+from sandbot_model.discovery.verdict import claim, judge, passes, worth
+
+CELLS = 20
+
+
+def made(*effects, deviance, p=0.5, one_cell=0.0, at_bounds=(), each=None, replicates=10_000):
+    """A fit whose cells miss alike, but for the first, which misses by ``one_cell`` more."""
+    parts = np.full(CELLS, (deviance - one_cell) / CELLS)
+    parts[0] += one_cell
+    return SimpleNamespace(
+        model=SimpleNamespace(base="simple"),
+        effects=effects,
+        deviance=deviance,
+        bic=deviance + 5.0 * len(effects),
+        lack_of_fit_p=p,
+        goodness=SimpleNamespace(chi2=50.0, dof=60, lack_of_fit=each or {"speed": p}),
+        at_bounds=at_bounds,
+        implausible=(),
+        fails=(),
+        level_phi=np.array([0.6]),
+        cells=SimpleNamespace(pressed=None, pure_error_dof=np.full(4, replicates)),
+        state=SimpleNamespace(cell_deviance=parts[None], pressed=np.zeros((1, 0))),
+    )
+
+
+def judged(*fits, criteria=None):
+    return judge({fit.effects: fit for fit in fits}, criteria or Criteria())
+
+
+BASE = made(deviance=300.0, p=1e-9)
+
+
+def test_nothing_missing_is_adequate_unless_an_effect_earns_its_claim():
+    fits = made(deviance=60.0), made("a", deviance=50.0)
+    assert judged(*fits).status == "adequate"
+    assert judged(fits[0], made("a", deviance=30.0)).status == "identified"
+    assert judged(*fits, criteria=Criteria(claim=5.0)).effects == ("a",)
+
+
+def test_the_one_set_that_repairs_the_model_is_identified():
+    found = judged(BASE, made("a", deviance=60.0), made("b", deviance=290.0, p=1e-8))
+    assert (found.status, found.effects, found.alternatives) == ("identified", ("a",), (("a",),))
+    assert "the next best, b, has ΔBIC 230" in found.because
+
+
+def test_two_that_repair_it_alike_are_ambiguous_and_one_clearly_worse_is_not_among_them():
+    fits = BASE, made("a", deviance=60.0), made("b", deviance=65.0), made("c", deviance=80.0)
+    found = judged(*fits)
+    assert (found.status, found.alternatives) == ("ambiguous", (("a",), ("b",)))
+    assert judged(*fits, criteria=Criteria(clearly=3.0)).status == "identified"
+
+
+def test_what_no_set_repairs_is_unexplained(monkeypatch):
+    monkeypatch.setattr(verdict, "stage_tests", lambda _fit: ())
+    found = judged(BASE, made("a", deviance=200.0, p=1e-6))
+    assert (found.status, found.effects) == ("unexplained", ())
+    assert "the best set, a, still fails" in found.because
+
+
+def test_without_replicates_there_is_no_verdict():
+    assert "no cell has replicates" in judged(made(deviance=60.0, p=np.nan)).because
+
+
+def test_one_odd_cell_buys_no_effect():
+    base = made(deviance=300.0, one_cell=240.0)
+    fits = {(): base, ("a",): made("a", deviance=60.0)}
+    assert not worth(fits, ("a",), ())
+    assert worth({**fits, (): BASE}, ("a",), ())
+
+
+def test_a_parameter_at_its_bound_passes_nothing():
+    assert passes(made("a", deviance=60.0))
+    assert not passes(made("a", deviance=60.0, at_bounds=("a.x",)))
+    assert passes(made("a", deviance=60.0, at_bounds=("delta_t_s",)))
+
+
+def test_a_single_observable_can_refuse_a_model():
+    assert not passes(made(deviance=60.0, each={"speed": 0.5, "lift": 1e-4}))
+    assert passes(made(deviance=60.0, each={"speed": 0.5, "lift": np.nan}))
+
+
+def test_with_few_replicates_a_claim_takes_more():
+    many, few = (claim(made(deviance=60.0, replicates=n)) for n in (10_000, 2))
+    assert many == pytest.approx(22.0, rel=1e-2)
+    assert few > 2 * many
