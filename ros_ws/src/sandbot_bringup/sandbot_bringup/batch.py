@@ -21,7 +21,7 @@ from sandbot_common.files import load_yaml
 from sandbot_common.robot import Robot
 from sandbot_lab.bed import LabBed
 from sandbot_lab.cameras import LabCamera
-from sandbot_lab.robot import Trace, simulate
+from sandbot_lab.robot import Trace, as_seen, simulate
 from sandbot_lab.world import World, draw_world, null_world, read_world, write_world
 from sandbot_tracking.calibration import Camera, cameras_from_mapping
 from sandbot_tracking.offline import OfflineTracker
@@ -77,7 +77,7 @@ def seal(folder: CampaignFolder, world: World) -> None:
 
 def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
     """Prepare the bed, let the robot run before both cameras, track it, and write the bag; returns its path."""
-    plan, world = setup.plan, setup.world.walked_by(setup.robot)
+    plan, world = setup.plan, setup.world.walked_by(setup.robot).at(trial.occasion)
     bed = LabBed(seed=trial.seed)
     bag = TrialBag(start_ns)
     bag.announce(trial_message(plan, trial, setup.robot, start_ns))
@@ -86,7 +86,7 @@ def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
 
     t_s = np.arange(round(plan.duration_s(trial.omega_rad_s) * plan.setpoint_rate_hz) + 1) / plan.setpoint_rate_hz
     angles, rates = leg_angles(plan.clock_gait, trial.omega_rad_s, t_s)
-    trace = simulate(world, bed.phi, t_s, angles, rates, seed=trial.seed)
+    trace = simulate(world, bed.phi - world.week.phi_zero, t_s, angles, rates, seed=trial.seed)
     bag.legs(topics.LEG_SETPOINTS, t_s, angles, rates, np.zeros_like(angles))
     bag.legs(topics.LEG_STATES, t_s, trace.leg_angle_rad, trace.leg_rate_rad_s, trace.leg_effort_n_m)
 
@@ -94,7 +94,7 @@ def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
     tracker = OfflineTracker(cameras, setup.robot)
     for t, angle in zip(t_s, trace.leg_angle_rad, strict=True):
         tracker.legs(float(t), angle)
-    _film(setup, trial, trace, tracker, cameras, bag)
+    _film(setup, trial, as_seen(trace, world.week, trial.occasion), tracker, cameras, bag)
     path = setup.folder.bag(trial)
     files = {**setup.files, "campaign.yaml": to_yaml(plan)}
     bag.write(path, trial_metadata(plan, trial, setup.robot, start_ns, "simulated", "ok"), files)

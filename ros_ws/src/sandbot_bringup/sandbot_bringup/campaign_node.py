@@ -153,6 +153,8 @@ class Operator(Node):
         self._set("bed", "target_phi", trial.phi)
         if self._has_lab:
             self._set("lab", "trial_seed", trial.seed)
+            self._set("lab", "batch_seed", trial.occasion.batch_seed)
+            self._set("lab", "progress", trial.occasion.progress)
             self._call("/lab/reset")
         self._trial.publish(messages.string(trial_message(self._plan, trial, self._robot, time.time_ns())))
 

@@ -2,6 +2,7 @@
 
 name: demo
 seed: 2009
+order: randomised
 gait: UNIFORM
 phi: [0.580, 0.600, 0.611, 0.622, 0.633]
 omega_rad_s: [4, 8, 12, 16, 20, 24, 30]
@@ -11,18 +12,22 @@ replicates: 3
 import dataclasses
 import math
 import zlib
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sandbot_bed.protocol import ProtocolParameters
+from sandbot_bringup.run_order import ORDERS, in_blocks, interspersed, sentinel_of
 from sandbot_clock.gait import PRESETS, Gait
 from sandbot_common.errors import InputError
 from sandbot_common.files import dump_yaml, read_json, read_yaml
 from sandbot_common.parameters import from_mapping, parameter
+from sandbot_lab.week import FIRST, Occasion, batch_seed
 from sandbot_model.discovery.next_trials import PENETRATION
 
 PHI_LOW, PHI_HIGH = 0.57, 0.64
@@ -36,6 +41,7 @@ class ExtraTrials:
     phi: float = parameter(doc="volume fraction target", low=PHI_LOW, high=PHI_HIGH)
     omega_rad_s: float = parameter(doc="leg frequency", unit="rad/s", low=0.5, high=OMEGA_HIGH)
     replicates: int = parameter(3, doc="trials of this condition", low=1, high=1000)
+    round: int = parameter(1, doc="conditions of one round are run together, after those before", low=1, high=1000)
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,11 @@ class Plan:
     replicates: int = parameter(3, doc="trials of each condition", low=1, high=1000)
     gait: str = parameter("SGCS", doc="clock signal", choices=(*PRESETS, "CUSTOM"))
     gait_parameters: dict[str, Any] = parameter({}, doc="theta_s_rad, theta_0_rad and duty of a CUSTOM gait")
-    seed: int = parameter(1, doc="seed of everything random in the virtual lab", low=0, high=2**31 - 1)
+    seed: int = parameter(1, doc="seed of the run order and of the virtual lab's chance", low=0, high=2**31 - 1)
+    order: str = parameter("randomised", doc="run order: in random blocks, or as listed", choices=ORDERS)
+    sentinel: int = parameter(
+        0, doc="one more trial of the sentinel condition after every so many; 0: only its replicates", low=0, high=1000
+    )
     periods: float = parameter(4.0, doc="leg periods a trial lasts at least", low=2.0, high=1000.0)
     min_duration_s: float = parameter(1.2, unit="s", doc="shortest trial", low=0.2, high=600.0)
     standing_s: float = parameter(0.25, unit="s", doc="recording before the legs start", low=0.0, high=60.0)
@@ -95,6 +105,12 @@ class PlannedTrial:
     omega_rad_s: float
     replicate: int
     seed: int
+    batch: str = ""
+    """The block it is run in; empty where the plan knows none."""
+    run_order: int = 1
+    """Its place in the campaign, from 1."""
+    occasion: Occasion = FIRST
+    """The same for the virtual lab."""
 
 
 def read_plan(path: Path) -> Plan:
@@ -132,18 +148,65 @@ def to_yaml(plan: Plan) -> str:
 
 
 def trials_of(plan: Plan) -> list[PlannedTrial]:
-    """Every trial of the plan: the grid first, φ by φ, then the extra ones."""
-    conditions = [(phi, omega, plan.replicates) for phi in plan.phi for omega in plan.omega_rad_s]
+    """Every trial of the plan as listed: the grid φ by φ, then the sentinel's own, then the extra ones.
+
+    ``run_order`` says when each is run (run_order.py); what a plan is given later leaves it as it was.
+    """
+    grid = [(phi, omega, plan.replicates) for phi in plan.phi for omega in plan.omega_rad_s]
+    sentinel = sentinel_of(plan.phi, plan.omega_rad_s)
+    more = (len(grid) * plan.replicates - 1) // plan.sentinel if plan.sentinel else 0
+    done: Counter[tuple[float, float]] = Counter()
+    replicates = [_replicates(plan, done, *condition) for condition in grid]
+    sentinels = _replicates(plan, done, *sentinel, more)
+    blocks = _blocks(plan, replicates, 0, grid.index((*sentinel, plan.replicates)))
+    blocks = interspersed(blocks, sentinels, plan.sentinel)
+    listed = [*chain(*replicates), *sentinels]
+    planned = len(listed)
+    for number, conditions in _rounds(plan).items():
+        replicates = [_replicates(plan, done, *condition) for condition in conditions]
+        blocks += _blocks(plan, replicates, number)
+        listed += chain(*replicates)
+    return _placed(plan, listed, blocks, planned)
+
+
+def _replicates(
+    plan: Plan, done: Counter[tuple[float, float]], phi: float, omega: float, count: int
+) -> list[PlannedTrial]:
+    # A condition that is listed again counts on, so that no two trials share a name.
+    first = done[phi, omega] + 1
+    done[phi, omega] += count
+    return [_planned(plan, phi, omega, number) for number in range(first, first + count)]
+
+
+def _rounds(plan: Plan) -> dict[int, list[tuple[float, float, int]]]:
+    """The conditions beside the grid, by the round in which they are run."""
     extras = [from_mapping(ExtraTrials, extra, plan.name) for extra in plan.extra_trials]
-    conditions += [(extra.phi, extra.omega_rad_s, extra.replicates) for extra in extras]
-    done: dict[tuple[float, float], int] = {}
-    trials = []
-    for phi, omega, replicates in conditions:
-        # Extra trials of a condition of the grid count on, so that no two trials share a name.
-        first = done.get((phi, omega), 0) + 1
-        done[phi, omega] = first + replicates - 1
-        trials += [_planned(plan, phi, omega, number) for number in range(first, first + replicates)]
-    return trials
+    rounds: dict[int, list[tuple[float, float, int]]] = {number: [] for number in sorted({one.round for one in extras})}
+    for one in extras:
+        rounds[one.round].append((one.phi, one.omega_rad_s, one.replicates))
+    return rounds
+
+
+def _blocks(
+    plan: Plan, replicates: Sequence[Sequence[PlannedTrial]], number: int, head: int | None = None
+) -> list[list[PlannedTrial]]:
+    if plan.order == "as_listed":
+        return [list(chain(*replicates))]
+    return in_blocks(replicates, head, (plan.seed, number))
+
+
+def _placed(
+    plan: Plan, listed: Sequence[PlannedTrial], blocks: Sequence[Sequence[PlannedTrial]], planned: int
+) -> list[PlannedTrial]:
+    """The trials with their block and their place in the campaign, whose end is that of the ``planned`` ones."""
+    # In an order as listed a block is no batch: what its trials share, nobody has said.
+    named = plan.order != "as_listed"
+    run = [(one, f"block{block}" if named else "") for block, some in enumerate(blocks, start=1) for one in some]
+    placed = {}
+    for place, (one, batch) in enumerate(run):
+        occasion = Occasion(batch_seed(plan.seed, batch), one.seed, place / max(planned - 1, 1))
+        placed[one.trial_id] = dataclasses.replace(one, batch=batch, run_order=place + 1, occasion=occasion)
+    return [placed[one.trial_id] for one in listed]
 
 
 def with_next_trials(plan: Plan, path: Path) -> Plan:
@@ -156,7 +219,9 @@ def with_next_trials(plan: Plan, path: Path) -> Plan:
     if not walks:
         raise InputError(f"{path}: its next_trials are penetrometer readings, no trials; see discover --penetrometer")
     asked = _conditions(walks, plan.replicates, str(path))
-    extras = [one for one in asked if one not in plan.extra_trials]
+    known = [{key: value for key, value in one.items() if key != "round"} for one in plan.extra_trials]
+    later = {"round": max(_rounds(plan)) + 1} if plan.extra_trials else {}
+    extras = [{**one, **later} for one in asked if one not in known]
     return dataclasses.replace(plan, extra_trials=(*plan.extra_trials, *extras))
 
 

@@ -24,6 +24,8 @@ def trial_message(plan: Plan, trial: PlannedTrial, robot: Robot, start_ns: int) 
             "robot": to_mapping(robot),
             "replicate": trial.replicate,
             "seed": trial.seed,
+            "batch": trial.batch,
+            "run_order": trial.run_order,
             "software_version": version("sandbot_bringup"),
             "commit": commit(),
             "start": datetime.fromtimestamp(start_ns / 1e9, UTC).isoformat(),

@@ -1,6 +1,7 @@
 """The virtual lab: a time-domain ground truth that stands in for robot, bed and cameras.
 
 world        the truth of a campaign: strength of the ground, effects, noise; read from a sealed file
+week         what the trials of a campaign share: batches, drift, readings off their zero
 effects      which effects there are, with their parameters
 robot        leg set-points in, body motion out: `LabRobot` step by step, `simulate` at once
   kernel       the time step: who holds, who lets go, who swims

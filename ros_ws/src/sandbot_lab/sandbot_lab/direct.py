@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sandbot_clock.gait import Gait, leg_angles
 from sandbot_common.errors import InputError
 from sandbot_lab.robot import Trace, simulate
+from sandbot_lab.week import Occasion, batch_seed
 from sandbot_lab.world import World
 
 Floats = NDArray[np.float64]
@@ -31,8 +32,12 @@ COLUMNS = (
     "lift_m",
     "peak_speed_m_s",
     "first_step_m",
+    "batch",
+    "run_order",
     "status",
 )
+ORDERS = ("as_listed", "randomised")
+BATCHES = ("none", "omega", "phi", "condition", "replicate")
 RATE_HZ = 200.0
 SHORTEST_S = 2.5
 PERIODS = 4
@@ -58,16 +63,24 @@ def direct_trials(
     replicates: int = 3,
     seed: int = 0,
     errors: ReadingErrors | None = None,
+    order: str | None = None,
+    batches: str = "none",
 ) -> list[Row]:
-    """One row (`COLUMNS`) for each φ × ω × replicate.
+    """One row (`COLUMNS`) for each φ × ω × replicate, always listed ω by ω; ``run_order`` says when each was run.
 
-    The true φ of a trial differs from its level by the world's preparation error. Raises InputError for an unknown
-    gait, a frequency that isn't positive or a volume fraction no bed has.
+    ``batches`` says what the trials of one batch have in common ("omega": one frequency a day); batches are run one
+    after the other, and ``order`` is that of the batches and of the trials within each (not given: as listed, and the
+    table does not say so). The true φ of a trial differs
+    from its level by the world's preparation error. Raises InputError for an unknown gait, order or kind of batch, a
+    frequency that isn't positive or a volume fraction no bed has.
     """
     shape = Gait.from_name(gait)
     if replicates < 1 or not len(phis) or not len(omegas):
         raise InputError(f"trials: {len(phis)} phi x {len(omegas)} omega x {replicates}: at least one of each")
     errors = errors or ReadingErrors()
+    listed = [(omega, level, replicate) for omega in omegas for level in phis for replicate in range(replicates)]
+    batch = [_batch(batches, *one) for one in listed]
+    place = _run_order(batch, order or "as_listed", seed)
     rows: list[Row] = []
     for omega in omegas:
         if not 0.0 < omega < 1000.0:
@@ -80,7 +93,11 @@ def direct_trials(
                 chance = [seed, round(level * 1e6), round(omega * 1e3), replicate]
                 rng = np.random.default_rng(chance)
                 phi = level + world.noise.scale * world.noise.phi_sd * float(rng.standard_normal())
-                trace = simulate(world, phi, t_s, angles, rates, seed=int(rng.integers(2**62)))
+                chances = int(rng.integers(2**62))
+                when = len(rows)
+                occasion = Occasion(batch_seed(seed, batch[when]), chances, place[when] / max(len(listed) - 1, 1))
+                trace = simulate(world.at(occasion), phi - world.week.phi_zero, t_s, angles, rates, seed=chances)
+                seen = _as_read(readings(trace, world.body.leg_mount_rad), world, occasion)
                 row: Row = {
                     "trial_id": f"phi{level:.3f}_omega{omega:g}_{replicate}",
                     "phi": phi + errors.phi * float(rng.standard_normal()),
@@ -88,11 +105,39 @@ def direct_trials(
                     "omega_rad_s": float(omega),
                     "gait": gait,
                     "replicate": replicate,
-                    **_read(readings(trace, world.body.leg_mount_rad), errors, rng),
+                    **_read(seen, errors, rng),
                     "status": "ok",
+                    "batch": batch[when],
+                    "run_order": nan if order is None else place[when] + 1,
                 }
                 rows.append({name: row[name] for name in COLUMNS})
     return rows
+
+
+def _batch(kind: str, omega: float, phi: float, replicate: int) -> str:
+    labels = {
+        "none": "",
+        "omega": f"omega{omega:g}",
+        "phi": f"phi{phi:.3f}",
+        "condition": f"phi{phi:.3f}_omega{omega:g}",
+        "replicate": f"block{replicate + 1}",
+    }
+    if kind not in labels:
+        raise InputError(f"batches: {kind!r} is not one of {', '.join(BATCHES)}")
+    return labels[kind]
+
+
+def _run_order(batch: Sequence[str], order: str, seed: int) -> list[int]:
+    """The place (from 0) at which each listed trial is run."""
+    if order not in ORDERS:
+        raise InputError(f"order: {order!r} is not one of {', '.join(ORDERS)}")
+    rng = np.random.default_rng([seed, 0x0DE12])
+    names, within = list(dict.fromkeys(batch)), list(range(len(batch)))
+    if order == "randomised":
+        rng.shuffle(names)
+        rng.shuffle(within)
+    sequence = sorted(within, key=lambda trial: names.index(batch[trial]))
+    return [int(place) for place in np.argsort(sequence)]
 
 
 @dataclass(frozen=True)
@@ -127,6 +172,14 @@ def readings(trace: Trace, leg_mount_rad: float = 0.0) -> Readings:
         peak_speed_m_s=_largest(trace, trace.v_x_m_s, steady[::2]),
         first_step_m=float(first_step),
     )
+
+
+def _as_read(truth: Readings, world: World, occasion: Occasion) -> Readings:
+    """What instruments that are off their zero or their scale make of the truth."""
+    along = {
+        name: world.week.seen_x_m(getattr(truth, name), 0.0) for name in ("speed_m_s", "peak_speed_m_s", "first_step_m")
+    }
+    return Readings(**along, lift_m=truth.lift_m + world.week.lift_offset_m(occasion))
 
 
 def _read(truth: Readings, errors: ReadingErrors, rng: np.random.Generator) -> dict[str, float]:

@@ -26,6 +26,7 @@ from sandbot_lab.calibration import Calibration, calibration
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.robot import START_X_M
 from sandbot_lab.stage import NANO, LiveTrial, warm_up
+from sandbot_lab.week import Occasion
 from sandbot_lab.world import null_world, read_world
 
 HEIGHT_RATE_HZ = 50.0
@@ -45,6 +46,8 @@ class LabParameters:
     robot: str = parameter("", doc="robot file; empty: the project's own SandBot; a robot of the world's goes first")
     seed: int = parameter(1, doc="chance of the bed", low=0, high=2**62)
     trial_seed: int = parameter(1, doc="chance of the next trial", low=0, high=2**62)
+    batch_seed: int = parameter(0, doc="chance that the next trial shares with its batch", low=0, high=2**62)
+    progress: float = parameter(0.0, doc="how far the campaign is at the next trial, 0 to 1", low=0.0, high=1e3)
     phi: float = parameter(0.0, doc="volume fraction of the next trial; 0: the bed's own", low=0.0, high=0.7)
     start_x: float = parameter(START_X_M, unit="m", doc="where the robot's com starts", low=0.0, high=2.5)
     images: bool = parameter(True, doc="whether the cameras run")
@@ -121,7 +124,8 @@ class LabNode(Node):
         current = self._settings.current
         cameras = {name: self._sections[name] for name in CAMERAS} if current.images else {}
         phi = current.phi or self._bed.phi
-        self._trial = LiveTrial(self._world, phi, current.trial_seed, current.start_x, cameras, t_ns)
+        occasion = Occasion(current.batch_seed, current.trial_seed, current.progress)
+        self._trial = LiveTrial(self._world, phi, current.trial_seed, current.start_x, cameras, t_ns, occasion)
         self._trials += 1
         self._health.level, self._health.text = 0, "ok"
         self._led.publish(messages.header(t_ns, "sync_led"))

@@ -4,7 +4,7 @@ robot = LabRobot(world, phi, seed);  state = robot.advance(t_s, angles, rates)
 trace = simulate(world, phi, t_s, angles, rates, seed)
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from sandbot_common.errors import InputError
 from sandbot_lab import kernel
 from sandbot_lab.physics import fresh_state, physics_record
+from sandbot_lab.week import Occasion, Week
 from sandbot_lab.world import World
 
 Floats = NDArray[np.float64]
@@ -121,6 +122,13 @@ def simulate(
         mode=rows[:, 3].astype(np.int8),
         tripod=rows[:, 4].astype(np.int8),
     )
+
+
+def as_seen(trace: Trace, week: Week, occasion: Occasion) -> Trace:
+    """The motion that cameras off their scale and zero show: a lift read too high began too low."""
+    z_m = trace.z_m.copy()
+    z_m[0] -= week.lift_offset_m(occasion)
+    return replace(trace, x_m=week.seen_x_m(trace.x_m, float(trace.x_m[0])), z_m=z_m)
 
 
 def checked_phi(phi: float) -> float:

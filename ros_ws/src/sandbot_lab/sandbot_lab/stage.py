@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from sandbot_lab.cameras import Frame, LabCamera
 from sandbot_lab.robot import START_X_M, BodyState, LabRobot
+from sandbot_lab.week import FIRST, Occasion
 from sandbot_lab.world import World, null_world
 
 Floats = NDArray[np.float64]
@@ -64,10 +66,13 @@ class LiveTrial:
         start_x_m: float,
         cameras: Mapping[str, Mapping[str, Any]],
         t0_ns: int,
+        occasion: Occasion = FIRST,
     ) -> None:
         """``cameras``: sections of cameras.yaml by name; none for a trial without images. Raises InputError."""
         self.t0_ns = t0_ns
-        self._robot = LabRobot(world, phi, seed, start_x_m)
+        self._robot = LabRobot(world.at(occasion), phi - world.week.phi_zero, seed, start_x_m)
+        self._week, self._start_x_m = world.week, start_x_m
+        self._sunk_m = world.week.lift_offset_m(occasion)
         self._cameras = {name: LabCamera(name, camera, seed, world.body) for name, camera in cameras.items()}
         self._taken = dict.fromkeys(cameras, 0)
         self._motion = RecentMotion()
@@ -75,7 +80,10 @@ class LiveTrial:
     def advance(self, t_ns: int, angles: Floats, rates: Floats) -> BodyState:
         """The robot at a set-point's time. Raises InputError if time runs backwards or a value isn't finite."""
         state = self._robot.advance((t_ns - self.t0_ns) / NANO, angles, rates)
-        self._motion.append(state)
+        # As the cameras see it (`as_seen`): off their scale, and a lift read too high began too low.
+        x_m = self._week.seen_x_m(state.x_m, self._start_x_m)
+        self._motion.append(replace(state, x_m=x_m, z_m=state.z_m - self._sunk_m))
+        self._sunk_m = 0.0
         return state
 
     def frames(self) -> Iterator[tuple[str, int, Frame]]:

@@ -20,6 +20,7 @@ from sandbot_common.files import read_yaml, write_text
 from sandbot_common.parameters import from_mapping, parameter
 from sandbot_common.robot import SANDBOT, Robot, robot_from_mapping, to_mapping
 from sandbot_lab.effects import DRAWN, EFFECTS, checked_effect
+from sandbot_lab.week import Occasion, Week
 
 SCHEMA = "sandbot.world/1"
 
@@ -60,6 +61,7 @@ class World:
     noise: Noise = field(default_factory=Noise)
     robot: Robot | None = None
     """The robot that truly walks, whatever robot.yaml says; None: the campaign's (`walked_by`), else SandBot."""
+    week: Week = field(default_factory=Week)
 
     def __post_init__(self) -> None:
         """Fill in the defaults of the effects and refuse what can't be."""
@@ -87,6 +89,11 @@ class World:
     def walked_by(self, robot: Robot) -> "World":
         """This world with the campaign's robot, unless it has its own."""
         return self if self.robot else dataclasses.replace(self, robot=robot)
+
+    def at(self, occasion: Occasion) -> "World":
+        """The world as one trial of the campaign meets it: its virgin ground as strong as the bed is then."""
+        factor = self.week.strength(occasion)
+        return dataclasses.replace(self, k_knots_n_per_m=tuple(factor * k for k in self.k_knots_n_per_m))
 
     def with_noise(self, scale: float) -> "World":
         """The same world with every noise multiplied by ``scale``."""
@@ -119,6 +126,7 @@ def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
         raise InputError(f"{where}: schema: {schema!r} is not {SCHEMA!r}")
     sections: dict[str, Any] = {
         "noise": from_mapping(Noise, values.pop("noise", {}), f"{where}: noise"),
+        "week": from_mapping(Week, values.pop("week", {}), f"{where}: week"),
     }
     if "robot" in values:
         sections["robot"] = robot_from_mapping(values.pop("robot"), f"{where}: robot")
@@ -172,6 +180,7 @@ def write_world(world: World, path: Path) -> None:
         "swim_m_s": world.swim_m_s,
         "effects": {name: dict(values) for name, values in world.effects.items()},
         "noise": dataclasses.asdict(world.noise),
+        "week": {**dataclasses.asdict(world.week), "k_jumps_at": list(world.week.k_jumps_at)},
     }
     if world.robot is not None:
         content["robot"] = to_mapping(world.robot)

@@ -26,6 +26,14 @@ def test_a_bag_becomes_a_row(tmp_path):
     assert row.lift_m == pytest.approx(0.010, rel=0.05)
 
 
+def test_order_and_time_come_from_the_plan(tmp_path):
+    row = table.row_from_bag(bags.trial_bag(tmp_path / "b", plan=bags.PLAN | {"batch": "block2", "run_order": 17}))
+    assert (row.batch, row.run_order, row.started) == ("block2", 17, bags.PLAN["start"])
+    plain = table.row_from_bag(bags.trial_bag(tmp_path / "c"))
+    assert plain.batch == ""
+    assert math.isnan(plain.run_order)
+
+
 def test_the_speed_follows_the_landmarks(tmp_path):
     """Negative control of the above: another speed in the bag is another speed in the row."""
     assert table.row_from_bag(bags.trial_bag(tmp_path / "b", speed=0.1)).speed_m_s == pytest.approx(0.1, rel=1e-3)

@@ -146,3 +146,26 @@ def test_any_file_is_a_table_or_one_line(tmp_path, content):
     except InputError as error:
         complaint = str(error)
     assert "\n" not in complaint
+
+
+@pytest.mark.parametrize("name", ["batch", "day", "preparation"])
+def test_order_and_time_are_read_and_written(tmp_path, name):
+    text = f"{name},phi,omega_rad_s,speed_m_s,run_order,started\nmonday,.6,8,.2,2,2026-05-04T09:30\n,.6,8,.2,,\n"
+    table = read(write(tmp_path, text))
+    assert table.batch.tolist() == ["monday", ""]
+    assert table.run_order[0] == 2
+    assert table.started.tolist() == ["2026-05-04T09:30", ""]
+    write_csv(table, tmp_path / "again.csv")
+    again = read_csv(tmp_path / "again.csv")
+    assert again.batch.tolist() == table.batch.tolist()
+    assert (tmp_path / "again.csv").read_text().splitlines()[0].endswith("batch,run_order,started,status")
+
+
+def test_a_table_without_order_and_time_is_written_as_before(tmp_path):
+    write_csv(read(write(tmp_path, GOOD)), tmp_path / "again.csv")
+    assert not {"batch", "run_order", "started"} & set((tmp_path / "again.csv").read_text().splitlines()[0].split(","))
+
+
+def test_a_batch_of_its_own_name_goes_before_its_synonyms(tmp_path):
+    table = read(write(tmp_path, "day,batch,phi,omega_rad_s,speed_m_s\nmonday,b7,.6,8,.2\n"))
+    assert table.batch.tolist() == ["b7"]

@@ -27,7 +27,7 @@ def command(argv: Sequence[str]) -> int:
         return 0
     plan, folder = _plan_and_folder(options)
     files = files_of(plan, options.plan if options.plan.is_dir() else options.plan.parent, folder.path)
-    trials = trials_of(plan)
+    trials = sorted(trials_of(plan), key=lambda trial: trial.run_order)
     if options.dry_run:
         print(describe(plan, trials))
         return 0
@@ -49,8 +49,9 @@ def describe(plan: Plan, trials: Sequence[PlannedTrial]) -> str:
         f"{min(plan.phi):g}-{max(plan.phi):g} x {len(plan.omega_rad_s)} frequencies "
         f"{min(plan.omega_rad_s):g}-{max(plan.omega_rad_s):g} rad/s x {plan.replicates} replicates"
         f" + {len(plan.extra_trials)} extra conditions\n"
-        f"gait {plan.gait}; legs turn for {seconds / 60:.1f} min in all, the bed is prepared {len(trials)} times"
-    )
+        f"gait {plan.gait}; legs turn for {seconds / 60:.1f} min in all, the bed is prepared {len(trials)} times\n"
+        f"order {plan.order}, seed {plan.seed}:\n"
+    ) + "\n".join(f"{trial.run_order:4d}  {trial.batch:8}  {trial.trial_id}" for trial in trials)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -9,7 +9,7 @@ from typing import Any
 
 from sandbot_common import files
 from sandbot_common.errors import InputError
-from sandbot_record.trials.table import COLUMNS, OK, REQUIRED, TEXTS, Row, Trials, check_ids, from_rows
+from sandbot_record.trials.table import COLUMNS, OK, ORDER_AND_TIME, REQUIRED, TEXTS, Row, Trials, check_ids, from_rows
 
 _BOUNDS = {
     "phi": (0.0, 1.0, "a volume fraction between 0 and 1, both excluded"),
@@ -19,6 +19,7 @@ _BOUNDS = {
     "lift_m": (-1.0, 1.0, "a length in m"),
     "first_step_m": (-10.0, 10.0, "a length in m"),
 }
+BATCH_SYNONYMS = ("day", "preparation")
 _NOT_NEGATIVE = ("phi_sd", "speed_sd_m_s")
 _OTHER_UNITS = {
     "speed_cm_s": "speed_m_s (values divided by 100)",
@@ -50,28 +51,43 @@ def write_csv(trials: Trials, path: Path) -> None:
 
 
 def to_csv(trials: Trials) -> str:
-    """The table as CSV text; what was not measured is empty, numbers read back exactly."""
+    """The table as CSV text; what was not measured is empty, numbers read back exactly.
+
+    Columns of order and time are there only if something is known of them.
+    """
+    rows = trials.rows()
+    cells = {name: [_cell(getattr(row, name)) for row in rows] for name in COLUMNS}
+    told = [name for name in COLUMNS if name not in ORDER_AND_TIME or any(cells[name])]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows([_cell(getattr(row, name)) for name in COLUMNS] for row in trials.rows())
+    writer.writerow(told)
+    writer.writerows(zip(*(cells[name] for name in told), strict=True))
     return text.getvalue()
 
 
 def csv_rows(path: Path) -> list[Row]:
     """The rows of a CSV file. Raises InputError naming row, column and value of what can't be read."""
     header, lines = files.read_csv(path, "a trials CSV, a bag or a campaign folder")
+    given = header
+    header = _known_names(given)
     if not any(header):
         raise InputError(f"{path}: empty; a header with {', '.join(REQUIRED)} and one row a trial are needed")
     _check_header(path, header)
     rows, numbers = [], []
     for number, cells in lines:
+        cells = {name: cells[own] for name, own in zip(header, given, strict=True)}
         rows.append(_csv_row(f"{path}: row {number}", number, cells))
         numbers.append(number)
     if not rows:
         raise InputError(f"{path}: no trials: nothing below the header")
     check_ids(rows, [f"{path}: row {number}, column trial_id" for number in numbers])
     return rows
+
+
+def _known_names(header: list[str]) -> list[str]:
+    """The header with what stands for ``batch`` under that name."""
+    synonym = next((name for name in BATCH_SYNONYMS if name in header), None) if "batch" not in header else None
+    return ["batch" if name == synonym else name for name in header]
 
 
 def _check_header(path: Path, header: Sequence[str]) -> None:
@@ -92,7 +108,7 @@ def _hint(name: str, header: Iterable[str]) -> str:
 
 def _csv_row(where: str, number: int, cells: Mapping[str, str]) -> Row:
     status = cells.get("status", "") or OK
-    values: dict[str, Any] = {"trial_id": f"row{number}", "gait": "", "status": status}
+    values: dict[str, Any] = {"trial_id": f"row{number}", "gait": "", "status": status, "batch": "", "started": ""}
     for name in COLUMNS:
         text = cells.get(name, "")
         if name in TEXTS:

@@ -76,6 +76,9 @@ def _measured(path: Path) -> tuple[Row, Setting]:
         omega_rad_s=_float(plan.get("omega_rad_s")),
         gait=_gait(plan.get("gait")),
         replicate=_float(plan.get("replicate")),
+        batch=str(plan.get("batch") or ""),
+        run_order=_float(plan.get("run_order")),
+        started=_started(bag, plan),
     )
     exit_status = _exit_status(bag)
     setting = of_bag(bag, plan, math.nan)
@@ -196,6 +199,12 @@ def _row_or_reason(bag: Path) -> Measured | str:
         return _measured(bag)
     except InputError as error:
         return str(error)
+
+
+def _started(bag: Bag, plan: dict[str, Any]) -> str:
+    """When the trial was run; a simulated one happened at no time of the day."""
+    simulated = bag.provenance.get("trial", {}).get("clock") == "simulated"
+    return "" if simulated else str(plan.get("start") or "")
 
 
 def _exit_status(bag: Bag) -> str:

@@ -14,7 +14,8 @@ from sandbot_common.robot import Robot
 Floats = NDArray[np.float64]
 OK = "ok"
 REQUIRED = ("phi", "omega_rad_s", "speed_m_s")
-TEXTS = ("trial_id", "gait", "status")
+TEXTS = ("trial_id", "gait", "status", "batch", "started")
+ORDER_AND_TIME = ("batch", "run_order", "started")
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,11 @@ class Row:
     lift_m: float = math.nan
     peak_speed_m_s: float = math.nan
     first_step_m: float = math.nan
+    batch: str = ""
+    """What the trial shares with others: a day, a preparation of the bed, a block of the plan."""
+    run_order: float = math.nan
+    started: str = ""
+    """ISO 8601."""
     status: str = OK
 
 
@@ -56,6 +62,9 @@ class Trials:
     lift_m: Floats
     peak_speed_m_s: Floats
     first_step_m: Floats
+    batch: NDArray[Any]
+    run_order: Floats
+    started: NDArray[Any]
     status: NDArray[Any]
     robot: Robot | None = None
     """The robot of all of them; None: the data do not tell."""
