@@ -1,4 +1,4 @@
-"""When each trial of a campaign is run: in random blocks, so that a drift of the bed or the room is no effect of φ or ω.
+"""When each trial of a campaign is run: in random blocks, so that no drift of bed or room is an effect of φ or ω.
 
 A block holds one replicate of every condition, in random order behind that of the sentinel condition, which so returns
 through the campaign, and more often where the plan asks for it.

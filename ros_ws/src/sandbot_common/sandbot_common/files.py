@@ -119,7 +119,7 @@ def read_csv(path: Path, needed: str = "a CSV file") -> tuple[list[str], Iterato
         lines = list(csv.reader(io.StringIO(text, newline=""), strict=True, skipinitialspace=True))
     except csv.Error as error:
         raise InputError(f"{path}: not a CSV: {error}") from None
-    header = [name.strip() for name in lines[0]] if lines else []
+    header = [" ".join(name.split()) for name in lines[0]] if lines else []
     if repeated := [name for index, name in enumerate(header) if name and name in header[:index]]:
         raise InputError(f"{path}: row 1: column {repeated[0]} is there twice")
     return header, _csv_rows(path, header, lines)
