@@ -8,7 +8,6 @@ import pytest
 from rig import QUIET
 
 from sandbot_common.errors import InputError
-from sandbot_lab.cameras import REST_HEIGHT_M
 from sandbot_lab.direct import ReadingErrors, direct_trials
 from sandbot_lab.robot import as_seen, simulate
 from sandbot_lab.stage import LiveTrial
@@ -103,7 +102,7 @@ def test_cameras_show_the_same_live_and_in_batch():
     rates = np.full((200, 6), 10.0)
     trace = simulate(world.at(LATE), 0.61 - 0.004, t_s, angles, rates, 3)
     seen = as_seen(trace, world.week, LATE)
-    assert seen.z_m[0] == pytest.approx(REST_HEIGHT_M - 1e-3)
+    assert seen.z_m[0] == pytest.approx(trace.z_m[0] - 1e-3)
     assert (seen.z_m[1:] == trace.z_m[1:]).all()
     assert np.ptp(seen.x_m) == pytest.approx(1.02 * np.ptp(trace.x_m))
     live = LiveTrial(world, 0.61, 3, trace.x_m[0], {}, 0, LATE)
