@@ -7,10 +7,6 @@ import pytest
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit
-from sandbot_model.fitting.global_minimum import slope_of
-from sandbot_model.fitting.levenberg_marquardt import full_jacobian
-from sandbot_model.fitting.likelihood import Problem
-from sandbot_model.fitting.starts import profile
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 
@@ -35,40 +31,6 @@ def test_standard_errors_cover_the_truth(drawn):
         found = fit(model_of("simple", (), EFFECTS), cells_of(drawn(seed=seed)))
         pulls.append((found.parameters["delta_t_s"].value - 0.4) / found.parameters["delta_t_s"].stderr)
     assert 0.4 < np.std(pulls) < 2.0
-
-
-def test_the_optimum_is_global(drawn):
-    """Against a dense scan of Δt with every k profiled on a fine grid."""
-    cells = cells_of(drawn(seed=2, levels=4))
-    model = model_of("simple", (), EFFECTS)
-    found = fit(model, cells)
-    problem = Problem(model, cells)
-    theta = np.stack([np.geomspace(0.05, 2.0, 120), np.full(120, found.parameters["v_swim_m_s"].value)], axis=-1)
-    slope = slope_of(cells.level_phi, found.k_n_per_m)
-    _, ln_k = profile(problem, theta, slope, found.k_n_per_m, np.geomspace(100, 500, 600))
-    slopes = np.array([slope_of(cells.level_phi, k) for k in np.exp(ln_k)])
-    assert found.deviance <= problem.states(theta, ln_k, slopes).deviance.min() + 1.0
-
-
-@pytest.mark.parametrize("effects", [(), ("disturbed_ground",), ("leg_slip", "exact_leg_arc"), ("motor_saturation",)])
-def test_derivatives_are_right(drawn, effects):
-    cells = cells_of(drawn(levels=3, omega=(6, 12)))
-    problem = Problem(model_of("simple", effects, EFFECTS), cells)
-    theta = np.array([[one.start for one in problem.model.parameters]])
-    ln_k = np.log([[190.0, 215.0, 235.0]])
-    slope = np.full((1, 3), 800.0)
-    state = problem.states(theta, ln_k, slope)
-    jacobian = full_jacobian(problem, state)[0]
-    for column in range(theta.shape[1] + 3):
-        sides = []
-        for sign in (1, -1):
-            t, k = theta.copy(), ln_k.copy()
-            target, index = (t, column) if column < theta.shape[1] else (k, column - theta.shape[1])
-            step = 1e-5 * max(abs(target[0, index]), 1e-3)
-            target[0, index] += sign * step
-            moved = problem.states(t, k, slope)
-            sides.append(np.einsum("cij,cj->ci", state.whiten[0], moved.predicted[0]) / (2 * step))
-        np.testing.assert_allclose(jacobian[:, column], (sides[0] - sides[1]).ravel(), rtol=2e-3, atol=2e-2)
 
 
 def test_speed_alone_is_enough(drawn):

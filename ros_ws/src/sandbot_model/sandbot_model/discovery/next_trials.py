@@ -13,7 +13,7 @@ from sandbot_model.physics.observables import NAMES, USUAL_NOISE
 
 MOST = 6
 CONTENDERS = 6
-"""Sets that are told from one another."""
+"""Sets among which trials are to decide."""
 READINGS = 2
 """Penetrometer readings among them, if there are trials enough."""
 LEAST_SD = 0.3
@@ -65,22 +65,22 @@ def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
     """The measurements that together tell most, best first, no two at one condition; none where none within reach does.
 
     Each is the one that brings all pairs farthest towards being told apart by what has been chosen before it: a gap
-    beyond ``SETTLED_SD`` counts no more, so a pair that is easily told does not take all of them.
+    beyond ``SETTLED_SD`` counts no more, so a pair that is easily separated does not take all of them.
     """
-    pairs = [between(one, other) for one, other in combinations(map(Foretold.by, contenders[:CONTENDERS]), 2)]
+    pairs = [between(one, other) for one, other in combinations(map(Predicted.by, contenders[:CONTENDERS]), 2)]
     gaps = [{trial.condition: trial for trial in reversed(trials)} for trials in pairs]
-    told = np.zeros(len(pairs))
+    separated = np.zeros(len(pairs))
     chosen: list[NextTrial] = []
-    while len(chosen) < MOST and (best := _most_telling(gaps, told, chosen)) is not None:
+    while len(chosen) < MOST and (best := _most_telling(gaps, separated, chosen)) is not None:
         chosen.append(best)
-        told += [_weight(gap.get(best.condition)) for gap in gaps]
+        separated += [_weight(gap.get(best.condition)) for gap in gaps]
     return sorted(chosen, key=lambda trial: -trial.expected_gap_sd)
 
 
 def _most_telling(
-    gaps: Sequence[Mapping[Condition, NextTrial]], told: Array, chosen: Sequence[NextTrial]
+    gaps: Sequence[Mapping[Condition, NextTrial]], separated: Array, chosen: Sequence[NextTrial]
 ) -> NextTrial | None:
-    """The measurement that adds most to ``told (pairs,)``, or None. It is shown for the pair that gains most."""
+    """The measurement that adds most to ``separated (pairs,)``, or None. It is shown for the pair that gains most."""
     taken = {trial.condition for trial in chosen}
     readings = sum(trial.observable == PENETRATION for trial in chosen)
     conditions = {key: trial for gap in gaps for key, trial in gap.items() if key not in taken}
@@ -88,10 +88,10 @@ def _most_telling(
     for key, trial in conditions.items():
         if trial.observable == PENETRATION and readings == READINGS:
             continue
-        after = np.array([_weight(gap.get(key)) for gap in gaps]) + told
-        gain = np.minimum(after, SETTLED_SD**2) - np.minimum(told, SETTLED_SD**2)
+        after = np.array([_weight(gap.get(key)) for gap in gaps]) + separated
+        gain = np.minimum(after, SETTLED_SD**2) - np.minimum(separated, SETTLED_SD**2)
         # Once all are told apart, the widest gap still counts for a little: more of it is more certain.
-        score = float(gain.sum() + 1e-3 * np.minimum(after - told, SETTLED_SD**2).sum())
+        score = float(gain.sum() + 1e-3 * np.minimum(after - separated, SETTLED_SD**2).sum())
         if score > most:
             best, most = gaps[int(np.argmax(gain))].get(key, trial), score
     return best
@@ -104,15 +104,15 @@ def _weight(trial: NextTrial | None) -> float:
 
 def excluding(base: Fit, unseen: Sequence[Fit]) -> list[NextTrial]:
     """What would show each of the effects that are not seen but not excluded: the best for each, then more."""
-    known = Foretold.by(base)
-    each = [between(known, Foretold.by(other)) for other in unseen]
+    predicted = Predicted.by(base)
+    each = [between(predicted, Predicted.by(other)) for other in unseen]
     best = _distinct([trials[0] for trials in each if trials])
     more = _distinct([*best, *(trial for trials in each for trial in trials[1:])])
     return [*best, *(one for one in more if one not in best)][:MOST]
 
 
 @dataclass(frozen=True, eq=False)
-class Foretold:
+class Predicted:
     """What a fit says of every measurement that could be made: levels φ × frequencies ω, and levels × depths."""
 
     name: str
@@ -129,7 +129,7 @@ class Foretold:
     force_sd: Array
 
     @classmethod
-    def by(cls, fit: Fit) -> "Foretold":
+    def by(cls, fit: Fit) -> "Predicted":
         """Of one fit, at frequencies finer than those measured."""
         cells = fit.cells
         phi, omega = cells.level_phi[:, None], _finer(np.unique(np.round(cells.omega, 3)))[None, :]
@@ -148,7 +148,7 @@ class Foretold:
         )
 
 
-def between(one: Foretold, other: Foretold) -> list[NextTrial]:
+def between(one: Predicted, other: Predicted) -> list[NextTrial]:
     """Measurements by which two fits differ, the most telling first; also of what has not been measured yet."""
     found = [*_trials_between(one, other), *_readings_between(one, other)]
     return sorted(found, key=lambda trial: -trial.expected_gap_sd)
@@ -162,7 +162,7 @@ def _distinct(trials: Sequence[NextTrial]) -> list[NextTrial]:
     return chosen
 
 
-def _trials_between(one: Foretold, other: Foretold) -> list[NextTrial]:
+def _trials_between(one: Predicted, other: Predicted) -> list[NextTrial]:
     """One trial a condition, by the observable that tells most."""
     gap = np.abs(one.trials - other.trials) / np.sqrt(one.noise**2 + one.variance + other.variance)
     best, names = gap.argmax(axis=-1), (one.name, other.name)
@@ -174,7 +174,7 @@ def _trials_between(one: Foretold, other: Foretold) -> list[NextTrial]:
     return found
 
 
-def _readings_between(one: Foretold, other: Foretold) -> list[NextTrial]:
+def _readings_between(one: Predicted, other: Predicted) -> list[NextTrial]:
     """One reading a level, at the depth that tells most."""
     sd = np.sqrt((USUAL_SD * one.force) ** 2 + one.force_sd**2 + other.force_sd**2)
     gap = np.abs(one.force - other.force) / sd

@@ -27,7 +27,7 @@ LOCK_LIFT_M = 4 * WALKING_LIFT_M
 
 @dataclass(frozen=True)
 class StageTest:
-    """χ² of one stage's connection over the cells that tell it, and the (φ, ω) missed by more than 3 σ."""
+    """χ² of one stage's connection over the cells where both were measured, and the (φ, ω) missed by more than 3 σ."""
 
     stage: str
     connects: str
@@ -73,9 +73,9 @@ def _clearly_lifted(cells: Cells) -> Bool:
 
 
 def _test(stage: str, connects: str, cells: Cells, z: Array) -> StageTest:
-    known = np.isfinite(z)
-    total = float(np.sum(z[known] ** 2))
-    missed = known & (np.abs(np.nan_to_num(z)) > MISSED)
+    measured = np.isfinite(z)
+    total = float(np.sum(z[measured] ** 2))
+    missed = measured & (np.abs(np.nan_to_num(z)) > MISSED)
     where = tuple((float(phi), float(omega)) for phi, omega in zip(cells.phi[missed], cells.omega[missed], strict=True))
-    count = int(known.sum())
+    count = int(measured.sum())
     return StageTest(stage, connects, count, total, float(chi2.sf(total, count)) if count else float("nan"), where)

@@ -9,24 +9,24 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.levenberg_marquardt import bounds, descend
 from sandbot_model.fitting.likelihood import Problem, States
-from sandbot_model.fitting.scans import bounded, following, look_along_k, look_along_theta
-from sandbot_model.fitting.starts import Start, again, starts
+from sandbot_model.fitting.scans import bounded, k_response, look_along_k, look_along_theta
+from sandbot_model.fitting.starts import Start, resample, starts
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.geometry import critical_k_n_per_m
 from sandbot_model.physics.model import Model
 
 FIRST_ITERATIONS = 4
-"""Steps of a descent before the better half is followed further."""
+"""Steps of a descent after which the worse ones are dropped."""
 HALVING = (4, 1)
-"""How many descents are followed after each."""
+"""How many descents are kept after each round."""
 BASE_STARTS = 5
-"""Starts of the base model that are followed to their end."""
+"""Starts of the base model whose descents are carried to their end."""
 HOPELESS = 1.5
 """A model so much worse than one with less in it is not polished."""
-NEXT_TO_NOTHING = 1.0
+NEGLIGIBLE = 1.0
 """Rise of the deviance for which a plausible value is preferred."""
 K_PER_PHI = 5.0
-"""dk/dφ over k where a single level can't tell: 50 N/m over 0.05 at 200 N/m (Li09)."""
+"""dk/dφ over k where a single level determines no slope: 50 N/m over 0.05 at 200 N/m (Li09)."""
 HOPS = (0.1, 0.2)
 """Sizes of the jumps in turn, in plausible ranges of an effect's parameter."""
 HOP_SHARED = 0.03
@@ -53,7 +53,7 @@ class Point:
 
 @dataclass(frozen=True)
 class WarmStart:
-    """What a smaller model has found: k of each level and the shared parameters by name."""
+    """Where to begin: k of each level and the shared parameters by name, as fitted to a smaller model."""
 
     k_n_per_m: Array
     parameters: Mapping[str, float]
@@ -88,21 +88,21 @@ def _plausible(problem: Problem, states: States) -> States:
         return states
     moved = descend(problem, problem.states(inside, states.ln_k, states.slope), FIRST_ITERATIONS)
     moved = moved if (np.clip(moved.theta, ranges[:, 0], ranges[:, 1]) == moved.theta).all() else states
-    return moved if moved.deviance[0] < states.deviance[0] + NEXT_TO_NOTHING else states
+    return moved if moved.deviance[0] < states.deviance[0] + NEGLIGIBLE else states
 
 
 def _search(problem: Problem, near: WarmStart | None) -> States:
-    """Coarse search, descent from many starts of which ever fewer are followed, a look around, descent. One row."""
+    """Coarse search, descents of which ever fewer are kept, a look around, descent. One row."""
     levels = len(problem.cells.level_phi)
     critical = critical_k_n_per_m(problem.model.robot)
     k_curve = near.k_n_per_m if near is not None else critical * np.linspace(1.04, 1.34, levels)
-    also = None if near is None else _inherited(problem.model, near)
+    also = None if near is None else _warm_starts(problem.model, near)
     found = starts(problem, slope_of(problem.cells.level_phi, k_curve), k_curve, also=also)
     states = _halved(problem, _begin(problem, found))
     for _ in range(2):
         if near is not None and states.deviance[0] > 10 * HOPELESS * near.deviance + 100.0:
             return states
-        more = again(problem, states.theta[0], states.ln_k[0], states.slope[0])
+        more = resample(problem, states.theta[0], states.ln_k[0], states.slope[0])
         other = _halved(problem, _begin(problem, more)) if more else states
         if other.deviance[0] > states.deviance[0] - 1.0:
             break
@@ -110,7 +110,7 @@ def _search(problem: Problem, near: WarmStart | None) -> States:
     if near is not None and states.deviance[0] > HOPELESS * near.deviance + 100.0:
         return states
     if near is None:
-        # What everything else is measured against: several descents are followed to their end.
+        # What everything else is measured against: several descents are carried to their end.
         first = _begin(problem, found[:BASE_STARTS])
         ends = [_settled(problem, first.take(np.array([row]))) for row in range(len(first.theta))]
         states = min([_settled(problem, states), *ends], key=lambda one: one.deviance[0])
@@ -121,7 +121,7 @@ def _search(problem: Problem, near: WarmStart | None) -> States:
 
 
 def _hopped(problem: Problem, states: States) -> States:
-    """The deepest valley in reach of jumps to all sides at once, each followed downhill. One row; the same every time.
+    """The deepest valley in reach of jumps to all sides at once, each descended from. One row; the same every time.
 
     Basin hopping (Wales & Doye 1997, J. Phys. Chem. A 101, 5111) at temperature zero, ``HOP_ROWS`` jumps a hop.
     """
@@ -138,14 +138,14 @@ def _hopped(problem: Problem, states: States) -> States:
 
 
 def _jumps(problem: Problem, states: States, draw: np.random.Generator, size: float) -> States:
-    """Points about a state, θ scattered with the given size, ln k following to first order."""
+    """Points about a state, θ scattered with the given size, ln k adjusted to first order."""
     low, high = bounds(problem)
     here = states.theta[0]
     named = zip(here, problem.model.names, problem.model.parameters, strict=True)
     width = np.array([size * (one.high - one.low) if "." in name else HOP_SHARED * at for at, name, one in named])
     theta = np.clip(here + width * draw.standard_normal((HOP_ROWS, len(here))), low, high)
     ln_k = np.repeat(states.ln_k, HOP_ROWS, axis=0)
-    for moved, pull in zip((theta - here).T, following(problem, states), strict=True):
+    for moved, pull in zip((theta - here).T, k_response(problem, states), strict=True):
         ln_k = ln_k + bounded(moved[:, None] * pull)
     return problem.states(theta, ln_k, states.slope[0])
 
@@ -163,11 +163,11 @@ def _settled(problem: Problem, states: States) -> States:
 
 def nearby_state(problem: Problem, near: WarmStart) -> States:
     """The best minimum close to a smaller model that fits already: what is added can only be a small change."""
-    theta = _inherited(problem.model, near)
+    theta = _warm_starts(problem.model, near)
     ln_k = np.repeat(np.log(near.k_n_per_m)[None], len(theta), axis=0)
     low, high = bounds(problem)
     begin = problem.states(np.clip(theta, low, high), ln_k, _slopes(problem, ln_k))
-    # Its k's have had time to follow the new effect before the rows are compared.
+    # Every k is adjusted to the new effect before the rows are compared.
     found = descend(problem, begin, 2 * FIRST_ITERATIONS)
     best = found.take(np.argsort(found.deviance)[:1])
     return descend(problem, look_along_theta(problem, look_along_k(problem, best)))
@@ -180,10 +180,10 @@ def _begin(problem: Problem, found: Sequence[Start]) -> States:
 
 
 def _halved(problem: Problem, states: States) -> States:
-    """The best row after descents of which ever fewer are followed."""
-    for followed in HALVING:
+    """The best row after rounds of descent, of which ever fewer are kept."""
+    for kept in HALVING:
         states = descend(problem, states, FIRST_ITERATIONS)
-        states = states.take(np.argsort(states.deviance)[:followed])
+        states = states.take(np.argsort(states.deviance)[:kept])
     return states
 
 
@@ -199,8 +199,8 @@ def _slopes(problem: Problem, ln_k: Array) -> Array:
     return np.array([slope_of(problem.cells.level_phi, k) for k in np.exp(ln_k)])
 
 
-def _inherited(model: Model, near: WarmStart) -> Array:
-    """Starts with what the smaller model knows, the new effects at their start and near their neutral value."""
+def _warm_starts(model: Model, near: WarmStart) -> Array:
+    """Starts at what was fitted to the smaller model, the new effects at their start and near their neutral value."""
     starts_at = np.array([one.start for one in model.parameters])
     for index, name in enumerate(model.names):
         if name in near.parameters:

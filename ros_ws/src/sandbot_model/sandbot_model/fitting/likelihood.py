@@ -37,7 +37,8 @@ WIDENED = 1.25
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """What is known at several points of the search at once; the first axis of every array is the point (row)."""
+    """Predictions and likelihood at several points of the search at once; the first axis of every array is the point
+    (row)."""
 
     theta: Array
     ln_k: Array
@@ -216,8 +217,8 @@ class Problem:
             return covariance, whiten, surprise
         covariance, whiten = covariance.copy(), whiten.copy()
         share = np.broadcast_to(share, (rows, len(self.cells), 4))[row, cell, None, :]
-        off = share * (values[row, cell] - predicted[row, cell, None, :])
-        extra = np.einsum("g,sgi,sgj->sij", WEIGHTS, off, off) / self.replicates[cell, None, None]
+        deviation = share * (values[row, cell] - predicted[row, cell, None, :])
+        extra = np.einsum("g,sgi,sgj->sij", WEIGHTS, deviation, deviation) / self.replicates[cell, None, None]
         both = self.measured[cell, :, None] & self.measured[cell, None, :]
         wider = covariance[row, cell] + np.where(both, extra, 0.0)
         root = np.linalg.cholesky(wider)
@@ -292,8 +293,8 @@ class Problem:
         slope = (margin[:-1] - margin[-1]) / steps
         stiff = slope[-1]
         # A footing on a cliff of the margin does not move.
-        firm = walking & (stiff > 1e-6)
-        return np.where(firm, -slope[:-1] / np.where(firm, stiff, 1.0), 0.0)
+        moves = walking & (stiff > 1e-6)
+        return np.where(moves, -slope[:-1] / np.where(moves, stiff, 1.0), 0.0)
 
     def _inputs(self, theta: Array, ln_k: Array, slope: Array) -> tuple[Inputs, Params]:
         """Inputs of shape ``(..., cells, nodes)`` for θ ``(..., parameters)`` and ln k ``(..., levels)``."""

@@ -15,7 +15,7 @@ REACHES = np.concatenate([-(r := np.array([0.02, 0.05, 0.1, 0.16, 0.24, 0.36, 0.
 
 
 def look_along_k(problem: Problem, state: States) -> States:
-    """Try other k's for every level, near its own and across all: given θ the levels do not meet. One row."""
+    """Try other k's for every level, near its own and across all; given θ the levels are independent. One row."""
     near = state.ln_k + np.log1p(SHIFTS)[:, None]
     across = np.median(state.ln_k) + np.log(ACROSS)[:, None] + np.zeros_like(state.ln_k)
     ln_k = np.concatenate([near, across])
@@ -31,7 +31,7 @@ def look_along_k(problem: Problem, state: States) -> States:
 
 
 def look_along_theta(problem: Problem, state: States) -> States:
-    """Shift every shared parameter, with all k's following or staying: where a switch begins there is no slope."""
+    """Shift every shared parameter, every k adjusted to it or as it was: where a switch begins there is no slope."""
     low, high = bounds(problem)
     for index, (name, one) in enumerate(zip(problem.model.names, problem.model.parameters, strict=True)):
         reach = state.theta[0, index] if "." not in name else one.high - one.low
@@ -40,7 +40,7 @@ def look_along_theta(problem: Problem, state: States) -> States:
         moves = (theta[:, index] - state.theta[0, index])[:, None]
         tried = problem.states(
             np.concatenate([theta, theta]),
-            np.concatenate([state.ln_k + bounded(moves * following(problem, state)[index]), state.ln_k + 0 * moves]),
+            np.concatenate([state.ln_k + bounded(moves * k_response(problem, state)[index]), state.ln_k + 0 * moves]),
             state.slope[0],
         )
         best = np.argmin(tried.deviance)
@@ -49,8 +49,9 @@ def look_along_theta(problem: Problem, state: States) -> States:
     return state
 
 
-def following(problem: Problem, state: States) -> Array:
-    """d ln k/dθ ``(parameters, levels)`` that keeps a level's cells as they are, to first order. One row."""
+def k_response(problem: Problem, state: States) -> Array:
+    """Response of k to the shared parameters: d ln k/dθ ``(parameters, levels)`` that changes a level's cells least, to
+    first order. One row."""
     local = np.moveaxis(problem.jacobian(state)[0], -1, 0)
     own, others = local[-1], local[:-1]
     first = _level_starts(problem)
@@ -60,7 +61,7 @@ def following(problem: Problem, state: States) -> Array:
 
 
 def bounded(change: Array) -> Array:
-    """A change of ln k no larger than a fit can want."""
+    """A change of ln k within what any fit needs."""
     return np.clip(change, -1.0, 1.0)
 
 

@@ -26,11 +26,11 @@ CHUNK = 8
 APART = 0.15
 """Starts closer than this in every parameter (of its plausible range) are one."""
 MOST = 12
-"""Starts that are followed."""
+"""Starts from which a descent begins."""
 NEAR_DELTA_T = 1.45
-"""Factor about Δt within which to look again."""
-AGAIN = 24
-"""Points an effect's parameter when looking again."""
+"""Factor about Δt within which to sample once more."""
+RESAMPLED = 24
+"""Points for each parameter of an effect in that sample."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def starts(problem: Problem, slope: Array, k_curve: Array, also: Array | None = 
     return _distinct(model, _try(problem, unit, slope, k_curve, k_grid), MOST)
 
 
-def again(problem: Problem, theta: Array, ln_k: Array, slope: Array) -> list[Start]:
+def resample(problem: Problem, theta: Array, ln_k: Array, slope: Array) -> list[Start]:
     """Starts with Δt near what was found (θ ``(parameters,)``) and the effects' parameters anywhere in their ranges.
 
     A switch leaves its mark in a narrow range of its parameters that a wide sample sees only where Δt is nearly right.
@@ -64,7 +64,7 @@ def again(problem: Problem, theta: Array, ln_k: Array, slope: Array) -> list[Sta
     at = [i for i, name in enumerate(model.names) if "." in name]
     if not at:
         return []
-    unit = np.repeat(_unit(model, theta)[None], AGAIN * (len(at) + 1), axis=0)
+    unit = np.repeat(_unit(model, theta)[None], RESAMPLED * (len(at) + 1), axis=0)
     sample = _even(len(unit), len(at) + 1)
     unit[:, at] = sample[:, :-1]
     low, high = search_box(model)

@@ -1,0 +1,45 @@
+"""The search over sets: it goes on while that is worth it, keeps the better of two fits, and builds the ladder."""
+
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.verdict import judge
+from sandbot_model.physics.catalogue import catalogue
+
+FEW = {name: effect for name, effect in catalogue().items() if name in ("stance_overlap", "swimming_thrust")}
+
+
+def search_of(trials):
+    return EffectSearch(cells_of(trials), FEW, "simple")
+
+
+@pytest.fixture(scope="module")
+def planted(drawn):
+    search = search_of(drawn(("stance_overlap",), seed=6, levels=3))
+    search.run(1)
+    return search
+
+
+def test_without_effects_to_try_only_the_base_model_is_fitted(drawn):
+    search = search_of(drawn(levels=2))
+    search.run(0)
+    assert list(search.fits) == [()]
+
+
+def test_every_single_effect_is_tried_and_the_ladder_ends_at_the_verdict(planted):
+    assert set(planted.fits) == {(), ("stance_overlap",), ("swimming_thrust",)}
+    verdict = judge(planted.fits)
+    assert [fit.effects for fit in planted.ladder(verdict)] == [(), verdict.effects]
+
+
+def test_a_worse_fit_never_takes_the_place_of_a_better(planted):
+    before = planted.fits[("stance_overlap",)]
+    planted.fit("once more", [("stance_overlap",)], nearby=True)
+    assert planted.fits[("stance_overlap",)].deviance <= before.deviance
+
+
+def test_sets_are_extended_in_the_order_of_the_catalogue_and_by_what_they_lack(planted):
+    first, second = FEW
+    assert planted.extended((second,)) == [(first, second)]
+    assert planted.extended((first, second)) == []

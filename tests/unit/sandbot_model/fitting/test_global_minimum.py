@@ -1,0 +1,53 @@
+"""The global minimum: against a dense scan, from a warm start, and beside a model that nests in it."""
+
+import numpy as np
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.global_minimum import best_state, slope_of, solve
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.starts import profile
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+
+EFFECTS = catalogue()
+
+
+def test_the_optimum_is_global(drawn):
+    """Against a dense scan of Δt with every k profiled on a fine grid."""
+    cells = cells_of(drawn(seed=2, levels=4))
+    model = model_of("simple", (), EFFECTS)
+    found = fit(model, cells)
+    problem = Problem(model, cells)
+    theta = np.stack([np.geomspace(0.05, 2.0, 120), np.full(120, found.parameters["v_swim_m_s"].value)], axis=-1)
+    slope = slope_of(cells.level_phi, found.k_n_per_m)
+    _, ln_k = profile(problem, theta, slope, found.k_n_per_m, np.geomspace(100, 500, 600))
+    slopes = np.array([slope_of(cells.level_phi, k) for k in np.exp(ln_k)])
+    assert found.deviance <= problem.states(theta, ln_k, slopes).deviance.min() + 1.0
+
+
+def test_a_larger_model_is_never_worse_than_the_one_it_starts_from(drawn):
+    cells = cells_of(drawn(seed=3, levels=3))
+    base = fit(model_of("simple", (), EFFECTS), cells)
+    for nearby in (True, False):
+        point = solve((model_of("simple", ("leg_slip",), EFFECTS), cells, base.warm_start, nearby))
+        problem = Problem(model_of("simple", ("leg_slip",), EFFECTS), cells)
+        larger = problem.states(point.theta[None], point.ln_k[None], point.slope[None])
+        assert larger.deviance[0] <= base.deviance + 1.0
+
+
+def test_it_is_the_same_every_time_and_no_neighbour_is_lower(drawn):
+    problem = Problem(model_of("simple", (), EFFECTS), cells_of(drawn(seed=4, levels=3)))
+    found, again = best_state(problem), best_state(problem)
+    assert (found.theta == again.theta).all()
+    moves = np.random.default_rng(0).normal(0.0, 2e-3, (50, found.ln_k.shape[1]))
+    around = problem.states(np.repeat(found.theta, 50, axis=0), found.ln_k + moves, found.slope[0])
+    assert around.deviance.min() > found.deviance[0] - 0.05
+
+
+def test_the_slope_of_k_is_that_of_a_straight_line_and_bounded_otherwise():
+    phi, k = np.array([0.58, 0.60, 0.62]), np.array([180.0, 200.0, 220.0])
+    assert slope_of(phi, k) == pytest.approx([1000.0] * 3)
+    assert (slope_of(phi, np.full(3, 200.0)) > 0).all()
+    assert slope_of(phi[:1], k[:1]) == pytest.approx([900.0])

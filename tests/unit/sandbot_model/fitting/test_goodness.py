@@ -1,0 +1,57 @@
+"""Errors and tests of a fit: against what they are by definition, and where there is nothing to test."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting import goodness
+from sandbot_model.fitting.goodness import Estimate
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+
+MODEL = model_of("simple", ("leg_slip",), catalogue())
+
+
+def test_the_rms_over_trials_is_that_of_the_trials_themselves(drawn):
+    trials = drawn(levels=2, omega=(8, 12))
+    cells = cells_of(trials)
+    gap = np.full(cells.mean.shape, 0.003)
+    within = np.sum((cells.n - 1) * cells.sd**2, axis=0)
+    expected = np.sqrt((within + np.sum(cells.n, axis=0) * 0.003**2) / cells.n.sum(axis=0))
+    assert list(goodness.rms(cells, gap).values()) == pytest.approx(expected)
+    assert np.isnan(goodness.rms(cells, np.full(gap.shape, np.nan))["speed"])
+
+
+def test_cell_means_missed_by_more_than_three_standard_errors_fail_the_worst_first(drawn):
+    cells = cells_of(drawn(levels=2, omega=(8, 12)))
+    z = np.zeros(cells.mean.shape)
+    assert goodness.fails(cells, z, z) == ()
+    z[1, 0], z[2, 3], z[3, 1] = 3.5, -9.0, 2.9
+    assert [(fail.observable, fail.z) for fail in goodness.fails(cells, z, z)] == [("first_step", -9.0), ("speed", 3.5)]
+
+
+def test_p_is_even_under_the_null_and_not_known_without_replicates():
+    rng, dof, error_dof = np.random.default_rng(0), 20, 60
+    cells = SimpleNamespace(pure_error_dof=np.array([error_dof]))
+    scatter = rng.chisquare(error_dof, 2000) / error_dof
+    p = [goodness.joint_p(c, dof, cells) for c in rng.chisquare(dof, 2000) / scatter]
+    assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.015)
+    assert goodness.joint_p(200.0, dof, cells) < 1e-4
+    assert np.isnan(goodness.joint_p(200.0, dof, SimpleNamespace(pure_error_dof=np.array([0]))))
+
+
+@pytest.mark.parametrize(("value", "stderr", "out"), [(0.3, 0.02, True), (0.3, 0.2, False), (0.1, 0.001, False)])
+def test_a_parameter_is_implausible_three_standard_errors_outside_its_range(value, stderr, out):
+    usual = {name: Estimate(one.start, 0.0) for name, one in zip(MODEL.names, MODEL.parameters, strict=True)}
+    found = goodness.implausible(MODEL, usual | {"leg_slip.sigma": Estimate(value, stderr)})
+    assert found == (("leg_slip.sigma",) if out else ())
+
+
+def test_a_parameter_at_the_end_of_its_search_is_at_its_bound():
+    problem = SimpleNamespace(model=MODEL)
+    theta = np.array([one.start for one in MODEL.parameters])
+    assert goodness.at_bounds(problem, theta) == ()
+    theta[-1] = MODEL.parameters[-1].search[1]
+    assert goodness.at_bounds(problem, theta) == (MODEL.names[-1],)

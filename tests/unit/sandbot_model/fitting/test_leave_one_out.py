@@ -1,0 +1,52 @@
+"""Leave-one-out: what a linear step says, against really fitting without the cell."""
+
+import numpy as np
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.global_minimum import nearby_state
+from sandbot_model.fitting.leave_one_out import cross_validation, leave_one_out
+from sandbot_model.fitting.levenberg_marquardt import full_jacobian
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.observables import Observable
+
+MODEL = model_of("simple", (), catalogue())
+
+
+@pytest.fixture(scope="module")
+def base(drawn):
+    return fit(MODEL, cells_of(drawn(seed=3, levels=3)))
+
+
+@pytest.fixture(scope="module")
+def found(base):
+    return leave_one_out(base.problem, base.state, full_jacobian(base.problem, base.state)[0])
+
+
+def test_it_is_what_a_fit_without_the_cell_predicts(base, found):
+    cells = base.cells
+    noise = np.sqrt(base.problem.covariance[:, Observable.speed, Observable.speed])
+    for cell in np.flatnonzero(found.scored)[:6]:
+        without = nearby_state(Problem(MODEL, cells.without(cell)), base.warm_start)
+        whole = base.problem.states(without.theta, without.ln_k, base.state.slope)
+        residual = cells.mean[cell, Observable.speed] - whole.predicted[0, cell, Observable.speed]
+        assert found.residual[cell, Observable.speed] == pytest.approx(residual, abs=0.3 * noise[cell])
+
+
+def test_out_of_sample_is_worse_than_in_sample(base, found):
+    missed = (base.cells.mean - base.predicted)[found.scored, Observable.speed]
+    assert np.sum(found.residual[found.scored, Observable.speed] ** 2) > np.sum(missed**2)
+    assert found.deviance > base.deviance
+
+
+def test_a_cell_that_no_other_determines_is_not_scored(drawn):
+    """One cell a level: only the levels beside it say anything of its k."""
+    lonely = fit(MODEL, cells_of(drawn(levels=3, omega=(8,))))
+    jacobian = full_jacobian(lonely.problem, lonely.state)[0]
+    assert not leave_one_out(lonely.problem, lonely.state, jacobian).scored.any()
+    summed = cross_validation(lonely.problem, lonely.state, jacobian)
+    assert summed.cells == 0
+    assert np.isnan(summed.rmse["speed"])

@@ -1,0 +1,70 @@
+"""The likelihood: its derivatives, what counts in it, and how a cell beside the switch weighs less."""
+
+import numpy as np
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting.levenberg_marquardt import full_jacobian
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.observables import Observable
+
+EFFECTS = catalogue()
+THETA, SLOPE = np.array([[0.4, 0.02]]), np.full((1, 3), 800.0)
+HARD = np.log([[205.0, 215.0, 235.0]])
+
+
+@pytest.fixture
+def problem(drawn):
+    return Problem(model_of("simple", (), EFFECTS), cells_of(drawn(levels=3, omega=(6, 12))))
+
+
+@pytest.mark.parametrize("effects", [(), ("disturbed_ground",), ("leg_slip", "exact_leg_arc"), ("motor_saturation",)])
+def test_the_jacobian_is_that_of_finite_differences(drawn, effects):
+    cells = cells_of(drawn(levels=3, omega=(6, 12)))
+    problem = Problem(model_of("simple", effects, EFFECTS), cells)
+    theta = np.array([[one.start for one in problem.model.parameters]])
+    ln_k = np.log([[190.0, 215.0, 235.0]])
+    slope = np.full((1, 3), 800.0)
+    state = problem.states(theta, ln_k, slope)
+    jacobian = full_jacobian(problem, state)[0]
+    for column in range(theta.shape[1] + 3):
+        sides = []
+        for sign in (1, -1):
+            t, k = theta.copy(), ln_k.copy()
+            target, index = (t, column) if column < theta.shape[1] else (k, column - theta.shape[1])
+            step = 1e-5 * max(abs(target[0, index]), 1e-3)
+            target[0, index] += sign * step
+            moved = problem.states(t, k, slope)
+            sides.append(np.einsum("cij,cj->ci", state.whiten[0], moved.predicted[0]) / (2 * step))
+        np.testing.assert_allclose(jacobian[:, column], (sides[0] - sides[1]).ravel(), rtol=2e-3, atol=2e-2)
+
+
+def test_away_from_the_switch_the_deviance_is_chi_squared_of_the_pure_error(problem):
+    state = problem.states(THETA, HARD, SLOPE)
+    assert state.footing.walking.all()
+    gap = problem.cells.mean - state.predicted[0]
+    chi2 = sum(g @ np.linalg.solve(c, g) for g, c in zip(gap, problem.covariance, strict=True))
+    assert state.deviance[0] == pytest.approx(chi2)
+    assert problem.widening(state.covariance[0]) == pytest.approx(1.0)
+
+
+def test_a_cell_on_the_switch_weighs_less_than_one_away_from_it(problem):
+    """Where some of the bed's φ walk and some swim, the mean says little and the variance says so."""
+    critical = np.log(np.linspace(160.0, 190.0, 61))[:, None] + np.zeros(3)
+    states = problem.states(np.repeat(THETA, 61, axis=0), critical, np.full((61, 3), 800.0))
+    mixed = states.footing.walking.any(axis=2) & ~states.footing.walking.all(axis=2)
+    assert mixed.any()
+    wider = states.covariance[..., Observable.speed, Observable.speed] > problem.covariance[:, 0, 0] * 1.000001
+    assert (wider <= mixed).all()
+    assert wider.any()
+
+
+def test_what_was_not_measured_does_not_count(problem):
+    problem.cells.mean[0, Observable.lift] = np.nan
+    fewer = Problem(problem.model, problem.cells)
+    moved = fewer.states(THETA, HARD, SLOPE)
+    assert not fewer.measured[0, Observable.lift]
+    assert moved.residual[0, 0, Observable.lift] == 0.0
+    assert np.isfinite(moved.deviance).all()

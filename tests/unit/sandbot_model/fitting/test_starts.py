@@ -1,0 +1,56 @@
+"""Starts: an even sample, k profiled exactly, the best and distinct ones first."""
+
+import numpy as np
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.starts import APART, MOST, profile, resample, search_box, starts
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+
+EFFECTS = catalogue()
+
+
+@pytest.fixture(scope="module")
+def found(drawn):
+    return fit(model_of("simple", ("leg_slip",), EFFECTS), cells_of(drawn(("leg_slip",), seed=1, levels=3)))
+
+
+def _unit(model, theta):
+    low, high = search_box(model)
+    scaled = np.array(theta)
+    scaled[model.names.index("delta_t_s")] = np.log(scaled[model.names.index("delta_t_s")])
+    return (scaled - low) / (high - low)
+
+
+def test_they_are_in_range_apart_and_best_first(found):
+    tried = starts(found.problem, found.point.slope, found.k_n_per_m)
+    assert 1 < len(tried) <= MOST
+    assert [start.deviance for start in tried] == sorted(start.deviance for start in tried)
+    units = [_unit(found.model, start.theta) for start in tried]
+    assert all(((unit > -1e-9) & (unit < 1 + 1e-9)).all() for unit in units)
+    gaps = [np.abs(one - other).max() for i, one in enumerate(units) for other in units[:i]]
+    assert min(gaps) > APART
+
+
+def test_a_point_given_is_tried_too(found):
+    tried = starts(found.problem, found.point.slope, found.k_n_per_m, also=found.point.theta[None])
+    assert tried[0].deviance < 1.5 * found.deviance
+    assert np.abs(tried[0].theta[0] / found.point.theta[0] - 1) < 0.3
+
+
+def test_k_is_profiled_to_its_minimum(found):
+    theta, grid = found.point.theta[None], np.geomspace(100.0, 500.0, 300)
+    value, ln_k = profile(found.problem, theta, found.point.slope, found.k_n_per_m, grid)
+    assert np.exp(ln_k[0]) == pytest.approx(found.k_n_per_m, rel=0.02)
+    soft = profile(found.problem, theta, found.point.slope, found.k_n_per_m, grid[grid < 150])[0]
+    assert soft[0] > 2 * value[0]
+
+
+def test_without_an_effect_there_is_nothing_to_sample_once_more(found, drawn):
+    more = resample(found.problem, found.point.theta, found.point.ln_k, found.point.slope)
+    assert 0 < len(more) <= MOST // 2
+    assert all(abs(np.log(start.theta[0] / found.point.theta[0])) < 0.4 for start in more)
+    base = fit(model_of("simple", (), EFFECTS), cells_of(drawn(levels=2)))
+    assert resample(base.problem, base.point.theta, base.point.ln_k, base.point.slope) == []
