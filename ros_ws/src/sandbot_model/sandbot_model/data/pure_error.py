@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+
+from sandbot_model.data.distributions import chi2_sf
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -65,7 +66,7 @@ def _pool(square: Floats, dof: Ints, omega: Floats, everywhere: Floats) -> tuple
     sums = np.diagonal(square, axis1=1, axis2=2)
     for _ in range(10):
         pooled = _trend(sums, dof * keep[:, None], omega, everywhere)
-        tail = np.where(dof > 0, chi2.sf(sums / pooled, np.maximum(dof, 1)), 1.0)
+        tail = np.where(dof > 0, chi2_sf(sums / pooled, np.maximum(dof, 1)), 1.0)
         now = ~(tail < EXCESS / sums.shape[1]).any(axis=1)
         if not now.any() or (now == keep).all():
             break

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import f as f_distribution
 
+from sandbot_model.data.distributions import chi2_sf, f_isf
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.fitting.diagnose import stage_tests
 from sandbot_model.fitting.fit import Fit
@@ -60,8 +59,8 @@ def claim(fit: Fit, criteria: Criteria = DEFAULT) -> float:
     should that be wider than the replicates (quasi-likelihood; Burnham & Anderson 2002, ch. 2).
     """
     freedom = int(fit.cells.pure_error_dof.sum())
-    tail = chi2.sf(criteria.claim, 1)
-    price = float(f_distribution.isf(tail, 1, freedom)) if freedom else np.inf
+    tail = chi2_sf(criteria.claim, 1)
+    price = f_isf(tail, 1, freedom) if freedom else np.inf
     return price * _overdispersion(fit)
 
 

@@ -7,7 +7,7 @@ control used while figures are still on their way (and those are then dropped) a
 
 import threading
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -45,28 +45,29 @@ INDEX = """<!doctype html>
 <footer>{%config%}{%scripts%}{%renderer%}<script>{export}</script></footer>
 </body>
 </html>"""
-SHOW_OUTPUTS = (
-    Output("effects", "options"),
-    Output("promise-clock", "disabled"),
-    Output("observable-row", "hidden"),
-    Output("parameters-box", "hidden"),
-    Output("by-hand", "children"),
-    Output("figure", "figure"),
-    Output("figure", "style"),
-    Output("figure-how", "children"),
-    Output("figure-says", "children"),
-    Output("pane-title", "children"),
-    Output("pane-title", "hidden"),
-    Output("unpin", "hidden"),
-    Output("ladder", "figure"),
-    Output("ladder", "style"),
-    Output("ladder-says", "children"),
-    Output("parameters", "children"),
-    Output("beside", "children"),
-    Output("trials", "children"),
-    Output("status", "children"),
-    Output("message", "children"),
+SHOWN = (
+    "effects.options",
+    "promise-clock.disabled",
+    "observable-row.hidden",
+    "parameters-box.hidden",
+    "by-hand.children",
+    "figure.figure",
+    "figure.style",
+    "figure-how.children",
+    "figure-says.children",
+    "pane-title.children",
+    "pane-title.hidden",
+    "unpin.hidden",
+    "ladder.figure",
+    "ladder.style",
+    "ladder-says.children",
+    "parameters.children",
+    "beside.children",
+    "trials.children",
+    "status.children",
+    "message.children",
 )
+"""What follows from the address: component.property."""
 
 
 @dataclass
@@ -125,8 +126,8 @@ class Explorer:
         self._wire(app)
         return app
 
-    def show(self, selection: Selection, theme_name: str | None) -> tuple[Any, ...]:
-        """Everything on the page for a selection, in the order of ``SHOW_OUTPUTS``."""
+    def show(self, selection: Selection, theme_name: str | None) -> dict[str, Any]:
+        """Everything on the page for a selection, by the names in ``SHOWN``."""
         theme = THEMES.get(theme_name or "", LIGHT)
         session = self.session
         effects = session.catalogue(selection.formulas)
@@ -137,30 +138,32 @@ class Explorer:
             shown = replace(shown, figure=self._narrow(selection, shown, theme))
             views.same_ranges([shown.figure, *(pane.figure for pane in panes if pane.figure)])
         by_hand = selection.view == "parameters"
-        return (
-            *self._promised(selection),
-            selection.view != "residuals",
-            selection.view != "parameters",
-            # Sliders are slow to make and seldom looked at: only with their view.
-            controls.by_hand(views.sliders(selection, shown.current, effects)) if by_hand else [],
-            shown.figure,
-            controls.height(shown.figure),
-            shown.how,
-            shown.says,
-            f"{self.title}: {shown.current.label}",
-            not panes,
-            not selection.against,
-            shown.ladder,
-            controls.height(shown.ladder),
-            shown.ladder_says,
-            controls.parameter_table(views.parameter_rows(selection, shown.current, effects)) if by_hand else None,
-            controls.panes(panes),
-            self._trials(selection, shown, theme),
-            shown.status,
-            "",
-        )
+        # Sliders are slow to make and seldom looked at: only with their view.
+        sliders = controls.by_hand(views.sliders(selection, shown.current, effects)) if by_hand else []
+        rows = views.parameter_rows(selection, shown.current, effects) if by_hand else None
+        return {
+            **self._promised(selection),
+            "observable-row.hidden": selection.view != "residuals",
+            "parameters-box.hidden": not by_hand,
+            "by-hand.children": sliders,
+            "figure.figure": shown.figure,
+            "figure.style": controls.height(shown.figure),
+            "figure-how.children": shown.how,
+            "figure-says.children": shown.says,
+            "pane-title.children": f"{self.title}: {shown.current.label}",
+            "pane-title.hidden": not panes,
+            "unpin.hidden": not selection.against,
+            "ladder.figure": shown.ladder,
+            "ladder.style": controls.height(shown.ladder),
+            "ladder-says.children": shown.ladder_says,
+            "parameters.children": None if rows is None else controls.parameter_table(rows),
+            "beside.children": controls.panes(panes),
+            "trials.children": self._trials(selection, shown, theme),
+            "status.children": shown.status,
+            "message.children": "",
+        }
 
-    def _promised(self, selection: Selection) -> tuple[list[dict[str, Any]], bool]:
+    def _promised(self, selection: Selection) -> dict[str, Any]:
         """The switches with what each would bring, and whether all of that is known."""
         session = self.session
         promises = session.promises(selection)
@@ -168,7 +171,8 @@ class Explorer:
         inherent = [name for name in effects if name not in promises]
         current = session.shown(replace(selection, by_hand=()))
         known = all(one is not None for one in promises.values())
-        return controls.effect_options(effects, inherent, current, promises), known
+        options = controls.effect_options(effects, inherent, current, promises)
+        return {"effects.options": options, "promise-clock.disabled": known}
 
     def _panes(self, selection: Selection, theme: Theme) -> list[views.Pane]:
         """The second data set under the same selection, and the model set beside on the same data."""
@@ -200,30 +204,34 @@ class Explorer:
 
     def _wire(self, app: Dash) -> None:
         app.callback(
-            *SHOW_OUTPUTS,
-            Input("address", "search"),
-            Input("theme", "data"),
-            *(State(name, "value") for name in CONTROLS),
+            output=_outputs(*SHOWN),
+            inputs={"search": Input("address", "search"), "theme": Input("theme", "data")},
+            state={"stood": {name: State(name, "value") for name in CONTROLS}},
         )(self.on_address)
         # What is shown sets the controls and they set the address, all by set_props: Outputs would be a circle to Dash,
         # and it would let a control wait until the figures before have come, and then set it back.
         app.callback(
-            *(Input(name, "value") for name in CONTROLS),
-            Input("figure", "clickData"),
-            *(Input(name, "n_clicks") for name in ("add", "release", "adopt", "pin", "unpin")),
-            Input("formula", "n_submit"),
-            Input({"by_hand": ALL}, "value"),
-            State({"by_hand": ALL}, "id"),
-            State("formula", "value"),
-            State("address", "search"),
-            State("shown", "data"),
+            inputs={
+                "stand": {name: Input(name, "value") for name in CONTROLS},
+                "_clicks": [
+                    Input("figure", "clickData"),
+                    *(Input(name, "n_clicks") for name in ("add", "release", "adopt", "pin", "unpin")),
+                    Input("formula", "n_submit"),
+                ],
+                "sliders": Input({"by_hand": ALL}, "value"),
+            },
+            state={
+                "slider_ids": State({"by_hand": ALL}, "id"),
+                "formula": State("formula", "value"),
+                "search": State("address", "search"),
+                "seen": State("shown", "data"),
+            },
             prevent_initial_call=True,
         )(self.on_control)
         app.callback(
-            Output("effects", "options", allow_duplicate=True),
-            Output("promise-clock", "disabled", allow_duplicate=True),
-            Input("promise-clock", "n_intervals"),
-            State("shown", "data"),
+            output=_outputs("effects.options", "promise-clock.disabled", allow_duplicate=True),
+            inputs={"_tick": Input("promise-clock", "n_intervals")},
+            state={"seen": State("shown", "data")},
             prevent_initial_call=True,
         )(self.on_promise_clock)
         app.callback(
@@ -234,12 +242,9 @@ class Explorer:
             prevent_initial_call=True,
         )(self.on_save)
         app.callback(
-            Output("suggestion", "children"),
-            Output("suggest-clock", "disabled"),
-            Output("adopt", "hidden"),
-            Input("suggest", "n_clicks"),
-            Input("suggest-clock", "n_intervals"),
-            State("address", "search"),
+            output=_outputs("suggestion.children", "suggest-clock.disabled", "adopt.hidden"),
+            inputs={"_clicks": Input("suggest", "n_clicks"), "_tick": Input("suggest-clock", "n_intervals")},
+            state={"search": State("address", "search")},
             prevent_initial_call=True,
         )(self.on_suggest)
         app.clientside_callback(
@@ -252,31 +257,33 @@ class Explorer:
             prevent_initial_call=True,
         )
 
-    def on_address(self, search: str | None, theme: str | None, *stood: Any) -> tuple[Any, ...]:
+    def on_address(self, search: str | None, theme: str | None, stood: Mapping[str, Any]) -> dict[str, Any]:
         """The address has changed: show what it says, and set the controls that stood elsewhere."""
         if theme is None:
             raise PreventUpdate
         try:
             selection = from_query(search or "")
-            for (control, value), before in zip(values_of(selection).items(), stood, strict=True):
-                if value != before:
+            for control, value in values_of(selection).items():
+                if value != stood[control]:
                     set_props(control, {"value": value})
             # Last: a control that does not stand at what is "shown" has been used.
             set_props("shown", {"data": to_query(selection)})
             return self.show(selection, theme)
         except InputError as error:
-            return (*(no_update for _ in SHOW_OUTPUTS[:-1]), _said(error))
+            return {**dict.fromkeys(SHOWN, no_update), "message.children": _said(error)}
 
-    def on_control(self, *given: Any) -> None:
+    def on_control(
+        self, stand: Mapping[str, Any], _clicks: Sequence[Any], sliders: Sequence[float],
+        slider_ids: Sequence[Mapping[str, str]], formula: str | None, search: str | None, seen: str | None,
+    ) -> None:  # fmt: skip
         """A control was used: add to the address whatever differs from what the page shows, and what was pressed."""
-        values, ids, formula, search, seen = given[-5:]
-        sliders = {one["by_hand"].replace("/", "."): value for one, value in zip(ids, values, strict=True)}
+        by_hand = {one["by_hand"].replace("/", "."): value for one, value in zip(slider_ids, sliders, strict=True)}
         try:
             before, shown = from_query(search or ""), from_query(seen or "")
-            after = used(before, shown, dict(zip(CONTROLS, given, strict=False)))
+            after = used(before, shown, stand)
             if any(isinstance(control, dict) for control in ctx.triggered_prop_ids.values()):
                 fitted = self.session.shown(shown).fit.parameters
-                after = moved(after, {name: one.value for name, one in fitted.items()}, sliders)
+                after = moved(after, {name: one.value for name, one in fitted.items()}, by_hand)
             for fired in ctx.triggered:
                 after = self._pressed(after, ctx.triggered_prop_ids[fired["prop_id"]], fired["value"], formula or "")
             self.session.catalogue(after.formulas)
@@ -300,12 +307,12 @@ class Explorer:
                 return act(selection, control, value)
         return selection
 
-    def on_promise_clock(self, _tick: int, seen: str | None) -> tuple[Any, bool]:
+    def on_promise_clock(self, _tick: int, seen: str | None) -> dict[str, Any]:
         """Show what fits made ahead have brought since; the clock stops when all have come in."""
         try:
             return self._promised(from_query(seen or ""))
         except InputError:
-            return no_update, True
+            return {"effects.options": no_update, "promise-clock.disabled": True}
 
     def on_save(self, _yaml: int, _csv: int, search: str | None) -> dict[str, Any]:
         """The selection as YAML, or the cells as CSV, to the browser's downloads."""
@@ -317,19 +324,19 @@ class Explorer:
         except InputError:
             raise PreventUpdate from None
 
-    def on_suggest(self, _clicks: int, _tick: int, search: str | None) -> tuple[Any, bool, bool]:
-        """Start discovery, or say how far it is: (what is shown, clock stopped, no button to adopt it)."""
+    def on_suggest(self, _clicks: int, _tick: int, search: str | None) -> dict[str, Any]:
+        """Start discovery, or say how far it is; the clock runs while it does, and what it found can be adopted."""
         job = self.job
         if ctx.triggered_id == "suggest":
             try:
                 self.begin(from_query(search or ""))
             except InputError as error:
-                return html.P(str(error)), True, True
+                return _suggestion(html.P(str(error)))
         if job.running:
-            return controls.progress(*job.stage), False, True
+            return _suggestion(controls.progress(*job.stage), running=True)
         if job.found is None:
-            return html.P(job.failed), True, True
-        return controls.suggestion(job.found), True, not (job.found.verdict.effects or job.found.residual)
+            return _suggestion(html.P(job.failed))
+        return _suggestion(controls.suggestion(job.found), adopt=bool(job.found.verdict.effects or job.found.residual))
 
     def saved(self, selection: Selection) -> str:
         """The selection as YAML with the numbers that ``compare`` gives for it."""
@@ -355,12 +362,23 @@ class Explorer:
         def run() -> None:
             try:
                 job.found = self.session.suggest(selection, heard)
-            except (InputError, ArithmeticError, ValueError) as error:
+            except Exception as error:  # nobody else hears of what fails in this thread
+                if not isinstance(error, InputError):
+                    traceback.print_exception(error)
                 job.failed = f"No suggestion: {error}"
             finally:
                 job.running = False
 
         threading.Thread(target=run, name="suggest", daemon=True).start()
+
+
+def _outputs(*names: str, allow_duplicate: bool = False) -> dict[str, Output]:
+    """The outputs of a callback by component.property."""
+    return {name: Output(*name.split("."), allow_duplicate=allow_duplicate) for name in names}
+
+
+def _suggestion(children: Any, *, running: bool = False, adopt: bool = False) -> dict[str, Any]:
+    return {"suggestion.children": children, "suggest-clock.disabled": not running, "adopt.hidden": not adopt}
 
 
 def _failed(error: Exception) -> None:

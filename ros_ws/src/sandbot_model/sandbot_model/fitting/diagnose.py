@@ -11,9 +11,9 @@ Each test compares two measured things, or one with the model, that only this st
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from sandbot_model.data.conditions import Cells
+from sandbot_model.data.distributions import chi2_sf
 from sandbot_model.data.regime import WALKING_LIFT_M, walks
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array, Bool
@@ -78,4 +78,4 @@ def _test(stage: str, connects: str, cells: Cells, z: Array) -> StageTest:
     missed = measured & (np.abs(np.nan_to_num(z)) > MISSED)
     where = tuple((float(phi), float(omega)) for phi, omega in zip(cells.phi[missed], cells.omega[missed], strict=True))
     count = int(measured.sum())
-    return StageTest(stage, connects, count, total, float(chi2.sf(total, count)) if count else float("nan"), where)
+    return StageTest(stage, connects, count, total, float(chi2_sf(total, count)) if count else float("nan"), where)

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2 as chi2_distribution
-from scipy.stats import f as f_distribution
 
 from sandbot_model.data.conditions import Cells
+from sandbot_model.data.distributions import chi2_sf, f_sf
 from sandbot_model.fitting.levenberg_marquardt import bounds
 from sandbot_model.fitting.likelihood import Problem, States
 from sandbot_model.physics.arrays import Array
@@ -113,7 +112,7 @@ def joint_p(chi2: float, dof: int, cells: Cells) -> float:
     error_dof = int(cells.pure_error_dof.max())
     if dof < 1 or error_dof < 1:
         return float("nan")
-    return float(f_distribution.sf(chi2 / dof, dof, error_dof))
+    return f_sf(chi2 / dof, dof, error_dof)
 
 
 def p_by_observable(z: Array, problem: Problem, unknowns: int) -> dict[str, float]:
@@ -126,14 +125,14 @@ def p_by_observable(z: Array, problem: Problem, unknowns: int) -> dict[str, floa
         error_dof = problem.cells.pure_error_dof[index]
         if measured[index]:
             ratio = np.nansum(z[:, index] ** 2) / max(dof, 1e-9)
-            found[name] = float(f_distribution.sf(ratio, dof, error_dof)) if dof > 0 and error_dof else float("nan")
+            found[name] = f_sf(ratio, dof, error_dof) if dof > 0 and error_dof else float("nan")
     return found
 
 
 def p_of_readings(state: States) -> dict[str, float]:
     """A penetrometer's readings come with their own standard deviation."""
     count = state.pressed.shape[1]
-    return {"penetration": float(chi2_distribution.sf(np.sum(state.pressed**2), count))} if count else {}
+    return {"penetration": float(chi2_sf(np.sum(state.pressed**2), count))} if count else {}
 
 
 def at_bounds(problem: Problem, theta: Array) -> tuple[str, ...]:

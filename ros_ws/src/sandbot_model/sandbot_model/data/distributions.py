@@ -1,0 +1,20 @@
+"""Tails of the χ² and F distributions, as scipy.stats has them, without the time it takes to import that."""
+
+from typing import Any
+
+from scipy.special import chdtrc, fdtrc, fdtri
+
+
+def chi2_sf(value: Any, dof: Any) -> Any:
+    """Probability that χ² with ``dof`` degrees of freedom is above ``value``; both may be arrays."""
+    return chdtrc(dof, value)
+
+
+def f_sf(value: float, dof: float, error_dof: float) -> float:
+    """Probability that F with ``dof`` and ``error_dof`` degrees of freedom is above ``value``."""
+    return float(fdtrc(dof, error_dof, value))
+
+
+def f_isf(tail: float, dof: float, error_dof: float) -> float:
+    """The value above which F lies with probability ``tail``."""
+    return float(fdtri(dof, error_dof, 1.0 - tail))

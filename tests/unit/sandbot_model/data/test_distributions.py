@@ -1,0 +1,32 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from sandbot_model.data.distributions import chi2_sf, f_isf, f_sf
+
+DOF = st.integers(1, 200)
+VALUES = st.floats(0.0, 1e4)
+
+
+@given(value=VALUES, dof=DOF, error_dof=DOF)
+def test_tails_are_those_of_scipy_stats_to_the_digit(value, dof, error_dof):
+    assert chi2_sf(value, dof) == stats.chi2.sf(value, dof)
+    assert f_sf(value, dof, error_dof) == stats.f.sf(value, dof, error_dof)
+
+
+@given(tail=st.floats(1e-12, 1.0), error_dof=DOF)
+def test_the_value_above_which_a_tail_lies(tail, error_dof):
+    assert f_isf(tail, 1, error_dof) == stats.f.isf(tail, 1, error_dof)
+
+
+@pytest.mark.parametrize("value", [0.0, np.inf, np.nan])
+def test_ends_and_gaps(value):
+    np.testing.assert_equal(chi2_sf(value, 3), stats.chi2.sf(value, 3))
+    np.testing.assert_equal(f_sf(value, 3, 5), stats.f.sf(value, 3, 5))
+
+
+def test_arrays_go_through_at_once():
+    values, dof = np.array([1.0, 2.0]), np.array([1, 4])
+    np.testing.assert_array_equal(chi2_sf(values, dof), stats.chi2.sf(values, dof))
