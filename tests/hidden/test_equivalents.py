@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from worlds import BY_NAME, EFFECTS, PHI, World
 
-from sandbot_lab.tools.penetrometer import press
+from sandbot_lab.penetrometer import press
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.data.penetrometer import Readings
 from sandbot_model.discovery.discover import discover

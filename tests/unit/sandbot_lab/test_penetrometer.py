@@ -7,7 +7,8 @@ import pytest
 from rig import QUIET, with_effect
 
 from sandbot_common.errors import InputError
-from sandbot_lab.tools.penetrometer import main, press
+from sandbot_lab.penetrometer import press
+from sandbot_lab.tools.penetrometer import main
 
 
 def test_linear_ground_gives_k_times_depth():

@@ -5,9 +5,9 @@ import pytest
 
 from sandbot_common.errors import InputError
 from sandbot_tracking.led import LedEdge
+from sandbot_tracking.marker_tracker import MarkerTracker
 from sandbot_tracking.markers import Appearance, detect, locate
 from sandbot_tracking.pairing import PATIENCE, Pairing
-from sandbot_tracking.track import MarkerTracker
 
 
 @pytest.mark.parametrize("radius", [5.0, 6.5, 8.0])

@@ -10,6 +10,7 @@ robot        leg set-points in, body motion out: `LabRobot` step by step, `simul
   outsiders    effects no catalogue knows
   physics      the flat records the compiled functions work on
 bed          the fluidised bed, its blower and height sensor
+penetrometer the force on one leg pressed into the ground
 cameras      rendered frames (calibration: metres to pixels; drawing: discs and boxes)
 direct       trials-table rows without video, for benchmarks
 stage        one live trial; lab_node wires it to topics

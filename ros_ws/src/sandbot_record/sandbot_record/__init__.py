@@ -1,19 +1,41 @@
 """MCAP bags in and out, and the trials table made from them.
 
-interfaces     message types: definition, type hash, decoding (rosbags' type store; no ROS needed)
-mcap_writer    one .mcap file: chunks that survive a crash
-mcap_scan      one .mcap file, whole or damaged, block by block
-metadata       metadata.yaml (rosbag2 version 9)
-writer         BagWriter: a bag folder, written whole or recoverable
-reader         Bag: topics, counts, provenance, messages, whole or torn
-columns        equal-length messages of one topic as numpy columns
-recover        a torn or damaged bag into a new whole one
-trials         the trials table: Trials, read(DATA), CSV in and out
-table          one bag to one row; a campaign to a table, in parallel, cached
-frames         images: pixels of a raw message, JPEG messages
-video          frames in a video file, and the topic that says which is when
-recording      the recorder without ROS: queue, writer thread, split, free space, counts
-playback       the replay without ROS: order, pace, pause, seek, loop
-recorder_node, replay_node   their wiring to ROS
-tools/         record, replay, recover, info, table
+    import sandbot_record
+    for stamp_ns, message in sandbot_record.read("runs/demo/trials/t0001", "/speed"):
+        print(stamp_ns, message.decode().twist.twist.linear.x)
+    sandbot_record.read_trials("runs/demo").to_frame()
+
+bags/             (knows nothing of trials)
+  reader          read, Bag: topics, counts, provenance, messages, whole or torn
+  columns         equal-length messages of one topic as numpy columns
+  writer          BagWriter: a bag folder, written whole or recoverable
+  recording       the recorder without ROS: queue, writer thread, split, free space, counts
+  playback        the replay without ROS: order, pace, pause, seek, loop
+  recover         a torn or damaged bag into a new whole one
+  frames, video   images: pixels of a raw message, JPEG messages, frames in a video file
+  interfaces      message types: definition, type hash, decoding (rosbags' type store; no ROS needed)
+  definitions     which channel of a file is which topic
+  metadata        metadata.yaml (rosbag2 version 9)
+  mcap_writer, mcap_scan   one .mcap file: out, in chunks that survive a crash; in, block by block
+  foreign         bags of other storages and encodings, by way of rosbags
+trials/
+  read            read_trials: a campaign folder, bags or CSV files to one table
+  table           Trials: one row a trial
+  csv_table       the table as CSV
+  from_bags       one bag to one row; a campaign to a table, in parallel, cached
+  film_strip      kept frames with the tracked marks drawn on them
+tools/            record, replay, recover, info, table; recorder_node and replay_node wire them to ROS
 """
+
+from sandbot_common.lazy import door
+
+_HOME = {
+    "read": "bags.reader",
+    "Bag": "bags.reader",
+    "BagWriter": "bags.writer",
+    "read_trials": "trials.read:read",
+    "Trials": "trials.table",
+}
+
+__all__ = tuple(_HOME)
+__getattr__, __dir__ = door(__name__, _HOME)

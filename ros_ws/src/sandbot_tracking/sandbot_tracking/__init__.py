@@ -1,1 +1,29 @@
-"""Camera frames to markers, metres and forward speed."""
+"""Camera frames to markers, metres and forward speed.
+
+    import sandbot_tracking
+    sandbot_tracking.track("dorsal.avi", "cameras.yaml", lateral="lateral.avi", omega_rad_s=12.0)
+
+videos          track(): marker videos to landmarks, speed and observables
+  offline       both cameras' frames to landmarks and speed, as live so in batch
+  source        frames from a video file or a camera
+  marker_tracker  named markers followed from frame to frame
+  markers       one frame to marker centres with covariance
+  led           the sync LED in the frames
+  pairing       frames of both cameras taken at the same instant
+calibration     pixels to metres and back: Camera, read_cameras
+lens            a camera from a chessboard and from points in space
+speed           positions to velocity now, without lag
+smooth          positions to velocity afterwards
+period          mean speed and lift of each turn of the legs, live
+trial           landmarks and leg angles to a trial's observables
+  fold          steps laid over one another; the steepest and the highest point
+tracker_node, camera_node   their wiring to ROS
+tools/          calibrate, track_video
+"""
+
+from sandbot_common.lazy import door
+
+_HOME = {"track": "videos", "Track": "videos", "Camera": "calibration", "read_cameras": "calibration"}
+
+__all__ = tuple(_HOME)
+__getattr__, __dir__ = door(__name__, _HOME)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_tracking.calibration import Camera
+from sandbot_tracking.marker_tracker import Counts, Gates, MarkerTracker, Marks
 from sandbot_tracking.markers import Appearance, Frame
 from sandbot_tracking.speed import HarmonicSpeed
-from sandbot_tracking.track import Counts, Gates, MarkerTracker, Marks
 
 Floats = NDArray[np.float64]
 

@@ -53,6 +53,15 @@ class TrialSummary:
     reason: str
     """Why something is NaN; empty if nothing is."""
 
+    def __str__(self) -> str:
+        """One line, in a reader's units."""
+        numbers = (
+            f"speed {self.speed_m_s * 100:.2f} ± {self.speed_sd_m_s * 100:.2f} cm/s, "
+            f"peak {self.peak_speed_m_s * 100:.2f} cm/s, lift {self.lift_m * 1000:.2f} mm, "
+            f"first step {self.first_step_m * 1000:.2f} mm, {self.cycles} steady periods, {self.gaps} gaps"
+        )
+        return f"{numbers}; {self.reason}" if self.reason else numbers
+
 
 @dataclass(frozen=True)
 class _Steps:

@@ -8,7 +8,7 @@ for message in bag.messages(["/trial"]): message.decode()
 
 import mmap
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ class Message:
     log_time_ns: int
     publish_time_ns: int
     sequence: int
-    data: memoryview
+    data: memoryview = field(repr=False)
 
     def decode(self) -> Any:
         """The message with its fields."""
@@ -114,10 +114,14 @@ class Bag:
                 if (topic := names.get(channel)) is not None:
                     yield Message(topic.name, topic.type, log_time, publish_time, sequence, view[at : at + length])
 
-    def columns(self, topic: str, *names: str) -> Columns:
-        """Numeric fields of all messages of a topic. Raises InputError if the topic or a field is not there."""
+    def check_topic(self, topic: str) -> None:
+        """Raise InputError if there is no such topic."""
         if topic not in self.topics:
             raise InputError(f"{self.path}: no topic {topic}; there are: {', '.join(self.topics)}")
+
+    def columns(self, topic: str, *names: str) -> Columns:
+        """Numeric fields of all messages of a topic. Raises InputError if the topic or a field is not there."""
+        self.check_topic(topic)
         type_name = self.topics[topic].type
         parts = [
             (batch, np.flatnonzero(np.isin(batch.rows["channel"], _channels(definitions, topic))))
@@ -233,6 +237,23 @@ class Bag:
             self.problems.insert(0, "metadata.yaml is unfinished, the recording was cut off")
         elif self.complete and not self.problems and self.info.count != self.count:
             self.problems.append(f"metadata.yaml says {self.info.count} messages, the files hold {self.count}")
+
+
+def read(bag: Path | str, *topics: str) -> Iterator[tuple[int, Message]]:
+    """The messages of a bag in file order, of the given topics or of all: (log time in ns since 1970, message).
+
+    A message says its ``topic`` and ``type``; ``decode()`` gives its fields. Raises InputError if there is no such bag
+    or topic, or if the bag is unfinished or damaged (``Bag.open`` with ``strict=False`` reads what is intact).
+
+    >>> import sandbot_record
+    >>> for stamp_ns, message in sandbot_record.read("trial", "/trial"):
+    ...     print(message.topic, message.type, message.decode().data[:12])
+    /trial std_msgs/msg/String {"trial_id":
+    """
+    opened = Bag.open(Path(bag))
+    for name in topics:
+        opened.check_topic(name)
+    return ((message.log_time_ns, message) for message in opened.messages(topics or None))
 
 
 def locate(path: Path) -> tuple[Path, list[Path], metadata.BagInfo | None]:

@@ -16,6 +16,10 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
 
     Raises InputError (one line: which file, row, column, value) if anything does not fit, if two trials share an id or
     are of two robots, or if no trial is usable.
+
+    >>> import sandbot_record
+    >>> sandbot_record.read_trials("trial")
+    Trials: 1, 1 of them usable; φ 0.619... to 0.619..., ω 12 to 12 rad/s, speed 0.166... to 0.166... m/s
     """
     given = [data] if isinstance(data, Path | str) else list(data)
     if not given:

@@ -44,7 +44,7 @@ class Row:
 COLUMNS = tuple(field.name for field in fields(Row))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trials:
     """The table as arrays of shape (n,): text columns hold str, all others float64 (NaN: not measured).
 
@@ -73,6 +73,20 @@ class Trials:
 
     def __len__(self) -> int:
         return len(self.trial_id)
+
+    def __repr__(self) -> str:
+        usable = self.select(self.usable)
+        line = f"Trials: {len(self)}, {len(usable)} of them usable"
+        if not len(usable):
+            return line
+        spans = (("φ", usable.phi, ""), ("ω", usable.omega_rad_s, " rad/s"), ("speed", usable.speed_m_s, " m/s"))
+        return f"{line}; " + ", ".join(f"{name} {low.min():.4g} to {low.max():.4g}{unit}" for name, low, unit in spans)
+
+    def to_frame(self) -> Any:
+        """The table as a pandas DataFrame, one row a trial. Needs pandas."""
+        from pandas import DataFrame
+
+        return DataFrame({name: getattr(self, name) for name in COLUMNS})
 
     @property
     def usable(self) -> NDArray[np.bool_]:
