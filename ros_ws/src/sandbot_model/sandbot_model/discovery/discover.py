@@ -75,13 +75,13 @@ class Discovery:
             "verdict": {
                 "status": self.verdict.status,
                 "effects": list(self.verdict.effects),
-                "alternatives": [list(one) for one in self.verdict.alternatives],
+                "alternatives": [list(names) for names in self.verdict.alternatives],
                 "because": self.verdict.because,
             },
             "next_trials": [plain(trial) for trial in self.next_trials],
             "unseen": list(self.unseen),
             "stability": number(self.stability),
-            "stages": [plain(one) for one in self.stages],
+            "stages": [plain(stage) for stage in self.stages],
             "residual": None if self.residual is None else plain(self.residual),
         }
 
@@ -139,7 +139,7 @@ def discover(
         trials = excluding(search.fits[()], hidden)
         verdict = replace(verdict, because=f"{verdict.because}; {_not_excluded(hidden, trials, criteria)}")
     else:
-        trials = next_trials([search.fits[one] for one in verdict.alternatives])
+        trials = next_trials([search.fits[names] for names in verdict.alternatives])
     if verdict.status == "ambiguous":
         verdict = replace(verdict, because=f"{verdict.because}; {_split(trials, criteria)}")
     return Discovery(
@@ -151,11 +151,11 @@ def discover(
         candidates=tuple(candidates(search.fits, effects)),
         verdict=verdict,
         next_trials=tuple(trials),
-        unseen=tuple(one.effects[0] for one in hidden),
+        unseen=tuple(fit.effects[0] for fit in hidden),
         stability=_stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
         residual=formula_to_try(search) if verdict.status == "unexplained" else None,
-        fits=tuple(sorted(search.fits.values(), key=lambda one: one.bic)),
+        fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
     )
 
 
@@ -178,7 +178,7 @@ def _not_excluded(hidden: Sequence[Fit], trials: Sequence[NextTrial], criteria: 
 
 def _stability(fits: Sets, verdict: Verdict, criteria: Criteria) -> float:
     named = verdict.alternatives or ((),)
-    leading = sorted((one for one in fits.values() if sound(one)), key=lambda one: one.bic)[:LEADING]
-    leading += [fits[one] for one in named if fits[one] not in leading]
+    leading = sorted((fit for fit in fits.values() if sound(fit)), key=lambda fit: fit.bic)[:LEADING]
+    leading += [fits[names] for names in named if fits[names] not in leading]
     shares = win_shares(leading, np.random.default_rng(0), criteria=criteria)
     return sum(share for fit, share in zip(leading, shares, strict=True) if fit.effects in named)

@@ -92,10 +92,10 @@ class _Guess:
         """The effect. Coefficients may go to minus themselves or thrice as far, at least so far that what they stand
         for changes by ``least_change``.
         """
-        body = " + ".join(one.times(f"c{i}") for i, one in enumerate(self.terms))
+        body = " + ".join(term.times(f"c{i}") for i, term in enumerate(self.terms))
         ranges = ""
-        for i, (c, one) in enumerate(zip(self.coefficients, self.terms, strict=True)):
-            span = max(2 * abs(c), least_change / max(float(np.abs(one.values).max()), 1e-9))
+        for i, (c, term) in enumerate(zip(self.coefficients, self.terms, strict=True)):
+            span = max(2 * abs(c), least_change / max(float(np.abs(term.values).max()), 1e-9))
             ranges += f"; c{i} [1] in {c - span:.3g}..{c + span:.3g}"
         return f"{self.name}: {self.lever.stage}: {self.lever.assignment(body)}{ranges}"
 
@@ -130,7 +130,7 @@ def suggest_formula(
             break
         best = tried[0]
         if number == 1:
-            rival = next((one for one in tried if one.guess.lever != best.guess.lever), None)
+            rival = next((attempt for attempt in tried if attempt.guess.lever != best.guess.lever), None)
     return None if best is None else _suggestion(fit, best, rival, criteria)
 
 
@@ -165,11 +165,11 @@ def _tried(
         models = [
             model_of(
                 fit.model.base,
-                (*fit.effects, one.name),
-                {**effects, one.name: formula_effect(one.formula(FREE))},
+                (*fit.effects, guess.name),
+                {**effects, guess.name: formula_effect(guess.formula(FREE))},
                 fit.model.robot,
             )
-            for one in some
+            for guess in some
         ]
         found = []
         points = fit_all(solve, [(model, fit.cells, fit.warm_start, nearby) for model in models])
@@ -178,21 +178,21 @@ def _tried(
             values = tuple(end.parameters[f"{guess.name}.c{i}"].value for i in range(len(guess.terms)))
             found.append(_Tried(replace(guess, coefficients=values), end))
             progress(len(found), len(some))
-        determined = [one for one in found if all(np.isfinite(one.errors))]
-        return sorted(determined, key=lambda one: one.score)
+        determined = [attempt for attempt in found if all(np.isfinite(attempt.errors))]
+        return sorted(determined, key=lambda attempt: attempt.score)
 
     near = fitted(guesses, nearby=True)
-    best = {one.guess.lever: one.guess for one in reversed(near)}
-    leading = [one.guess for one in near if best[one.guess.lever] is one.guess][:CLOSER]
-    leading += [one.guess for one in near if leading and one.guess.lever == leading[0].lever][1:]
-    return sorted([*near, *fitted(leading, nearby=False)], key=lambda one: one.score)
+    best = {attempt.guess.lever: attempt.guess for attempt in reversed(near)}
+    leading = [attempt.guess for attempt in near if best[attempt.guess.lever] is attempt.guess][:CLOSER]
+    leading += [attempt.guess for attempt in near if leading and attempt.guess.lever == leading[0].lever][1:]
+    return sorted([*near, *fitted(leading, nearby=False)], key=lambda attempt: attempt.score)
 
 
 def _unused_name(name: str, names: Iterable[str]) -> str:
     """The name, with a number if it is taken."""
     taken = set(names)
     numbered = (f"{name}_{number}" for number in count(2))
-    return next(one for one in chain([name], numbered) if one not in taken)
+    return next(candidate for candidate in chain([name], numbered) if candidate not in taken)
 
 
 def _guesses(found: Fit, name: str, library: Sequence[Term], so_far: _Guess | None, per_number: float) -> list[_Guess]:
@@ -202,11 +202,11 @@ def _guesses(found: Fit, name: str, library: Sequence[Term], so_far: _Guess | No
     guesses = []
     for lever in LEVERS if so_far is None else (so_far.lever,):
         slopes = _slopes(found, lever)
-        usable = [one for one in library if not (one.needs_depth and lever.stage == "clock")]
-        tried = [_guess(name, lever, one, slopes, residual, basis, so_far, per_number) for one in usable]
-        guesses += _distinct([one for one in tried if one is not None], per_number)
-    most = max((one.gain for one in guesses), default=0.0)
-    return [one for one in guesses if one.gain > HOPELESS * most]
+        usable = [term for term in library if not (term.needs_depth and lever.stage == "clock")]
+        tried = [_guess(name, lever, term, slopes, residual, basis, so_far, per_number) for term in usable]
+        guesses += _distinct([guess for guess in tried if guess is not None], per_number)
+    most = max((guess.gain for guess in guesses), default=0.0)
+    return [guess for guess in guesses if guess.gain > HOPELESS * most]
 
 
 def _guess(
@@ -242,10 +242,10 @@ def _guess(
 def _distinct(guesses: Sequence[_Guess], per_number: float) -> list[_Guess]:
     """The most promising that do not all say the same."""
     # The plainest is always tried: what is the same everywhere moves the fit most, and is predicted worst.
-    chosen = [one for one in guesses if one.gain > per_number and one.terms[-1].expression == "1"]
-    for one in sorted(guesses, key=lambda one: one.gain - one.price, reverse=True):
-        if one.gain > per_number and all(abs(float(one.direction @ other.direction)) < CLOSE for other in chosen):
-            chosen.append(one)
+    chosen = [guess for guess in guesses if guess.gain > per_number and guess.terms[-1].expression == "1"]
+    for guess in sorted(guesses, key=lambda guess: guess.gain - guess.price, reverse=True):
+        if guess.gain > per_number and all(abs(float(guess.direction @ other.direction)) < CLOSE for other in chosen):
+            chosen.append(guess)
         if len(chosen) > EACH:
             break
     return chosen
@@ -272,8 +272,8 @@ def _score(fit: Fit, guess: _Guess | None) -> float:
 def _suggestion(fit: Fit, best: _Tried, rival: _Tried | None, criteria: Criteria) -> SuggestedFormula:
     found, guess = best.fit, best.guess
     parts = [
-        one.words.format(f"({value:+.3g} ± {error:.2g})")
-        for one, value, error in zip(guess.terms, guess.coefficients, best.errors, strict=True)
+        term.words.format(f"({value:+.3g} ± {error:.2g})")
+        for term, value, error in zip(guess.terms, guess.coefficients, best.errors, strict=True)
     ]
     on_top = f"on top of {' + '.join(fit.effects)}, " if fit.effects else ""
     cv = (fit.cv_rmse_m_s, found.cv_rmse_m_s)
@@ -296,10 +296,10 @@ def _suggestion(fit: Fit, best: _Tried, rival: _Tried | None, criteria: Criteria
         effects=fit.effects,
         stage=guess.lever.stage,
         terms=tuple(
-            (one.words.format("").strip(), value) for one, value in zip(guess.terms, guess.coefficients, strict=True)
+            (term.words.format("").strip(), value) for term, value in zip(guess.terms, guess.coefficients, strict=True)
         ),
         deviance=(fit.deviance, found.deviance),
         cv_rmse_m_s=cv,
         lack_of_fit_p=found.lack_of_fit_p,
-        bic=found.bic + float(np.log(found.problem.measured.sum())) * sum(one.switches for one in guess.terms),
+        bic=found.bic + float(np.log(found.problem.measured.sum())) * sum(term.switches for term in guess.terms),
     )

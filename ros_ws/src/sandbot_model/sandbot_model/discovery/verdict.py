@@ -91,14 +91,14 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
             (),
             f"the {base.model.base} model misses the cell means by no more than replicates scatter {_p(base)}",
         )
-    good = [one for key, one in fits.items() if key and passes(one, criteria) and _all_needed(fits, key, criteria)]
+    good = [fit for key, fit in fits.items() if key and passes(fit, criteria) and _all_needed(fits, key, criteria)]
     if not good:
         return _unexplained(fits, criteria)
-    best = min(good, key=lambda one: one.bic)
+    best = min(good, key=lambda fit: fit.bic)
     apart = criteria.clearly * _overdispersion(best)
-    rivals = sorted((one for one in good if one.bic - best.bic < apart and one is not best), key=lambda one: one.bic)
+    rivals = sorted((fit for fit in good if fit.bic - best.bic < apart and fit is not best), key=lambda fit: fit.bic)
     if rivals:
-        sets = tuple(one.effects for one in (best, *rivals))
+        sets = tuple(fit.effects for fit in (best, *rivals))
         return Verdict(
             "ambiguous",
             best.effects,
@@ -115,10 +115,10 @@ def _all_needed(fits: Sets, key: tuple[str, ...], criteria: Criteria) -> bool:
 
 def _because(fits: Sets, best: Fit) -> str:
     base = fits[()]
-    others = [one for key, one in fits.items() if len(key) == len(best.effects) and one is not best]
-    second = min(filter(sound, others), key=lambda one: one.bic, default=None)
+    others = [fit for key, fit in fits.items() if len(key) == len(best.effects) and fit is not best]
+    second = min(filter(sound, others), key=lambda fit: fit.bic, default=None)
     rest = f"; the next best, {_name(second.effects)}, has ΔBIC {second.bic - best.bic:.0f}" if second else ""
-    nearest = min(others, key=lambda one: one.bic, default=None)
+    nearest = min(others, key=lambda fit: fit.bic, default=None)
     if nearest is not None and nearest is not second:
         # Left out for its parameters, not for its fit: the reader may think otherwise of them.
         but = f"but with {_odd(nearest)[0]} at or beyond its bound"
@@ -132,7 +132,7 @@ def _because(fits: Sets, best: Fit) -> str:
 def best_earned(fits: Sets, criteria: Criteria = DEFAULT) -> Fit:
     """Of the sets that earn what is in them: a larger one may pass, bought with parameters that nothing speaks for."""
     return min(
-        (one for key, one in fits.items() if not key or _all_needed(fits, key, criteria)), key=lambda one: one.bic
+        (fit for key, fit in fits.items() if not key or _all_needed(fits, key, criteria)), key=lambda fit: fit.bic
     )
 
 
@@ -146,8 +146,8 @@ def _unexplained(fits: Sets, criteria: Criteria) -> Verdict:
             f"; {len(fails)} cell means are still missed, the worst {worst.observable} at φ {worst.phi:.3f}, "
             f"ω {worst.omega_rad_s:.3g} rad/s by {abs(worst.z):.1f} standard errors"
         )
-    if tests := [one for one in stage_tests(best) if one.missed]:
-        worst_stage = min(tests, key=lambda one: one.p)
+    if tests := [test for test in stage_tests(best) if test.missed]:
+        worst_stage = min(tests, key=lambda test: test.p)
         where += f"; in the chain, {worst_stage.stage} ({worst_stage.connects}) fails most, p = {worst_stage.p:.1g}"
     named = f"the best set, {_name(best.effects)}," if best.effects else "the base model"
     return Verdict(

@@ -249,7 +249,7 @@ class Fit:
 
     def estimates(self) -> list[tuple[str, str]]:
         """Each parameter and k(φ) with its value as text, rounded to its error."""
-        units = ["" if one.unit == "1" else f" {one.unit}" for one in self.model.parameters]
+        units = ["" if parameter.unit == "1" else f" {parameter.unit}" for parameter in self.model.parameters]
         shared = [
             (name, with_error(*estimate) + unit)
             for (name, estimate), unit in zip(self.parameters.items(), units, strict=True)
@@ -261,7 +261,7 @@ class Fit:
         return [*shared, *levels]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {one.name: getattr(self, one.name) for one in fields(self)}
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def _spread(self, predict: Callable[[Array, Array], Array]) -> Array:
         low, high = bounds(self.problem)

@@ -82,7 +82,7 @@ def _plausible(problem: Problem, states: States) -> States:
 
     Between two cells where a switch may lie the deviance is flat: nothing but what is known beforehand says where.
     """
-    ranges = np.array([(one.low, one.high) for one in problem.model.parameters])
+    ranges = np.array([(parameter.low, parameter.high) for parameter in problem.model.parameters])
     inside = np.clip(states.theta, ranges[:, 0], ranges[:, 1])
     if (inside == states.theta).all():
         return states
@@ -113,7 +113,7 @@ def _search(problem: Problem, near: WarmStart | None) -> States:
         # What everything else is measured against: several descents are carried to their end.
         first = _begin(problem, found[:BASE_STARTS])
         ends = [_settled(problem, first.take(np.array([row]))) for row in range(len(first.theta))]
-        states = min([_settled(problem, states), *ends], key=lambda one: one.deviance[0])
+        states = min([_settled(problem, states), *ends], key=lambda end: end.deviance[0])
     states = _settled(problem, states)
     # Step and depth feed back on each other where a leg meets what its predecessors left behind: many valleys.
     hopeful = states.deviance[0] < HOP_WITHIN * problem.measured.sum()
@@ -142,7 +142,9 @@ def _jumps(problem: Problem, states: States, draw: np.random.Generator, size: fl
     low, high = bounds(problem)
     here = states.theta[0]
     named = zip(here, problem.model.names, problem.model.parameters, strict=True)
-    width = np.array([size * (one.high - one.low) if "." in name else HOP_SHARED * at for at, name, one in named])
+    width = np.array(
+        [size * (parameter.high - parameter.low) if "." in name else HOP_SHARED * at for at, name, parameter in named]
+    )
     theta = np.clip(here + width * draw.standard_normal((HOP_ROWS, len(here))), low, high)
     ln_k = np.repeat(states.ln_k, HOP_ROWS, axis=0)
     for moved, pull in zip((theta - here).T, k_response(problem, states), strict=True):
@@ -175,8 +177,8 @@ def nearby_state(problem: Problem, near: WarmStart) -> States:
 
 def _begin(problem: Problem, found: Sequence[Start]) -> States:
     low, high = bounds(problem)
-    ln_k = np.array([one.ln_k for one in found])
-    return problem.states(np.clip([one.theta for one in found], low, high), ln_k, _slopes(problem, ln_k))
+    ln_k = np.array([start.ln_k for start in found])
+    return problem.states(np.clip([start.theta for start in found], low, high), ln_k, _slopes(problem, ln_k))
 
 
 def _halved(problem: Problem, states: States) -> States:
@@ -201,14 +203,18 @@ def _slopes(problem: Problem, ln_k: Array) -> Array:
 
 def _warm_starts(model: Model, near: WarmStart) -> Array:
     """Starts at what was fitted to the smaller model, the new effects at their start and near their neutral value."""
-    starts_at = np.array([one.start for one in model.parameters])
+    starts_at = np.array([parameter.start for parameter in model.parameters])
     for index, name in enumerate(model.names):
         if name in near.parameters:
             starts_at[index] = near.parameters[name]
     none, mild, strong = starts_at.copy(), starts_at.copy(), starts_at.copy()
-    for index, (name, one) in enumerate(zip(model.names, model.parameters, strict=True)):
+    for index, (name, parameter) in enumerate(zip(model.names, model.parameters, strict=True)):
         if name not in near.parameters:
-            none[index] = one.start if one.neutral is None else one.neutral
-            mild[index] = one.start if one.neutral is None else one.neutral + 0.15 * (one.start - one.neutral)
-            strong[index] = one.low + 0.85 * (one.high - one.low)
+            none[index] = parameter.start if parameter.neutral is None else parameter.neutral
+            mild[index] = (
+                parameter.start
+                if parameter.neutral is None
+                else parameter.neutral + 0.15 * (parameter.start - parameter.neutral)
+            )
+            strong[index] = parameter.low + 0.85 * (parameter.high - parameter.low)
     return np.stack([starts_at, none, mild, strong])

@@ -178,7 +178,7 @@ def _averaged(table: Array, k_grid: Array, sigma_k: Array) -> Array:
 
 def search_box(model: Model) -> tuple[Array, Array]:
     """Ends of the plausible ranges ``(parameters,)``, Δt as its logarithm."""
-    ranges = np.array([(one.low, one.high) for one in model.parameters])
+    ranges = np.array([(parameter.low, parameter.high) for parameter in model.parameters])
     return _scaled(model, ranges[:, 0]), _scaled(model, ranges[:, 1])
 
 
@@ -206,7 +206,7 @@ def _samples(model: Model) -> Array:
     """An even sample of the plausible ranges in unit coordinates; v_swim, found by any descent, at its start."""
     free = [i for i, name in enumerate(model.names) if name != "v_swim_m_s"]
     count = {1: 24, 2: 56, 3: 112}.get(len(free), 144)
-    unit = np.tile(_unit(model, np.array([one.start for one in model.parameters])), (count, 1))
+    unit = np.tile(_unit(model, np.array([parameter.start for parameter in model.parameters])), (count, 1))
     unit[:, free] = _even(count, len(free))
     return unit
 
