@@ -9,7 +9,7 @@ PYTEST_ARGS ?=
 PACKAGE_FILES := $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg ros_ws/src/*/package.xml \
 	ros_ws/src/sandbot_bringup/launch/* ros_ws/src/sandbot_bringup/config/*)
 
-.PHONY: help setup demo test test-quick lint bench screenshots lock browser clean
+.PHONY: help setup demo test test-quick lint bench screenshots notebook lock browser clean
 
 help:
 	@sed -n '1p' Makefile
@@ -52,6 +52,10 @@ bench: setup
 # The pictures of docs/explorer.md, drawn anew.
 screenshots: setup browser
 	$(RUN) python tools/screenshots.py
+
+# docs/python.md run, its outputs written back, and examples/python.ipynb made of it.
+notebook: setup
+	$(RUN) python tools/notebook.py
 
 # Chromium for the browser tests comes from the distribution; nothing to do where it is there already.
 browser:

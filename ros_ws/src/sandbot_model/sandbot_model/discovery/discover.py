@@ -4,6 +4,7 @@ None, then every single effect, then pairs (all among the survivors, the best wi
 fitted to its global minimum and judged against the replicates. ``verdict`` draws the conclusion.
 """
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
@@ -30,6 +31,8 @@ from sandbot_model.fitting.text import html_table, table
 from sandbot_model.physics.effect import Effect
 
 SCHEMA = "sandbot.discovery/1"
+WIDTH = 100
+"""Columns of printed text."""
 LEADING = 8
 """Sets compared in the bootstrap."""
 
@@ -98,7 +101,7 @@ class Discovery:
         best = f"best in {100 * self.stability:.0f} % of bootstrap draws"
         lines = [
             f"{self.headline} ({best})",
-            self.verdict.because,
+            textwrap.fill(self.verdict.because, WIDTH),
             "",
             table(ladder_rows(self.steps)),
             "",

@@ -76,12 +76,13 @@ def trials(args: argparse.Namespace) -> tuple[Trials, str]:
     if args.cameras is not None:
         found = replace(found, frame_rate_hz=frame_rate(args.cameras))
     if args.robot is not None:
-        return _of_robot(found, read_robot(args.robot), str(args.robot))
+        return of_robot(found, read_robot(args.robot), str(args.robot))
     told = "as the bags tell" if found.robot else "not told, SandBot is assumed (--robot FILE.yaml names another)"
     return found, f"robot: {told}"
 
 
-def _of_robot(trials: Trials, robot: Robot, where: str) -> tuple[Trials, str]:
+def of_robot(trials: Trials, robot: Robot, where: str) -> tuple[Trials, str]:
+    """The trials as walked by this robot, named ``where``, and a line that says so. Raises InputError."""
     own, line = trials.robot, f"robot: {where}"
     if own is not None and own != robot:
         if own.leg_mount_rad != robot.leg_mount_rad:

@@ -67,33 +67,36 @@ def to_csv(trials: Trials) -> str:
 
 def csv_rows(path: Path) -> list[Row]:
     """The rows of a CSV file. Raises InputError naming row, column and value of what can't be read."""
-    header, lines = files.read_csv(path, "a trials CSV, a bag or a campaign folder")
-    given = header
+    return rows_of(*files.read_csv(path, "a trials CSV, a bag or a campaign folder"), where=str(path))
+
+
+def rows_of(given: Sequence[str], lines: Iterable[tuple[int, Mapping[str, str]]], where: str) -> list[Row]:
+    """The rows of a table given as text: (row number, cells by column). ``where`` opens every message (InputError)."""
     header = _known_names(given)
     if not any(header):
-        raise InputError(f"{path}: empty; a header with {', '.join(REQUIRED)} and one row a trial are needed")
-    _check_header(path, header)
+        raise InputError(f"{where}: empty; a header with {', '.join(REQUIRED)} and one row a trial are needed")
+    _check_header(where, header)
     rows, numbers = [], []
     for number, cells in lines:
-        cells = {name: cells[own] for name, own in zip(header, given, strict=True)}
-        rows.append(_csv_row(f"{path}: row {number}", number, cells))
+        own = {name: cells[original] for name, original in zip(header, given, strict=True)}
+        rows.append(_csv_row(f"{where}: row {number}", number, own))
         numbers.append(number)
     if not rows:
-        raise InputError(f"{path}: no trials: nothing below the header")
-    check_ids(rows, [f"{path}: row {number}, column trial_id" for number in numbers])
+        raise InputError(f"{where}: no trials: nothing below the header")
+    check_ids(rows, [f"{where}: row {number}, column trial_id" for number in numbers])
     return rows
 
 
-def _known_names(header: list[str]) -> list[str]:
+def _known_names(header: Sequence[str]) -> list[str]:
     """The header with what stands for ``batch`` under that name."""
     synonym = next((name for name in BATCH_SYNONYMS if name in header), None) if "batch" not in header else None
     return ["batch" if name == synonym else name for name in header]
 
 
-def _check_header(path: Path, header: Sequence[str]) -> None:
+def _check_header(where: str, header: Sequence[str]) -> None:
     for name in REQUIRED:
         if name not in header:
-            raise InputError(f"{path}: row 1: column {name} is missing{_hint(name, header)}")
+            raise InputError(f"{where}: row 1: column {name} is missing{_hint(name, header)}")
 
 
 def _hint(name: str, header: Iterable[str]) -> str:

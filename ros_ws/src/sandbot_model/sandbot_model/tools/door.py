@@ -1,0 +1,209 @@
+"""The front door for Python: ``discover`` and ``compare`` on any data, with results that print and draw themselves.
+
+    import sandbot_model as sm
+    found = sm.discover("table.csv")
+    found                                     # verdict, ladder, parameters
+    found.fit.to_frame(); found.plot()
+    sm.compare("runs/demo", effects=["stance_overlap"]).plot()
+
+No ROS is needed in the process. What can't be used raises InputError, one line that names the argument.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from sandbot_common import files
+from sandbot_common.errors import InputError
+from sandbot_common.robot import Robot, read_robot
+from sandbot_model.data.conditions import Cells, cells_of
+from sandbot_model.data.penetrometer import read_readings
+from sandbot_model.discovery import compare as comparing
+from sandbot_model.discovery import discover as discovering
+from sandbot_model.discovery.compare import Comparison
+from sandbot_model.discovery.criteria import DEFAULT, Criteria
+from sandbot_model.discovery.discover import Discovery
+from sandbot_model.discovery.next_trials import NextTrial
+from sandbot_model.discovery.verdict import Verdict
+from sandbot_model.fitting import parallel
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.parallel import Progress
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.walking import BASES
+from sandbot_model.report import printed, write_comparison, write_report
+from sandbot_model.report.curves import steps as with_curves
+from sandbot_model.tools import arguments
+from sandbot_record.trials.frame import from_frame, is_frame
+from sandbot_record.trials.read import read
+from sandbot_record.trials.table import Trials
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+    Data: TypeAlias = str | Path | Sequence[str | Path] | DataFrame | Trials
+    """A campaign folder, bags, a trials CSV (or several of them), a DataFrame with its columns, or ``Trials``."""
+
+Paths = str | Path | Sequence[str | Path]
+
+
+@dataclass(frozen=True, repr=False)
+class Result:
+    """What both return: a ladder of fits that prints, draws and reports itself."""
+
+    content: Discovery | Comparison
+    """Everything that was found; it prints as the result does."""
+    trials: Trials
+
+    @property
+    def steps(self) -> tuple[Fit, ...]:
+        """The ladder: the base model, then one effect more a step."""
+        return tuple(self.content.steps)
+
+    @property
+    def fit(self) -> Fit:
+        """The last step of the ladder."""
+        return self.steps[-1]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data: what the command writes with ``--json``."""
+        return self.content.to_dict()
+
+    def plot(self) -> "Figure":
+        """Mean speed against ω at every φ: measured, the base model, and the last step's model."""
+        return printed.speed(with_curves(list(dict.fromkeys((self.steps[0], self.fit)))))
+
+    def __repr__(self) -> str:
+        return repr(self.content)
+
+    def _repr_html_(self) -> str:
+        return self.content._repr_html_()
+
+
+class Found(Result):
+    """What ``discover`` found; ``fit`` is the model with the effects the verdict names."""
+
+    content: Discovery
+
+    @property
+    def verdict(self) -> Verdict:
+        """Status, the effects named, the alternatives, and why."""
+        return self.content.verdict
+
+    @property
+    def next_trials(self) -> tuple[NextTrial, ...]:
+        """What to measure next, the most telling first."""
+        return self.content.next_trials
+
+    def report(self, path: str | Path, *, title: str = "trackway") -> Path:
+        """Write the self-contained report and return its path. Raises InputError if it can't be written."""
+        with files.writing(out := Path(path)):
+            write_report(out, self.content, self.trials, title=title)
+        return out
+
+
+class Compared(Result):
+    """What ``compare`` fitted; ``fit`` is the model with all effects asked for."""
+
+    content: Comparison
+
+    def report(self, path: str | Path, *, title: str = "trackway") -> Path:
+        """Write the self-contained report and return its path. Raises InputError if it can't be written."""
+        with files.writing(out := Path(path)):
+            write_comparison(out, self.steps, self.trials, title=title)
+        return out
+
+
+def discover(
+    data: "Data",
+    *,
+    model: str = "simple",
+    max_effects: int = 3,
+    effects_from: Paths = (),
+    formulas: Sequence[str] = (),
+    penetrometer: str | Path | None = None,
+    robot: str | Path | Robot | None = None,
+    criteria: Criteria = DEFAULT,
+    workers: int = 1,
+    progress: Progress = lambda _stage, _done, _total: None,
+) -> Found:
+    """Which effect of the catalogue the model lacks, or that none is missing, or which can't be told apart.
+
+    ``data`` is a campaign folder, bags, a trials CSV (or several), a DataFrame with its columns, or ``Trials``.
+    ``effects_from`` are Python files with effects of your own, ``formulas`` effects as a line of text,
+    ``penetrometer`` a CSV of readings, ``robot`` a robot.yaml or a ``Robot`` (by default the data's own, else SandBot).
+    ``criteria`` say what it takes to claim an effect. ``workers`` processes fit at once; ``progress`` hears (stage,
+    done, total). Raises InputError that names the argument.
+    """
+    if workers < 1:
+        raise InputError(f"workers: {workers}; at least one process is needed")
+    if max_effects < 0:
+        raise InputError(f"max_effects: {max_effects}; 0 or more are needed")
+    effects = _catalogue(model, effects_from, formulas)
+    trials = _trials(data, robot)
+    cells = _cells(trials, penetrometer)
+    with parallel.workers(workers) as fit_all:
+        found = discovering.discover(
+            cells,
+            effects,
+            base=model,
+            max_effects=max_effects,
+            criteria=criteria,
+            fit_all=fit_all,
+            progress=progress,
+        )
+    return Found(found, trials)
+
+
+def compare(
+    data: "Data",
+    effects: Sequence[str] = (),
+    *,
+    model: str = "simple",
+    effects_from: Paths = (),
+    formulas: Sequence[str] = (),
+    penetrometer: str | Path | None = None,
+    robot: str | Path | Robot | None = None,
+) -> Compared:
+    """The base model, then one of the named ``effects`` more a step, fitted to ``data``; else as ``discover``."""
+    if isinstance(effects, str):
+        raise InputError(f"effects: {effects!r} is one text; a list of names is needed, [{effects!r}]")
+    known = _catalogue(model, effects_from, formulas)
+    trials = _trials(data, robot)
+    return Compared(comparing.compare(_cells(trials, penetrometer), known, effects, base=model), trials)
+
+
+def _catalogue(model: str, effects_from: Paths, formulas: Sequence[str]) -> Mapping[str, Effect]:
+    if model not in BASES:
+        raise InputError(f"model: {model!r} is not one of {', '.join(BASES)}")
+    if isinstance(formulas, str):
+        raise InputError(f"formulas: {formulas!r} is one text; a list is needed, [{formulas!r}]")
+    files = [effects_from] if isinstance(effects_from, str | Path) else effects_from
+    return catalogue([Path(file) for file in files], formulas)
+
+
+def _trials(data: "Data", robot: str | Path | Robot | None) -> Trials:
+    try:
+        found = _read(data)
+    except InputError as error:
+        raise InputError(f"data: {str(error).removeprefix('data: ')}") from None
+    if robot is None:
+        return found
+    return arguments.of_robot(found, robot if isinstance(robot, Robot) else read_robot(Path(robot)), "robot")[0]
+
+
+def _read(data: "Data") -> Trials:
+    if isinstance(data, Trials):
+        return data
+    if is_frame(data):
+        return from_frame(data)
+    several = isinstance(data, Sequence) and all(isinstance(part, str | Path) for part in data)
+    if not (isinstance(data, str | Path) or several):
+        raise InputError(f"{type(data).__name__}; a path, several, a DataFrame or Trials is needed")
+    return read(data)
+
+
+def _cells(trials: Trials, penetrometer: str | Path | None) -> Cells:
+    return cells_of(trials, None if penetrometer is None else read_readings(Path(penetrometer)))

@@ -1,0 +1,43 @@
+"""The trials table to and from a pandas DataFrame; pandas is needed only by who has one."""
+
+from typing import TYPE_CHECKING, Any
+
+from sandbot_common.errors import InputError
+from sandbot_record.trials.csv_table import rows_of
+from sandbot_record.trials.table import COLUMNS, Trials, from_rows
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+def is_frame(data: object) -> bool:
+    """Whether something is a pandas DataFrame, without importing pandas."""
+    return type(data).__module__.split(".")[0] == "pandas" and hasattr(data, "columns")
+
+
+def from_frame(frame: "DataFrame", where: str = "data") -> Trials:
+    """The table of a DataFrame with the columns of a trials CSV; NaN and None are "not measured".
+
+    Every check of a CSV applies; row numbers in messages are those of the rows below the header, from 2 on, as if the
+    frame were written out. Raises InputError.
+    """
+    header = [str(name) for name in frame.columns]
+    lines = (
+        (number, dict(zip(header, map(_text, row), strict=True)))
+        for number, row in enumerate(frame.itertuples(index=False, name=None), start=2)
+    )
+    return from_rows(rows_of(header, lines, where))
+
+
+def to_frame(trials: Trials) -> "DataFrame":
+    """One row a trial; not measured is NaN. Raises InputError without pandas."""
+    try:
+        from pandas import DataFrame
+    except ImportError:
+        raise InputError("to_frame: pandas is not installed; pip install pandas") from None
+    return DataFrame({name: getattr(trials, name) for name in COLUMNS})
+
+
+def _text(value: Any) -> str:
+    # A value that is not itself: NaN, NaT.
+    return "" if value is None or value != value else str(value)

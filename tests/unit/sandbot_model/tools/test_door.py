@@ -1,0 +1,144 @@
+"""``import sandbot_model as sm``: any data in, results that print, draw and pickle, errors that name the argument."""
+
+import json
+import pickle
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import sandbot_model as sm
+from sandbot_model.tools import discover as command
+from sandbot_record.trials.csv_table import write_csv
+from sandbot_record.trials.frame import to_frame
+
+OVERLAP = {"stance_overlap": {"eta": 0.15}}
+
+
+@pytest.fixture(scope="module")
+def trials(drawn):
+    return drawn(("stance_overlap",), values=OVERLAP)
+
+
+@pytest.fixture(scope="module")
+def found(trials):
+    return sm.discover(trials, max_effects=1)
+
+
+def test_a_hidden_effect_is_found_and_said_first(found):
+    assert found.verdict.status == "identified"
+    assert found.fit.effects == ("stance_overlap",)
+    assert repr(found).splitlines()[0].startswith("identified: stance_overlap")
+
+
+def test_nothing_is_found_where_nothing_is_hidden(drawn):
+    null = sm.discover(drawn(()), max_effects=1)
+    assert null.verdict.status == "adequate"
+    assert null.fit.effects == ()
+
+
+def test_what_is_printed_is_short_and_in_the_readers_units(found):
+    text = repr(found)
+    assert len(text) < 3000
+    assert len(text.splitlines()) <= 30
+    assert max(map(len, text.splitlines())) <= 125
+    assert "cm/s" in text
+    assert "<table" in found._repr_html_()
+    assert "<script" not in found._repr_html_()
+
+
+def test_a_result_pickles_small_and_comes_back(found):
+    packed = pickle.dumps(found)
+    assert len(packed) < 1_000_000
+    back = pickle.loads(packed)
+    assert back.to_dict() == found.to_dict()
+    assert repr(back) == repr(found)
+
+
+def test_the_door_says_what_the_command_says(trials, found, tmp_path, capsys):
+    write_csv(trials, tmp_path / "table.csv")
+    out = tmp_path / "found.json"
+    assert command.main([str(tmp_path / "table.csv"), "--max-effects", "1", "--json", str(out)]) == 0
+    assert json.loads(out.read_text())["verdict"] == json.loads(json.dumps(found.to_dict()))["verdict"]
+
+
+def test_a_frame_a_path_and_trials_are_the_same_data(trials, tmp_path):
+    write_csv(trials, tmp_path / "table.csv")
+    tables = [trials, str(tmp_path / "table.csv"), [tmp_path / "table.csv"], to_frame(trials)]
+    errors = [sm.compare(table).fit.rmse_m_s for table in tables]
+    np.testing.assert_allclose(errors, errors[0], rtol=0, atol=1e-15)
+
+
+def test_a_frame_without_speed_is_refused_by_row_and_column(trials):
+    frame = to_frame(trials)
+    with pytest.raises(sm.InputError, match=r"^data: row 1: column speed_m_s is missing"):
+        sm.compare(frame.drop(columns=["speed_m_s"]))
+    frame["phi"] = frame["phi"].astype(object)
+    frame.loc[3, "phi"] = "loose"
+    with pytest.raises(sm.InputError, match=r"^data: row 5, column phi: 'loose' is not a number"):
+        sm.compare(frame)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"data": "nowhere.csv"}, "data: nowhere.csv: no such file or folder"),
+        ({"data": 7}, "data: int; a path, several, a DataFrame or Trials is needed"),
+        ({"model": "simpel"}, "model: 'simpel' is not one of simple, full"),
+        ({"max_effects": -1}, "max_effects: -1; 0 or more are needed"),
+        ({"formulas": "a: b: c"}, "formulas: 'a: b: c' is one text"),
+        ({"effects_from": "nowhere.py"}, "nowhere.py: no such file"),
+        ({"workers": 0}, "workers: 0; at least one process is needed"),
+    ],
+)
+def test_an_argument_that_cannot_be_used_is_named(trials, arguments, message):
+    with pytest.raises(sm.InputError, match=re.escape(message)) as error:
+        sm.discover(**({"data": trials} | arguments))
+    assert "\n" not in str(error.value)
+
+
+def test_effects_given_as_one_text_are_refused(trials):
+    with pytest.raises(sm.InputError, match=re.escape("effects: 'leg_slip' is one text")):
+        sm.compare(trials, "leg_slip")
+    with pytest.raises(sm.InputError, match=r"leg_slipp.*did you mean|leg_slipp.*is not in the catalogue"):
+        sm.compare(trials, ["leg_slipp"])
+
+
+def test_a_comparison_draws_measured_base_and_effect(trials):
+    figure = sm.compare(trials, ["stance_overlap"]).plot()
+    panels = [panel for panel in figure.axes if panel.get_visible()]
+    assert len(panels) == 5
+    dashed = [line for line in panels[-1].lines if line.get_linestyle() == "--"]
+    assert len(dashed) == 1
+    assert figure._repr_png_().startswith(b"\x89PNG")
+
+
+def test_a_base_model_alone_has_no_ghost(trials):
+    panels = sm.compare(trials).plot().axes
+    assert not [line for line in panels[-1].lines if line.get_linestyle() == "--"]
+
+
+def test_a_report_is_written_or_the_path_is_named(found, tmp_path):
+    assert "stance overlap" in found.report(tmp_path / "report.html").read_text()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(sm.InputError, match="can't be written"):
+        found.report(tmp_path / "file" / "report.html")
+
+
+def test_nothing_of_ros_or_of_the_page_is_loaded():
+    code = (
+        "import sys, sandbot_model as sm; sm.discover; sm.compare; sm.Effect\n"
+        "print(sorted({'rclpy', 'dash', 'cv2', 'matplotlib', 'pandas'} & set(sys.modules)))"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert shown.strip() == "[]"
+
+
+def test_the_door_lists_what_it_has_and_no_more():
+    assert set(sm.__all__) <= set(dir(sm))
+    for name in sm.__all__:
+        assert getattr(sm, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'discovr'"):
+        sm.discovr  # noqa: B018
