@@ -43,7 +43,7 @@ def test_what_is_printed_is_short_and_in_the_readers_units(found):
     text = repr(found)
     assert len(text) < 3000
     assert len(text.splitlines()) <= 30
-    assert max(map(len, text.splitlines())) <= 125
+    assert max(map(len, text.splitlines())) <= 130
     assert "cm/s" in text
     assert "<table" in found._repr_html_()
     assert "<script" not in found._repr_html_()
