@@ -7,6 +7,7 @@ from typing import Any, overload
 
 import numpy as np
 
+from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.fitting.fit import Fit, fit
@@ -48,6 +49,7 @@ class Comparison(Sequence[Fit]):
         return {
             "schema": SCHEMA,
             "model": self.fit.model.base,
+            "robot": to_mapping(self.cells.robot),
             "data": data_summary(self.cells),
             "noise_floor_m_s": number(floor["speed"]),
             "noise_floor": {name: number(value) for name, value in floor.items()},

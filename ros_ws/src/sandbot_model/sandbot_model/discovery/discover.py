@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.candidates import Candidate, candidates
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
@@ -19,6 +20,7 @@ from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.formula_search import formula_to_try
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.next_trials import NextTrial, excluding, next_trials
+from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
@@ -70,6 +72,7 @@ class Discovery:
         return {
             "schema": SCHEMA,
             "model": self.model,
+            "robot": to_mapping(self.cells.robot),
             "data": data_summary(self.cells),
             "noise_floor_m_s": number(self.noise_floor_m_s),
             "noise_floor": {name: number(value) for name, value in self.noise_floor.items()},
@@ -130,11 +133,14 @@ def discover(
     """Search the catalogue.
 
     ``criteria`` say what it takes to claim an effect, ``fit_all`` maps the fits (see ``parallel``) and ``progress``
-    hears (stage, done, total).
+    hears (stage, done, total). Nothing is searched for where the robot is doubted (see ``plausibility``).
     """
     search = EffectSearch(cells, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
-    search.run(max_effects)
-    verdict = judge(search.fits, criteria)
+    doubted = doubts(cells)
+    search.run(0 if doubted else max_effects)
+    verdict = _of_another_robot(doubted) if doubted else judge(search.fits, criteria)
+    if strange := strange_k(search.fits[()]):
+        verdict = replace(verdict, because=f"{verdict.because}; {strange}")
     ladder = search.ladder(verdict)
     floor = noise_floor(cells)
     hidden = unseen(search) if verdict.status == "adequate" else []
@@ -157,9 +163,14 @@ def discover(
         unseen=tuple(fit.effects[0] for fit in hidden),
         stability=_stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
-        residual=formula_to_try(search) if verdict.status == "unexplained" else None,
+        residual=formula_to_try(search) if verdict.status == "unexplained" and not doubted else None,
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
     )
+
+
+def _of_another_robot(doubted: Sequence[str]) -> Verdict:
+    because = f"robot.yaml may be wrong, so nothing is identified: {'; '.join(doubted)}"
+    return Verdict("unexplained", (), (), because)
 
 
 def _split(trials: Sequence[NextTrial], criteria: Criteria) -> str:

@@ -42,6 +42,12 @@ def slow_phase_ratio(gait: str) -> float:
     return theta_s / (2 * np.pi * duty)
 
 
+def fastest_phase_ratio(gait: str) -> float:
+    """Largest leg rate of a cycle over the mean rate: that of the slow or of the fast phase."""
+    theta_s, _, duty = clock_signal(gait) or GAITS[ASSUMED]
+    return max(theta_s / (2 * np.pi * duty), (2 * np.pi - theta_s) / (2 * np.pi * (1 - duty)))
+
+
 def peak_is_resolved(gait: str, omega: float, frame_rate_hz: float = USUAL_FRAME_RATE_HZ) -> bool:
     """Whether the fastest part of a stance lasts long enough to be seen by the cameras.
 

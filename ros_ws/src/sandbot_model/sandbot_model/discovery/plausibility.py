@@ -1,0 +1,96 @@
+"""Whether the robot the analysis was told of can be the one that walked: what no ground and no effect could change.
+
+A leg of radius R at rate θ̇ moves its axle at Rθ̇ at most, carries it 2R at most in a step and lifts it 2R - h at most.
+And where nothing else is at work, lift with speed and peak speed each tell R by themselves: if they agree on another
+one, that is the robot's. Nothing is fitted; effects that lose way (slip, overlap, drag) move the two apart, or leave
+one where it is.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from sandbot_model.data.conditions import Cells, Floats
+from sandbot_model.data.regime import walks
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.gait import fastest_phase_ratio
+from sandbot_model.physics.geometry import deepest_m
+from sandbot_model.physics.observables import CM, Observable
+
+TOO_FAR = 1.25
+"""What must not pass 1 is doubtful from here on: 2° downhill, the most of the catalogue, gains 18 %."""
+FEWEST = 3
+"""Walking cells needed for a median to mean anything."""
+POPPY_SEEDS = ((0.580, 0.622), (300e3, 480e3))
+"""φ and α = k/(wR) [N/m³] that a plate meets there (Li09)."""
+FAR_FROM_POPPY = 2.5
+ANOTHER, ALIKE = 0.12, 0.04
+"""Relative distance of two radii from which they are another's, and up to which they are the same."""
+
+
+def doubts(cells: Cells) -> tuple[str, ...]:
+    """What speaks against the robot, one clause each; empty where it is plausible."""
+    return tuple(_doubts(cells))
+
+
+def strange_k(fit: Fit) -> str:
+    """What k says against the robot where it is far from the grains' own at that φ; empty where it is not.
+
+    Only said, not held against a verdict: k goes with the mass (kd = mg), and other grains are not poppy seeds.
+    """
+    robot = fit.cells.robot
+    alpha = fit.k_n_per_m / (robot.leg_width_m * robot.leg_radius_m)
+    usual = _median(alpha / np.interp(fit.level_phi, *POPPY_SEEDS)) if len(alpha) >= FEWEST else 1.0
+    if 1 / FAR_FROM_POPPY < usual < FAR_FROM_POPPY:
+        return ""
+    return (
+        f"k is {usual:.2g} times what a leg of this size meets in poppy seeds of this φ: "
+        "are mass_per_leg_kg (a third of the robot's), leg_radius_m and leg_width_m right?"
+    )
+
+
+def _doubts(cells: Cells) -> Iterator[str]:
+    robot = cells.robot
+    mean = np.where(walks(cells.mean)[:, None], cells.mean, np.nan)
+    top = robot.leg_radius_m * cells.omega * np.array([fastest_phase_ratio(gait) for gait in cells.gait])
+    step = np.pi * mean[:, Observable.speed] / cells.omega
+    for what, ratio in (
+        (
+            "peak speeds are {:.2f} times what legs of R = {R:.3g} cm reach at these rates",
+            mean[:, Observable.peak_speed] / top,
+        ),
+        ("steps are {:.2f} times the 2R that legs of R = {R:.3g} cm can span", step / (2 * robot.leg_radius_m)),
+        (
+            "first steps are {:.2f} times the 2R that legs of R = {R:.3g} cm can span",
+            mean[:, Observable.first_step] / (2 * robot.leg_radius_m),
+        ),
+        ("the body rises {:.2f} times as high as 2R - h allows", mean[:, Observable.lift] / deepest_m(robot)),
+    ):
+        if (usual := _median(ratio)) > TOO_FAR:
+            yield what.format(usual, R=CM * robot.leg_radius_m)
+    by_peak, by_lift = (_median(one) for one in (_radius_by_peak(cells, mean), _radius_by_lift(mean, step)))
+    apart = abs(by_peak - by_lift) / robot.leg_radius_m
+    if apart < ALIKE and min(abs(one / robot.leg_radius_m - 1) for one in (by_peak, by_lift)) > ANOTHER:
+        yield (
+            f"lift with speed and peak speed agree on a leg radius of {CM * by_lift:.2f} and {CM * by_peak:.2f} cm, "
+            f"not on {CM * robot.leg_radius_m:.3g} cm"
+        )
+
+
+def _radius_by_peak(cells: Cells, mean: Floats) -> Array:
+    """R = v_peak/(βω): all legs on the ground turn at the slow phase's rate. NaN for gaits of uneven pace."""
+    even = cells.slow_phase_ratio == 1.0
+    return np.where(even, mean[:, Observable.peak_speed] / cells.omega, np.nan)
+
+
+def _radius_by_lift(mean: Floats, step: Array) -> Array:
+    """The R of s = 2√(Δz(2R - Δz))."""
+    lift = mean[:, Observable.lift]
+    return lift / 2 + step**2 / (8 * lift)
+
+
+def _median(values: Array) -> float:
+    """NaN, which is beyond nothing, where too few cells tell."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) >= FEWEST else float("nan")

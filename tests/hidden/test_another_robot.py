@@ -1,0 +1,81 @@
+"""The lab walks a robot with longer legs and twice the mass: named with its robot.yaml, doubted with another's."""
+
+from functools import cache
+
+import pytest
+from worlds import BY_NAME, EFFECTS
+
+from sandbot_common.robot import SANDBOT, Robot
+from sandbot_lab.direct import direct_trials
+from sandbot_lab.world import World
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.plausibility import doubts
+from sandbot_record.trials.table import Row, Trials, from_rows
+
+BIG = Robot(leg_radius_m=0.05, mass_per_leg_kg=2 * SANDBOT.mass_per_leg_kg)
+ETA = 0.15
+PHI, OMEGA = (0.58, 0.595, 0.61, 0.633), (4, 8, 12, 16, 20)
+
+
+@cache
+def table(eta: float, robot: Robot, k_scale: float) -> tuple[Row, ...]:
+    """What the lab measures of ``robot`` directly, on ground that carries its weight as SandBot's carries SandBot."""
+    ground = tuple(k_scale * k for k in (170.0, 205.0, 220.0))
+    effects = {"stance_overlap": {"eta": eta}} if eta else {}
+    world = World(k_knots_n_per_m=ground, effects=effects, robot=robot)
+    return tuple(Row(**row) for row in direct_trials(world, PHI, OMEGA, "UNIFORM", 3, seed=1))
+
+
+def walked_by_big(told: Robot, eta: float = ETA) -> Trials:
+    """Its trials, as the robot that the analysis is told of; filmed at 200 frames/s."""
+    return from_rows(table(eta, BIG, 1.23), told, frame_rate_hz=200.0)
+
+
+@pytest.mark.slow
+def test_the_effect_is_named_with_the_right_robot():
+    found = discover(cells_of(walked_by_big(BIG)), EFFECTS, max_effects=1)
+    assert (found.verdict.status, found.verdict.effects) == ("identified", ("stance_overlap",))
+    eta = found.steps[-1].parameters["stance_overlap.eta"]
+    assert abs(eta.value - ETA) < 3 * eta.stderr
+    delta_t = found.steps[-1].parameters["delta_t_s"]
+    assert abs(delta_t.value - 0.4) < 3 * delta_t.stderr
+    assert found.to_json()["robot"]["leg_radius_m"] == 0.05
+
+
+def test_with_another_robots_file_nothing_is_identified_and_the_message_says_why():
+    verdict = discover(cells_of(walked_by_big(SANDBOT)), EFFECTS, max_effects=2).verdict
+    assert (verdict.status, verdict.effects) == ("unexplained", ())
+    assert verdict.because.startswith("robot.yaml may be wrong, so nothing is identified: peak speeds are 1.4")
+
+
+@pytest.mark.parametrize("told", [SANDBOT, Robot(leg_radius_m=0.043)])
+def test_without_any_effect_two_measurements_of_the_radius_agree_on_the_right_one(told):
+    assert any("agree on a leg radius of 4.98 and 5.02 cm" in one for one in doubts(cells_of(walked_by_big(told, 0.0))))
+
+
+def test_a_robot_told_too_big_is_doubted_too():
+    trials = from_rows(table(0.0, SANDBOT, 1.0), BIG)
+    assert any("not on 5 cm" in one for one in doubts(cells_of(trials)))
+
+
+def test_the_right_robot_is_not_doubted():
+    """Control, with the effect and without."""
+    assert [doubts(cells_of(walked_by_big(BIG, eta))) for eta in (0.0, ETA)] == [(), ()]
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["null", "leg_slip(sigma=0.18)", "bed_slope(chi_deg=1.5)", "belly_coast(mu_b=0.4)", "slow_phase_speed(SGCS)"],
+)
+def test_no_effect_is_taken_for_another_robot(name):
+    """Control: what moves the geometry lock and the peak most, among all hidden worlds."""
+    assert doubts(cells_of(BY_NAME[name].trials(7))) == ()
+
+
+def test_the_whole_mass_in_place_of_a_leg_s_share_is_pointed_out():
+    heavy = Robot(mass_per_leg_kg=3 * SANDBOT.mass_per_leg_kg)
+    found = discover(cells_of(from_rows(table(0.0, SANDBOT, 1.0), heavy)), EFFECTS, max_effects=0)
+    assert "are mass_per_leg_kg (a third of the robot's)" in found.verdict.because
+    right = discover(cells_of(from_rows(table(0.0, SANDBOT, 1.0), SANDBOT)), EFFECTS, max_effects=0)
+    assert "mass_per_leg_kg" not in right.verdict.because
