@@ -1,6 +1,7 @@
 """The robot in numbers: declared once, read once (``robot.yaml``), the same for lab, tracking and analysis."""
 
 import dataclasses
+import json
 import math
 import re
 from collections.abc import Mapping
@@ -72,6 +73,16 @@ def robot_from_text(text: str, where: str) -> Robot:
     except yaml.YAMLError as error:
         raise InputError(f"{where}: not YAML: {' '.join(str(error).split())}") from None
     return robot_from_mapping(content, where)
+
+
+def robot_of_trial(text: str) -> Robot | None:
+    """The robot in the JSON of /trial; None where it tells none. Raises InputError."""
+    try:
+        trial = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"/trial: not JSON: {error}") from None
+    told = trial.get("robot") if isinstance(trial, dict) else None
+    return None if told is None else robot_from_mapping(told, "/trial: robot")
 
 
 def robot_from_mapping(mapping: Any, where: str) -> Robot:

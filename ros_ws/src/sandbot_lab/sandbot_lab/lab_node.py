@@ -13,14 +13,14 @@ import numpy as np
 from ament_index_python.packages import get_package_share_directory
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, JointState
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_common.parameters import parameter
-from sandbot_common.robot import read_robot
+from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_lab.bed import LabBed
 from sandbot_lab.calibration import Calibration, calibration
 from sandbot_lab.cameras import LabCamera
@@ -43,7 +43,10 @@ class LabParameters:
 
     world: str = parameter("", doc="sealed world file; empty: the null world")
     cameras: str = parameter("", doc="cameras file; empty: the project's own")
-    robot: str = parameter("", doc="robot file; empty: the project's own SandBot; a robot of the world's goes first")
+    robot: str = parameter(
+        "",
+        doc="robot file; empty: SandBot. A robot that /trial tells goes before it, and one of the world's before both",
+    )
     seed: int = parameter(1, doc="chance of the bed", low=0, high=2**62)
     trial_seed: int = parameter(1, doc="chance of the next trial", low=0, high=2**62)
     batch_seed: int = parameter(0, doc="chance that the next trial shares with its batch", low=0, high=2**62)
@@ -61,8 +64,8 @@ class LabNode(Node):
         super().__init__("lab")
         self._settings = node.Parameters(self, LabParameters, self._check)
         current = self._settings.current
-        world = read_world(Path(current.world)) if current.world else null_world()
-        self._world = world.walked_by(read_robot(current.robot or _own("robot.yaml")))
+        self._ground = read_world(Path(current.world)) if current.world else null_world()
+        self._world = self._ground.walked_by(read_robot(current.robot or _own("robot.yaml")))
         self._sections = self._read_cameras(current.cameras)
         self._info = {name: camera_info(calibration(self._sections[name], name)) for name in CAMERAS}
         warm_up(self._sections)
@@ -79,6 +82,7 @@ class LabNode(Node):
         self._infos = {name: node.publisher(self, topic) for name, topic in _INFO.items()}
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
+        node.subscription(self, topics.TRIAL, self._on_trial)
         self.create_service(Trigger, "/lab/reset", self._on_reset)
         self.create_timer(1.0 / HEIGHT_RATE_HZ, self._publish_height)
         self.create_timer(1.0 / IDLE_RATE_HZ, self._publish_idle)
@@ -105,6 +109,16 @@ class LabNode(Node):
 
     def _now_ns(self) -> int:
         return int(self.get_clock().now().nanoseconds)
+
+    def _on_trial(self, message: String) -> None:
+        try:
+            robot = robot_of_trial(message.data)
+        except InputError as error:
+            self._health.level, self._health.text = 1, str(error)
+            return
+        if robot is not None:
+            self._world = self._ground.walked_by(robot)
+            self._idle = self._idle_cameras()
 
     def _on_setpoint(self, message: JointState) -> None:
         self._setpoints += 1

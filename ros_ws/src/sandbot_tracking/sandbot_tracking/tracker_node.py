@@ -12,7 +12,7 @@ from rclpy.node import Node
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
-from sandbot_common.robot import read_robot
+from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_tracking.calibration import read_cameras
 from sandbot_tracking.markers import Frame
 from sandbot_tracking.offline import OfflineTracker, Sample
@@ -25,7 +25,7 @@ class TrackerParameters:
     """What the tracker needs to know."""
 
     cameras: str = parameter("", doc="YAML file of the calibrated cameras (dorsal, lateral); empty: the project's own")
-    robot: str = parameter("", doc="YAML file of the robot; empty: the project's own SandBot")
+    robot: str = parameter("", doc="YAML file of the robot; empty: SandBot. One that /trial tells goes before it")
 
 
 class TrackerNode(Node):
@@ -52,12 +52,23 @@ class TrackerNode(Node):
         node.subscription(self, topics.LATERAL_IMAGE, lambda image: self._image("lateral", image))
         node.subscription(self, topics.LEG_STATES, self._legs)
         node.subscription(self, topics.SYNC_LED, lambda _: self._begin())
+        node.subscription(self, topics.TRIAL, lambda trial: self._of_trial(trial.data))
         self._health = node.Health(self, self._values)
 
     def _begin(self) -> None:
         # Each trial's LED edge: the robot has been carried back to the start, so its marks are looked for anew.
         self._tracker = OfflineTracker(self._cameras, self._robot, keep=False)
         self._means = PeriodMeans()
+
+    def _of_trial(self, text: str) -> None:
+        try:
+            robot = robot_of_trial(text)
+        except InputError as error:
+            self.get_logger().error(str(error))
+            return
+        if robot is not None and robot != self._robot:
+            self._robot = robot
+            self._begin()
 
     def _image(self, camera: str, image: Any) -> None:
         stamp = messages.nanoseconds(image.header.stamp)
