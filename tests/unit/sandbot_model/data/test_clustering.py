@@ -1,0 +1,56 @@
+"""Levels of a measured value, and values that are the same within a tolerance."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sandbot_model.data.clustering import phi_levels, same_within
+
+
+@given(
+    st.integers(1, 8),
+    st.integers(9, 24),
+    st.floats(0.0, 7e-4),
+    st.integers(0, 2**16),
+)
+def test_levels_are_the_targets(count, replicates, scatter, seed):
+    """Targets 0.0075 apart or more, as seven between 0.580 and 0.633 are."""
+    rng = np.random.default_rng(seed)
+    targets = np.repeat(np.arange(count), replicates)
+    phi = 0.57 + 0.0075 * targets + np.clip(rng.normal(0, 1, len(targets)), -2.5, 2.5) * scatter
+    order = rng.permutation(len(phi))
+    np.testing.assert_array_equal(phi_levels(phi[order]), targets[order])
+
+
+def test_close_targets_are_told_apart_and_one_level_is_not_split():
+    rng = np.random.default_rng(3)
+    two = np.concatenate([rng.normal(0.6, 4e-4, 21), rng.normal(0.604, 4e-4, 21)])
+    assert phi_levels(two).max() == 1
+    for seed in range(20):
+        assert phi_levels(np.random.default_rng(seed).normal(0.6, 7e-4, 21)).max() == 0
+
+
+@given(st.lists(st.floats(0.55, 0.65), min_size=1, max_size=40))
+def test_levels_are_counted_from_the_loosest_without_a_gap(phi):
+    phi = np.array(phi)
+    level = phi_levels(phi)
+    assert sorted(set(level.tolist())) == list(range(level.max() + 1))
+    assert (np.diff(level[np.argsort(phi, kind="stable")]) >= 0).all()
+
+
+def test_two_values_that_never_scatter_are_two_levels():
+    np.testing.assert_array_equal(phi_levels(np.array([0.6, 0.62] * 6)), [0, 1] * 6)
+    assert phi_levels(np.full(12, 0.6)).max() == 0
+
+
+def test_frequencies_within_tolerance_are_one():
+    np.testing.assert_array_equal(same_within(np.array([8.0, 4.0, 8.01, 4.001, 12.0]), 5e-3), [1, 0, 1, 0, 2])
+
+
+@given(st.lists(st.floats(1.0, 40.0), min_size=1, max_size=30), st.floats(1e-4, 0.1))
+def test_what_is_far_apart_is_not_the_same_and_neighbours_are(values, tolerance):
+    values = np.array(values)
+    group = same_within(values, tolerance)
+    order = np.argsort(values)
+    step, joined = np.diff(values[order]), np.diff(group[order]) == 0
+    np.testing.assert_array_equal(joined, step <= tolerance * values[order][1:])

@@ -1,0 +1,112 @@
+"""Pure error: the replicates' own scatter comes out, whatever the model would say."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sandbot_model.data.pure_error import FLOOR, pure_error
+
+SCALE = np.array([5e-3, 5e-4, 1e-2, 1.5e-3])
+
+
+def scattered(cells=40, replicates=4, seed=0, correlation=0.0, omega=None):
+    """Arguments of ``pure_error`` for replicates that scatter by ``SCALE`` in every cell."""
+    rng = np.random.default_rng(seed)
+    cell = np.repeat(np.arange(cells), replicates)
+    common = rng.normal(size=(len(cell), 1))
+    values = (np.sqrt(correlation) * common + np.sqrt(1 - correlation) * rng.normal(size=(len(cell), 4))) * SCALE
+    mean = np.stack([np.bincount(cell, column) / replicates for column in values.T], axis=-1)
+    omega = np.full(cells, 8.0) if omega is None else omega
+    return values - mean[cell], cell, np.full((cells, 4), replicates), np.ones(cells, dtype=bool), omega
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**16))
+def test_the_scatter_drawn_is_the_scatter_found(seed):
+    error = pure_error(*scattered(seed=seed))
+    np.testing.assert_allclose(error.sd, SCALE, rtol=0.3)
+    np.testing.assert_array_equal(error.dof + 3 * error.own.sum(), 120)
+    assert error.own.mean() <= 0.1
+
+
+def test_observables_that_move_together_are_seen_to():
+    def correlation(of):
+        covariance = pure_error(*scattered(correlation=of)).covariance[0]
+        return covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
+
+    assert correlation(0.9) > 0.6
+    assert abs(correlation(0.0)) < 0.25
+
+
+@given(st.floats(1e-3, 1e3))
+def test_the_unit_does_not_matter(unit):
+    residual, *rest = scattered()
+    here, there = pure_error(residual, *rest), pure_error(residual * unit, *rest)
+    if (SCALE * unit > 100 * FLOOR).all():
+        np.testing.assert_allclose(there.sd, here.sd * unit, rtol=1e-6)
+        np.testing.assert_array_equal(there.own, here.own)
+
+
+@given(st.permutations(range(40)))
+def test_the_order_of_cells_does_not_matter(order):
+    residual, cell, count, walking, omega = scattered()
+    place = np.argsort(order)
+    moved = pure_error(residual, place[cell], count, walking, omega)
+    here = pure_error(residual, cell, count, walking, omega)
+    np.testing.assert_allclose(moved.covariance[place], here.covariance, rtol=1e-9)
+
+
+def test_no_replicates_no_error():
+    error = pure_error(
+        np.zeros((5, 4)), np.arange(5), np.ones((5, 4), dtype=int), np.ones(5, dtype=bool), np.arange(1.0, 6)
+    )
+    assert np.isnan(error.sd).all()
+    assert (error.dof == 0).all()
+
+
+def test_replicates_that_agree_to_the_last_bit_prove_nothing():
+    residual, *rest = scattered()
+    assert (pure_error(0 * residual, *rest).sd == FLOOR).all()
+
+
+def test_walking_and_swimming_are_pooled_apart():
+    residual, cell, count, walking, omega = scattered()
+    walking[20:] = False
+    residual[cell >= 20] *= 0.1
+    error = pure_error(residual, cell, count, walking, omega)
+    assert np.sqrt(error.covariance[:20, 0, 0].mean()) == pytest.approx(5e-3, rel=0.3)
+    # A little of the common scatter counts in each regime.
+    assert 4e-4 < np.sqrt(error.covariance[20:, 0, 0].mean()) < 1e-3
+
+
+def test_a_cell_that_flips_stands_on_its_own_scatter():
+    rng = np.random.default_rng(0)
+    cells, replicates = 20, 3
+    cell = np.repeat(np.arange(cells), replicates)
+    residual = rng.normal(0, 0.005, (cells * replicates, 4))
+    residual[:3] = [[0.08] * 4, [-0.04] * 4, [-0.04] * 4]
+    count = np.full((cells, 4), replicates)
+    error = pure_error(residual, cell, count, np.ones(cells, dtype=bool), np.full(cells, 8.0))
+    assert error.own[0]
+    assert error.own.sum() <= 2
+    assert error.sd[0] == pytest.approx(0.005 * np.sqrt(2 / 3), rel=0.5)
+    assert np.sqrt(error.covariance[0, 0, 0]) > 0.05
+    assert np.sqrt(error.covariance[5, 0, 0]) < 0.01
+
+
+def test_scatter_that_follows_frequency_is_followed():
+    rng = np.random.default_rng(1)
+    omega = np.repeat([4.0, 8.0, 16.0, 30.0], 10)
+    cell = np.repeat(np.arange(40), 3)
+    residual = rng.normal(size=(120, 4)) * (1e-3 * omega[cell])[:, None]
+    residual -= np.stack([np.bincount(cell, column) / 3 for column in residual.T], axis=-1)[cell]
+    error = pure_error(residual, cell, np.full((40, 4), 3), np.ones(40, dtype=bool), omega)
+    found = np.sqrt(error.covariance[:, 0, 0])
+    np.testing.assert_allclose(found / (1e-3 * omega), 1.0, atol=0.45)
+
+
+def test_scatter_that_does_not_follow_frequency_is_not_made_to():
+    error = pure_error(*scattered(omega=np.repeat([4.0, 8.0, 16.0, 30.0], 10)))
+    slow, fast = np.sqrt(error.covariance[[0, -1], 0, 0])
+    assert fast == pytest.approx(slow, rel=0.4)

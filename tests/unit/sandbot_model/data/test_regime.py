@@ -1,0 +1,49 @@
+"""Walking or swimming, as measured."""
+
+import numpy as np
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.data.regime import WALKING_LIFT_M, WALKING_SPEED_M_S, swum_at_once, walks
+from sandbot_record.trials.table import Row, from_rows
+
+
+@pytest.mark.parametrize(
+    ("speed", "lift", "walked"),
+    [
+        (0.2, 0.005, True),
+        (0.02, 0.005, True),
+        (0.2, 0.0, False),
+        (0.2, np.nan, True),
+        (0.02, np.nan, False),
+        (np.nan, 0.005, True),
+        (np.nan, np.nan, False),
+        (WALKING_SPEED_M_S, WALKING_LIFT_M, False),
+    ],
+)
+def test_lift_says_it_and_speed_where_lift_is_missing(speed, lift, walked):
+    assert walks(np.array([speed, lift, np.nan, np.nan])) == walked
+
+
+def test_a_surer_answer_asks_for_more_lift():
+    values = np.array([[0.2, 1e-3, np.nan, np.nan], [0.2, 3e-3, np.nan, np.nan]])
+    np.testing.assert_array_equal(walks(values), [True, True])
+    np.testing.assert_array_equal(walks(values, 2e-3), [False, True])
+
+
+@pytest.mark.parametrize(
+    ("gait", "speed", "lift", "first", "left_out"),
+    [
+        ("SGCS", 0.02, 0.0, 0.002, True),
+        ("SGCS", 0.02, np.nan, 0.002, True),
+        ("UNIFORM", 0.02, 0.0, 0.002, False),
+        ("SGCS", 0.02, 0.0, 0.035, False),
+        ("SGCS", 0.2, 0.008, 0.03, False),
+    ],
+)
+def test_the_first_step_of_a_swimmer_with_uneven_legs_says_nothing(gait, speed, lift, first, left_out):
+    """Controls: even legs, a first step that held before the collapse, a walker."""
+    omega, values = np.full(3, 12.0), np.tile([speed, lift, 0.1, first], (3, 1))
+    assert swum_at_once([gait] * 3, omega, values).tolist() == [left_out] * 3
+    trials = from_rows([Row("t", 0.6, 0.001, 12.0, gait, n, speed, np.nan, lift, 0.1, first, "ok") for n in range(3)])
+    assert bool(np.isnan(cells_of(trials).mean[0, 3])) == left_out
