@@ -3,7 +3,7 @@
 Everything after this works on cells, so its cost does not grow with the number of trials.
 """
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +60,7 @@ class Cells:
     @property
     def observables(self) -> tuple[str, ...]:
         """The observables that were measured at all."""
-        return tuple(one.name for one in Observable if np.isfinite(self.mean[:, one]).any())
+        return tuple(observable.name for observable in Observable if np.isfinite(self.mean[:, observable]).any())
 
     def __len__(self) -> int:
         return len(self.omega)
@@ -68,14 +68,12 @@ class Cells:
     def without(self, cell: int) -> "Cells":
         """All cells but one; the levels stay, even if one of them is empty then."""
         keep = np.arange(len(self)) != cell
-        each = {one.name: getattr(self, one.name) for one in fields(self)}
-        shorter = {
-            name: values[keep] for name, values in each.items() if isinstance(values, np.ndarray) and name not in WHOLE
-        }
-        return replace(self, gait=tuple(gait for gait, kept in zip(self.gait, keep, strict=True) if kept), **shorter)
+        arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        shorter = {name: value[keep] for name, value in arrays.items() if name not in NOT_OVER_CELLS}
+        return replace(self, gait=tuple(np.array(self.gait)[keep].tolist()), **shorter)
 
 
-WHOLE = ("level_phi", "noise", "pure_error_dof")
+NOT_OVER_CELLS = ("level_phi", "noise", "pure_error_dof")
 """Arrays of ``Cells`` that are not over cells."""
 
 OMEGA_TOLERANCE = 5e-3
@@ -89,15 +87,17 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     Raises InputError if no trial is left, or no reading is at the trials' φ.
     """
     phi, omega = np.asarray(trials.phi, dtype=float), np.asarray(trials.omega_rad_s, dtype=float)
-    values = np.stack([np.asarray(getattr(trials, one.column), dtype=float) for one in Observable], axis=-1)
-    status = np.asarray([str(one) for one in trials.status])
+    values = np.stack(
+        [np.asarray(getattr(trials, observable.column), dtype=float) for observable in Observable], axis=-1
+    )
+    status = np.asarray([str(text) for text in trials.status])
     usable = np.isfinite(phi) & np.isfinite(omega) & (omega > 0) & np.isfinite(values).any(axis=-1)
     usable &= np.isin(status, ["", "ok"])
     if not usable.any():
         raise InputError(
             f"none of {len(phi)} trials can be used: phi, omega_rad_s and speed_m_s of an ok trial are needed"
         )
-    gait = np.asarray([str(one) for one in trials.gait])[usable]
+    gait = np.asarray([str(name) for name in trials.gait])[usable]
     phi, omega, values = phi[usable], omega[usable], values[usable]
     rate_hz = trials.frame_rate_hz if np.isfinite(trials.frame_rate_hz) else USUAL_FRAME_RATE_HZ
     blurred = [not peak_is_resolved(name, frequency, rate_hz) for name, frequency in zip(gait, omega, strict=True)]
@@ -108,48 +108,64 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi))
 
 
-def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, excluded: int) -> Cells:
-    level, frequency = phi_levels(phi), same_within(omega, OMEGA_TOLERANCE)
-    gaits, gait_index = np.unique(gait, return_inverse=True)
-    keys, cell = np.unique(np.stack([level, gait_index, frequency]), axis=1, return_inverse=True)
-    cells = keys.shape[1]
+@dataclass(frozen=True, eq=False)
+class _Groups:
+    """Which group each trial belongs to, ``index (trials,)``, and how many groups there are."""
 
-    def average(column: Floats, index: Ints = cell, length: int = cells) -> Floats:
-        known = np.isfinite(column)
-        total = np.bincount(index, np.where(known, column, 0.0), length)
+    index: Ints
+    count: int
+
+    def mean(self, column: Floats) -> Floats:
+        """Mean of each group ``(groups,)`` over what was measured; NaN where nothing was."""
+        measured = np.isfinite(column)
+        total = np.bincount(self.index, np.where(measured, column, 0.0), self.count)
         with np.errstate(invalid="ignore"):
-            return np.asarray(total / np.bincount(index, known, length))
+            return np.asarray(total / np.bincount(self.index, measured, self.count))
 
-    count = np.stack([np.bincount(cell, np.isfinite(column), cells) for column in values.T], axis=-1).astype(np.int64)
-    level_phi = average(phi, level, int(level.max()) + 1)
-    mean = np.stack([average(column) for column in values.T], axis=-1)
-    walking = walks(mean)
-    slope = local_slope(mean, keys, level_phi, walking)[cell]
-    rho = reliability(values - mean[cell], slope * (phi - average(phi)[cell])[:, None])
-    values = values - rho * slope * (phi - level_phi[level])[:, None]
-    mean = np.stack([average(column) for column in values.T], axis=-1)
-    error = pure_error(values - mean[cell], cell, count, walking, average(omega))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        root = np.sqrt(np.where(count > 0, count, np.nan).astype(float))
-        spread = np.where(count > 1, np.sqrt(_squares(values - mean[cell], cell, cells) / (count - 1)), np.nan)
-    variance = np.diagonal(error.covariance, axis1=1, axis2=2)
-    # Without any replicates pure error is unknown: weights are then the usual ones, and nothing can be tested.
-    unknown = ~np.isfinite(variance)
-    scale = np.where(unknown[:, :, None] | unknown[:, None, :], np.diag(np.square(USUAL_NOISE)), error.covariance)
-    covariance = scale / root[:, :, None] / root[:, None, :] + _accuracy(mean)
+    def means(self, values: Floats) -> Floats:
+        """The same of every column of ``values (trials, 4)``."""
+        return np.stack([self.mean(column) for column in values.T], axis=-1)
+
+    def measured(self, values: Floats) -> Ints:
+        """How many values of a group were measured ``(groups, 4)``."""
+        counts = [np.bincount(self.index, np.isfinite(column), self.count) for column in values.T]
+        return np.stack(counts, axis=-1).astype(np.int64)
+
+    def sd(self, residual: Floats) -> Floats:
+        """Scatter of each group ``(groups, 4)`` from residuals about its mean; NaN below two values."""
+        squares = [np.bincount(self.index, np.nan_to_num(column) ** 2, self.count) for column in residual.T]
+        n = self.measured(residual)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.where(n > 1, np.sqrt(np.stack(squares, axis=-1) / (n - 1)), np.nan)
+
+
+def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, excluded: int) -> Cells:
+    """Cells of the usable trials."""
+    level = phi_levels(phi)
+    gaits, gait_index = np.unique(gait, return_inverse=True)
+    keys, cell = np.unique(
+        np.stack([level, gait_index, same_within(omega, OMEGA_TOLERANCE)]), axis=1, return_inverse=True
+    )
+    cells, levels = _Groups(cell, keys.shape[1]), _Groups(level, int(level.max()) + 1)
+    level_phi, cell_phi = levels.mean(phi), cells.mean(phi)
+    walking = walks(cells.means(values))
+    values, rho = _at_level_phi(values, phi - level_phi[level], phi - cell_phi[cell], cells, keys, level_phi)
+    mean, count = cells.means(values), cells.measured(values)
+    error = pure_error(values - mean[cell], cell, count, walking, cells.mean(omega))
+    covariance = _of_the_mean(error.covariance, count) + _accuracy(mean)
     names = tuple(str(gaits[index]) for index in keys[1])
     return Cells(
-        phi=average(phi),
-        omega=average(omega),
+        phi=cell_phi,
+        omega=cells.mean(omega),
         gait=names,
         slow_phase_ratio=np.array([slow_phase_ratio(name) for name in names]),
         level=keys[0],
         level_phi=level_phi,
         phi_reliability=rho,
-        phi_scatter=_scatter(phi - average(phi)[cell], cells),
+        phi_scatter=_pooled_sd(phi - cell_phi[cell], len(phi) - cells.count),
         n=count,
         mean=mean,
-        sd=spread,
+        sd=cells.sd(values - mean[cell]),
         sem=np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)),
         noise=error.sd,
         covariance=covariance,
@@ -160,18 +176,37 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
     )
 
 
+def _at_level_phi(
+    values: Floats, from_level: Floats, from_cell: Floats, cells: _Groups, keys: Ints, level_phi: Floats
+) -> tuple[Floats, float]:
+    """Values ``(trials, 4)`` brought to their level's φ, and the share of φ's deviations that is real.
+
+    ``from_level``, ``from_cell (trials,)`` are the deviations of φ from its level's mean and from its cell's.
+    """
+    mean = cells.means(values)
+    slope = local_slope(mean, keys, level_phi, walks(mean))[cells.index]
+    rho = reliability(values - mean[cells.index], slope * from_cell[:, None])
+    return values - rho * slope * from_level[:, None], rho
+
+
+def _of_the_mean(covariance: Floats, count: Ints) -> Floats:
+    """Covariance of cell means from that of one trial ``(n, 4, 4)`` and the replicates ``(n, 4)``.
+
+    Without any replicates pure error is unknown: weights are then the usual ones, and nothing can be tested.
+    """
+    unknown = ~np.isfinite(np.diagonal(covariance, axis1=1, axis2=2))
+    scale = np.where(unknown[:, :, None] | unknown[:, None, :], np.diag(np.square(USUAL_NOISE)), covariance)
+    root = np.sqrt(np.where(count > 0, count, np.nan).astype(float))
+    return np.asarray(scale / root[:, :, None] / root[:, None, :])
+
+
 def _accuracy(mean: Floats) -> Floats:
     """Variances ``(n, 4, 4)`` that ``Observable.accuracy`` adds to the cell means ``mean (n, 4)``."""
-    offset, share = np.array([one.accuracy for one in Observable]).T
+    offset, share = np.array([observable.accuracy for observable in Observable]).T
     return np.asarray((offset**2 + (share * np.nan_to_num(mean)) ** 2)[:, :, None] * np.eye(len(Observable)))
 
 
-def _squares(residual: Floats, cell: Ints, cells: int) -> Floats:
-    return np.stack([np.bincount(cell, np.nan_to_num(column) ** 2, cells) for column in residual.T], axis=-1)
-
-
-def _scatter(residual: Floats, cells: int) -> float:
-    dof = len(residual) - cells
+def _pooled_sd(residual: Floats, dof: int) -> float:
     return float(np.sqrt(np.sum(residual**2) / dof)) if dof > 0 else 0.0
 
 

@@ -1,7 +1,7 @@
 """Trials brought to the volume fraction of their level.
 
-The bed misses its target by a little and φ is measured after every preparation, so a good part of what replicates
-scatter is known: y - ρ (∂y/∂φ)(φ - φ_level), an analysis of covariance. The slope comes from the cell means of
+The bed misses its target by a little and φ is measured after every preparation, so a good part of the scatter of
+replicates is explained: y - ρ (∂y/∂φ)(φ - φ_level), an analysis of covariance. The slope comes from the cell means of
 neighbouring levels, not from any model; ρ, how much of the measured deviation is real and not the height sensor's
 noise, from the replicates.
 """
@@ -36,14 +36,14 @@ def local_slope(mean: Floats, keys: Ints, level_phi: Floats, walking: Bools) -> 
 
 
 def reliability(residual: Floats, expected: Floats) -> float:
-    """ρ in [0, 1] from residuals about the cell mean and what the measured φ lets expect, both ``(trials, 4)``."""
-    known = np.isfinite(residual) & (expected != 0)
-    count = known.sum(axis=0)
-    square = np.where(known, residual, 0.0) ** 2
+    """ρ in [0, 1] from residuals about the cell mean and those expected of the measured φ, both ``(trials, 4)``."""
+    usable = np.isfinite(residual) & (expected != 0)
+    count = usable.sum(axis=0)
+    square = np.where(usable, residual, 0.0) ** 2
     variance = np.divide(square.sum(axis=0), count, out=np.zeros(len(count)), where=count > 0)
-    weight = np.where(known & (variance > 0), 1.0 / np.where(variance > 0, variance, 1.0), 0.0)
+    weight = np.where(usable & (variance > 0), 1.0 / np.where(variance > 0, variance, 1.0), 0.0)
     information = float(np.sum(weight * expected**2))
     if information <= 0:
         return 0.0
-    found = float(np.sum(weight * expected * np.nan_to_num(residual))) / information
-    return float(np.clip(found, 0.0, 1.0)) if found > SIGNIFICANT / np.sqrt(information) else 0.0
+    rho = float(np.sum(weight * expected * np.nan_to_num(residual))) / information
+    return float(np.clip(rho, 0.0, 1.0)) if rho > SIGNIFICANT / np.sqrt(information) else 0.0

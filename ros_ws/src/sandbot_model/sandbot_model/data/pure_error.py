@@ -18,12 +18,14 @@ Bools = NDArray[np.bool_]
 EXCESS = 1e-3
 """A cell whose scatter is less likely than this under the pooled one is taken at its own: near the switch between
 walking and swimming a set-point error flips single replicates, and that must not pass as precision."""
+LEAST_DOF = 3
+"""Degrees of freedom below which a regime's scatter is taken from both regimes together."""
 LEAST_FOR_TREND = 12
 """Degrees of freedom from which a trend of scatter with ω is looked for."""
 FEW = 20
-"""Degrees of freedom at which half of an estimated correlation is believed."""
+"""Degrees of freedom at which an estimated correlation is shrunk by half."""
 PRIOR = 2.0
-"""Degrees of freedom the scatter of all cells together counts in each regime."""
+"""Degrees of freedom with which the scatter of both regimes together counts in each."""
 FLOOR = 1e-7
 """Smallest standard deviation [m or m/s] taken seriously: replicates that agree to the last bit prove nothing."""
 
@@ -49,34 +51,37 @@ def pure_error(residual: Floats, cell: Ints, count: Ints, walking: Bools, omega:
     filled = np.nan_to_num(residual)
     np.add.at(square, cell, filled[:, :, None] * filled[:, None, :])
     dof = np.maximum(count - 1, 0)
-    everywhere = _constant(np.diagonal(square, axis1=1, axis2=2), dof)
+    overall = _constant(np.diagonal(square, axis1=1, axis2=2), dof)
     covariance = np.zeros_like(square)
     own = np.zeros(cells, dtype=bool)
     for regime in (walking, ~walking):
         if regime.any():
-            covariance[regime], own[regime] = _pool(square[regime], dof[regime], omega[regime], everywhere)
+            covariance[regime], own[regime] = _pool(square[regime], dof[regime], omega[regime], overall)
     variance = np.diagonal(square, axis1=1, axis2=2)
     total = (dof * ~own[:, None]).sum(axis=0)
     return PureError(covariance, np.sqrt(_constant(variance[~own], dof[~own])), total, own)
 
 
-def _pool(square: Floats, dof: Ints, omega: Floats, everywhere: Floats) -> tuple[Floats, Bools]:
-    """Covariance of one trial in each cell of a regime, and which cells stand on their own scatter."""
+def _pool(square: Floats, dof: Ints, omega: Floats, overall: Floats) -> tuple[Floats, Bools]:
+    """Covariance of one trial in each cell of a regime, and which cells are taken at their own scatter.
+
+    ``overall (4,)`` is the variance of all cells of both regimes together.
+    """
     keep = np.ones(len(square), dtype=bool)
     sums = np.diagonal(square, axis1=1, axis2=2)
     for _ in range(10):
-        pooled = _trend(sums, dof * keep[:, None], omega, everywhere)
+        pooled = _trend(sums, dof * keep[:, None], omega, overall)
         tail = np.where(dof > 0, chi2_sf(sums / pooled, np.maximum(dof, 1)), 1.0)
-        now = ~(tail < EXCESS / sums.shape[1]).any(axis=1)
-        if not now.any() or (now == keep).all():
+        consistent = ~(tail < EXCESS / sums.shape[1]).any(axis=1)
+        if not consistent.any() or (consistent == keep).all():
             break
-        keep = now
+        keep = consistent
     scaled = square / np.sqrt(pooled[:, :, None] * pooled[:, None, :])
     correlation = _correlation(scaled[keep], dof[keep])
     # Where a cell scatters beyond the pool it is taken at its own, never at less.
-    mine = np.divide(sums, dof, out=np.zeros_like(sums), where=dof > 0)
-    spread = np.sqrt(np.where(keep[:, None], pooled, np.maximum(mine, pooled)))
-    return np.asarray(spread[:, :, None] * spread[:, None, :] * correlation), ~keep
+    own_variance = np.divide(sums, dof, out=np.zeros_like(sums), where=dof > 0)
+    sd = np.sqrt(np.where(keep[:, None], pooled, np.maximum(own_variance, pooled)))
+    return np.asarray(sd[:, :, None] * sd[:, None, :] * correlation), ~keep
 
 
 def _constant(sums: Floats, dof: Ints) -> Floats:
@@ -86,27 +91,27 @@ def _constant(sums: Floats, dof: Ints) -> Floats:
     return np.asarray(np.maximum(pooled, FLOOR**2))
 
 
-def _trend(sums: Floats, dof: Ints, omega: Floats, everywhere: Floats) -> Floats:
+def _trend(sums: Floats, dof: Ints, omega: Floats, overall: Floats) -> Floats:
     """Variance of one trial ``(cells, 4)``, a power law in ω fitted by maximum likelihood to the cells' scatter.
 
     A step takes π/ω and a body on faster legs shakes more, so scatter follows ω; s² is a scaled χ² with few degrees of
-    freedom, whose likelihood -dof/2 (η + s²/e^η), η = a + b ln ω, is that of a gamma regression. Few replicates:
-    constant; none: that of the other regime.
+    freedom, whose likelihood -dof/2 (η + s²/e^η), η = a + b ln ω, is that of a gamma regression. With few replicates
+    it is constant, with hardly any that of both regimes together.
     """
     x = np.log(omega)
     found = np.empty_like(sums)
     for column in range(sums.shape[1]):
-        known, weight = dof[:, column].sum(), dof[:, column].astype(float)
-        if known < 3:
-            found[:, column] = everywhere[column]
+        total, weight = dof[:, column].sum(), dof[:, column].astype(float)
+        if total < LEAST_DOF:
+            found[:, column] = overall[column]
             continue
         centre = np.average(x, weights=weight)
-        # A handful of replicates is not trusted by itself: it counts beside a few of the common scatter.
-        mean = (sums[weight > 0, column].sum() + PRIOR * everywhere[column]) / (known + PRIOR)
+        # A handful of replicates is not trusted by itself: a prior of the overall scatter counts beside it.
+        mean = (sums[weight > 0, column].sum() + PRIOR * overall[column]) / (total + PRIOR)
         mean = np.maximum(mean, FLOOR**2)
         level, slope = np.log(mean), 0.0
         shape = np.average((x - centre) ** 2, weights=weight)
-        if known >= LEAST_FOR_TREND and shape > 1e-3:
+        if total >= LEAST_FOR_TREND and shape > 1e-3:
             level, slope = _gamma(sums[:, column], weight, x - centre, level)
         found[:, column] = np.exp(level + slope * (x - centre))
     return np.maximum(found, FLOOR**2)
@@ -132,7 +137,7 @@ def _correlation(square: Floats, dof: Ints) -> Floats:
     pooled = square.sum(axis=0)
     scale = np.sqrt(np.maximum(np.diagonal(pooled), 1e-12))
     correlation = pooled / scale[:, None] / scale[None, :]
-    trust = dof.sum(axis=0).max() if len(dof) else 0
-    shrunk = correlation * trust / (trust + FEW)
+    total = dof.sum(axis=0).max() if len(dof) else 0
+    shrunk = correlation * total / (total + FEW)
     np.fill_diagonal(shrunk, 1.0)
     return np.asarray(shrunk)

@@ -24,14 +24,14 @@ USER_MODULE = "sandbot_user_effects_"
 
 def catalogue(files: Sequence[Path] = (), formulas: Sequence[str] = ()) -> dict[str, Effect]:
     """All effects by identifier, in order. Raises InputError for a file or formula that is no effect."""
-    known = {effect.identifier: effect for effect in CATALOGUE}
+    effects = {effect.identifier: effect for effect in CATALOGUE}
     for entry in entry_points(group=GROUP):
-        _add(known, [_made(entry.load(), f"entry point {entry.name}")], f"entry point {entry.name}")
+        _add(effects, [_made(entry.load(), f"entry point {entry.name}")], f"entry point {entry.name}")
     for path in files:
-        _add(known, effects_in(path), str(path))
+        _add(effects, effects_in(path), str(path))
     for text in formulas:
-        _add(known, [formula_effect(text)], f"--effect {text!r}")
-    return known
+        _add(effects, [formula_effect(text)], f"--effect {text!r}")
+    return effects
 
 
 def effects_in(path: Path) -> list[Effect]:
@@ -54,8 +54,8 @@ def effects_in(path: Path) -> list[Effect]:
         raise InputError(f"{path}: {_in_a_line(error)}") from error
     finally:
         sys.dont_write_bytecode = usual
-    classes = [one for one in vars(module).values() if isinstance(one, type) and one.__module__ == module.__name__]
-    found = [_made(one, str(path)) for one in classes if issubclass(one, Effect)]
+    classes = [cls for cls in vars(module).values() if isinstance(cls, type) and cls.__module__ == module.__name__]
+    found = [_made(cls, str(path)) for cls in classes if issubclass(cls, Effect)]
     if not found:
         raise InputError(f"{path}: no subclass of sandbot_model.Effect in it")
     return found
@@ -81,17 +81,17 @@ def _made(cls: object, where: str) -> Effect:
 def _check_parameters(effect: Effect, where: str) -> None:
     if not isinstance(effect.parameters, tuple):
         raise InputError(f"{where}: {type(effect).__name__}: parameters is no tuple; is a comma missing?")
-    for one in effect.parameters:
-        if not isinstance(one, Parameter):
-            raise InputError(f"{where}: {type(effect).__name__}: parameters holds {one!r}, expected a Parameter")
-        numbers = (one.low, one.start, one.high)
-        if not (all(isinstance(value, int | float) for value in numbers) and one.low <= one.start <= one.high):
-            raise InputError(f"{where}: {one.name}: start {one.start!r} is not within {one.low!r} to {one.high!r}")
+    for parameter in effect.parameters:
+        if not isinstance(parameter, Parameter):
+            raise InputError(f"{where}: {type(effect).__name__}: parameters holds {parameter!r}, expected a Parameter")
+        numbers = low, start, high = parameter.low, parameter.start, parameter.high
+        if not (all(isinstance(value, int | float) for value in numbers) and low <= start <= high):
+            raise InputError(f"{where}: {parameter.name}: start {start!r} is not within {low!r} to {high!r}")
 
 
 def _try(effect: Effect, where: str) -> None:
     """Run it once, so that a slip shows before any fit."""
-    values = {one.name: np.asarray(one.start, dtype=float) for one in effect.parameters}
+    values = {parameter.name: np.asarray(parameter.start, dtype=float) for parameter in effect.parameters}
     walker, inputs = Walker((effect,)), Inputs(200.0, 8.0, 0.4, 0.61)
     try:
         with np.errstate(all="ignore"):
@@ -108,11 +108,11 @@ def _in_a_line(error: BaseException) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
-def _add(known: dict[str, Effect], effects: Iterable[Effect], where: str) -> None:
+def _add(catalogue: dict[str, Effect], effects: Iterable[Effect], where: str) -> None:
     for effect in effects:
-        if effect.identifier in known:
+        if effect.identifier in catalogue:
             raise InputError(f"{where}: there is an effect {effect.identifier!r} already")
-        known[effect.identifier] = effect
+        catalogue[effect.identifier] = effect
 
 
 def describe(effects: Mapping[str, Effect]) -> list[dict[str, object]]:
@@ -125,14 +125,14 @@ def describe(effects: Mapping[str, Effect]) -> list[dict[str, object]]:
             "typeset": mathml(effect.formula),
             "parameters": [
                 {
-                    "name": one.name,
-                    "unit": one.unit,
-                    "low": one.low,
-                    "high": one.high,
-                    "start": one.start,
-                    "doc": one.doc,
+                    "name": parameter.name,
+                    "unit": parameter.unit,
+                    "low": parameter.low,
+                    "high": parameter.high,
+                    "start": parameter.start,
+                    "doc": parameter.doc,
                 }
-                for one in effect.parameters
+                for parameter in effect.parameters
             ],
             "seen_in": effect.seen_in,
             "source": effect.source,

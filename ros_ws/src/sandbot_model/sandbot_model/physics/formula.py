@@ -61,10 +61,10 @@ def formula_effect(text: str) -> Effect:
         raise InputError(f"--effect {text!r}: name {name!r} must be lower-case letters, digits and _")
     if stage not in STAGES:
         raise InputError(f"--effect {text!r}: stage {stage!r} is not one of {', '.join(STAGES)}")
-    parameters = tuple(_parameter(one, text) for one in declared if one.strip())
+    parameters = tuple(_parameter(part, text) for part in declared if part.strip())
     assigned = _ASSIGNMENT.fullmatch(body)
-    left, how, expression = assigned.groups() if assigned else (MAIN[stage], "", body)
-    sets = _Sets(tuple(one.strip() for one in left.split(",")), how, expression, _parsed(expression, text))
+    targets, how, expression = assigned.groups() if assigned else (MAIN[stage], "", body)
+    sets = _Sets(tuple(name.strip() for name in targets.split(",")), how, expression, _parsed(expression, text))
     return _checked(_Formula(name, stage, sets, parameters), text)
 
 
@@ -86,10 +86,12 @@ class _Formula(Effect):
     def __init__(self, name: str, stage: str, sets: _Sets, parameters: tuple[Parameter, ...]) -> None:
         self.identifier, self.stage, self.sets, self.parameters = name, stage, sets, parameters
         self.formula = ", ".join(
-            f"{one} -> {one} {sets.how} ({sets.expression})" if sets.how else f"{one} -> {sets.expression}"
-            for one in sets.quantities
+            f"{quantity} -> {quantity} {sets.how} ({sets.expression})"
+            if sets.how
+            else f"{quantity} -> {sets.expression}"
+            for quantity in sets.quantities
         )
-        names = {one.id for one in ast.walk(sets.parsed) if isinstance(one, ast.Name)}
+        names = {node.id for node in ast.walk(sets.parsed) if isinstance(node, ast.Name)}
         self.first_step_differs = "first" in names
         self.readable = _readable(stage)
         # What an interpreter evaluates stands in a table of its own, and the explorer fits in several threads.
@@ -152,7 +154,7 @@ def _interpreter() -> asteval.Interpreter:
 
 def _readable(stage: str) -> tuple[str, ...]:
     order = list(READABLE)
-    return tuple(name for one in order[: order.index(stage) + 1] for name in READABLE[one])
+    return tuple(name for earlier in order[: order.index(stage) + 1] for name in READABLE[earlier])
 
 
 def _parameter(text: str, whole: str) -> Parameter:
@@ -162,7 +164,7 @@ def _parameter(text: str, whole: str) -> Parameter:
     name, unit, low, high = found[1], found[2] or "1", float(found[3]), float(found[4])
     if not low < high:
         raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high")
-    if name in {one.name for one in fields(Chain)} or name in {*"RhwmgdK", "first"}:
+    if name in {quantity.name for quantity in fields(Chain)} or name in {*"RhwmgdK", "first"}:
         raise InputError(f"--effect {whole!r}: {name!r} is a quantity of the chain, choose another name")
     return Parameter(name, unit, low, high, 0.5 * (low + high) + 0.1 * (high - low), "given on the command line")
 
@@ -190,6 +192,7 @@ def _checked(effect: _Formula, text: str) -> Effect:
                 f"--effect {text!r}: {name!r} can't be set at stage {effect.stage}; "
                 f"known there: {', '.join(effect.readable)}"
             )
+    starts = {parameter.name: parameter.start for parameter in effect.parameters}
     with np.errstate(all="ignore"):
-        Walker((effect,)).predict(Inputs(200.0, 10.0, 0.4, 0.6), [{one.name: one.start for one in effect.parameters}])
+        Walker((effect,)).predict(Inputs(200.0, 10.0, 0.4, 0.6), [starts])
     return effect

@@ -46,7 +46,10 @@ class Model:
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The shared parameters in the order of ``names``; one that is held has no range but its value."""
-        return tuple(one.held_at(self.held[name]) if name in self.held else one for name, one in self._by_name.items())
+        return tuple(
+            parameter.held_at(self.held[name]) if name in self.held else parameter
+            for name, parameter in self._by_name.items()
+        )
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -57,14 +60,16 @@ class Model:
     def _by_name(self) -> dict[str, Parameter]:
         effects = self.walker.effects
         replaced = {name for effect in effects for name in effect.replaces}
-        base = {one.name: one for one in BASE_PARAMETERS if one.name not in replaced}
-        return base | {f"{effect.identifier}.{one.name}": one for effect in effects for one in effect.parameters}
+        base = {parameter.name: parameter for parameter in BASE_PARAMETERS if parameter.name not in replaced}
+        return base | {
+            f"{effect.identifier}.{parameter.name}": parameter for effect in effects for parameter in effect.parameters
+        }
 
     def arguments(self, theta: Array) -> tuple[Array, Array, Params]:
         """Δt, v_swim and the effects' parameters from values ``(..., parameters)`` in the order of ``names``."""
         values = dict(zip(self.names, np.moveaxis(theta, -1, 0), strict=True))
         params = [
-            {one.name: values[f"{effect.identifier}.{one.name}"] for one in effect.parameters}
+            {parameter.name: values[f"{effect.identifier}.{parameter.name}"] for parameter in effect.parameters}
             for effect in self.walker.effects
         ]
         return values["delta_t_s"], values.get("v_swim_m_s", np.asarray(V_SWIM_M_S)), params

@@ -55,9 +55,9 @@ class Observable(IntEnum):
         return f"{self.label} ({self.readers_unit})"
 
 
-COLUMNS = tuple(one.column for one in Observable)
+COLUMNS = tuple(observable.column for observable in Observable)
 """Columns of the trials table, in order."""
-NAMES = tuple(one.name for one in Observable)
+NAMES = tuple(observable.name for observable in Observable)
 """Names in JSON, in order."""
-USUAL_NOISE = np.array([one.usual_noise for one in Observable])
+USUAL_NOISE = np.array([observable.usual_noise for observable in Observable])
 """``Observable.usual_noise``, ``(4,)``."""

@@ -117,7 +117,7 @@ def predictor_from_json(path: Path, robot: Robot | None = None) -> Predictor:
     content = read_json(path)
     try:
         step = content["steps"][-1]
-        values = {name: one["value"] for name, one in step["parameters"].items()}
+        values = {name: entry["value"] for name, entry in step["parameters"].items()}
         curve = [(row["phi"], row["value"]) for row in step["k_n_per_m"]]
         told = content.get("robot")
         own = robot_from_mapping(told, f"{path}: robot") if told is not None else robot or SANDBOT
@@ -134,7 +134,7 @@ def _predictor(model: Model, values: Mapping[str, float], phi: Array, k: Array, 
     for name in values:
         if name not in model.names and name != "v_swim_m_s":
             raise InputError(f"{where}: {name!r} is no parameter of this model; it has {', '.join(model.names)}")
-    starts = dict(zip(model.names, (one.start for one in model.parameters), strict=True))
+    starts = dict(zip(model.names, (parameter.start for parameter in model.parameters), strict=True))
     theta = np.array([values.get(name, start) for name, start in starts.items()], dtype=float)
     return Predictor(model, theta, phi, k)
 

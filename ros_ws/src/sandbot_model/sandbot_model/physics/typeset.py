@@ -61,10 +61,10 @@ def mathml(formula: str) -> str:
     return f"<math>{shown}{separator}{f'<mtext>{escape(words)}</mtext>' if words else ''}</math>"
 
 
-def _line(one: Statement) -> str:
-    sign = "→" if one.how == "->" else "="
-    unit = f"<mtext>&#160;{escape(one.unit.translate(_RAISED))}</mtext>" if one.unit else ""
-    return f"{_shown(one.left)[0]}<mo>{sign}</mo>{_shown(one.right)[0]}{unit}"
+def _line(statement: Statement) -> str:
+    sign = "→" if statement.how == "->" else "="
+    unit = f"<mtext>&#160;{escape(statement.unit.translate(_RAISED))}</mtext>" if statement.unit else ""
+    return f"{_shown(statement.left)[0]}<mo>{sign}</mo>{_shown(statement.right)[0]}{unit}"
 
 
 def _shown(expression: str) -> tuple[str, int]:
@@ -92,7 +92,7 @@ def _node(node: ast.expr) -> tuple[str, int]:
         case ast.Compare(left=left, ops=[ast.Gt() | ast.Lt() as sign], comparators=[right]):
             return f"<mrow>{_row(left)}<mo>{_SIGNS[type(sign)]}</mo>{_row(right)}</mrow>", _SUM
         case ast.Call(func=ast.Name(id=name), args=arguments):
-            return _CALLS.get(name, _call)(name, [_row(one) for one in arguments]), _ATOM
+            return _CALLS.get(name, _call)(name, [_row(argument) for argument in arguments]), _ATOM
     raise ValueError(f"{ast.unparse(node)!r} is not typeset")
 
 
@@ -124,7 +124,7 @@ def _root(_name: str, arguments: list[str]) -> str:
 
 
 def _hypotenuse(_name: str, arguments: list[str]) -> str:
-    return f"<msqrt>{'<mo>+</mo>'.join(f'<msup>{one}<mn>2</mn></msup>' for one in arguments)}</msqrt>"
+    return f"<msqrt>{'<mo>+</mo>'.join(f'<msup>{side}<mn>2</mn></msup>' for side in arguments)}</msqrt>"
 
 
 def _choice(_name: str, arguments: list[str]) -> str:
