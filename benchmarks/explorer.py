@@ -15,6 +15,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
+from sandbot_model.physics.observables import COLUMNS
 from sandbot_model.physics.walking import Inputs
 from sandbot_record.trials.csv_table import write_csv
 from sandbot_record.trials.table import Row, from_rows
@@ -121,10 +122,7 @@ def made_up_trials(path: Path, levels: int, frequencies: int, replicates: int) -
             omega_rad_s=float(omega[i]),
             gait="UNIFORM",
             replicate=float(replicate[i]),
-            speed_m_s=float(values[i, 0]),
-            lift_m=float(values[i, 1]),
-            peak_speed_m_s=float(values[i, 2]),
-            first_step_m=float(values[i, 3]),
+            **dict(zip(COLUMNS, values[i].tolist(), strict=True)),
         )
         for i in range(len(phi))
     ]

@@ -1,10 +1,12 @@
 """docs/physics.md says what the code does."""
 
+import math
 import re
 from pathlib import Path
 
 import pytest
 
+from sandbot_common.robot import SANDBOT
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.gait import GAITS, slow_phase_ratio
 from sandbot_model.physics.typeset import statements
@@ -42,6 +44,22 @@ def test_every_quantity_of_a_formula_is_explained():
         functions = set(re.findall(r"([A-Za-z_]\w*)\(", formula))
         assert used - functions - own <= explained, effect.identifier
     assert "unheard_of" not in explained
+
+
+@pytest.mark.parametrize(
+    ("symbol", "value"),
+    [
+        ("R", SANDBOT.leg_radius_m),
+        ("h", SANDBOT.axle_height_m),
+        ("w", SANDBOT.leg_width_m),
+        ("Δξ", math.degrees(SANDBOT.arc_excess_rad)),
+        ("m", SANDBOT.mass_per_leg_kg),
+        ("g", SANDBOT.gravity_m_s2),
+    ],
+)
+def test_the_robot_is_the_codes(symbol, value):
+    line = next(line for line in section(1).splitlines() if line.startswith(f"| {symbol} |"))
+    assert float(re.search(r"[\d.]+", line.split("|")[2])[0]) == pytest.approx(value)
 
 
 @pytest.mark.parametrize("gait", GAITS)

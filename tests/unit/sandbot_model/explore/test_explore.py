@@ -27,7 +27,7 @@ from sandbot_model.explore.app import SHOWN, Beside, Explorer
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import model_of
-from sandbot_model.physics.observables import NAMES, Observable
+from sandbot_model.physics.observables import COLUMNS, NAMES, Observable
 from sandbot_model.physics.walking import Inputs
 from sandbot_model.report import text, write_comparison
 from sandbot_model.report.provenance import bags_of
@@ -68,6 +68,8 @@ def made_up_trials(phis=(0.60, 0.615, 0.633), replicates=2, omegas=(4, 10, 16, 2
     k = np.interp(phi, [0.58, 0.60, 0.633], [170, 185, 220])
     values = model_of("simple", (), EFFECTS).walker.predict(Inputs(k, omega, 0.4, phi)).observables
     values = values + rng.normal(0, 1, values.shape) * [0.005, 0.0002, 0.008, 0.002]
+    if not lift:
+        values[:, Observable.lift] = np.nan
     return from_rows(
         [
             Row(
@@ -76,10 +78,7 @@ def made_up_trials(phis=(0.60, 0.615, 0.633), replicates=2, omegas=(4, 10, 16, 2
                 omega_rad_s=float(omega[i]),
                 gait="UNIFORM",
                 replicate=float(replicate[i]),
-                speed_m_s=float(values[i, 0]),
-                lift_m=float(values[i, 1]) if lift else np.nan,
-                peak_speed_m_s=float(values[i, 2]),
-                first_step_m=float(values[i, 3]),
+                **dict(zip(COLUMNS, values[i].tolist(), strict=True)),
             )
             for i in range(len(phi))
         ]

@@ -44,7 +44,7 @@ def test_a_file_adds_an_effect(tmp_path):
     [
         "sandbot_model import Chain, Effect, Parameter, Values",
         "sandbot_model.chain import Chain, Effect, Parameter, Values",
-        "sandbot_model.physics.chain import Chain, Effect, Parameter, Values",
+        "sandbot_model.physics.effect import Chain, Effect, Parameter, Values",
     ],
 )
 def test_a_file_of_any_release_adds_an_effect(tmp_path, where):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sandbot_common.errors import InputError
-from sandbot_model.physics import chain
+from sandbot_model.physics import effect as effect_module
 from sandbot_model.physics.effect import STAGES, Effect, Parameter
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
@@ -45,7 +45,7 @@ def effects_in(path: Path) -> list[Effect]:
     # Workers find its classes by name.
     sys.modules[spec.name] = module
     # Files written for 0.1 import from sandbot_model.chain.
-    sys.modules.setdefault("sandbot_model.chain", chain)
+    sys.modules.setdefault("sandbot_model.chain", effect_module)
     # The folder is the user's: no __pycache__ is left in it.
     usual, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:

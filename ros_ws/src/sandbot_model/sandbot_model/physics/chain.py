@@ -9,16 +9,13 @@ effect sees quantities, never another effect, so that any set of them composes. 
 functions of d they cost nothing, and what the feet meet depends on how far apart they fall.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from sandbot_common.robot import Robot
 from sandbot_model.physics.arrays import Array
-from sandbot_model.physics.effect import Effect, Values
-from sandbot_model.physics.effect import Parameter as Parameter  # users' files of 0.1 import it from here
-from sandbot_model.physics.geometry import chord
 
 HORIZONTAL_STRENGTH = 146e3
 """α_x [N/m³], so that F_x is 4 N at 3.9 cm (physics §6)."""
@@ -83,45 +80,6 @@ class Chain:
     def margin(self) -> Array:
         """Force given minus force needed [N]; the leg stops sinking where it first is not negative."""
         return self.force + self.extra_force - self.load
-
-
-Active = Sequence[tuple[Effect, Values]]
-"""Effects with the values of their parameters, arrays broadcastable against ``Chain.depth``."""
-
-
-def through(chain: Chain, effects: Active) -> Chain:
-    """Fill the chain stage by stage and let each stage's effects act (physics §2, with the effects of physics §6)."""
-
-    def act(stage: str) -> None:
-        for effect, values in effects:
-            if effect.stage == stage:
-                effect.apply(chain, values)
-
-    robot = chain.robot
-    act("clock")
-    chain.leg_speed = robot.leg_radius_m * chain.omega
-    chain.peak_ratio = np.ones(())
-    # Thrust begins when the leg has passed its lowest point, with uniform rotation half way through the first step.
-    chain.thrust_time = np.pi / (2 * chain.omega)
-    chain.chord = chord(robot, chain.depth)
-    chain.step = chain.chord
-    chain.kept = np.ones(())
-    act("step")
-    # What of a step becomes advance is known before what it costs: the next foot falls an advance further on.
-    act("speed")
-
-    chain.penetration = chain.depth
-    chain.sigma_phi = np.zeros(())
-    act("strength")
-
-    chain.force = chain.k * chain.penetration
-    chain.extra_force = np.zeros(())
-    chain.delta_v = chain.leg_speed
-    chain.lift_ratio = np.ones(())
-    chain.mass, chain.added_mass = np.asarray(robot.mass_per_leg_kg), np.zeros(())
-    chain.gravity = np.asarray(robot.gravity_m_s2)
-    act("balance")
-    return chain
 
 
 def horizontal_force(chain: Chain) -> Array:

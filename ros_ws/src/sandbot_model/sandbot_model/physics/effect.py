@@ -2,14 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sandbot_model.physics.arrays import Array
-
-if TYPE_CHECKING:
-    from sandbot_model.physics.chain import Chain
+from sandbot_model.physics.chain import Chain
 
 STAGES = ("clock", "strength", "balance", "step", "speed")
 
@@ -65,6 +62,6 @@ class Effect:
     replaces: tuple[str, ...] = ()
     """Parameters of the base model that mean nothing once the effect acts."""
 
-    def apply(self, chain: "Chain", p: Values) -> None:
+    def apply(self, chain: Chain, p: Values) -> None:
         """Change the chain's quantities; ``p`` holds this effect's parameters by name."""
         raise NotImplementedError

@@ -18,9 +18,10 @@ from numpy.typing import ArrayLike
 
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.physics.arrays import Array, Bool
-from sandbot_model.physics.chain import Chain, through
+from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.geometry import deepest_m
+from sandbot_model.physics.stages import through
 
 BASES: dict[str, tuple[str, ...]] = {
     "simple": (),
