@@ -1,0 +1,55 @@
+"""Each package declares what it imports, and nothing else, so that it installs into somebody's own environment."""
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+import sandbot_common
+
+SOURCE = Path(sandbot_common.__file__).resolve().parents[2]
+PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/setup.py"))
+WHEEL = {"yaml": "pyyaml", "cv2": "opencv-python-headless"}
+"""Where a wheel is not called what is imported from it."""
+ROS = {"rclpy", "ament_index_python", "rcl_interfaces", "builtin_interfaces", "std_srvs"}
+"""From a ROS 2 installation (package.xml), with all that ends in _msgs; only nodes and their messages need it."""
+
+
+def imported(package: str) -> set[str]:
+    """Everything imported anywhere in a package that is neither Python's, nor ROS's, nor its own."""
+    names = set()
+    for path in (SOURCE / package / package).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                names.add(node.module.split(".")[0])
+    return {
+        WHEEL.get(name, name)
+        for name in names - ROS - sys.stdlib_module_names - {package}
+        if not name.endswith("_msgs")
+    }
+
+
+def declared(package: str) -> set[str]:
+    """What setup.py names in install_requires and extras_require."""
+    tree = ast.parse((SOURCE / package / "setup.py").read_text())
+    (call,) = (node.value for node in tree.body if isinstance(node, ast.Expr))
+    given = {one.arg: one.value for one in call.keywords}
+    extras = ast.literal_eval(given["extras_require"]) if "extras_require" in given else {}
+    return {*ast.literal_eval(given["install_requires"]), *(name for names in extras.values() for name in names)}
+
+
+BY_WAY_OF = {"sandbot_model": {"dask"}}
+"""Declared though never imported by us: the workers of a cluster are started with its command."""
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_package_declares_what_it_imports(package):
+    assert declared(package) == imported(package) | BY_WAY_OF.get(package, set())
+
+
+def test_an_import_is_seen():
+    assert {"numpy", "pyyaml"} <= imported("sandbot_common")
+    assert "rclpy" not in imported("sandbot_common")
