@@ -16,7 +16,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.legs import leg_mount_rad
 from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.observables import CM
+from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.physics.predictor import Predictor
 from sandbot_model.report import text
 from sandbot_model.report.figures import as_json
@@ -142,7 +142,7 @@ def figure(waveforms: Sequence[Waveform], fit: Fit, cell: int, theme: Theme = LI
 def says(waveforms: Sequence[Waveform], fit: Fit, cell: int) -> str:
     """The waveforms in words."""
     peaks = "; ".join(f"{one.trial_id} {text.cm_s(float(np.nanmax(one.speed_m_s)))}" for one in waveforms)
-    mean, peak = fit.predicted[cell, 0], fit.predicted[cell, 2]
+    mean, peak = fit.predicted[cell, Observable.speed], fit.predicted[cell, Observable.peak_speed]
     return (
         f"Forward speed against time of {len(waveforms)} replicates. Largest: {peaks}. The model: mean "
         f"{text.cm_s(mean)}, peak {text.cm_s(peak)}. Its waveform (thick grey) is for the first trial's leg angles: "

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.geometry import step_from_lift
-from sandbot_model.physics.observables import CM
+from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
 from sandbot_model.report.view import (
     BAND_SDS,
@@ -364,7 +364,7 @@ def _points(cells: Cells, band: Band, colour: str, theme: Theme) -> Spec:
         "x": as_json(cells.omega[at]), "y": as_json(CM * measured(cells, "speed")[at]),
         "error_y": _bars(CM * scatter(cells, "speed")[at], colour),
         "marker": {"color": colour, "size": 8, "line": {"color": theme.paper, "width": 1}},
-        "customdata": np.stack([cells.n[at, 0], at], axis=-1).tolist(),
+        "customdata": np.stack([cells.n[at, Observable.speed], at], axis=-1).tolist(),
         "hovertemplate": "ω %{x:.3g} rad/s<br>%{y:.2f} cm/s, %{customdata[0]} trials<extra></extra>",
     }  # fmt: skip
 

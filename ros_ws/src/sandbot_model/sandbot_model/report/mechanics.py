@@ -6,7 +6,7 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.observables import CM
+from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report.figures import SYMBOLS, as_json, model_name
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
 from sandbot_model.report.view import Step, bands, measured, scatter, walks
@@ -47,7 +47,7 @@ def critical(step: Step, theme: Theme = LIGHT) -> Spec:
     phis = np.array([band.phi for band in bands(cells)])
     seen = collapse(cells)
     phi, omega_c, peak = _modelled_collapse(step.fit)
-    at_measured = [float(step.fit.predicted[band.cells, 0].max()) for band in bands(cells)]
+    at_measured = [float(step.fit.predicted[band.cells, Observable.speed].max()) for band in bands(cells)]
     middle = 0.5 * (seen.last_walking_rad_s + seen.first_swimming_rad_s)
     half = 0.5 * (seen.first_swimming_rad_s - seen.last_walking_rad_s)
     line = {"color": theme.accent, "width": 2.5}
@@ -104,7 +104,8 @@ def step_ratio(step: Step, theme: Theme = LIGHT) -> Spec:
              "name": f"{band.label}, {model_name(step)}", "line": {"color": colour, "width": 2},
              "showlegend": False, "hoverinfo": "skip"},
             {"type": "scatter", "mode": "markers", "name": band.label, "x": as_json(cells.omega[at]),
-             "y": as_json(ratio[at]), "marker": marker, "customdata": np.stack([cells.n[at, 0], at], axis=-1).tolist(),
+             "y": as_json(ratio[at]), "marker": marker,
+             "customdata": np.stack([cells.n[at, Observable.speed], at], axis=-1).tolist(),
              "error_y": {"type": "data", "array": as_json(error[at]), "color": colour, "width": 3, "thickness": 1.5}},
         ]  # fmt: skip
     threshold = {
