@@ -7,7 +7,6 @@ from sandbot_common.errors import InputError
 from sandbot_tracking.led import LedEdge
 from sandbot_tracking.marker_tracker import MarkerTracker
 from sandbot_tracking.markers import Appearance, detect, locate
-from sandbot_tracking.pairing import PATIENCE, Pairing
 
 
 @pytest.mark.parametrize("radius", [5.0, 6.5, 8.0])
@@ -112,13 +111,3 @@ def test_the_led_edge_is_seen_once(scene, rng):
     assert [n for n, edge in enumerate(seen) if edge] == [3]
     with pytest.raises(InputError, match="outside"):
         LedEdge((630, 0, 24, 24)).update(np.zeros((480, 640), np.uint8))
-
-
-def test_frames_of_one_instant_are_paired_and_late_ones_dropped():
-    pairing = Pairing(("dorsal", "lateral"))
-    assert pairing.add(1, "dorsal", "d1") == []
-    assert pairing.add(2, "dorsal", "d2") == []
-    assert pairing.add(2, "lateral", "l2") == [(1, {"dorsal": "d1"}), (2, {"dorsal": "d2", "lateral": "l2"})]
-    assert pairing.add(1, "lateral", "l1") == []
-    given = [instant for n in range(3, 3 + PATIENCE + 3) for instant in pairing.add(n, "dorsal", n)]
-    assert [stamp for stamp, _ in given] == [3, 4, 5]

@@ -15,8 +15,10 @@ from std_srvs.srv import Trigger
 from sandbot_bringup.console import ACTIONS, Console, Throttle
 from sandbot_bringup.console_page import HOST, serve
 from sandbot_common import messages, node, topics
+from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
 from sandbot_common.topics import Topic
+from sandbot_tracking.pixels import grey
 
 CALL_S = 5.0
 SHOWN = tuple(topic for topic in topics.ALL if topic not in (topics.DORSAL_JPEG, topics.LATERAL_JPEG))
@@ -129,7 +131,12 @@ class ConsoleNode(Node):
         return guarded
 
     def _show_picture(self, camera: str, message: Any) -> None:
-        good, jpeg = cv2.imencode(".jpg", messages.pixels(message), [cv2.IMWRITE_JPEG_QUALITY, 80])
+        try:
+            pixels = grey(message)
+        except InputError as error:
+            self.get_logger().error(f"{camera}: {error}", throttle_duration_sec=5.0)
+            return
+        good, jpeg = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 80])
         if good:
             self._pictures[camera] = jpeg.tobytes()
             with self._lock:

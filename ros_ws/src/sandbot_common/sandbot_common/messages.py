@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState, Range
 from std_msgs.msg import Float64, Header, String
 
-from sandbot_common.errors import InputError
 from sandbot_common.topics import FRAME
 
 Floats = NDArray[np.float64]
@@ -116,16 +115,6 @@ def camera_info(
         r=np.eye(3).ravel().tolist(),
         p=np.column_stack([matrix, np.zeros(3)]).ravel().tolist(),
     )
-
-
-def pixels(message: Image) -> NDArray[np.uint8]:
-    """The pixels (height, width) of a mono8 image, a view on the message's bytes. Raises InputError."""
-    if message.encoding != "mono8":
-        raise InputError(f"image encoding {message.encoding!r}; mono8 is needed")
-    data = np.frombuffer(message.data, dtype=np.uint8)
-    if data.size != message.height * message.step or message.step < message.width:
-        raise InputError(f"image of {data.size} bytes is not {message.height} rows of {message.step}")
-    return data.reshape(message.height, message.step)[:, : message.width]
 
 
 def diagnostics(

@@ -39,10 +39,11 @@ ASK_AGAIN_S = 2.0
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
-def qos(topic: topics.Topic) -> QoSProfile:
-    """The delivery of a topic: reliable, and transient local where latched."""
+def qos(topic: topics.Topic, *, best_effort: bool = False) -> QoSProfile:
+    """The delivery of a topic: reliable unless ``best_effort``, and transient local where latched."""
     durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
-    return QoSProfile(depth=topic.depth, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
+    reliability = ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE
+    return QoSProfile(depth=topic.depth, reliability=reliability, durability=durability)
 
 
 def publisher(node: Node, topic: topics.Topic) -> Publisher:
@@ -51,10 +52,20 @@ def publisher(node: Node, topic: topics.Topic) -> Publisher:
 
 
 def subscription(
-    node: Node, topic: topics.Topic, callback: Callable[[Any], None], *, raw: bool = False
+    node: Node, topic: topics.Topic, callback: Callable[[Any], None], *, raw: bool = False, best_effort: bool = False
 ) -> Subscription:
-    """A subscription on a trackway topic; ``raw`` hands the serialized bytes to the callback."""
-    return node.create_subscription(messages.message_class(topic.type), topic.name, callback, qos(topic), raw=raw)
+    """A subscription on a trackway topic; ``raw`` hands the serialized bytes to the callback.
+
+    ``best_effort`` hears publishers of either reliability, but what is lost on the way is not sent again.
+    """
+    delivery = qos(topic, best_effort=best_effort)
+    return node.create_subscription(messages.message_class(topic.type), topic.name, callback, delivery, raw=raw)
+
+
+def reliabilities(node: Node, topic: topics.Topic) -> list[bool]:
+    """Whether each publisher of a topic is reliable, as far as the graph is known."""
+    found = node.get_publishers_info_by_topic(topic.name)
+    return [one.qos_profile.reliability != ReliabilityPolicy.BEST_EFFORT for one in found]
 
 
 def ask(client: Client, request: Any, wait: Callable[[Callable[[], bool], float], bool], patience_s: float) -> Any:

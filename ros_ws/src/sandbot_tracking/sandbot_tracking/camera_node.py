@@ -1,5 +1,12 @@
-"""The camera node: a video file or device to image_raw and camera_info."""
+"""The camera node: a video file or device to image_raw and camera_info.
 
+A frame's stamp is the middle of its exposure. A device's frame is stamped when it was received, less half the exposure;
+what its readout and transport take besides, the sync LED tells the tracker. A film's frame is stamped by film time,
+k / rate after its start, however late a busy machine publishes it: when it was taken does not depend on this machine.
+A film starts once somebody has listened for a second, so that its first frames are heard.
+"""
+
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,6 +19,7 @@ from sandbot_common.parameters import parameter
 from sandbot_tracking.calibration import Camera, read_cameras
 from sandbot_tracking.source import Source
 
+SETTLE_S = 1.0
 _TOPICS = {
     "dorsal": (topics.DORSAL_IMAGE, topics.DORSAL_INFO),
     "lateral": (topics.LATERAL_IMAGE, topics.LATERAL_INFO),
@@ -26,6 +34,10 @@ class CameraParameters:
     video: str = parameter("", doc="video file, or number of the camera device")
     cameras: str = parameter("", doc="YAML file of the calibrated cameras; empty: no camera_info")
     rate_hz: float = parameter(0.0, unit="Hz", doc="frames per second; 0: as the video says", low=0.0, high=10000.0)
+    playback: float = parameter(
+        1.0, doc="speed at which a film is shown; its stamps stay film time", low=0.01, high=10.0
+    )
+    exposure_s: float = parameter(0.0, unit="s", doc="exposure of a device; 0: as cameras says", low=0.0, high=10.0)
 
 
 class CameraNode(Node):
@@ -37,37 +49,70 @@ class CameraNode(Node):
         if not given.video:
             raise InputError("camera parameters: video: give a file or device, --ros-args -p video:=dorsal.avi")
         self._name = given.camera
-        self._info = _info(read_cameras(given.cameras), given.camera) if given.cameras else None
+        camera = _camera(given.cameras, given.camera) if given.cameras else None
+        self._info = _info(camera, given.camera) if camera else None
+        self._half_exposure_ns = round((given.exposure_s or (camera.exposure_s if camera else 0.0)) * 5e8)
         self._source = Source(given.video)
         rate_hz = given.rate_hz or self._source.rate_hz or 100.0
+        self._period_s = 1.0 / rate_hz
         image, info = _TOPICS[given.camera]
         self._image, self._camera_info = node.publisher(self, image), node.publisher(self, info)
         self._frames = 0
+        self._start_ns = 0
+        self._heard_s: float | None = None
         self._health = node.Health(self, lambda: {"frames": self._frames, "rate_hz": rate_hz})
-        self._timer = self.create_timer(1.0 / rate_hz, self._next)
+        # Reading a device waits for its next frame: asked twice as often as frames come, the camera sets the pace.
+        wait_s = self._period_s / 2 if self._source.is_device else self._period_s / given.playback
+        self._timer = self.create_timer(wait_s, self._next)
 
     def _next(self) -> None:
+        if not (self._source.is_device or self._frames or self._is_heard()):
+            self._health.text = "waiting for somebody to listen"
+            return
         frame = self._source.read()
         if frame is None:
             self._timer.cancel()
             self._health.text = "the video has ended"
             return
-        now = self.get_clock().now().nanoseconds
+        self._health.text = "ok"
+        stamp = self._stamp_ns()
         self._frames += 1
-        self._image.publish(messages.image(now, self._name, frame))
+        self._image.publish(messages.image(stamp, self._name, frame))
         if self._info is not None:
-            self._info.header = messages.header(now, self._name)
+            self._info.header = messages.header(stamp, self._name)
             self._camera_info.publish(self._info)
+
+    def _is_heard(self) -> bool:
+        """Whether somebody has listened for a second: the listener finds this node a little later than it is found."""
+        if not self._image.get_subscription_count():
+            self._heard_s = None
+            return False
+        now = time.monotonic()
+        self._heard_s = self._heard_s or now
+        return now - self._heard_s >= SETTLE_S
+
+    def _stamp_ns(self) -> int:
+        """The middle of the exposure of the frame just read."""
+        now = int(self.get_clock().now().nanoseconds)
+        if self._source.is_device:
+            return now - self._half_exposure_ns
+        if not self._frames:
+            self._start_ns = now
+        return self._start_ns + round(self._frames * self._period_s * 1e9)
 
     def close(self) -> None:
         """Release the device."""
         self._source.close()
 
 
-def _info(cameras: dict[str, Camera], name: str) -> CameraInfo:
+def _camera(path: str, name: str) -> Camera:
+    cameras = read_cameras(path)
     if name not in cameras:
         raise InputError(f"camera parameters: cameras: no {name!r} in it; known: {', '.join(cameras)}")
-    camera = cameras[name]
+    return cameras[name]
+
+
+def _info(camera: Camera, name: str) -> CameraInfo:
     return messages.camera_info(0, name, (camera.width, camera.height), camera.matrix, camera.distortion)
 
 

@@ -38,6 +38,31 @@ class Sample:
 
 
 @dataclass(frozen=True)
+class Axles:
+    """What one lateral frame shows: front and rear axle (3,) [m], their mean height [m] and its variance [m²]."""
+
+    front: Floats
+    rear: Floats
+    z: float
+    var_z: float
+
+    def towards(self, later: "Axles", weight: float) -> "Axles":
+        """On the straight line to a later view, ``weight`` of the way."""
+        if weight == 0.0:
+            return self
+        here = 1.0 - weight
+        return Axles(
+            here * self.front + weight * later.front,
+            here * self.rear + weight * later.rear,
+            here * self.z + weight * later.z,
+            here**2 * self.var_z + weight**2 * later.var_z,
+        )
+
+
+_UNSEEN = Axles(np.full(3, np.nan), np.full(3, np.nan), np.nan, np.nan)
+
+
+@dataclass(frozen=True)
 class Landmarks:
     """All instants so far: t_s (n,), positions (n, 3) [m] with NaN gaps."""
 
@@ -79,8 +104,19 @@ class LegClock:
             # A node runs all day; nobody looks further back than the last turn.
             del self._t[:REMEMBERED], self._advance[:REMEMBERED]
 
-    def advance_rad(self) -> float:
-        """How far the legs have turned, from the first angle on."""
+    def advance_rad(self, t_s: float) -> float | None:
+        """How far the legs have turned at ``t_s`` from the first angle on; None while no later angle tells."""
+        after = bisect_left(self._t, t_s)
+        if after == len(self._t):
+            return None
+        if after == 0 or self._t[after] == t_s:
+            return self._advance[after]
+        weight = (t_s - self._t[after - 1]) / (self._t[after] - self._t[after - 1])
+        return (1 - weight) * self._advance[after - 1] + weight * self._advance[after]
+
+    @property
+    def last_rad(self) -> float:
+        """How far the legs have turned as far as is known."""
         return self._advance[-1] if self._advance else 0.0
 
     def omega_rad_s(self, t_s: float) -> float | None:
@@ -148,33 +184,41 @@ class OfflineTracker:
 
     def update(self, t_s: float, dorsal_frame: Frame | None, lateral_frame: Frame | None) -> Sample:
         """Both frames (mono8) of one instant, None for one that is lost; the new sample."""
-        front, rear, z, var_z = self._axle_heights(lateral_frame)
-        com, var_x = self._centre(dorsal_frame, z, var_z)
+        body = None if dorsal_frame is None else self.see_body(dorsal_frame)
+        return self.sample(t_s, body, None if lateral_frame is None else self.see_axles(lateral_frame))
+
+    def see_body(self, frame: Frame) -> Marks:
+        """The marker of the centre of mass in a dorsal frame."""
+        return self._body.update(frame)
+
+    def see_axles(self, frame: Frame) -> Axles:
+        """The axles in a lateral frame; NaN where there is no such camera."""
+        if self._axles is None or self._lateral is None:
+            return _UNSEEN
+        marks = self._axles.update(frame)
+        xyz = self._lateral.to_plane(marks.xy_px)
+        front, rear = xyz[self._front], xyz[1 - self._front]
+        if not np.isfinite(xyz[:, 2]).all():
+            return Axles(front, rear, np.nan, np.nan)
+        variance = self._lateral.covariance_m2(marks.xy_px, marks.var_px2)[:, 2, 2]
+        return Axles(front, rear, float(xyz[:, 2].mean()), float(variance.sum() / 4))
+
+    def sample(self, t_s: float, body: Marks | None, axles: Axles | None) -> Sample:
+        """What was seen at one instant, None for a view that is lost; the new sample."""
+        axles = axles or _UNSEEN
+        z, var_z = axles.z, axles.var_z
+        com, var_x = self._centre(body, z, var_z)
         omega = self._omega if self._omega is not None else self.clock.omega_rad_s(t_s)
         v_x, v_var_x = self._v_x.update(t_s, com[0], var_x, omega)
         v_z, v_var_z = self._v_z.update(t_s, z, var_z, omega)
-        sample = Sample(t_s, com, front, rear, v_x, v_var_x, v_z, v_var_z)
+        sample = Sample(t_s, com, axles.front, axles.rear, v_x, v_var_x, v_z, v_var_z)
         if self._keep:
             self._samples.append(sample)
         return sample
 
-    def _axle_heights(self, frame: Frame | None) -> tuple[Floats, Floats, float, float]:
-        missing = np.full(3, np.nan)
-        if frame is None or self._axles is None or self._lateral is None:
-            return missing, missing, np.nan, np.nan
-        marks = self._axles.update(frame)
-        xyz = self._lateral.to_plane(marks.xy_px)
-        seen = np.isfinite(xyz[:, 2])
-        front, rear = xyz[self._front], xyz[1 - self._front]
-        if not seen.all():
-            return front, rear, np.nan, np.nan
-        variance = self._lateral.covariance_m2(marks.xy_px, marks.var_px2)[:, 2, 2]
-        return front, rear, float(xyz[:, 2].mean()), float(variance.sum() / 4)
-
-    def _centre(self, frame: Frame | None, z: float, var_z: float) -> tuple[Floats, float]:
-        if frame is None:
+    def _centre(self, marks: Marks | None, z: float, var_z: float) -> tuple[Floats, float]:
+        if marks is None:
             return np.full(3, np.nan), np.nan
-        marks: Marks = self._body.update(frame)
         if self._lateral is None:
             z, var_z = self._robot.axle_height_m, UNKNOWN_LIFT_M**2
         if not (marks.found[0] and np.isfinite(z)):

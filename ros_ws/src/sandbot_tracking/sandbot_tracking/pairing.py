@@ -1,36 +1,131 @@
-"""Frames of several cameras taken at one instant, brought together again."""
+"""Two cameras' views brought to common times: each frame of the first, with the second's before and after it."""
 
+from bisect import bisect_left, insort
 from collections.abc import Sequence
+from dataclasses import dataclass
+from operator import itemgetter
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
 PATIENCE = 100
-"""Instants that may wait for a partner before the oldest goes on without. After a stall of a busy machine one camera's
+"""Frames that may wait for a partner before the oldest goes on without. After a stall of a busy machine one camera's
 backlog is delivered before the other's, so a second's worth must be able to wait; a frame really lost costs no
-waiting, for the next complete instant sends the ones before it on."""
+waiting, for the partner's next frame sends the ones before it on."""
+SLACK = 1.5
+"""How many tolerances still pass: cameras half a period apart are always near the limit, and stamps jitter."""
+LONGEST_GAP = 5
+"""Tolerances between two views that may still be joined: with one frame lost there are four."""
+AGAIN_NS = 1_000_000_000
+"""Time that goes back by more begins anew, as in a replay that starts over."""
+
+_time = itemgetter(0)
+
+
+@dataclass(frozen=True)
+class Instant(Generic[T]):
+    """One time and what was seen then.
+
+    ``second``: the frames before and after this time and the weight of the latter, 0 to 1; one frame taken just then
+    stands for both. None: not seen.
+    """
+
+    t_ns: int
+    first: T | None
+    second: tuple[T, T, float] | None
 
 
 class Pairing(Generic[T]):
-    """Collects items by time stamp; gives out instants in order of time, each once."""
+    """Collects the frames of one or two cameras; gives out instants in order of time, each once.
 
-    def __init__(self, cameras: Sequence[str]) -> None:
-        self._cameras = frozenset(cameras)
-        self._waiting: dict[int, dict[str, T]] = {}
+    A frame of the second camera is given by itself where the first has none within the tolerance. Views are joined
+    across at most the gap that one lost frame leaves, and only where one of them is within the tolerance.
+    """
+
+    def __init__(self, cameras: Sequence[str], tolerance_ns: int) -> None:
+        """``cameras``: the one whose times are kept, and the other, if there is one."""
+        self._first, self._second = cameras[0], cameras[1] if len(cameras) > 1 else None
+        self._reach, self._longest_ns = SLACK * tolerance_ns, LONGEST_GAP * tolerance_ns
+        self.late = 0
+        """Frames that came after their instant had gone."""
+        self._restart()
+
+    def _restart(self) -> None:
+        self._waiting: dict[str, list[tuple[int, T]]] = {name: [] for name in (self._first, self._second) if name}
+        self._past: tuple[int, T] | None = None
         self._given_ns: int | None = None
+        self._last_first_ns: int | None = None
 
-    def add(self, stamp_ns: int, camera: str, item: T) -> list[tuple[int, dict[str, T]]]:
-        """The instants ready to go after this item: complete ones, and those given up waiting for.
+    def add(self, t_ns: int, camera: str, item: T) -> list[Instant[T]]:
+        """The instants ready to go after this frame. One older than what was given out is dropped, and counted."""
+        if self._given_ns is not None and t_ns <= self._given_ns:
+            if t_ns > self._given_ns - AGAIN_NS:
+                self.late += camera == self._first
+                self._keep_past(t_ns, camera, item)
+                return []
+            self._restart()
+        insort(self._waiting[camera], (t_ns, item), key=_time)
+        return self._ready()
 
-        An item older than what was given out is dropped: its instant has gone without it.
-        """
-        if self._given_ns is not None and stamp_ns <= self._given_ns:
+    def _keep_past(self, t_ns: int, camera: str, item: T) -> None:
+        """A view of the second camera that comes late is still the one before the next instant."""
+        if camera == self._second and (self._past is None or t_ns > self._past[0]):
+            self._past = t_ns, item
+
+    def _ready(self) -> list[Instant[T]]:
+        given: list[Instant[T]] = []
+        firsts = self._waiting[self._first]
+        while firsts and self._decided(firsts):
+            given += self._alone(firsts[0][0])
+            t_ns, item = firsts.pop(0)
+            given.append(Instant(t_ns, item, self._around(t_ns)))
+            self._last_first_ns = t_ns
+        if not firsts and self._second and len(self._waiting[self._second]) > PATIENCE:
+            one = self._waiting[self._second].pop(0)
+            if one[0] != self._last_first_ns:
+                given.append(self._single(one))
+        if given:
+            self._given_ns = given[-1].t_ns
+        return given
+
+    def _decided(self, firsts: list[tuple[int, T]]) -> bool:
+        """Whether the other camera has come as far as the oldest frame, or won't be waited for."""
+        if self._second is None or len(firsts) > PATIENCE:
+            return True
+        seconds = self._waiting[self._second]
+        return bool(seconds) and seconds[-1][0] >= firsts[0][0]
+
+    def _alone(self, t_ns: int) -> list[Instant[T]]:
+        """The second camera's frames before ``t_ns`` that are near no frame of the first."""
+        if self._second is None:
             return []
-        self._waiting.setdefault(stamp_ns, {})[camera] = item
-        complete = [stamp for stamp, items in self._waiting.items() if items.keys() >= self._cameras]
-        ready = [stamp for stamp in sorted(self._waiting) if complete and stamp <= max(complete)]
-        if not ready and len(self._waiting) > PATIENCE:
-            ready = [min(self._waiting)]
-        if ready:
-            self._given_ns = ready[-1]
-        return [(stamp, self._waiting.pop(stamp)) for stamp in ready]
+        seconds = self._waiting[self._second]
+        before = seconds[: bisect_left(seconds, t_ns, key=_time)]
+        del seconds[: len(before)]
+        since = self._last_first_ns
+        alone = [
+            one for one in before if t_ns - one[0] > self._reach and (since is None or one[0] - since > self._reach)
+        ]
+        given = [self._single(one) for one in alone]
+        if before:
+            self._past = before[-1]
+        return given
+
+    def _single(self, one: tuple[int, T]) -> Instant[T]:
+        self._past = one
+        return Instant(one[0], None, (one[1], one[1], 0.0))
+
+    def _around(self, t_ns: int) -> tuple[T, T, float] | None:
+        seconds = self._waiting[self._second] if self._second else []
+        if not seconds:
+            return None
+        after_ns, after = seconds[0]
+        if after_ns == t_ns:
+            return after, after, 0.0
+        if self._past is None or after_ns < t_ns:
+            return None
+        before_ns, before = self._past
+        gap = after_ns - before_ns
+        if min(t_ns - before_ns, after_ns - t_ns) > self._reach or gap > self._longest_ns:
+            return None
+        return before, after, (t_ns - before_ns) / gap

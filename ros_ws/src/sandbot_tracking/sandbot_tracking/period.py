@@ -1,7 +1,18 @@
 """Mean speed and lift of each whole leg period, as it ends: what a person watches while a trial runs."""
 
 import math
+from collections import deque
 from dataclasses import dataclass
+
+import numpy as np
+
+from sandbot_tracking.trial import position_at
+
+TURN = 2 * math.pi
+REMEMBERED = 200
+"""Frames looked back on for the place at a period's end."""
+REACH = 0.11
+"""Share of a step after a period's end that must be seen: as much as ``position_at`` looks at, and a little."""
 
 
 @dataclass(frozen=True)
@@ -13,34 +24,50 @@ class PeriodMean:
 
 
 class PeriodMeans:
-    """Fed sample by sample; the rest height is the lowest axle height so far."""
+    """Fed sample by sample; the rest height is the lowest axle height so far.
+
+    A period ends when the legs have turned a whole turn, between two frames. Where the body was then is found as for
+    the trials table (``trial.position_at``), so the means of the periods are those that the table's speed is made of.
+    """
 
     def __init__(self) -> None:
-        self.restart()
-
-    def restart(self) -> None:
-        """A trial begins: forget rest height and phase."""
+        self._t: deque[float] = deque(maxlen=REMEMBERED)
+        self._x: deque[float] = deque(maxlen=REMEMBERED)
         self._rest_m = math.inf
-        self._origin: float | None = None
-        self._turns = 0
-        self._start: tuple[float, float] | None = None
         self._top_m = -math.inf
+        self._turns = 0
+        self._origin_rad: float | None = None
+        self._turned = 0.0
+        self._start = (math.nan, math.nan)
+        self._ends: deque[tuple[float, float]] = deque()
+        """When a period ended and how high the axles came in it; what follows must be seen first."""
 
     def update(self, t_s: float, x_m: float, z_m: float, advance_rad: float) -> PeriodMean | None:
-        """The period that has just ended, or None. ``advance_rad``: how far the legs have turned."""
-        if self._origin is None or advance_rad < self._origin:
-            self._origin = advance_rad
+        """The period that ended shortly before, or None. ``advance_rad``: how far the legs have turned at ``t_s``."""
+        if self._origin_rad is None:
+            self._origin_rad, self._start = advance_rad, (t_s, x_m)
         if math.isfinite(z_m):
             self._rest_m, self._top_m = min(self._rest_m, z_m), max(self._top_m, z_m)
-        turns = int((advance_rad - self._origin) // (2 * math.pi))
-        if self._start is None:
-            self._start = (t_s, x_m)
-        if turns == self._turns:
-            return None
-        then, x_then = self._start
-        done = PeriodMean((x_m - x_then) / (t_s - then) if t_s > then else math.nan, self._lift())
-        self._turns, self._start, self._top_m = turns, (t_s, x_m), -math.inf
-        return done
+        before, self._turned = self._turned, advance_rad - self._origin_rad
+        if self._turned >= (self._turns + 1) * TURN:
+            self._turns = int(self._turned // TURN)
+            share = (self._turns * TURN - before) / (self._turned - before)
+            self._ends.append((self._t[-1] + share * (t_s - self._t[-1]), self._top_m))
+            self._top_m = -math.inf
+        self._t.append(t_s)
+        self._x.append(x_m)
+        return self._mean(t_s)
 
-    def _lift(self) -> float:
-        return self._top_m - self._rest_m if math.isfinite(self._top_m) else math.nan
+    def _mean(self, t_s: float) -> PeriodMean | None:
+        if not self._ends:
+            return None
+        end_s, top_m = self._ends[0]
+        step_s = (end_s - self._start[0]) / 2
+        frame_s = t_s - self._t[-2]
+        if t_s < end_s + max(REACH * step_s, 1.02 * frame_s):
+            return None
+        self._ends.popleft()
+        then, x_then = self._start
+        x = position_at(np.array(self._t), np.array(self._x), end_s, step_s)
+        self._start = end_s, x
+        return PeriodMean((x - x_then) / (end_s - then), top_m - self._rest_m if top_m > -math.inf else math.nan)

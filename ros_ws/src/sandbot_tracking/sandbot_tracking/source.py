@@ -13,11 +13,12 @@ Frame = NDArray[np.uint8]
 
 
 class Source:
-    """An open video: ``rate_hz``, ``width``, ``height`` and an iterator over its frames. Use it in ``with``."""
+    """An open video: ``rate_hz``, ``width``, ``height``, ``is_device`` and its frames. Use it in ``with``."""
 
     def __init__(self, video: str) -> None:
         """Open a file, or a device by number or /dev/video*. Raises InputError if it gives no frame."""
         device = int(video) if video.isdigit() else None
+        self.is_device = device is not None or video.startswith("/dev/")
         if device is None and not Path(video).exists():
             raise InputError(f"{video}: no such video file or device")
         if device is None and Path(video).is_dir():

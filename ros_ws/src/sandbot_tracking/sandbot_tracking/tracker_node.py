@@ -1,6 +1,6 @@
 """The tracker node: both cameras' frames to /landmarks/*, /speed, /speed/mean and /lift."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,16 +8,27 @@ from typing import Any
 import numpy as np
 from ament_index_python.packages import get_package_share_directory
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
 from sandbot_common.robot import read_robot, robot_of_trial
+from sandbot_common.topics import Topic
 from sandbot_tracking.calibration import read_cameras
-from sandbot_tracking.markers import Frame
-from sandbot_tracking.offline import OfflineTracker, Sample
-from sandbot_tracking.pairing import Pairing
-from sandbot_tracking.period import PeriodMeans
+from sandbot_tracking.latency import Latency
+from sandbot_tracking.live import LiveTracker, View, warm_up
+from sandbot_tracking.offline import Sample
+from sandbot_tracking.pixels import grey
+
+_IMAGES = {
+    "dorsal": (topics.DORSAL_IMAGE, topics.DORSAL_JPEG),
+    "lateral": (topics.LATERAL_IMAGE, topics.LATERAL_JPEG),
+}
+_LOOK_S = 0.5
+"""How often it is looked who publishes images."""
+_FROZEN = 50
+"""Equal frames in a row that are no chance."""
 
 
 @dataclass(frozen=True)
@@ -26,17 +37,50 @@ class TrackerParameters:
 
     cameras: str = parameter("", doc="YAML file of the calibrated cameras (dorsal, lateral); empty: the project's own")
     robot: str = parameter("", doc="YAML file of the robot; empty: SandBot. One that /trial tells goes before it")
+    pair_tolerance_s: float = parameter(
+        0.0, unit="s", doc="how far apart two views of one instant may be; 0: half a frame period", low=0.0, high=0.5
+    )
+    sensor_bits: int = parameter(16, doc="bits that a camera of 16-bit encoding fills", low=8, high=16)
+    latency_budget_s: float = parameter(
+        0.05, unit="s", doc="exposure to /speed: later is a missed deadline", low=0.001, high=10.0
+    )
+
+
+class ImageInput:
+    """One camera's images as its driver offers them.
+
+    Reliable where every publisher is, for then a stall costs no frame; best effort where one is not, which a reliable
+    subscription would not hear at all. Compressed images where nobody publishes raw ones.
+    """
+
+    def __init__(self, owner: Node, raw: Topic, compressed: Topic, callback: Callable[[Any], None]) -> None:
+        self._owner, self._callback = owner, callback
+        self._offers = raw, compressed
+        self._now: tuple[Topic, bool] | None = None
+        self._subscription: Subscription | None = None
+        self.follow()
+
+    def follow(self) -> None:
+        """Subscribe anew if the publishers ask for it."""
+        raw, compressed = self._offers
+        found = {topic: node.reliabilities(self._owner, topic) for topic in self._offers}
+        topic = compressed if found[compressed] and not found[raw] else raw
+        wanted = topic, not all(found[topic])
+        if wanted == self._now or (self._now is not None and not found[topic]):
+            return
+        if self._subscription is not None:
+            self._owner.destroy_subscription(self._subscription)
+        self._subscription = node.subscription(self._owner, topic, self._callback, best_effort=wanted[1])
+        self._now = wanted
 
 
 class TrackerNode(Node):
-    """Wires an OfflineTracker to the topics."""
+    """Wires a LiveTracker to the topics."""
 
     def __init__(self) -> None:
         super().__init__("tracker")
         self._settings = node.Parameters(self, TrackerParameters, _fixed)
-        current = self._settings.current
-        self._cameras = read_cameras(current.cameras or _own("cameras.yaml"))
-        self._robot = read_robot(current.robot or _own("robot.yaml"))
+        given = self._settings.current
         self._publish = {
             name: node.publisher(self, topic)
             for name, topic in (
@@ -44,21 +88,30 @@ class TrackerNode(Node):
                 ("speed", topics.SPEED), ("mean", topics.SPEED_MEAN), ("lift", topics.LIFT),
             )
         }  # fmt: skip
-        self._latency_ms: list[float] = []
-        self._lost_frames = 0
-        self._pairing: Pairing[Frame] = Pairing(("dorsal", "lateral") if "lateral" in self._cameras else ("dorsal",))
-        self._begin()
-        node.subscription(self, topics.DORSAL_IMAGE, lambda image: self._image("dorsal", image))
-        node.subscription(self, topics.LATERAL_IMAGE, lambda image: self._image("lateral", image))
+        self._latency = Latency(given.latency_budget_s)
+        self._unreadable = ""
+        cameras = read_cameras(given.cameras or _own("cameras.yaml"))
+        robot = read_robot(given.robot or _own("robot.yaml"))
+        # Before anything is heard: frames that came meanwhile would be lost once the queue is full.
+        warm_up(cameras)
+        self._live = LiveTracker(cameras, robot, given.pair_tolerance_s)
+        self._inputs = [self._input(camera) for camera in self._live.views]
         node.subscription(self, topics.LEG_STATES, self._legs)
-        node.subscription(self, topics.SYNC_LED, lambda _: self._begin())
+        node.subscription(self, topics.SYNC_LED, self._led)
         node.subscription(self, topics.TRIAL, lambda trial: self._of_trial(trial.data))
+        self.create_timer(_LOOK_S, self._follow)
         self._health = node.Health(self, self._values)
 
-    def _begin(self) -> None:
-        # Each trial's LED edge: the robot has been carried back to the start, so its marks are looked for anew.
-        self._tracker = OfflineTracker(self._cameras, self._robot, keep=False)
-        self._means = PeriodMeans()
+    def _input(self, camera: str) -> ImageInput:
+        return ImageInput(self, *_IMAGES[camera], lambda image: self._image(camera, image))
+
+    def _follow(self) -> None:
+        for one in self._inputs:
+            one.follow()
+        self._say([])
+
+    def _now_ns(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
 
     def _of_trial(self, text: str) -> None:
         try:
@@ -66,53 +119,81 @@ class TrackerNode(Node):
         except InputError as error:
             self.get_logger().error(str(error))
             return
-        if robot is not None and robot != self._robot:
-            self._robot = robot
-            self._begin()
+        if robot is not None:
+            self._live.track(robot)
 
     def _image(self, camera: str, image: Any) -> None:
         stamp = messages.nanoseconds(image.header.stamp)
         try:
-            pixels = messages.pixels(image)
+            pixels = grey(image, self._settings.current.sensor_bits)
+            self._say(self._live.frame(camera, stamp, pixels, self._now_ns()))
         except InputError as error:
-            self.get_logger().error(f"{camera}: {error}", throttle_duration_sec=5.0)
-            return
-        if camera in self._cameras:
-            for t_ns, frames in self._pairing.add(stamp, camera, pixels):
-                self._sample(t_ns, frames)
+            self._unreadable = f"{camera}: {error}"
+            self.get_logger().error(self._unreadable, throttle_duration_sec=5.0)
 
-    def _sample(self, t_ns: int, frames: dict[str, Frame]) -> None:
-        dorsal, lateral = frames.get("dorsal"), frames.get("lateral")
-        self._lost_frames += len(self._cameras) - len(frames)
-        sample = self._tracker.update(t_ns * 1e-9, dorsal, lateral)
-        for name in ("com", "front_axle", "rear_axle"):
-            self._publish[name].publish(messages.point(t_ns, getattr(sample, name)))
-        if dorsal is not None:
-            twist = messages.twist(t_ns, sample.v_x, sample.v_z, sample.var_x, sample.var_z)
-            self._publish["speed"].publish(twist)
-            self._latency_ms = [*self._latency_ms[-999:], (self.get_clock().now().nanoseconds - t_ns) * 1e-6]
-        self._means_of(sample)
-
-    def _means_of(self, sample: Sample) -> None:
-        z = (sample.front_axle[2] + sample.rear_axle[2]) / 2
-        done = self._means.update(sample.t_s, sample.com[0], z, self._tracker.clock.advance_rad())
-        if done is not None:
-            self._publish["mean"].publish(messages.float64(done.speed_m_s))
-            self._publish["lift"].publish(messages.float64(done.lift_m))
+    def _led(self, header: Any) -> None:
+        self._unreadable = ""
+        self._latency.restart()
+        self._say(self._live.led(messages.nanoseconds(header.stamp)))
 
     def _legs(self, state: Any) -> None:
         given = dict(zip(state.name, state.position, strict=False))
         if all(leg in given for leg in topics.LEGS):
             angles = np.array([given[leg] for leg in topics.LEGS])
-            self._tracker.legs(messages.nanoseconds(state.header.stamp) * 1e-9, angles)
+            self._live.legs(messages.nanoseconds(state.header.stamp), angles, self._now_ns())
+            self._say([])
+
+    def _say(self, samples: Sequence[tuple[int, Sample]]) -> None:
+        for t_ns, sample in samples:
+            for name in ("com", "front_axle", "rear_axle"):
+                self._publish[name].publish(messages.point(t_ns, getattr(sample, name)))
+            self._publish["speed"].publish(messages.twist(t_ns, sample.v_x, sample.v_z, sample.var_x, sample.var_z))
+            self._latency.add((self._now_ns() - t_ns) * 1e-9)
+        for done in self._live.periods(self._now_ns()):
+            self._publish["mean"].publish(messages.float64(done.speed_m_s))
+            self._publish["lift"].publish(messages.float64(done.lift_m))
 
     def _values(self) -> dict[str, object]:
-        latency = f"{np.median(self._latency_ms):.2f}" if self._latency_ms else "none yet"
-        values: dict[str, object] = {"latency_ms_median": latency, "lost_frames": self._lost_frames}
-        for camera, counts in self._tracker.counts.items():
-            for what in ("frames", "missing", "lost", "reacquired", "ambiguous"):
+        live = self._live
+        values: dict[str, object] = {
+            **self._latency.values(),
+            "lost_frames": live.lost_frames,
+            "late_frames": live.pairing.late,
+            "samples_without_legs": live.without_legs,
+        }
+        warnings = [self._unreadable, self._latency.warning]
+        for camera, view in live.views.items():
+            values |= {f"{camera}_{what}": value for what, value in _of(view).items()}
+            counts = live.tracker.counts[camera]
+            for what in ("missing", "lost", "reacquired", "ambiguous"):
                 values[f"{camera}_{what}"] = getattr(counts, what)
+            warnings += [f"{camera}: {view.clock.warning}" if view.clock.warning else ""]
+            warnings += [f"{camera}: the image is frozen" if view.frozen >= _FROZEN else ""]
+        said = "; ".join(warning for warning in warnings if warning)
+        self._health.level, self._health.text = (1, said) if said else (0, "ok")
         return values
+
+
+def _of(view: View) -> dict[str, object]:
+    """What a camera's clock and stamps came to."""
+    clock, times = view.clock, view.times
+    known = clock.half_width_ns
+    return {
+        "clock": "unknown" if not clock.placed else "as stamped" if known is None else "by the LED",
+        "clock_offset_ms": f"{clock.offset_ns * 1e-6:.3f}",
+        "clock_offset_within_ms": "" if known is None else f"{known * 1e-6:.3f}",
+        "jitter_ms": f"{times.jitter_s * 1e3:.3f}",
+        "period_ms": f"{times.period_s * 1e3:.3f}",
+        "frames": times.frames,
+        "dropped": times.dropped,
+        "doubled": times.doubled,
+        "out_of_order": times.late,
+        "unplaced": view.unplaced,
+        "led_edges": clock.edges,
+        "led_missed": clock.missed,
+        "led_unannounced": clock.unannounced,
+        "clock_jumps": clock.jumps,
+    }
 
 
 def _own(name: str) -> Path:
@@ -121,7 +202,7 @@ def _own(name: str) -> Path:
 
 
 def _fixed(_: TrackerParameters) -> None:
-    raise InputError("cameras and robot are read at the start: restart the tracker to change them")
+    raise InputError("what the tracker knows is read at the start: restart the tracker to change it")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

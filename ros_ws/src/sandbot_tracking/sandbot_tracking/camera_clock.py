@@ -1,0 +1,143 @@
+"""One camera's clock against the robot's: near enough by when its frames arrive, to a frame by the sync LED.
+
+The LED goes on at robot time T, which /sync_led tells. In the frames it is off at t₀ and on at t₁ (camera time, middle
+of the exposure e), so robot time = camera time + offset with
+
+    T - t₁ - e/2  ≤  offset  ≤  T - t₀ + e/2.
+
+Every edge gives such an interval; the offset lies in all of them, but for drift. Stamps that agree with the robot's
+clock (0 is in the interval) are taken as they are, else the offset is the middle of what the intervals leave.
+"""
+
+NANO = 1_000_000_000
+NEAR_NS = NANO // 2
+"""A frame whose stamp is this close to the robot's time when it arrives is taken to be stamped by the same clock."""
+PATIENCE_NS = 10 * NANO
+"""Camera time within which both signs of a flash must come: clocks may differ, arrival by less than this."""
+SET_NS = NANO
+"""A clock that goes back, or ahead of the time that passed, by more than this was set."""
+DRIFT = 1e-4
+"""Two clocks drift apart by less than this share of time."""
+
+
+class CameraClock:
+    """Fed every frame's stamp and every LED edge; ``placed`` says whether ``offset_ns`` may be trusted."""
+
+    def __init__(self, period_s: float, exposure_s: float = 0.0) -> None:
+        self._period_ns, self._half_exposure_ns = round(period_s * NANO), round(exposure_s * NANO / 2)
+        self.placed = False
+        self.offset_ns = 0
+        self.edges = self.missed = self.unannounced = self.jumps = 0
+        """LED edges seen and told; told but not seen; seen but not told; edges that contradict those before."""
+        self.warning = ""
+        self._restart()
+
+    def _restart(self) -> None:
+        self.placed, self.offset_ns = False, 0
+        self._near = self._synced = False
+        self._first_ns: int | None = None
+        self._last: tuple[int, int, bool] | None = None
+        self._bounds: tuple[int, int, int] | None = None
+        self._told: tuple[int, int | None] | None = None
+        """Robot time of the edge told, and camera time from when it was waited for."""
+        self._seen: tuple[int, int] | None = None
+
+    @property
+    def half_width_ns(self) -> int | None:
+        """The offset is known to this much either way; None where no LED edge has told."""
+        return None if self._bounds is None else (self._bounds[1] - self._bounds[0]) // 2
+
+    def led(self, robot_ns: int) -> None:
+        """The LED has gone on at this robot time."""
+        if self._told is not None:
+            self._miss()
+        self._told = robot_ns, self._last[0] if self._last else None
+        self._match()
+
+    def frame(self, t_ns: int, received_ns: int, robot_ns: int | None, lit: bool) -> None:
+        """A frame of this stamp, received at a time of the host's clock when the robot's clock showed ``robot_ns``
+        (None: not heard of yet), with the LED lit or not.
+        """
+        if self._last is not None:
+            step, passed = t_ns - self._last[0], received_ns - self._last[1]
+            if step < -SET_NS or step - max(passed, 0) > SET_NS:
+                told = self._told
+                self._restart()
+                self._told = told and (told[0], None)
+                self.warning = "clock was set"
+            elif step <= 0:
+                return
+            elif lit and not self._last[2]:
+                self._seen = self._last[0], t_ns
+        self._first_ns = t_ns if self._first_ns is None else self._first_ns
+        if self._told is not None and self._told[1] is None:
+            self._told = self._told[0], t_ns
+        self._last = t_ns, received_ns, lit
+        self._match()
+        if not self._synced:
+            self._judge(t_ns, robot_ns)
+        self._give_up(t_ns)
+
+    def _judge(self, t_ns: int, robot_ns: int | None) -> None:
+        """Before any LED edge: whose clock is this?"""
+        assert self._first_ns is not None
+        if robot_ns is None:
+            # A camera without a robot has nothing to agree with; before its patience ends one may yet be heard.
+            self.placed = t_ns - self._first_ns > PATIENCE_NS
+            return
+        self._near = self._near or abs(robot_ns - t_ns) <= NEAR_NS
+        self.placed = self._near
+        if not self._near:
+            self.warning = f"clock is off by about {(robot_ns - t_ns) * 1e-9:.1f} s: held until the LED is seen"
+        elif self.warning.startswith("clock is off"):
+            self.warning = ""
+
+    def _match(self) -> None:
+        if self._told is None or self._first_ns is None:
+            return
+        told_ns = self._told[0]
+        if self.placed and self._first_ns + self.offset_ns > told_ns - self._period_ns:
+            # The camera began after the flash, so it never saw the LED go on.
+            self._told = None
+        elif self._seen is not None:
+            (dark, bright), self._seen = self._seen, None
+            low, high = told_ns - bright - self._half_exposure_ns, told_ns - dark + self._half_exposure_ns
+            if self.placed and not low - SET_NS <= self.offset_ns <= high + SET_NS:
+                self.unannounced += 1
+                return
+            self._told = None
+            self._sync(told_ns, low, high)
+
+    def _sync(self, told_ns: int, low: int, high: int) -> None:
+        before, was_placed = self.offset_ns, self.placed
+        self.edges, self.warning = self.edges + 1, ""
+        if self._bounds is not None:
+            slack = round(DRIFT * abs(told_ns - self._bounds[2]))
+            both = max(low, self._bounds[0] - slack), min(high, self._bounds[1] + slack)
+            if both[0] <= both[1]:
+                low, high = both
+            else:
+                self.jumps += 1
+                self.warning = f"LED edges disagree: the clock jumped by {(both[0] - both[1]) * 1e-6:.0f} ms or more"
+        self._bounds = low, high, told_ns
+        # Where the camera was stopped before the flash, the LED was dark in a frame of long ago.
+        likely = low + min(high - low, self._period_ns + 2 * self._half_exposure_ns)
+        self.offset_ns = 0 if low <= 0 <= high else (low + likely) // 2
+        self.placed = self._synced = True
+        moved = self.offset_ns - before
+        if was_placed and abs(moved) > self._period_ns and not self.warning:
+            self.warning = (
+                f"clock was off by {moved * 1e-9:.3f} s until the LED was seen: what came before is misplaced"
+            )
+
+    def _give_up(self, t_ns: int) -> None:
+        if self._told is not None and t_ns - (self._told[1] or t_ns) > PATIENCE_NS:
+            self._told = None
+            self._miss()
+        if self._seen is not None and t_ns - self._seen[1] > PATIENCE_NS:
+            self._seen = None
+            self.unannounced += 1
+
+    def _miss(self) -> None:
+        self.missed += 1
+        self.warning = "LED was not seen"

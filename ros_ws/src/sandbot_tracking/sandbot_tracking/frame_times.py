@@ -1,0 +1,59 @@
+"""What a camera's time stamps say of it: frame period, jitter, and frames dropped, doubled or out of order."""
+
+from collections import deque
+
+import numpy as np
+
+RECENT = 200
+"""Frames looked back on."""
+ENOUGH = 20
+"""Intervals from which the period is measured rather than taken as told."""
+PAUSE_NS = 1_000_000_000
+"""A camera that is silent for longer was stopped; the frames it did not take are no loss."""
+
+
+class FrameTimes:
+    """Fed every stamp of one camera in order of arrival."""
+
+    def __init__(self, period_s: float) -> None:
+        """``period_s``: time between frames as the calibration tells it, until enough were seen."""
+        self._told_s = period_s
+        self._stamps: deque[int] = deque(maxlen=RECENT)
+        self._steps: deque[float] = deque(maxlen=RECENT)
+        self._newest: int | None = None
+        self.frames = self.dropped = self.doubled = self.late = 0
+
+    def add(self, t_ns: int) -> bool:
+        """Count one frame; False if a frame of this stamp was there before."""
+        if t_ns in self._stamps:
+            self.doubled += 1
+            return False
+        self.frames += 1
+        step_ns = 0 if self._newest is None else t_ns - self._newest
+        if abs(step_ns) > PAUSE_NS:
+            self._stamps.clear()
+        elif step_ns < 0:
+            # It came after all.
+            self.late, self.dropped = self.late + 1, max(0, self.dropped - 1)
+        elif step_ns > 0:
+            self.dropped += max(0, round(step_ns * 1e-9 / self.period_s) - 1)
+            self._steps.append(step_ns * 1e-9)
+        self._stamps.append(t_ns)
+        if not -PAUSE_NS <= step_ns < 0:
+            self._newest = t_ns
+        return True
+
+    @property
+    def period_s(self) -> float:
+        """Time between two frames: the median of late, which dropped frames do not move."""
+        return float(np.median(self._steps)) if len(self._steps) >= ENOUGH else self._told_s
+
+    @property
+    def jitter_s(self) -> float:
+        """Standard deviation of a stamp about even times, from the median absolute deviation; NaN before enough."""
+        if len(self._steps) < ENOUGH:
+            return float("nan")
+        steps = np.array(self._steps)
+        off = steps - self.period_s * np.maximum(1, np.round(steps / self.period_s))
+        # A step is the difference of two stamps.
+        return float(1.4826 * np.median(np.abs(off)) / np.sqrt(2))

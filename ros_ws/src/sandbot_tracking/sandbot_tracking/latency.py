@@ -1,0 +1,47 @@
+"""How long after its exposure a frame's speed was published, and how often that was too long."""
+
+from collections import deque
+
+import numpy as np
+
+RECENT = 1000
+NOT_LIVE_S = 60.0
+"""Frames older than this are a replay: their age says nothing of this machine."""
+TOO_OFTEN = 0.01
+"""Share of missed deadlines that is worth a warning."""
+
+
+class Latency:
+    """Fed one delay [s] a frame."""
+
+    def __init__(self, budget_s: float) -> None:
+        self._budget_s = budget_s
+        self.restart()
+
+    def restart(self) -> None:
+        """A trial begins."""
+        self._recent: deque[float] = deque(maxlen=RECENT)
+        self.frames = self.missed = 0
+
+    def add(self, delay_s: float) -> None:
+        """One frame."""
+        if delay_s > NOT_LIVE_S:
+            return
+        self._recent.append(delay_s)
+        self.frames += 1
+        self.missed += delay_s > self._budget_s
+
+    @property
+    def warning(self) -> str:
+        """Empty while nearly all frames are in time."""
+        if not self.frames or self.missed <= TOO_OFTEN * self.frames:
+            return ""
+        return f"{self.missed} of {self.frames} frames were later than {self._budget_s * 1e3:g} ms"
+
+    def values(self) -> dict[str, object]:
+        """Median, 99th percentile and missed deadlines, for /diagnostics."""
+        told = {"latency_ms_median": "none yet", "latency_ms_p99": "none yet"}
+        if self._recent:
+            median, p99 = np.quantile(self._recent, (0.5, 0.99)) * 1e3
+            told = {"latency_ms_median": f"{median:.2f}", "latency_ms_p99": f"{p99:.2f}"}
+        return {**told, "missed_deadlines": self.missed}

@@ -1,0 +1,196 @@
+"""A trial as it runs: frames, leg angles and LED edges in order of arrival to samples and period means (no ROS).
+
+Each frame is looked at when it comes, set on the robot's time (camera_clock.py), joined with the other camera's view
+(pairing.py) and handed to the tracker. A period's mean waits for the leg angle at its frame's time.
+"""
+
+from collections import deque
+from collections.abc import Mapping
+from heapq import merge
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_common.robot import SANDBOT, Robot
+from sandbot_tracking.calibration import Camera
+from sandbot_tracking.camera_clock import NANO, CameraClock
+from sandbot_tracking.frame_times import FrameTimes
+from sandbot_tracking.led import LedEdge
+from sandbot_tracking.marker_tracker import Marks
+from sandbot_tracking.markers import Frame
+from sandbot_tracking.offline import Axles, OfflineTracker, Sample
+from sandbot_tracking.pairing import Instant, Pairing
+from sandbot_tracking.period import PeriodMean, PeriodMeans
+
+Floats = NDArray[np.float64]
+
+HELD = 1000
+"""Frames of a camera that may wait for its clock to be known."""
+LEG_PATIENCE_NS = NANO // 5
+"""How long past a sample's time the leg angle at that time is waited for."""
+LEGS_KEPT_NS = NANO
+"""How long leg angles are kept for an LED edge that is heard of after them."""
+
+
+def warm_up(cameras: Mapping[str, Camera]) -> None:
+    """Compile what tracking runs (a second and more, once a machine), so that no frame waits for it."""
+    rng = np.random.default_rng(0)
+    tracker = LiveTracker(cameras)
+    for n in range(5):
+        t_ns = 10_000_000 * n
+        tracker.legs(t_ns, np.full(6, 0.2 * n), t_ns)
+        for name, camera in tracker.views.items():
+            frame = rng.integers(50, 70, camera.shape, dtype=np.uint8)
+            for x in np.array((0.4, 0.6)) * camera.shape[1]:
+                cv2.circle(frame, (round(x) + n, camera.shape[0] // 2), 7, 240, -1)
+            tracker.frame(name, t_ns, frame, t_ns)
+
+
+class View:
+    """One camera: its clock, its frame times, and what waits for the clock."""
+
+    def __init__(self, camera: Camera) -> None:
+        period_s = 1.0 / camera.frame_rate_hz
+        self.shape = camera.height, camera.width
+        self.times = FrameTimes(period_s)
+        self.clock = CameraClock(period_s, camera.exposure_s)
+        self.unplaced = self.frozen = 0
+        """Frames given up before the clock was known; frames in a row equal to the one before."""
+        self.held: deque[tuple[int, Marks | Axles]] = deque()
+        self._led = LedEdge(camera.led_region) if camera.led_region else None
+        self._last: Frame | None = None
+
+    def look(self, t_ns: int, received_ns: int, robot_ns: int | None, pixels: Frame) -> bool:
+        """Take note of a frame; False if it was there before."""
+        if not self.times.add(t_ns):
+            return False
+        lit = self._led is not None and (self._led.update(pixels), self._led.on)[1]
+        self.clock.frame(t_ns, received_ns, robot_ns, lit)
+        # No two frames of a camera that runs have the same noise.
+        self.frozen = self.frozen + 1 if self._last is not None and np.array_equal(self._last, pixels) else 0
+        self._last = pixels
+        return True
+
+    def hold(self, t_ns: int, seen: Marks | Axles) -> None:
+        """Keep what a frame showed until the clock is known, or too much waits."""
+        self.held.append((t_ns, seen))
+        if len(self.held) > HELD:
+            self.held.popleft()
+            self.unplaced += 1
+
+    def led(self, edge_ns: int) -> None:
+        """The sync LED went on at this robot time."""
+        if self._led is not None:
+            self.clock.led(edge_ns)
+
+    def release(self) -> list[tuple[int, Marks | Axles]]:
+        """What was held, on the robot's time."""
+        ready = [(t_ns + self.clock.offset_ns, seen) for t_ns, seen in self.held]
+        self.held.clear()
+        return ready
+
+
+class LiveTracker:
+    """Feed it what arrives; it gives samples as soon as both views are there, and period means with the legs."""
+
+    def __init__(self, cameras: Mapping[str, Camera], robot: Robot = SANDBOT, tolerance_s: float = 0.0) -> None:
+        """``tolerance_s``: how far apart [s] two views of one instant may be; 0: half a dorsal frame period."""
+        self._dimensions = robot
+        self._cameras = {name: cameras[name] for name in ("dorsal", "lateral") if name in cameras}
+        self.views = {name: View(camera) for name, camera in self._cameras.items()}
+        tolerance_s = tolerance_s or 0.5 / cameras["dorsal"].frame_rate_hz
+        self.pairing: Pairing[Marks | Axles] = Pairing(tuple(self._cameras), round(tolerance_s * NANO))
+        self.lost_frames = self.without_legs = 0
+        """Views missing at an instant; samples whose leg angle never came."""
+        self._legs: deque[tuple[int, Floats]] = deque()
+        self._robot: tuple[int, int] | None = None
+        self._begin(0)
+
+    def _begin(self, start_ns: int) -> None:
+        """A trial: the robot has been carried back to the start, so its marks are looked for anew."""
+        self.tracker = OfflineTracker(self._cameras, self._dimensions, keep=False)
+        self._start_ns = start_ns
+        self._means = PeriodMeans()
+        self._waiting: deque[tuple[int, Sample]] = deque(maxlen=HELD)
+        for t_ns, angles in self._legs:
+            if t_ns >= start_ns:
+                self.tracker.legs(t_ns * 1e-9, angles)
+
+    def track(self, robot: Robot) -> None:
+        """The robot on the trackway from now on."""
+        if robot != self._dimensions:
+            self._dimensions = robot
+            self._begin(self._start_ns)
+
+    def led(self, edge_ns: int) -> list[tuple[int, Sample]]:
+        """The sync LED went on at this robot time: a trial starts; samples that waited for it."""
+        self._begin(edge_ns)
+        for view in self.views.values():
+            view.led(edge_ns)
+        return self._placed()
+
+    def legs(self, t_ns: int, angles: Floats, received_ns: int) -> None:
+        """Leg angles (6,) [rad] at a robot time, received at a time of the host's clock."""
+        self._robot = t_ns, received_ns
+        self._legs.append((t_ns, angles))
+        while not 0 <= t_ns - self._legs[0][0] <= LEGS_KEPT_NS:
+            self._legs.popleft()
+        self.tracker.legs(t_ns * 1e-9, angles)
+
+    def frame(self, camera: str, t_ns: int, pixels: Frame, received_ns: int) -> list[tuple[int, Sample]]:
+        """One camera's frame (mono8), its stamp and when it was received; the samples that are ready, on robot time."""
+        view = self.views[camera]
+        if not view.look(t_ns, received_ns, self._robot_now(received_ns), pixels):
+            return []
+        tracker = self.tracker
+        view.hold(t_ns, tracker.see_body(pixels) if camera == "dorsal" else tracker.see_axles(pixels))
+        return self._placed()
+
+    def periods(self, received_ns: int) -> list[PeriodMean]:
+        """The leg periods that have ended since the last call; ``received_ns``: the host's clock now."""
+        done = []
+        now_ns = self._robot_now(received_ns)
+        while self._waiting:
+            t_ns, sample = self._waiting[0]
+            advance = self.tracker.clock.advance_rad(sample.t_s)
+            if advance is None:
+                if now_ns is None or now_ns - t_ns < LEG_PATIENCE_NS:
+                    break
+                # The robot no longer says where its legs are: where they were last.
+                self.without_legs += 1
+                advance = self.tracker.clock.last_rad
+            self._waiting.popleft()
+            if t_ns >= self._start_ns:
+                z = float(sample.front_axle[2] + sample.rear_axle[2]) / 2
+                done.append(self._means.update(sample.t_s, float(sample.com[0]), z, advance))
+        return [one for one in done if one is not None]
+
+    def _robot_now(self, received_ns: int) -> int | None:
+        """What the robot's clock shows now, as far as its last word tells."""
+        return None if self._robot is None else self._robot[0] + received_ns - self._robot[1]
+
+    def _placed(self) -> list[tuple[int, Sample]]:
+        """Samples of all that was held, once the clocks of all cameras that run are known."""
+        if any(view.held and not view.clock.placed for view in self.views.values()):
+            return []
+        seen = ([(t_ns, name, one) for t_ns, one in view.release()] for name, view in self.views.items())
+        # In order of time: the backlog of one camera would otherwise tire the pairing's patience with the other.
+        return [
+            self._sample(instant)
+            for t_ns, name, one in merge(*seen, key=lambda item: item[0])
+            for instant in self.pairing.add(t_ns, name, one)
+        ]
+
+    def _sample(self, instant: Instant[Marks | Axles]) -> tuple[int, Sample]:
+        body, axles = instant.first, None
+        if instant.second is not None:
+            before, after, weight = instant.second
+            assert isinstance(before, Axles)
+            assert isinstance(after, Axles)
+            axles = before.towards(after, weight)
+        assert body is None or isinstance(body, Marks)
+        self.lost_frames += (body is None) + (axles is None and "lateral" in self.views)
+        sample = self.tracker.sample(instant.t_ns * 1e-9, body, axles)
+        self._waiting.append((instant.t_ns, sample))
+        return instant.t_ns, sample

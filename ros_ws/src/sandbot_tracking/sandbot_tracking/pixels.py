@@ -1,0 +1,112 @@
+"""Any camera's image message to grey pixels: the encodings of ROS drivers (REP-118, sensor_msgs/image_encodings)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_common.errors import InputError
+
+Frame = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """How one pixel lies in memory, and what makes it grey."""
+
+    channels: int = 1
+    depth: int = 8
+    """Bits of one channel: 8 or 16."""
+    code: int | None = None
+    """OpenCV's conversion to grey."""
+    luma: int | None = None
+    """The channel that is already grey, as in YUV."""
+
+
+def _bayer(pattern: str, code: int) -> dict[str, _Layout]:
+    return {f"bayer_{pattern}{depth}": _Layout(depth=depth, code=code) for depth in (8, 16)}
+
+
+_LAYOUTS: Mapping[str, _Layout] = MappingProxyType(
+    {
+        "mono8": _Layout(),
+        "8UC1": _Layout(),
+        "mono16": _Layout(depth=16),
+        "16UC1": _Layout(depth=16),
+        "bgr8": _Layout(3, code=cv2.COLOR_BGR2GRAY),
+        "8UC3": _Layout(3, code=cv2.COLOR_BGR2GRAY),
+        "rgb8": _Layout(3, code=cv2.COLOR_RGB2GRAY),
+        "bgra8": _Layout(4, code=cv2.COLOR_BGRA2GRAY),
+        "rgba8": _Layout(4, code=cv2.COLOR_RGBA2GRAY),
+        "yuv422": _Layout(2, luma=1),
+        "uyvy": _Layout(2, luma=1),
+        "yuv422_yuy2": _Layout(2, luma=0),
+        "yuyv": _Layout(2, luma=0),
+        **_bayer("rggb", cv2.COLOR_BayerRGGB2GRAY),
+        **_bayer("bggr", cv2.COLOR_BayerBGGR2GRAY),
+        **_bayer("gbrg", cv2.COLOR_BayerGBRG2GRAY),
+        **_bayer("grbg", cv2.COLOR_BayerGRBG2GRAY),
+    }
+)
+ENCODINGS = tuple(_LAYOUTS)
+"""Encodings of raw images that can be read."""
+
+
+def grey(image: Any, bits: int = 16) -> Frame:
+    """The pixels (height, width) of a sensor_msgs Image or CompressedImage as 8-bit grey.
+
+    ``bits``: how many of a 16-bit channel's bits the sensor fills (12-bit sensors often leave the upper four empty).
+    mono8 is a view on the message's bytes. Raises InputError for an encoding or a size that can't be read.
+    """
+    return _compressed(image) if hasattr(image, "format") else _raw(image, bits)
+
+
+def _raw(image: Any, bits: int) -> Frame:
+    layout = _LAYOUTS.get(image.encoding)
+    if layout is None:
+        raise InputError(
+            f"image encoding {image.encoding!r} can't be read; known: {', '.join(ENCODINGS)}, or compressed"
+        )
+    rows = _to_grey(_rows(image, layout), layout)
+    if layout.depth == 8:
+        return np.asarray(rows, dtype=np.uint8)
+    # Saturated, not wrapped: a sensor that fills more bits than it was said to is white, not dark again.
+    return np.asarray(np.minimum(rows >> (bits - 8), 255), dtype=np.uint8)
+
+
+def _rows(image: Any, layout: _Layout) -> NDArray[Any]:
+    """The pixels (height, width[, channels]) without the padding at the ends of rows, in this machine's byte order."""
+    length = image.width * layout.channels * layout.depth // 8
+    data = np.frombuffer(image.data, dtype=np.uint8)
+    if not (image.height and image.width and image.step >= length and data.size >= image.height * image.step):
+        raise InputError(
+            f"{image.encoding} image of {image.width}x{image.height} with rows of {image.step} bytes, {data.size} in "
+            f"all: at least {image.height} rows of {length} are needed"
+        )
+    rows: NDArray[Any] = data[: image.height * image.step].reshape(image.height, image.step)[:, :length]
+    if layout.depth == 16:
+        rows = np.ascontiguousarray(rows).view(">u2" if image.is_bigendian else "<u2").astype(np.uint16)
+    return np.asarray(rows if layout.channels == 1 else rows.reshape(image.height, image.width, layout.channels))
+
+
+def _to_grey(rows: NDArray[Any], layout: _Layout) -> NDArray[Any]:
+    if layout.luma is not None:
+        return np.ascontiguousarray(rows[:, :, layout.luma])
+    if layout.code is None:
+        return rows
+    return np.asarray(cv2.cvtColor(np.ascontiguousarray(rows), layout.code))
+
+
+def _compressed(image: Any) -> Frame:
+    """JPEG or PNG, as image_transport sends them; its format tells a Bayer mosaic that was compressed as it was."""
+    data = np.frombuffer(image.data, dtype=np.uint8)
+    pixels = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    if pixels is None:
+        raise InputError(f"compressed image of format {image.format!r}: {data.size} bytes are not a picture")
+    encoding = image.format.partition(";")[0].strip()
+    mosaic = _LAYOUTS.get(encoding) if encoding.startswith("bayer") else None
+    return np.asarray(_to_grey(pixels, mosaic) if mosaic else pixels, dtype=np.uint8)

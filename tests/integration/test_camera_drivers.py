@@ -1,0 +1,97 @@
+"""Drivers of other makers: best effort in colour, or compressed only, gives the speeds that reliable mono8 gives."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from sensor_msgs.msg import CompressedImage, Image
+
+from sandbot_common import messages, node, topics
+from sandbot_common.files import read_yaml
+from sandbot_lab.cameras import LabCamera
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(300)]
+
+CAMERAS = Path(__file__).parents[2] / "ros_ws/src/sandbot_bringup/config/cameras.yaml"
+FRAMES, PERIOD_NS, SPEED = 20, 10_000_000, 0.2
+RAW = {"dorsal": topics.DORSAL_IMAGE.name, "lateral": topics.LATERAL_IMAGE.name}
+NOTHING = dict.fromkeys(RAW, np.full((480, 640), 60, np.uint8))
+RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+
+
+def mono8(header, pixels):
+    image = messages.image(0, "", pixels)
+    image.header = header
+    return image
+
+
+def bgr8(header, pixels):
+    height, width = pixels.shape
+    image = Image(header=header, height=height, width=width, encoding="bgr8", step=3 * width)
+    image.data.frombytes(np.repeat(pixels[..., None], 3, axis=-1).tobytes())
+    return image
+
+
+def png(header, pixels):
+    image = CompressedImage(header=header, format="mono8; png compressed mono8")
+    image.data.frombytes(cv2.imencode(".png", pixels)[1].tobytes())
+    return image
+
+
+DRIVERS = {
+    "mono8": (mono8, Image, RELIABLE, ""),
+    "bgr8, best effort": (bgr8, Image, qos_profile_sensor_data, ""),
+    "compressed, best effort": (png, CompressedImage, qos_profile_sensor_data, "/compressed"),
+}
+
+
+def films():
+    """A robot that moves evenly, from both sides."""
+    sections = read_yaml(CAMERAS)
+    views = {name: LabCamera(name, sections[name], seed=3) for name in RAW}
+    return [{name: view.render(0.3 + SPEED * n * 0.01, 0.025) for name, view in views.items()} for n in range(FRAMES)]
+
+
+def show(beside, driver, frames, start_ns, said):
+    """Send frame after frame, each when the one before has come back as a speed; the speeds."""
+    make, kind, qos, suffix = DRIVERS[driver]
+    cameras = {name: beside.node.create_publisher(kind, topic + suffix, qos) for name, topic in RAW.items()}
+    legs, led = (node.publisher(beside.node, topic) for topic in (topics.LEG_STATES, topics.SYNC_LED))
+    beside.until(lambda: all(one.get_subscription_count() for one in (*cameras.values(), legs, led)), 60.0)
+    led.publish(messages.header(start_ns, "sync_led"))
+    zero = np.zeros(6)
+
+    def is_said(stamp, views):
+        legs.publish(messages.joint_state(stamp, topics.LEGS, zero, zero, zero))
+        for name, pixels in views.items():
+            cameras[name].publish(make(messages.header(stamp, name), pixels))
+        return beside.wait(lambda: stamp in said, 1.0)
+
+    # Empty frames until the tracker has heard the legs and knows whose clock the stamps are.
+    assert any(is_said(start_ns + (n - 40) * PERIOD_NS, NOTHING) for n in range(40))
+    for n, views in enumerate(frames):
+        # Best effort may lose one.
+        assert any(is_said(start_ns + n * PERIOD_NS, views) for _ in range(20))
+    for one in (*cameras.values(), legs, led):
+        beside.node.destroy_publisher(one)
+    return [said[start_ns + n * PERIOD_NS] for n in range(FRAMES)]
+
+
+def test_every_driver_gives_the_same_speeds(start, beside):
+    said = {}
+
+    def hear(message):
+        said[messages.nanoseconds(message.header.stamp)] = message.twist.twist.linear.x
+
+    node.subscription(beside.node, topics.SPEED, hear)
+    start("ros2", "run", "sandbot_tracking", "tracker")
+    frames, start_ns = films(), beside.node.get_clock().now().nanoseconds
+    speeds = {
+        driver: show(beside, driver, frames, start_ns + 30_000_000_000 * turn, said)
+        for turn, driver in enumerate(DRIVERS)
+    }
+    assert speeds["mono8"][-1] == pytest.approx(SPEED, rel=0.05)
+    for driver, given in speeds.items():
+        assert given == pytest.approx(speeds["mono8"], abs=1e-6, nan_ok=True), driver
