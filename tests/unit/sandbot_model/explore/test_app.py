@@ -1,0 +1,111 @@
+"""The page without a browser: its outputs, its address, its second pane, and who may ask for it."""
+
+import time
+
+import pytest
+import yaml
+from made_up import Inline, made_up_trials
+
+from sandbot_common.errors import InputError
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.choice import Selection, from_mapping
+from sandbot_model.explore import app, nothing
+from sandbot_model.explore.actions import values_of
+from sandbot_model.explore.app import SHOWN, Beside, Explorer
+from sandbot_model.explore.session import Session
+
+
+def test_the_page_shows_one_value_for_each_output(session, trials, tmp_path):
+    explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "test")
+    session.ahead = lambda selection: None
+    values = explorer.show(Selection(effects=("leg_slip",), cell=1), "dark")
+    assert set(values) == set(SHOWN)
+    assert "leg slip" in values["status.children"]
+    assert values["message.children"] == ""
+    explorer.app()
+
+
+def test_an_address_sets_the_controls_that_stand_elsewhere(session, trials, tmp_path, monkeypatch):
+    explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "test")
+    session.ahead = lambda selection: None
+    made = {}
+    monkeypatch.setattr(app, "set_props", made.__setitem__)
+    explorer.on_address("?effect=leg_slip&cell=1", "dark", values_of(Selection()))
+    assert made == {
+        "effects": {"value": ["leg_slip"]},
+        "cell": {"value": 1},
+        "shown": {"data": "?effect=leg_slip&cell=1"},
+    }
+
+
+def test_the_saved_file_carries_the_numbers_shown(session, trials, tmp_path):
+    explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "test")
+    selection = Selection(effects=("leg_slip",))
+    saved = yaml.safe_load(explorer.saved(selection))
+    assert saved["result"]["rmse_m_s"] == pytest.approx(session.shown(selection).fit.rmse_m_s, rel=1e-3)
+    assert from_mapping(saved, "saved.yaml") == selection
+
+
+def test_a_discovery_that_fails_says_so(session, trials, tmp_path, monkeypatch):
+    explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "test")
+
+    def refuse(*_):
+        raise InputError("no replicates")
+
+    monkeypatch.setattr(session, "suggest", refuse)
+    explorer.begin(Selection())
+    limit = time.monotonic() + 5
+    while explorer.job.running and time.monotonic() < limit:
+        time.sleep(0.01)
+    assert explorer.job.failed == "No suggestion: no replicates"
+
+
+def test_a_limit_of_the_data_stands_on_the_page(tmp_path):
+    trials = made_up_trials(phis=(0.633,))
+    explorer = Explorer(Session(cells_of(trials), Inline()), trials, [tmp_path / "x.csv"], "one phi")
+    assert "every trial is at φ = 0.633" in str(explorer.app().layout)
+
+
+def test_data_that_show_nothing_get_a_page_that_says_why():
+    page = nothing.app("<lab>", "trials.csv: no trials: nothing below the header").test_client()
+    answer = page.get("/", headers={"Host": "127.0.0.1:8050"})
+    assert answer.status_code == 200
+    assert "nothing below the header" in answer.text
+    assert 'role="alert"' in answer.text
+    assert "&lt;lab&gt;" in answer.text
+    assert page.get("/", headers={"Host": "elsewhere.example"}).status_code == 403
+
+
+def test_a_second_data_set_is_shown_with_the_same_effects(session, trials, tmp_path):
+    other = Session(cells_of(made_up_trials(phis=(0.61, 0.62))), Inline())
+    other.ahead = session.ahead = lambda selection: None
+    explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "first", Beside(other, "the other lab"))
+    values = explorer.show(Selection(effects=("leg_slip",), cell=1), "light")
+    beside = str(values["beside.children"])
+    assert "the other lab" in beside
+    assert "leg slip" in beside
+
+
+def shown_by(explorer, selection):
+    return explorer.show(selection, "light")
+
+
+def test_two_models_stand_side_by_side_on_axes_that_end_alike(session, trials, tmp_path):
+    explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "lab")
+    session.ahead = lambda selection: None
+    alone = shown_by(explorer, Selection())
+    assert (alone["beside.children"], alone["pane-title.hidden"], alone["unpin.hidden"]) == ([], True, True)
+    both = shown_by(explorer, Selection(effects=("leg_slip",)).pin().toggled(["stance_overlap"]))
+    assert (both["pane-title.children"], both["pane-title.hidden"]) == ("lab: + stance overlap", False)
+    (pane,) = both["beside.children"]
+    title, body = pane.children
+    assert title.children == "lab: + leg slip, set beside"
+    other = body.children[0].children.figure
+    assert other["layout"]["yaxis"]["range"] == both["figure.figure"]["layout"]["yaxis"]["range"]
+    assert not both["unpin.hidden"]
+
+
+def test_only_this_host_is_answered(session, trials, tmp_path):
+    client = Explorer(session, trials, [tmp_path / "x.csv"], "test").app().server.test_client()
+    assert client.get("/", headers={"Host": "127.0.0.1:8050"}).status_code == 200
+    assert client.get("/", headers={"Host": "elsewhere.example"}).status_code == 403

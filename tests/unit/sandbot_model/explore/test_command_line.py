@@ -1,0 +1,92 @@
+"""What was saved in the page comes out of the command line; what makes no sense there is refused in one line."""
+
+import json
+import shlex
+import socket
+
+import pytest
+import yaml
+from made_up import BOOST, Inline
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.choice import Selection, to_yaml
+from sandbot_model.explore.app import Explorer
+from sandbot_model.explore.session import Session
+from sandbot_model.tools import compare as compare_tool
+from sandbot_model.tools import explore as explore_tool
+from sandbot_record.trials.csv_table import write_csv
+from sandbot_record.trials.read import read
+
+
+@pytest.mark.parametrize(
+    "selection",
+    [
+        Selection("full", ("leg_slip",)),
+        Selection(effects=("leg_slip", "boost"), formulas=(BOOST,)).held("delta_t_s", 0.3),
+    ],
+    ids=["effects", "formula and a held value"],
+)
+def test_compare_gives_the_very_numbers_that_were_saved(session, trials, tmp_path, capsys, selection):
+    """By the file, and by the command line that stands in it."""
+    write_csv(trials, tmp_path / "trials.csv")
+    again = cells_of(read(tmp_path / "trials.csv"))
+    saved = Explorer(Session(again, Inline()), trials, [tmp_path / "trials.csv"], "test").saved(selection)
+    (tmp_path / "explorer.yaml").write_text(saved, encoding="utf-8")
+    content = yaml.safe_load(saved)
+    commands = (
+        [str(tmp_path / "trials.csv"), "--selection", str(tmp_path / "explorer.yaml")],
+        shlex.split(content["command"])[1:],
+    )
+    for arguments in commands:
+        assert compare_tool.main([*arguments, "--json", str(tmp_path / "out.json")]) == 0
+        last = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["steps"][-1]
+        for name in ("rmse_m_s", "cv_rmse_m_s"):
+            assert last[name] == pytest.approx(content["result"][name], rel=1e-9)
+    assert ("held by hand" in capsys.readouterr().out) == bool(selection.by_hand)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--hold", "delta_t_s"], "--hold 'delta_t_s': a finite number is needed"),
+        (["--hold", "mass=1"], "parameter 'mass' is not one of delta_t_s"),
+        (["--hold", "delta_t_s=0.3", "--bootstrap", "2"], "has no standard error"),
+        (["--selection", "explorer.yaml", "--model", "full"], "leave out the options that say them too"),
+        (["--selection", "trials.csv"], "trials.csv"),
+    ],
+)
+def test_compare_refuses_a_state_that_makes_no_sense_in_one_line(
+    arguments, said, trials, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    write_csv(trials, tmp_path / "trials.csv")
+    (tmp_path / "explorer.yaml").write_text(to_yaml(Selection(), ["trials.csv"], {}), encoding="utf-8")
+    assert compare_tool.main(["trials.csv", *arguments]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--port", "99999"], "--port 99999 is not between 0 and 65535"),
+        (["--workers", "0"], "--workers 0: at least one is needed"),
+        (["--selection", "absent.yaml"], "absent.yaml: no such file"),
+        (["--beside", "absent.csv"], "absent.csv: no such file"),
+    ],
+)
+def test_the_command_line_refuses_in_one_line(arguments, said, trials, tmp_path, capsys, monkeypatch):
+    write_csv(trials, tmp_path / "trials.csv")
+    monkeypatch.chdir(tmp_path)
+    assert explore_tool.main(["trials.csv", *arguments]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+
+
+def test_a_port_in_use_is_said_in_one_line(trials, tmp_path, capsys):
+    write_csv(trials, tmp_path / "trials.csv")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        assert explore_tool.main([str(tmp_path / "trials.csv"), "--port", port, "--workers", "1"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"--port {port}" in line

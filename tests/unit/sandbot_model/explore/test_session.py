@@ -1,0 +1,84 @@
+"""Fits behind the page: those of ``compare``, each made once, none waited for without end."""
+
+from concurrent.futures import Executor, Future
+
+import pytest
+from made_up import EFFECTS, Inline
+
+from sandbot_common.errors import InputError
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.compare import compare
+from sandbot_model.explore import views
+from sandbot_model.explore.session import Session
+from sandbot_model.report.theme import LIGHT
+
+
+class Never(Executor):
+    """Workers that are always busy: nothing submitted ever begins."""
+
+    def submit(self, function, /, *arguments, **named):
+        return Future()
+
+
+def test_the_ladder_is_that_of_compare(session):
+    selection = Selection(effects=("leg_slip", "stance_overlap"))
+    ours = [step.fit for step in session.ladder(selection)]
+    theirs = compare(session.cells, EFFECTS, selection.effects)
+    for one, other in zip(ours, theirs, strict=True):
+        assert one.effects == other.effects
+        assert one.rmse_m_s == pytest.approx(other.rmse_m_s, rel=1e-3)
+        assert one.deviance == pytest.approx(other.deviance, abs=0.05)
+
+
+def test_a_set_fitted_once_is_not_fitted_again(session, monkeypatch):
+    selection = Selection(effects=("leg_slip",))
+    first = session.ladder(selection)
+    monkeypatch.setattr("sandbot_model.explore.session.fit", None)
+    assert session.ladder(selection) == first
+
+
+class Busy(Executor):
+    """Workers that say they are at it and never come to an end."""
+
+    def submit(self, function, /, *arguments, **named):
+        future = Future()
+        future.set_running_or_notify_cancel()
+        return future
+
+
+def test_a_worker_that_does_not_come_to_an_end_is_not_waited_for(trials):
+    session = Session(cells_of(trials), Busy())
+    assert session.ladder(Selection(effects=("leg_slip",)))[-1].fit.effects == ("leg_slip",)
+
+
+def test_what_no_worker_has_begun_is_fitted_here(trials):
+    session = Session(cells_of(trials), Never())
+    session.ahead(Selection())
+    assert set(session.promises(Selection()).values()) == {None}
+    assert session.ladder(Selection(effects=("leg_slip",)))[-1].fit.effects == ("leg_slip",)
+    assert session.promises(Selection())["leg_slip"] is not None
+
+
+def test_promises_are_the_errors_that_come_true(trials):
+    small = Session(cells_of(trials), Inline())
+    small.catalogue = lambda formulas=(): {name: EFFECTS[name] for name in ("leg_slip", "cable_drag")}
+    start = Selection(effects=("leg_slip",))
+    small.ladder(start)
+    small.ahead(start)
+    promises = small.promises(start)
+    assert set(promises) == {"leg_slip", "cable_drag"}
+    on = small.ladder(start.toggled(["leg_slip", "cable_drag"]))[-1].fit
+    off = small.ladder(Selection())[-1].fit
+    assert promises["cable_drag"] == pytest.approx((on.rmse_m_s, on.cv_rmse_m_s), rel=1e-6)
+    assert promises["leg_slip"] == pytest.approx((off.rmse_m_s, off.cv_rmse_m_s), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "selection",
+    [Selection(effects=("levitation",)), Selection().held("mass", 1.0), Selection(formulas=("nonsense",))],
+    ids=["effect", "parameter", "formula"],
+)
+def test_what_is_not_known_is_refused(session, selection):
+    with pytest.raises(InputError):
+        views.show(session, selection, LIGHT)

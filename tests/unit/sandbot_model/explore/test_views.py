@@ -1,0 +1,116 @@
+"""Every view has a figure and words for it, also on data that can't show everything."""
+
+from dataclasses import replace
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+from made_up import EFFECTS, Inline, made_up_trials
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.choice import VIEWS, Selection
+from sandbot_model.explore import behind, views
+from sandbot_model.explore.app import Explorer
+from sandbot_model.explore.session import Session
+from sandbot_model.physics.observables import NAMES, Observable
+from sandbot_model.report import text
+from sandbot_model.report.theme import LIGHT
+
+
+def test_a_value_held_by_hand_is_what_the_figures_show(session):
+    fitted = session.shown(Selection())
+    best = fitted.fit.parameters["delta_t_s"].value
+    held = session.shown(Selection().held("delta_t_s", 0.5 * best))
+    assert held.fit.parameters["delta_t_s"].value == pytest.approx(0.5 * best)
+    assert held.fit.rmse_m_s > fitted.fit.rmse_m_s
+    same = session.shown(Selection().held("delta_t_s", best))
+    assert same.fit.rmse_m_s == pytest.approx(fitted.fit.rmse_m_s, rel=1e-2)
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_every_view_has_a_figure(session, view):
+    shown = views.show(session, Selection(view=view, effects=("leg_slip",), cell=3), LIGHT)
+    assert "layout" in shown.figure
+    assert "error" in shown.status
+    assert "noise floor" in shown.status
+
+
+def test_a_view_that_the_data_can_not_fill_says_why():
+    session = Session(cells_of(made_up_trials(lift=False)), Inline())
+    for selection in (Selection(view="lock"), Selection(view="residuals", observable="lift")):
+        (said,) = views.show(session, selection, LIGHT).figure["layout"]["annotations"]
+        assert "not measured" in said["text"]
+
+
+def thin(kind):
+    """Trials that can't show everything."""
+    whole = made_up_trials(replicates=1 if kind == "one replicate" else 2)
+    if kind == "one φ":
+        whole = made_up_trials(phis=(0.633,))
+    if kind == "NaN rows":
+        speed = np.where(np.arange(len(whole)) % 3 == 0, np.nan, whole.speed_m_s)
+        lift = np.where(np.arange(len(whole)) % 4 == 0, np.nan, whole.lift_m)
+        return replace(whole, speed_m_s=speed, lift_m=lift)
+    if kind == "speed only":
+        nothing = np.full(len(whole), np.nan)
+        return replace(whole, lift_m=nothing, peak_speed_m_s=nothing, first_step_m=nothing)
+    return whole
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("one φ", "every trial is at φ = 0.633"),
+        ("one replicate", "no condition was repeated"),
+        ("NaN rows", "8 trials excluded, and why"),
+        ("speed only", "without lift there is no geometry lock"),
+        ("whole", None),
+    ],
+)
+def test_every_view_opens_on_thin_data_and_the_page_says_what_it_can_not_show(tmp_path, kind, said):
+    trials = thin(kind)
+    session = Session(cells_of(trials), Inline())
+    explorer = Explorer(session, trials, [tmp_path / "x.csv"], kind)
+    page = str(explorer.app().layout)
+    assert said in page if said else "Can’t be shown" not in page
+    for view in VIEWS:
+        for observable in NAMES if view == "residuals" else ("speed",):
+            shown = views.show(session, Selection(view=view, observable=observable, cell=1), LIGHT)
+            go.Figure(shown.figure)
+            go.Figure(shown.ladder)
+            assert "nan" not in f"{shown.says} {shown.status}"
+    assert behind.parts(trials, {}, session.shown(Selection()).fit, 1, LIGHT)
+
+
+def test_a_figure_is_told_in_words_with_its_numbers(session):
+    shown = views.show(session, Selection(view="residuals"), LIGHT)
+    fit = shown.current.fit
+    failing = [fail for fail in fit.fails if fail.observable == "speed"]
+    said = f"{len(failing)} of {len(fit.cells)} cells fail" if failing else "no cell fails"
+    assert said in shown.says
+    fastest = 100 * np.nanmax(fit.cells.mean[:, Observable.speed])
+    assert f"Fastest: {fastest:.2f} cm/s" in views.show(session, Selection(), LIGHT).says
+    for view in VIEWS:
+        one = views.show(session, Selection(view=view), LIGHT)
+        assert one.says
+        assert one.how
+        assert "nan" not in one.says
+
+
+def test_values_held_by_hand_have_no_band(session):
+    fitted = views.show(session, Selection(), LIGHT).figure
+    held = views.show(session, Selection().held("delta_t_s", 0.3), LIGHT).figure
+    assert any("fill" in trace for trace in fitted["data"])
+    assert not any("fill" in trace for trace in held["data"])
+
+
+def test_an_effect_that_is_on_shows_its_values_and_what_it_brings(session):
+    step = session.shown(Selection(effects=("leg_slip",)))
+    value, stderr = step.fit.parameters["leg_slip.sigma"]
+    assert views.values(EFFECTS["leg_slip"], step).endswith(f" {text.with_error(value, stderr)}")
+    assert views.values(EFFECTS["disturbed_ground"], step) == ""
+    assert views.promise((0.01, 0.02), False, 0.03) == "on: 1.00 cm/s ▼ 2.00"
+    assert views.promise((0.03, 0.02), True, 0.01) == "off: 3.00 cm/s ▲ 2.00"
+    assert views.promise((0.01, 0.02), False, 0.01) == "on: 1.00 cm/s"
+    assert views.promise(None, False, 0.01) == "…"
+    assert views.promise((np.nan, np.nan), False, 0.01) == "no fit"
