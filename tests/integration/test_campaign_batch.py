@@ -168,7 +168,7 @@ def test_next_trials_extend_the_campaign_once(done, tmp_path, capsys):
 
 @pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
 def test_stopped_at_any_moment_it_leaves_only_whole_bags_and_goes_on(tmp_path, start, how, code):
-    plan = write_plan(tmp_path, replicates=3, images="none")
+    plan = write_plan(tmp_path, omega_rad_s=[20.0, 26.0], replicates=3, images="none")  # short trials
     out = tmp_path / "out"
     process = start("ros2", "run", "sandbot_bringup", "campaign", plan, "--out", out, "--batch")
     process.until(lambda line: re.search(r" [1-9]\d?/12", line) is not None, 120)
