@@ -233,7 +233,7 @@ class Fit:
             f"{self.name}: fitted to {cells.trials} trials in {len(cells)} conditions",
             *(f"  {name:<28}{estimate}" for name, estimate in self.estimates()),
             f"  {'error of mean speed':<28}{cm_s(self.rmse_m_s)} in sample, {cm_s(self.cv_rmse_m_s)} out of sample",
-            f"  {'lack of fit':<28}p = {probability(self.lack_of_fit_p)}",
+            f"  {'lack of fit p':<28}{probability(self.lack_of_fit_p)}",
         ]
         return "\n".join(lines)
 

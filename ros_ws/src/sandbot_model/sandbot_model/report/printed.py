@@ -28,8 +28,14 @@ def speed(steps: Sequence[Step]) -> "Figure":
 
     The figure is tied to no window and no pyplot state; ``savefig`` writes it. Raises InputError without Matplotlib.
     """
+    rc_context, figure_class = _matplotlib()
+    with rc_context(FONT):
+        return _drawn(figure_class, steps)
+
+
+def _drawn(figure_class: type["Figure"], steps: Sequence[Step]) -> "Figure":
     rows = bands(steps[-1].fit.cells)
-    figure, panels = _panels(len(rows))
+    figure, panels = _panels(figure_class, len(rows))
     colours = [_rgb(colour) for colour in LIGHT.phi_colours(len(steps[-1].fit.cells.level_phi))]
     top = 1.1 * CM * float(max(np.nanmax(measured(steps[-1].fit.cells, "speed")), np.max(steps[-1].speed_m_s)))
     for number, (band, panel) in enumerate(zip(rows, panels, strict=True)):
@@ -47,8 +53,8 @@ def speed(steps: Sequence[Step]) -> "Figure":
     return figure
 
 
-def _panels(count: int) -> tuple["Figure", "list[Axes]"]:
-    """A figure with so many panels on common axes; it shows itself in a notebook."""
+def _matplotlib() -> tuple[Any, type["Figure"]]:
+    """Matplotlib's settings for a while, and a figure that a notebook shows without pyplot's state."""
     try:
         from matplotlib import rc_context
         from matplotlib.figure import Figure
@@ -56,18 +62,20 @@ def _panels(count: int) -> tuple["Figure", "list[Axes]"]:
         raise InputError("plot: Matplotlib is not installed; pip install 'sandbot_model[plot]'") from None
 
     class Picture(Figure):
-        """A figure that a notebook shows without pyplot's state."""
-
         def _repr_png_(self) -> bytes:
             content = io.BytesIO()
             self.savefig(content, format="png", dpi=144)
             return content.getvalue()
 
+    return rc_context, Picture
+
+
+def _panels(figure_class: type["Figure"], count: int) -> tuple["Figure", "list[Axes]"]:
+    """A figure with so many panels on common axes."""
     columns = min(COLUMNS, count)
     lines = math.ceil(count / columns)
-    with rc_context(FONT):
-        figure = Picture(figsize=(WIDTH_IN, 0.6 + PANEL_HEIGHT_IN * lines), layout="constrained")
-        grid = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
+    figure = figure_class(figsize=(WIDTH_IN, 0.6 + PANEL_HEIGHT_IN * lines), layout="constrained")
+    grid = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
     panels = list(grid.flat)
     for spare in panels[count:]:
         spare.set_visible(False)
