@@ -25,10 +25,12 @@ json.dump({"shown": shown, "ros": "rclpy" in sys.modules}, sys.stdout)
 
 def same(word, other):
     """Whether two words are alike, numbers to one part in a thousand: the last digits are the machine's."""
+    if word == other:
+        return True
     try:
         return math.isclose(float(word), float(other), rel_tol=1e-3, abs_tol=1e-12)
     except ValueError:
-        return word == other
+        return False
 
 
 @pytest.mark.slow
