@@ -413,7 +413,7 @@ def test_one_row_is_a_table_but_shows_nothing(tmp_path, run):
         discover, [str(tmp_path / "t.csv"), "--json", str(found), "--workers", "1", "--max-effects", "0"]
     )
     verdict = json.loads(found.read_text())["verdict"]
-    assert (code, verdict["status"], verdict["effects"]) == (0, "unexplained", [])
+    assert (code, verdict["status"], verdict["effects"]) == (0, "untested", [])
     assert "no cell has replicates" in out
 
 

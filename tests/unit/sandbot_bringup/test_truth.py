@@ -20,6 +20,8 @@ def verdict(status, effects=(), alternatives=()):
         ({"a"}, verdict("ambiguous", ["b"], [["b"], ["a"]]), True),
         ({"a"}, verdict("ambiguous", ["b"], [["b"], ["c"]]), False),
         ({"a"}, verdict("unexplained"), False),
+        ({"a"}, verdict("untested"), False),
+        (set(), verdict("untested"), False),
     ],
 )
 def test_only_the_truth_agrees(truth, given, agrees):

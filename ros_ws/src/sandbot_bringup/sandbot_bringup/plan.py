@@ -210,7 +210,7 @@ def _placed(
 
 
 def with_next_trials(plan: Plan, path: Path) -> Plan:
-    """The plan extended by the ``next_trials`` of a discovery JSON (schema sandbot.discovery/1), each only once."""
+    """The plan extended by the ``next_trials`` of a discovery JSON (sandbot.discovery/1 or /2), each only once."""
     content = read_json(path)
     proposed = content.get("next_trials") if isinstance(content, dict) else content
     if not isinstance(proposed, list) or not proposed:

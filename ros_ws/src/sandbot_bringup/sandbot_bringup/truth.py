@@ -26,10 +26,11 @@ class Agreement:
 
 
 def judge(truth: frozenset[str], verdict: dict[str, Any]) -> Agreement:
-    """Compare the effects really present with a discovery's ``verdict`` (schema sandbot.discovery/1).
+    """Compare the effects really present with a discovery's ``verdict`` (schema sandbot.discovery/1 or /2).
 
     Right is: adequate where nothing is hidden; identified with exactly the hidden set; ambiguous with the hidden set
-    among the alternatives. Everything else is wrong, ``unexplained`` included.
+    among the alternatives. Everything else is wrong, ``unexplained`` and
+    ``untested`` included.
     """
     status = verdict["status"]
     named = frozenset(verdict["effects"])
@@ -43,6 +44,8 @@ def judge(truth: frozenset[str], verdict: dict[str, Any]) -> Agreement:
         among = truth in alternatives
         where = "among" if among else "not among"
         return Agreement(among, f"the sealed truth holds {hidden}, {where} the {len(alternatives)} sets left open")
+    if status == "untested":
+        return Agreement(False, f"the sealed truth holds {hidden}; the verdict was that nothing could be tested")
     return Agreement(False, f"the sealed truth holds {hidden}; the verdict was that no set of the catalogue fits")
 
 

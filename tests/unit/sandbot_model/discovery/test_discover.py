@@ -40,7 +40,7 @@ def test_a_planted_effect_is_identified_and_the_file_says_so(drawn):
     assert found.candidates[0].effect == "stance_overlap"
     assert found.candidates[0].delta_bic < -10
     content = json.loads(json.dumps(found.to_dict(), allow_nan=False))
-    assert content["schema"] == "sandbot.discovery/1"
+    assert content["schema"] == "sandbot.discovery/2"
     assert set(content) >= {"data", "noise_floor_m_s", "steps", "candidates", "verdict", "next_trials"}
     assert [step["effects"] for step in content["steps"]] == [[], ["stance_overlap"]]
     said = repr(found)

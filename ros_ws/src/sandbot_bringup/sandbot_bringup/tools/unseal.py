@@ -12,6 +12,8 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import read_json
 from sandbot_lab.world import read_world
 
+SCHEMAS = ("sandbot.discovery/1", "sandbot.discovery/2")
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Console script; exit code 1 where the verdict and the truth disagree."""
@@ -31,7 +33,7 @@ def command(argv: Sequence[str]) -> int:
         found = summary(discovery)
         agreement = judge(truth_of(read_world(folder.truth), read_plan(folder.plan_file)), discovery["verdict"])
     except (KeyError, TypeError, AttributeError, IndexError) as error:
-        raise InputError(f"{path}: not a whole discovery of schema sandbot.discovery/1: {error!r}") from None
+        raise InputError(f"{path}: not a whole discovery of schema sandbot.discovery/1 or /2: {error!r}") from None
     print(found)
     print(f"truth:   {'agrees' if agreement.agrees else 'DISAGREES'}: {agreement.line}")
     return 0 if agreement.agrees else 1
@@ -56,8 +58,8 @@ def _cm_s(speed_m_s: float | None) -> str:
 
 def _read(path: Path) -> dict[str, Any]:
     content = read_json(path, remedy=f"; make it with: discover FOLDER --json {path}")
-    if not isinstance(content, dict) or content.get("schema") != "sandbot.discovery/1":
-        raise InputError(f"{path}: not a discovery of schema sandbot.discovery/1")
+    if not isinstance(content, dict) or content.get("schema") not in SCHEMAS:
+        raise InputError(f"{path}: not a discovery of schema {' or '.join(SCHEMAS)}")
     if not content.get("steps"):
         raise InputError(f"{path}: a discovery with no steps")
     return content

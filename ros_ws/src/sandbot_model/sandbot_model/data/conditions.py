@@ -15,6 +15,7 @@ from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error
 from sandbot_model.data.regime import swum_at_once, walks
+from sandbot_model.data.stated_error import stated_variance, with_stated
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, peak_is_resolved, slow_phase_ratio
 from sandbot_model.physics.observables import NAMES, USUAL_NOISE, Observable
 from sandbot_record.trials.table import Trials
@@ -103,7 +104,8 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     blurred = [not peak_is_resolved(name, frequency, rate_hz) for name, frequency in zip(gait, omega, strict=True)]
     values[blurred, Observable.peak_speed] = np.nan
     values[swum_at_once(gait, omega, values), Observable.first_step] = np.nan
-    cells = _gather(phi, omega, gait, values, excluded=int((~usable).sum()))
+    stated = np.stack([trials.replicate, trials.speed_sd_m_s, trials.phi_sd])[:, usable]
+    cells = _gather(phi, omega, gait, values, stated, excluded=int((~usable).sum()))
     cells = replace(cells, robot=trials.robot or SANDBOT)
     return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi))
 
@@ -139,7 +141,7 @@ class _Groups:
             return np.where(n > 1, np.sqrt(np.stack(squares, axis=-1) / (n - 1)), np.nan)
 
 
-def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, excluded: int) -> Cells:
+def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, stated: Floats, excluded: int) -> Cells:
     """Cells of the usable trials."""
     level = phi_levels(phi)
     gaits, gait_index = np.unique(gait, return_inverse=True)
@@ -152,6 +154,8 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
     values, rho = _at_level_phi(values, phi - level_phi[level], phi - cell_phi[cell], cells, keys, level_phi)
     mean, count = cells.means(values), cells.measured(values)
     error = pure_error(values - mean[cell], cell, count, walking, cells.mean(omega))
+    slope = local_slope(mean, keys, level_phi, walking)[cell, Observable.speed]
+    error = with_stated(error, cells.mean(stated_variance(stated, slope)))
     covariance = _of_the_mean(error.covariance, count) + _accuracy(mean)
     names = tuple(str(gaits[index]) for index in keys[1])
     return Cells(

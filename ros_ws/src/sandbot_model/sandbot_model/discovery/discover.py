@@ -24,6 +24,7 @@ from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
+from sandbot_model.discovery.untested import repeats, untested
 from sandbot_model.discovery.verdict import Sets, Verdict, judge, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.fit import Fit
@@ -32,7 +33,7 @@ from sandbot_model.fitting.plain import data_summary, number, plain
 from sandbot_model.fitting.text import html_table, table
 from sandbot_model.physics.effect import Effect
 
-SCHEMA = "sandbot.discovery/1"
+SCHEMA = "sandbot.discovery/2"
 WIDTH = 100
 """Columns of printed text."""
 LEADING = 8
@@ -68,7 +69,7 @@ class Discovery:
         return self.steps[-1]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data of schema ``sandbot.discovery/1``; numbers that are not known are None."""
+        """Plain data of schema ``sandbot.discovery/2``; numbers that are not known are None."""
         return {
             "schema": SCHEMA,
             "model": self.model,
@@ -101,9 +102,9 @@ class Discovery:
         return f"{self.verdict.status}: {' + '.join(self.verdict.effects)}" if named else self.verdict.status
 
     def __repr__(self) -> str:
-        best = f"best in {100 * self.stability:.0f} % of bootstrap draws"
+        best = f" (best in {100 * self.stability:.0f} % of bootstrap draws)" if np.isfinite(self.stability) else ""
         lines = [
-            f"{self.headline} ({best})",
+            f"{self.headline}{best}",
             textwrap.fill(self.verdict.because, WIDTH),
             "",
             table(ladder_rows(self.steps)),
@@ -137,8 +138,9 @@ def discover(
     """
     search = EffectSearch(cells, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
     doubted = doubts(cells)
-    search.run(0 if doubted else max_effects)
-    verdict = _of_another_robot(doubted) if doubted else judge(search.fits, criteria)
+    at_once = _of_another_robot(doubted) if doubted else untested(cells, criteria)
+    search.run(0 if at_once else max_effects)
+    verdict = at_once or judge(search.fits, criteria)
     if strange := strange_k(search.fits[()]):
         verdict = replace(verdict, because=f"{verdict.because}; {strange}")
     ladder = search.ladder(verdict)
@@ -147,6 +149,8 @@ def discover(
     if hidden:
         trials = excluding(search.fits[()], hidden)
         verdict = replace(verdict, because=f"{verdict.because}; {_not_excluded(hidden, trials, criteria)}")
+    elif verdict.status == "untested":
+        trials = repeats(cells)
     else:
         trials = next_trials([search.fits[names] for names in verdict.alternatives])
     if verdict.status == "ambiguous":
@@ -161,7 +165,7 @@ def discover(
         verdict=verdict,
         next_trials=tuple(trials),
         unseen=tuple(fit.effects[0] for fit in hidden),
-        stability=_stability(search.fits, verdict, criteria),
+        stability=float("nan") if verdict.status == "untested" else _stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
         residual=formula_to_try(search) if verdict.status == "unexplained" and not doubted else None,
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),

@@ -1,4 +1,4 @@
-"""Adequate, identified, ambiguous or unexplained: the rules of a verdict, which is never forced."""
+"""Adequate, identified, ambiguous, unexplained or untested: the rules of a verdict, which is never forced."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ Sets = Mapping[tuple[str, ...], Fit]
 
 @dataclass(frozen=True)
 class Verdict:
-    """``status`` is adequate, identified, ambiguous or unexplained; ``because`` is one sentence with numbers."""
+    """``status`` is adequate, identified, ambiguous, unexplained or untested; ``because`` one sentence with numbers."""
 
     status: str
     effects: tuple[str, ...]
@@ -81,7 +81,7 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
     base = fits[()]
     if np.isnan(base.lack_of_fit_p):
         return Verdict(
-            "unexplained", (), (), "no cell has replicates, so pure error is unknown and nothing can be tested"
+            "untested", (), (), "the base model has as many parameters as there are cell means: nothing is left to test"
         )
     helpful = [key for key in fits if len(key) == 1 and worth(fits, key, (), criteria)]
     if passes(base, criteria) and not helpful:

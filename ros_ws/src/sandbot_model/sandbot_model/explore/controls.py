@@ -1,5 +1,6 @@
 """The page's parts: what stands where, with a name for each control. No fit and no figure is made here."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -186,7 +187,7 @@ def suggestion(found: Discovery) -> list[Any]:
         left = found.residual
         parts.append(html.P([f"What is left: {left.sentence}. To try as your own effect: ", html.Code(left.formula)]))
     if found.next_trials:
-        rows = [(t.where, observable_label(t.observable), f"{t.expected_gap_sd:.1f} s.d.") for t in found.next_trials]
+        rows = [(t.where, observable_label(t.observable), _gap(t.expected_gap_sd)) for t in found.next_trials]
         parts.append(_table("Next trials", ("at", "watch", "expected gap"), rows))
     return parts
 
@@ -313,3 +314,8 @@ def _table(caption: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> 
             html.Tbody([html.Tr([html.Td(cell) for cell in row]) for row in rows]),
         ]
     )
+
+
+def _gap(expected_sd: float) -> str:
+    """The gap a trial is to show; none where it is to show the scatter itself."""
+    return f"{expected_sd:.1f} s.d." if math.isfinite(expected_sd) else "scatter"

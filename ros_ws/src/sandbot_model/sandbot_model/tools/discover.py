@@ -1,5 +1,6 @@
 """discover: find the physical effect the model lacks, or say that none is missing, or which can't be told apart."""
 
+import math
 import sys
 from collections.abc import Sequence
 
@@ -70,7 +71,8 @@ def _print(found: Discovery) -> None:
         print(f"what is left: {found.residual.sentence}\ntry: compare DATA {found.residual.options}\n")
     verdict = found.verdict
     named = f": {' + '.join(verdict.effects)}" if verdict.status in ("identified", "ambiguous") else ""
-    print(f"stability: best in {100 * found.stability:.0f} % of bootstrap draws")
+    if math.isfinite(found.stability):
+        print(f"stability: best in {100 * found.stability:.0f} % of bootstrap draws")
     print(f"verdict: {verdict.status}{named} - {verdict.because}")
 
 

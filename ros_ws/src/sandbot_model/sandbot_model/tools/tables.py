@@ -113,7 +113,7 @@ def next_trials(discovery: Discovery) -> str:
                 one.where,
                 one.observable,
                 " | ".join(one.separates),
-                f"{one.expected_gap_sd:.1f}",
+                f"{one.expected_gap_sd:.1f}" if np.isfinite(one.expected_gap_sd) else "-",
                 str(one.replicates),
             ]
         )

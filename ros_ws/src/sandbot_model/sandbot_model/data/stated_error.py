@@ -1,0 +1,41 @@
+"""Error bars that come with the data: a row that is a mean read off a figure says itself how sure it is.
+
+A row with a replicate number is one trial; its ``speed_sd_m_s`` is that of the measurement alone, which says nothing of
+what replicates scatter. A row without one stands for all trials of its condition, and its error bar is pure error.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_model.data.pure_error import FLOOR, PureError
+from sandbot_model.physics.observables import Observable
+
+Floats = NDArray[np.float64]
+
+TRIALS_BEHIND = 3
+"""An error bar is worth that of so many trials: how well it is known itself, nobody states."""
+
+
+def stated_variance(stated_columns: Floats, slope: Floats) -> Floats:
+    """Variance of the speed ``(n,)`` [m²/s²] by the error bars of v and φ, ``slope`` being ∂v/∂φ; NaN where not stated.
+
+    ``stated_columns (3, n)`` are the table's replicate, speed_sd_m_s and phi_sd.
+    """
+    replicate, speed_sd, phi_sd = stated_columns
+    stated = ~np.isfinite(replicate) & (speed_sd > 0)
+    return np.where(stated, speed_sd**2 + (slope * np.nan_to_num(phi_sd)) ** 2, np.nan)
+
+
+def with_stated(error: PureError, variance: Floats) -> PureError:
+    """Pure error by the error bars of the cells ``(cells,)``; where speed was replicated, the replicates speak."""
+    stated = np.isfinite(variance)
+    if error.dof[Observable.speed] or not stated.any():
+        return error
+    common = float(np.mean(variance[stated]))
+    covariance, sd, dof = error.covariance.copy(), error.sd.copy(), error.dof.copy()
+    covariance[:, Observable.speed, Observable.speed] = np.maximum(np.where(stated, variance, common), FLOOR**2)
+    sd[Observable.speed] = np.sqrt(common)
+    dof[Observable.speed] = (TRIALS_BEHIND - 1) * stated.sum()
+    return replace(error, covariance=covariance, sd=sd, dof=dof)

@@ -1,0 +1,58 @@
+"""Untested: whether pure error is known well enough for a test to mean anything, decided before any search."""
+
+import numpy as np
+from scipy.stats import chi2
+
+from sandbot_model.data.conditions import Cells
+from sandbot_model.discovery.criteria import Criteria
+from sandbot_model.discovery.next_trials import NextTrial
+from sandbot_model.discovery.verdict import Verdict
+
+CONDITIONS, MORE = 6, 2
+"""Conditions that are to be repeated, and how often: their scatter is then known on twelve degrees of freedom."""
+
+
+def untested(cells: Cells, criteria: Criteria) -> Verdict | None:
+    """The verdict where a gross miss would pass; None where the data can refuse a model."""
+    known = int(cells.pure_error_dof.max())
+    if known and (passing := unnoticed(known, criteria)) <= criteria.gross:
+        return None
+    what = (
+        f"replicates give {known} degrees of freedom of pure error, on which a model that misses every cell mean by "
+        f"{passing:.0f} standard errors would pass"
+        if known
+        else "no cell has replicates and no error bars are given, so pure error is unknown and nothing can be tested"
+    )
+    more = f"{MORE} more trials at each of {min(CONDITIONS, len(cells))} conditions would do (next trials)"
+    return Verdict("untested", (), (), f"{what}; {more}")
+
+
+def unnoticed(known: int, criteria: Criteria) -> float:
+    """Miss of every cell mean, in standard errors, that passes on so many degrees of freedom of pure error.
+
+    The lack-of-fit F test with many cells: F(p; ∞, ν) = ν/χ²(p; ν).
+    """
+    return float(np.sqrt(known / chi2.ppf(criteria.lack_of_fit, known)))
+
+
+def repeats(cells: Cells) -> list[NextTrial]:
+    """Conditions to repeat, spread over φ and ω as far as they go."""
+    spans = np.stack([cells.phi, cells.omega], axis=-1)
+    width = np.ptp(spans, axis=0)
+    places = (spans - spans.min(axis=0)) / np.where(width > 0, width, 1.0)
+    chosen = [int(np.argmin(places.sum(axis=1)))]
+    while len(chosen) < min(CONDITIONS, len(cells)):
+        distance = np.linalg.norm(places[:, None] - places[chosen], axis=-1).min(axis=1)
+        distance[chosen] = -1.0
+        chosen.append(int(np.argmax(distance)))
+    return [
+        NextTrial(
+            phi=float(cells.level_phi[cells.level[one]]),
+            omega_rad_s=float(cells.omega[one]),
+            observable="speed",
+            separates=("scatter of replicates", "a miss of the model"),
+            expected_gap_sd=float("nan"),
+            replicates=MORE,
+        )
+        for one in sorted(chosen)
+    ]

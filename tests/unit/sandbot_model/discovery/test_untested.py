@@ -1,0 +1,102 @@
+"""Where pure error is unknown, or known so poorly that a gross miss would pass, nothing is claimed."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sandbot_lab.direct import direct_trials
+from sandbot_lab.world import World, null_world
+from sandbot_model.data.conditions import cells_of, noise_floor
+from sandbot_model.discovery.criteria import DEFAULT
+from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.untested import repeats, unnoticed, untested
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_record.trials.table import Row, from_rows
+
+PHI = np.linspace(0.58, 0.633, 7).tolist()
+OMEGA = [4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 30.0]
+DISTURBED = World(effects={"disturbed_ground": {"k_l_n_per_m": 175.0, "s_c": 0.95}})
+
+
+def rows(world, replicates=1, seed=3):
+    return [Row(**row) for row in direct_trials(world, PHI, OMEGA, replicates=replicates, seed=seed)]
+
+
+def one_replicated():
+    """49 conditions, one of them three times."""
+    return [
+        row for row in rows(DISTURBED, 3) if row.replicate == 0 or (row.omega_rad_s == 8 and "0.580" in row.trial_id)
+    ]
+
+
+def as_figure(found, sd):
+    """The same numbers as a digitised figure has them: no replicate numbers, an error bar each."""
+    return from_rows(
+        [
+            replace(row, replicate=np.nan, speed_sd_m_s=sd, lift_m=np.nan, peak_speed_m_s=np.nan, first_step_m=np.nan)
+            for row in found
+        ]
+    )
+
+
+@pytest.mark.parametrize("found", [one_replicated(), rows(DISTURBED)], ids=["one condition", "none"])
+def test_a_gross_miss_is_not_called_adequate(found):
+    cells = cells_of(from_rows(found))
+    began = time.process_time()
+    verdict = untested(cells, DEFAULT)
+    assert time.process_time() - began < 0.1
+    assert verdict.status == "untested"
+    result = discover(cells, catalogue())
+    assert (result.verdict.status, result.verdict.effects) == ("untested", ())
+    assert [step.effects for step in result.steps] == [()]
+    content = result.to_dict()
+    assert content["schema"] == "sandbot.discovery/2"
+    assert content["verdict"]["status"] == "untested"
+    assert content["stability"] is None
+    assert len(content["next_trials"]) == 6
+    assert {trial["replicates"] for trial in content["next_trials"]} == {2}
+
+
+def test_what_is_to_be_repeated_makes_it_testable():
+    found = rows(DISTURBED, 3)
+    wanted = {(round(one.phi, 2), one.omega_rad_s) for one in repeats(cells_of(from_rows(rows(DISTURBED))))}
+    assert len(wanted) == 6
+    measured = [row for row in found if row.replicate == 0 or (round(row.phi, 2), row.omega_rad_s) in wanted]
+    cells = cells_of(from_rows(measured))
+    assert untested(cells, DEFAULT) is None
+    assert discover(cells, {}).verdict.status == "unexplained"
+
+
+def test_replicates_throughout_are_tested():
+    assert untested(cells_of(from_rows(rows(null_world(), 2))), DEFAULT) is None
+
+
+def test_the_gross_miss_is_that_of_the_f_test():
+    assert unnoticed(6, DEFAULT) == pytest.approx(2.98, abs=0.01)
+    assert unnoticed(2, DEFAULT) > 10
+    assert all(unnoticed(one, DEFAULT) > unnoticed(one + 1, DEFAULT) for one in range(1, 40))
+
+
+def test_error_bars_of_a_figure_are_pure_error():
+    cells = cells_of(as_figure(rows(null_world()), 0.005))
+    assert noise_floor(cells)["speed"] == pytest.approx(0.005, rel=0.2)
+    assert discover(cells, {}).verdict.status == "adequate"
+    assert discover(cells_of(as_figure(rows(DISTURBED), 0.005)), {}).verdict.status == "unexplained"
+
+
+def test_an_error_bar_of_phi_widens_that_of_the_speed():
+    plain = as_figure(rows(null_world()), 0.005)
+    floors = [noise_floor(cells_of(replace(plain, phi_sd=np.full(49, sd))))["speed"] for sd in (0.0, 0.002)]
+    assert floors[1] > 1.2 * floors[0]
+
+
+def test_the_accuracy_of_one_trial_is_no_pure_error():
+    # A campaign's own rows say how well tracking measured each trial, not what trials scatter.
+    assert untested(cells_of(from_rows(rows(null_world()))), DEFAULT).status == "untested"
+
+
+def test_where_speed_is_replicated_the_replicates_speak():
+    found = from_rows([replace(row, speed_sd_m_s=0.05) for row in rows(null_world(), 3)])
+    assert noise_floor(cells_of(found))["speed"] < 0.01
