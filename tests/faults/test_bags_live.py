@@ -176,11 +176,28 @@ def test_killed_at_any_moment_all_but_the_last_second_comes_back(tmp_path, batch
                 for one, bag in zip(running, bags, strict=True):
                     wait_for_messages(one, bag)  # within the first second there may be nothing yet to bring back
                 for one, bag in zip(running, bags, strict=True):
-                    time.sleep(draw.uniform(0.1, 1.2))
-                    killed_ns = time.time_ns()
-                    one.kill()
-                    one.wait()
-                    check_recovered(bag, killed_ns)
+                    check_recovered(bag, AllButTheLastSecond(one, source, draw.uniform(0.1, 1.2)))
+
+
+def starved_ns(*processes: subprocess.Popen) -> int:
+    """For how long threads of these were ready to run and got no CPU, so far: a busy machine's share of any delay."""
+    tasks = (task for one in processes for task in Path(f"/proc/{one.pid}/task").iterdir())
+    return sum(int((task / "schedstat").read_text().split()[1]) for task in tasks)
+
+
+class AllButTheLastSecond:
+    """Kills a recorder; what was recovered then may lack a second, and what the machine held both ends up for."""
+
+    def __init__(self, record: subprocess.Popen, source: subprocess.Popen, lived_s: float) -> None:
+        before = starved_ns(record, source)
+        time.sleep(lived_s)
+        self._lost_ns = 1_000_000_000 + starved_ns(record, source) - before
+        self._killed_ns = time.time_ns()
+        record.kill()
+        record.wait()
+
+    def includes(self, last_ns: int) -> bool:
+        return self._killed_ns - last_ns < self._lost_ns
 
 
 def wait_for_messages(record: subprocess.Popen, bag: Path) -> None:
@@ -196,7 +213,7 @@ def wait_for_messages(record: subprocess.Popen, bag: Path) -> None:
         time.sleep(0.05)
 
 
-def check_recovered(bag: Path, killed_ns: int) -> None:
+def check_recovered(bag: Path, killed: AllButTheLastSecond) -> None:
     target = bag.with_name(f"{bag.name}-recovered")
     recover(bag, target)
     legs = Bag.open(target).columns("/leg_states", "position", *FIELD_STAMP)
@@ -205,7 +222,7 @@ def check_recovered(bag: Path, killed_ns: int) -> None:
     # lost in the kill would be a thousand messages, a tenth of a second of stall is a hundred.
     assert (np.diff(numbers) >= 1).all()
     assert np.diff(numbers).max() < 300
-    assert killed_ns - legs.log_time_ns[-1] < 1_000_000_000
+    assert killed.includes(legs.log_time_ns[-1])
     with Reader(target) as reader:
         assert sum(1 for _ in reader.messages()) == reader.message_count == len(numbers)
     shutil.rmtree(bag)
@@ -247,14 +264,12 @@ def test_frames_in_a_video_are_all_there_and_outlive_a_kill(tmp_path, codec):
             with recorder(*names, *video, "--out", bag) as record:
                 until(record, "recording to")
                 wait_for_messages(record, bag)
-                time.sleep(draw.uniform(0.5, 1.5))
-                killed_ns = time.time_ns()
-                record.kill()
+                killed = AllButTheLastSecond(record, source, draw.uniform(0.5, 1.5))
             recover(bag, tmp_path / f"r{number}")
             frames = frame_numbers(tmp_path / f"r{number}")
             assert (np.diff(frames) == 20).all()
             last = Timeline(Bag.open(tmp_path / f"r{number}"), [IMAGES]).times_ns[-1]
-            assert killed_ns - last < 1_000_000_000
+            assert killed.includes(last)
 
 
 def test_a_video_that_no_longer_fits_stops_the_recording_and_says_so(tmp_path):
