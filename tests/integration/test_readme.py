@@ -182,6 +182,7 @@ def test_the_example_table_alone_is_enough(run, tmp_path):
     assert run("sandbot_model", "compare", path).startswith("2 trials in 1 cells")
 
 
+@pytest.mark.slow
 def test_discover_writes_what_the_readme_says(run, table, tmp_path):
     found, page = tmp_path / "discovery.json", tmp_path / "report.html"
     run("sandbot_model", "discover", table, "--json", found, "--html", page, "--max-effects", 0, "--workers", 1)
@@ -190,6 +191,7 @@ def test_discover_writes_what_the_readme_says(run, table, tmp_path):
     assert page.read_text().startswith("<!")
 
 
+@pytest.mark.slow
 def test_the_effect_in_ten_lines_has_ten_lines_and_is_tried(run, table, boost_file, tmp_path):
     code = [line for line in boost_file.read_text().splitlines() if line and not line.startswith("#")]
     assert len(code) <= 10

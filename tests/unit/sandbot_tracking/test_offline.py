@@ -52,6 +52,7 @@ def film(scene, cameras, beds, rng, t, omega, s_over_r, x0=0.25):
     return scene.frame(rng, com, 7.0, beds[0]), scene.frame(rng, axles, 7.0, beds[1])
 
 
+@pytest.mark.slow
 def test_a_rendered_walk_gives_position_lift_peak_and_speed(scene, cameras, rng):
     omega, ratio = 16.0, 1.0
     beds = scene.grains(rng), scene.grains(rng)

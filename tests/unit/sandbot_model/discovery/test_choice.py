@@ -30,6 +30,7 @@ selections = st.builds(
 )
 
 
+@pytest.mark.slow
 @given(selection=selections)
 def test_a_selection_comes_back_from_its_address(selection):
     assert from_query(to_query(selection)) == selection

@@ -12,6 +12,7 @@ from sandbot_model.physics.catalogue import catalogue
 EFFECTS = catalogue()
 
 
+@pytest.mark.slow
 def test_misses_what_it_lacks_and_says_where(drawn):
     cells = cells_of(drawn(("stance_overlap",), values={"stance_overlap": {"eta": 0.2}}))
     ladder = compare(cells, EFFECTS, ["stance_overlap"])

@@ -59,6 +59,7 @@ def test_a_planted_effect_is_identified_and_the_file_says_so(drawn):
     }
 
 
+@pytest.mark.slow
 def test_a_set_left_out_for_a_parameter_at_its_bound_is_named(drawn):
     cells = cells_of(drawn(("stance_overlap",), seed=6))
     sets = ((), ("stance_overlap",), ("leg_slip",), ("swimming_thrust",))
@@ -81,6 +82,7 @@ def test_twins_are_ambiguous(drawn):
     assert "another kind is needed" in found.verdict.because
 
 
+@pytest.mark.slow
 def test_what_is_not_in_the_catalogue_is_unexplained(drawn):
     only = {"swimming_thrust": FEW["swimming_thrust"]}
     found = discover(cells_of(drawn(("stance_overlap",), seed=8)), only, max_effects=1)
@@ -88,12 +90,14 @@ def test_what_is_not_in_the_catalogue_is_unexplained(drawn):
     assert "rad/s" in found.verdict.because
 
 
+@pytest.mark.slow
 def test_without_replicates_nothing_is_claimed(drawn):
     found = discover(cells_of(drawn(("stance_overlap",), replicates=1)), FEW, max_effects=1)
     assert found.verdict.status == "unexplained"
     assert "replicates" in found.verdict.because
 
 
+@pytest.mark.slow
 def test_workers_change_nothing(drawn):
     cells = cells_of(drawn(("stance_overlap",), seed=6, levels=3))
     alone = discover(cells, FEW, max_effects=1)
@@ -137,6 +141,7 @@ class Hardening(Effect):
 """
 
 
+@pytest.mark.slow
 def test_discover_on_the_command_line(table, tmp_path, capsys):
     """With a formula and a file of one's own, in two processes."""
     out, own = tmp_path / "out.json", tmp_path / "own.py"

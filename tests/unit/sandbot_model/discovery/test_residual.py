@@ -52,6 +52,7 @@ PLANTED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("formula", "said"), PLANTED)
 def test_what_is_planted_is_described_at_its_stage_and_repaired(drawn, formula, said):
     trials = drawn(seed=3, formulas=[formula])
@@ -79,6 +80,7 @@ def test_what_the_fitted_stiffness_absorbs_is_not_described(drawn):
     assert suggest_formula(base_fit(drawn(seed=1, formulas=[formula])), EFFECTS) is None
 
 
+@pytest.mark.slow
 def test_a_second_term_on_the_same_lever(drawn):
     formula = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0) + 10*a*(phi - 0.6); a [1] in 0.1..0.3"
     found = suggest_formula(base_fit(drawn(seed=3, formulas=[formula])), EFFECTS)
@@ -88,6 +90,7 @@ def test_a_second_term_on_the_same_lever(drawn):
     assert found.lack_of_fit_p > 5e-3
 
 
+@pytest.mark.slow
 def test_it_stands_on_top_of_an_effect_of_the_catalogue(drawn):
     formula = "hidden: step: peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.1..0.2"
     trials = drawn(("stance_overlap",), seed=4, formulas=[formula], values={"stance_overlap": {"eta": 0.15}})
@@ -99,6 +102,7 @@ def test_it_stands_on_top_of_an_effect_of_the_catalogue(drawn):
     assert found.to_dict()["residual"]["effects"] == ["stance_overlap"]
 
 
+@pytest.mark.slow
 def test_an_effect_is_found_beside_what_hides_it(drawn):
     """By itself motor saturation looks far better than the overlap that is there."""
     formula = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.3..0.5"
@@ -111,6 +115,7 @@ def test_an_effect_is_found_beside_what_hides_it(drawn):
     assert found.residual.passes()
 
 
+@pytest.mark.slow
 def test_a_users_effect_of_the_same_name_is_left_alone_and_workers_change_nothing(drawn):
     formulas = [PLANTED[0][0], "more: step: peak_ratio *= 1 - a*maximum(0.633 - phi, 0); a [1] in 2..4"]
     cells = cells_of(drawn(seed=3, formulas=formulas))
@@ -133,6 +138,7 @@ def test_without_replicates_nothing_is_described(drawn):
     assert found.residual is None
 
 
+@pytest.mark.slow
 def test_the_score_foretells_what_the_fit_gains(drawn):
     """A small effect: the first order is all there is."""
     formula = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.01..0.03"

@@ -23,6 +23,7 @@ def test_controls_change_what_they_name_and_nothing_else():
     assert act(start, "unheard of", 1) == start
 
 
+@pytest.mark.slow
 def test_what_discovery_found_is_switched_on(session, drawn):
     start = Selection(effects=("leg_slip",), by_hand=(("delta_t_s", 0.3),))
     hidden = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.1..0.3"

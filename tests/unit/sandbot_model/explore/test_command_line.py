@@ -18,6 +18,7 @@ from sandbot_record.trials.csv_table import write_csv
 from sandbot_record.trials.read import read
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "selection",
     [

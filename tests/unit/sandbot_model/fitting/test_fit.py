@@ -25,6 +25,7 @@ def test_recovers_what_was_planted(drawn):
     assert not found.implausible
 
 
+@pytest.mark.slow
 def test_standard_errors_cover_the_truth(drawn):
     pulls = []
     for seed in range(10):

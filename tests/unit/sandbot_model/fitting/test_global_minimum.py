@@ -14,6 +14,7 @@ from sandbot_model.physics.model import model_of
 EFFECTS = catalogue()
 
 
+@pytest.mark.slow
 def test_the_optimum_is_global(drawn):
     """Against a dense scan of Δt with every k profiled on a fine grid."""
     cells = cells_of(drawn(seed=2, levels=4))

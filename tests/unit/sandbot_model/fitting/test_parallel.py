@@ -68,6 +68,7 @@ def test_a_cluster_keeps_the_order_in_other_processes(scheduler):
     assert len({pid for _, pid in found} - {os.getpid()}) == 2
 
 
+@pytest.mark.slow
 def test_discovery_with_a_users_effects_is_the_same_on_a_cluster(scheduler, drawn, tmp_path):
     path = tmp_path / "mine.py"
     path.write_text(OWN)
@@ -87,6 +88,7 @@ def test_discovery_with_a_users_effects_is_the_same_on_a_cluster(scheduler, draw
     assert ("singles", 3, 3) in heard
 
 
+@pytest.mark.slow
 def test_a_bootstrap_is_the_same_on_a_cluster(scheduler, drawn):
     trials, model = drawn(seed=3, levels=2), model_of("simple", (), catalogue())
     with cluster(scheduler) as fit_all:
@@ -108,6 +110,7 @@ def test_what_goes_wrong_on_a_cluster_is_told_here(scheduler):
         assert list(fit_all(abs, [-1])) == [1]
 
 
+@pytest.mark.slow
 def test_a_scheduler_without_workers_is_one_line():
     from distributed import LocalCluster
 
@@ -179,6 +182,7 @@ def test_worker_processes_keep_the_order():
         assert list(fit_all(abs, range(-20, 0))) == list(range(20, 0, -1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)])
 def test_an_end_leaves_no_worker_behind(sent, code):
     program = """
