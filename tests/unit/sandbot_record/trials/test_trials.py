@@ -169,3 +169,10 @@ def test_a_table_without_order_and_time_is_written_as_before(tmp_path):
 def test_a_batch_of_its_own_name_goes_before_its_synonyms(tmp_path):
     table = read(write(tmp_path, "day,batch,phi,omega_rad_s,speed_m_s\nmonday,b7,.6,8,.2\n"))
     assert table.batch.tolist() == ["b7"]
+
+
+def test_gait_and_status_are_known_however_they_are_written(tmp_path):
+    text = "phi,omega_rad_s,speed_m_s,gait,status\n.6,8,.2,sgcs,OK\n.6,8,.2,Uniform,Ok\n.6,8,.2,trot,Fell\n"
+    table = read(write(tmp_path, text))
+    assert table.gait.tolist() == ["SGCS", "UNIFORM", "trot"]
+    assert table.status.tolist() == ["ok", "ok", "Fell"]

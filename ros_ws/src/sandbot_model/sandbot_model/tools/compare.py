@@ -12,6 +12,7 @@ from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml, writing
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.data.quality import checked
 from sandbot_model.discovery.choice import Selection, from_mapping, held_by_text
 from sandbot_model.discovery.reproduce import steps_of
 from sandbot_model.fitting.bootstrap import bootstrap
@@ -47,10 +48,12 @@ def _compare(argv: Sequence[str]) -> None:
     effects = catalogue(args.effects_from, selection.formulas)
     trials, robot_line = arguments.trials(args)
     readings = arguments.readings(args)
+    notes = checked(trials)
     cells = cells_of(trials, readings)
     steps = steps_of(selection, cells, effects)
     print(tables.data_line(steps[0]))
     print(robot_line, "\n")
+    print(tables.notes(notes), end="")
     if selection.by_hand:
         print("last step held by hand:", ", ".join(f"{name} = {value:g}" for name, value in selection.by_hand), "\n")
     print(tables.ladder(steps), "\n")
@@ -58,6 +61,7 @@ def _compare(argv: Sequence[str]) -> None:
     print(tables.fails(steps[-1]), "\n")
     print(tables.lock_line(steps.lock))
     content = steps.to_dict()
+    content["data"]["notes"] = list(notes)
     if args.bootstrap is not None:
         model = model_of(selection.model, selection.effects, effects, cells.robot)
         bar = partial(tqdm, total=args.bootstrap, desc="bootstrap", unit="draw", file=sys.stderr, disable=None)

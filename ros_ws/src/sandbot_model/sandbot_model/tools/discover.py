@@ -9,6 +9,7 @@ from tqdm import tqdm
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import writing
+from sandbot_model.data.quality import checked
 from sandbot_model.discovery.discover import Discovery, discover
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.report import write_report
@@ -32,6 +33,7 @@ def _discover(argv: Sequence[str]) -> None:
     fitters = arguments.fitters(args)
     effects = catalogue(args.effects_from, args.effect)
     trials, robot_line = arguments.trials(args)
+    notes = checked(trials)
     cells = arguments.cells(args, trials)
     with fitters as fit_all, tqdm(unit="fit", file=sys.stderr, disable=None) as bar:
 
@@ -46,9 +48,12 @@ def _discover(argv: Sequence[str]) -> None:
         )
     print(tables.data_line(found.steps[0]))
     print(robot_line, "\n")
+    print(tables.notes(notes), end="")
     _print(found)
     if args.json is not None:
-        arguments.write_json(args.json, found.to_dict())
+        content = found.to_dict()
+        content["data"]["notes"] = list(notes)
+        arguments.write_json(args.json, content)
     if args.html is not None:
         from sandbot_record.trials.film_strip import film_strip
 

@@ -24,6 +24,11 @@ def data_line(fit: Fit) -> str:
     )
 
 
+def notes(found: Sequence[str]) -> str:
+    """What is odd about the trials, a line each; nothing where nothing is."""
+    return "".join(f"note: {one}\n" for one in found) + ("\n" if found else "")
+
+
 def ladder(steps: Sequence[Fit]) -> str:
     """Each step's error per observable, in and out of sample, over the noise floor."""
     return table(ladder_rows(steps))

@@ -20,6 +20,7 @@ _BOUNDS = {
     "first_step_m": (-10.0, 10.0, "a length in m"),
 }
 BATCH_SYNONYMS = ("day", "preparation")
+PRESETS = ("SGCS", "HGCS", "UNIFORM")
 _NOT_NEGATIVE = ("phi_sd", "speed_sd_m_s")
 _OTHER_UNITS = {
     "speed_cm_s": "speed_m_s (values divided by 100)",
@@ -111,14 +112,20 @@ def _hint(name: str, header: Iterable[str]) -> str:
 
 def _csv_row(where: str, number: int, cells: Mapping[str, str]) -> Row:
     status = cells.get("status", "") or OK
+    status = OK if status.lower() == OK else status
     values: dict[str, Any] = {"trial_id": f"row{number}", "gait": "", "status": status, "batch": "", "started": ""}
     for name in COLUMNS:
         text = cells.get(name, "")
         if name in TEXTS:
-            values[name] = text or values[name]
+            values[name] = values[name] if name == "status" else _gait(text) if name == "gait" else text or values[name]
         else:
             values[name] = _number(f"{where}, column {name}", name, text, required=name in REQUIRED and status == OK)
     return Row(**values)
+
+
+def _gait(text: str) -> str:
+    """A preset by its own name, however it is written."""
+    return text.upper() if text.upper() in PRESETS else text
 
 
 def _number(where: str, name: str, text: str, *, required: bool) -> float:

@@ -1,0 +1,114 @@
+"""What is odd about trials is said, what can't be is refused, and clean trials give no note."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sandbot_common.errors import InputError
+from sandbot_lab.direct import direct_trials
+from sandbot_lab.week import Week
+from sandbot_lab.world import World, draw_world, null_world
+from sandbot_model.data.quality import checked, trend
+from sandbot_record.trials.table import Row, from_rows
+
+PHI, OMEGA = np.linspace(0.58, 0.633, 5).tolist(), [6.0, 10.0, 14.0, 20.0]
+
+
+def trials(world=None, seed=1, **how):
+    how = {"order": "randomised", "batches": "replicate", **how}
+    return from_rows([Row(**row) for row in direct_trials(world or null_world(), PHI, OMEGA, seed=seed, **how)])
+
+
+CLEAN = trials()
+
+
+def changed(column, rows, values):
+    column_values = getattr(CLEAN, column).copy()
+    column_values[rows] = values
+    return replace(CLEAN, **{column: column_values})
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_clean_trials_give_no_note(seed):
+    assert checked(trials(seed=seed)) == ()
+    assert checked(trials(draw_world(seed), seed)) == ()
+
+
+def test_a_trial_far_out_is_named():
+    (note,) = checked(changed("lift_m", 7, CLEAN.lift_m[7] + 0.005))
+    assert note.startswith("lift_m far from every other replicate")
+    assert CLEAN.trial_id[7] in note
+
+
+def test_copies_are_named():
+    row = {name: getattr(CLEAN, name)[3] for name in ("speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m")}
+    copied = CLEAN
+    for name, value in row.items():
+        column = getattr(copied, name).copy()
+        column[4] = value
+        copied = replace(copied, **{name: column})
+    (note,) = checked(copied)
+    assert f"{CLEAN.trial_id[4]} = {CLEAN.trial_id[3]}" in note
+
+
+def test_zeros_for_not_measured_are_named():
+    assert any("first_step_m are exactly 0" in note for note in checked(changed("first_step_m", slice(0, 40), 0.0)))
+
+
+def test_coarse_rounding_is_named():
+    assert any(
+        "speed_m_s is rounded to 0.02" in note
+        for note in checked(replace(CLEAN, speed_m_s=np.round(CLEAN.speed_m_s * 50) / 50))
+    )
+    assert checked(replace(CLEAN, speed_m_s=np.round(CLEAN.speed_m_s, 4))) == ()
+
+
+def test_a_continuous_phi_is_named():
+    rng = np.random.default_rng(0)
+    phi = np.where(CLEAN.phi < 0.6, rng.uniform(0.575, 0.605, len(CLEAN)), CLEAN.phi)
+    assert any("no replicates of one another" in note for note in checked(replace(CLEAN, phi=phi)))
+
+
+def test_a_drift_is_named_and_none_is_seen_where_there_is_none():
+    drifting = World(week=Week(k_drift=0.10))
+    assert any("lift_m drifts along the run order" in note for note in checked(trials(drifting)))
+    # Replicates in a row can't show it: the trend is then one of φ and ω.
+    rng = np.random.default_rng(0)
+    cell, order = np.repeat(np.arange(30), 3), rng.permutation(90).astype(float)
+    p = [trend(rng.normal(size=90), order, cell)[1] for _ in range(400)]
+    assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.035)
+    assert np.isnan(trend(rng.normal(size=30), order[:30], np.arange(30))[1])
+
+
+@pytest.mark.parametrize(
+    ("odd", "words"),
+    [
+        (replace(CLEAN, omega_rad_s=CLEAN.omega_rad_s / (2 * np.pi)), "is omega in Hz"),
+        (replace(CLEAN, speed_m_s=CLEAN.speed_m_s * 100), "the speed in cm/s"),
+        (replace(CLEAN, phi=1 - CLEAN.phi), "is it the porosity"),
+    ],
+)
+def test_what_cannot_be_is_refused(odd, words):
+    with pytest.raises(InputError, match=words) as refusal:
+        checked(odd)
+    assert "\n" not in str(refusal.value)
+
+
+numbers = st.floats(-1, 1) | st.just(np.nan)
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.lists(st.tuples(st.floats(0.5, 0.7), st.floats(1, 40), numbers, numbers), min_size=1, max_size=12))
+def test_any_table_gives_notes_or_one_line(rows):
+    table = from_rows(
+        [Row(f"t{i}", phi=a, omega_rad_s=b, speed_m_s=c, lift_m=d, run_order=i) for i, (a, b, c, d) in enumerate(rows)]
+    )
+    if table.usable.any():
+        try:
+            notes = checked(table)
+        except InputError as error:
+            notes = (str(error),)
+        assert not any("\n" in note for note in notes)
