@@ -1,0 +1,178 @@
+"""Verdicts under what a real week in a lab does: nuisance × dose × run order × truth.
+
+python benchmarks/nuisance.py [--seeds 20] [--only NAME] [--out runs/nuisance.jsonl]    resumes where it was stopped
+"""
+
+import argparse
+import dataclasses
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from hidden import OMEGA, PHI
+from sandbot_lab.direct import direct_trials
+from sandbot_lab.week import Week
+from sandbot_lab.world import World
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.discover import discover
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_record.trials.table import Row, from_rows
+
+SEEDS = 20
+OUT = Path("runs/nuisance.jsonl")
+GRAIN_M = 1e-3
+NUISANCES: Mapping[str, tuple[str, Mapping[str, float], Mapping[str, float]]] = {
+    "clean": ("replicate", {}, {}),
+    "one omega a day": ("omega", {"k_batch_sd": 0.005}, {"k_batch_sd": 0.015}),
+    "one preparation a condition": ("condition", {"k_batch_sd": 0.005}, {"k_batch_sd": 0.01}),
+    "blocks on days": ("replicate", {"k_batch_sd": 0.005}, {"k_batch_sd": 0.015}),
+    "drift": ("replicate", {"k_drift": 0.01}, {"k_drift": 0.03}),
+    "jump": ("replicate", {"k_jump": 0.01}, {"k_jump": -0.03}),
+    "lift zero": ("replicate", {"lift_zero_m": 0.3 * GRAIN_M}, {"lift_zero_m": GRAIN_M}),
+    "speed scale": ("replicate", {"speed_scale": 0.003}, {"speed_scale": 0.01}),
+    "phi zero": ("replicate", {"phi_zero": 0.001}, {"phi_zero": 0.003}),
+    "a bad week": (
+        "omega",
+        {"k_batch_sd": 0.005, "k_drift": 0.01, "lift_zero_m": 0.3 * GRAIN_M, "speed_scale": 0.003},
+        {"k_batch_sd": 0.01, "k_drift": 0.03, "lift_zero_m": GRAIN_M, "speed_scale": 0.01},
+    ),
+}
+"""What the trials of a batch share, and the world's ``week`` in a mild and a strong dose."""
+DOSES = ("mild", "strong")
+ORDERS = ("as_listed", "randomised")
+TRUTHS: Mapping[str, Mapping[str, Mapping[str, float]]] = {
+    "null": {},
+    "disturbed_ground": {"disturbed_ground": {"k_l_n_per_m": 175.0, "s_c": 0.95}},
+    "exact_vertical_acceleration": {"exact_vertical_acceleration": {}},
+    "stance_overlap": {"stance_overlap": {"eta": 0.1}},
+    "swimming_thrust": {"swimming_thrust": {"a_m_s2": 0.32}},
+    "phi_dependent_response": {"phi_dependent_response": {"b": 0.6}},
+}
+STATUSES = ("adequate", "named", "partial", "ambiguous", "unexplained", "untested", "false claim")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One campaign to analyse."""
+
+    nuisance: str
+    dose: str
+    order: str
+    truth: str
+    seed: int
+
+    @property
+    def world(self) -> World:
+        """What the lab hides."""
+        week = Week(**NUISANCES[self.nuisance][1 + DOSES.index(self.dose)])
+        return World(effects=TRUTHS[self.truth], week=week)
+
+
+def cases(seeds: int, only: Sequence[str] = ()) -> Iterator[Case]:
+    """The matrix, seed by seed, so that a run stopped early has something of every row."""
+    for seed in range(seeds):
+        for nuisance in NUISANCES:
+            for dose in DOSES if nuisance != "clean" else DOSES[:1]:
+                for order in ORDERS:
+                    for truth in TRUTHS:
+                        if not only or nuisance in only or truth in only:
+                            yield Case(nuisance, dose, order, truth, seed)
+
+
+def analyse(case: Case) -> dict[str, Any]:
+    """The outcome of one case, and how many standard errors each fitted parameter is off its truth."""
+    rows = direct_trials(
+        case.world, PHI, OMEGA, "UNIFORM", 3, 1000 + case.seed, None, case.order, NUISANCES[case.nuisance][0]
+    )
+    found = discover(cells_of(from_rows([Row(**row) for row in rows])), catalogue(), max_effects=2)
+    verdict = found.verdict
+    return {**dataclasses.asdict(case), "outcome": outcome(case.truth, verdict), "z": standardised(case, found)}
+
+
+def outcome(truth: str, verdict: Any) -> str:
+    """A column of the table: a verdict whose named sets do not hold the truth is a false claim."""
+    hidden = frozenset(TRUTHS[truth])
+    named = [frozenset(one) for one in verdict.alternatives] or [frozenset(verdict.effects)]
+    if verdict.status in ("identified", "partial", "ambiguous") and hidden not in named:
+        return "false claim"
+    return "named" if verdict.status == "identified" else str(verdict.status)
+
+
+def standardised(case: Case, found: Any) -> dict[str, float]:
+    """(estimate - truth)/σ of Δt, each k and the effect's parameters, by the step whose effects are the truth's."""
+    step = next((one for one in found.fits if set(one.effects) == set(TRUTHS[case.truth])), None)
+    if step is None:
+        return {}
+    true = {"delta_t_s": case.world.delta_t_s}
+    true |= {f"{name}.{key}": value for name, keys in TRUTHS[case.truth].items() for key, value in keys.items()}
+    z = {
+        name: (one.value - true[name]) / one.stderr
+        for name, one in step.parameters.items()
+        if name in true and np.isfinite(one.stderr) and one.stderr > 0
+    }
+    for index, (phi, k, error) in enumerate(zip(step.level_phi, step.k_n_per_m, step.k_stderr_n_per_m, strict=True)):
+        if np.isfinite(error) and error > 0:
+            z[f"k[{index}]"] = (k - case.world.stiffness_n_per_m(float(phi))) / error
+    return {name: float(value) for name, value in z.items()}
+
+
+def report(results: Sequence[Mapping[str, Any]]) -> str:
+    """A row for each nuisance, dose, order and truth, in Markdown."""
+    head = ["nuisance", "dose", "order", "truth", "worlds", *STATUSES, "Δt 1σ/2σ", "k 1σ/2σ", "effect 1σ/2σ"]
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    keys = dict.fromkeys((one["nuisance"], one["dose"], one["order"], one["truth"]) for one in results)
+    for key in keys:
+        some = [one for one in results if (one["nuisance"], one["dose"], one["order"], one["truth"]) == key]
+        counts = Counter(one["outcome"] for one in some)
+        shares = [_covered(some, kind) for kind in ("delta_t_s", "k[", ".")]
+        lines.append(f"| {' | '.join([*key, str(len(some)), *(str(counts[one]) for one in STATUSES), *shares])} |")
+    return "\n".join(lines) + "\n"
+
+
+def _covered(some: Sequence[Mapping[str, Any]], kind: str) -> str:
+    z = np.abs([value for one in some for name, value in one["z"].items() if kind in name])
+    return f"{np.mean(z < 1):.2f}/{np.mean(z < 2):.2f}" if len(z) else "–"
+
+
+def collect(wanted: Sequence[Case], path: Path, workers: int | None = None) -> list[dict[str, Any]]:
+    """Outcomes of all cases; each is written once it is known, and what ``path`` holds is not run again."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    known = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    names = [field.name for field in dataclasses.fields(Case)]
+    done = {tuple(one[name] for name in names) for one in known}
+    todo = [case for case in wanted if dataclasses.astuple(case) not in done]
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool, path.open("a") as out:
+        for future in tqdm(as_completed([pool.submit(analyse, case) for case in todo]), total=len(todo), unit="world"):
+            known.append(future.result())
+            out.write(json.dumps(known[-1]) + "\n")
+            out.flush()
+    asked = {dataclasses.astuple(case) for case in wanted}
+    return [one for one in known if tuple(one[name] for name in names) in asked]
+
+
+def main() -> str:
+    """The whole matrix; the section of the report, in Markdown."""
+    return report(collect(list(cases(SEEDS)), OUT))
+
+
+def command() -> None:
+    """Run what is missing of a part and print its table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=SEEDS)
+    parser.add_argument("--only", action="append", default=[], help="a nuisance or a truth; may be given again")
+    parser.add_argument("--out", type=Path, default=OUT)
+    parser.add_argument("--workers", type=int)
+    args = parser.parse_args()
+    print(report(collect(list(cases(args.seeds, args.only)), args.out, args.workers)))
+
+
+if __name__ == "__main__":
+    command()

@@ -1,0 +1,50 @@
+"""The harness of the nuisance benchmark: what counts as what, and a run that goes on where it was stopped."""
+
+import json
+from types import SimpleNamespace
+
+import pytest
+
+import nuisance
+
+
+@pytest.mark.parametrize(
+    ("truth", "status", "sets", "said"),
+    [
+        ("null", "adequate", [], "adequate"),
+        ("null", "identified", [["leg_slip"]], "false claim"),
+        ("stance_overlap", "identified", [["stance_overlap"]], "named"),
+        ("stance_overlap", "identified", [["leg_slip"]], "false claim"),
+        ("stance_overlap", "ambiguous", [["leg_slip"], ["stance_overlap"]], "ambiguous"),
+        ("stance_overlap", "ambiguous", [["leg_slip"], ["cable_drag"]], "false claim"),
+        ("stance_overlap", "unexplained", [], "unexplained"),
+        ("null", "untested", [], "untested"),
+    ],
+)
+def test_a_verdict_falls_in_its_column(truth, status, sets, said):
+    verdict = SimpleNamespace(status=status, alternatives=sets, effects=sets[0] if sets else [])
+    assert nuisance.outcome(truth, verdict) == said
+    assert said in nuisance.STATUSES
+
+
+def test_the_matrix_has_every_row_and_every_world_is_one():
+    some = list(nuisance.cases(1))
+    assert len(some) == len(set(some)) == ((len(nuisance.NUISANCES) - 1) * 2 + 1) * 2 * len(nuisance.TRUTHS)
+    assert len(nuisance.TRUTHS) >= 6
+    assert all(case.world.effects.keys() == nuisance.TRUTHS[case.truth].keys() for case in some)
+    clean = [case.world.week == nuisance.Week() for case in some if case.nuisance == "clean"]
+    assert all(clean)
+    assert not any(case.world.week == nuisance.Week() for case in some if case.nuisance != "clean")
+
+
+def test_what_is_known_is_not_run_again_and_coverage_is_counted(tmp_path):
+    wanted = list(nuisance.cases(1, ["drift"]))[:1]
+    known = {**vars(wanted[0]), "outcome": "adequate", "z": {"delta_t_s": 0.5, "k[0]": 1.5, "k[1]": -3.0}}
+    path = tmp_path / "out.jsonl"
+    path.write_text(json.dumps(known) + "\n")
+    found = nuisance.collect(wanted, path, 1)
+    assert found == [known]
+    assert len(path.read_text().splitlines()) == 1
+    assert nuisance.report(found).splitlines()[2] == (
+        "| drift | mild | as_listed | null | 1 | 1 | 0 | 0 | 0 | 0 | 0 | 0 | 1.00/1.00 | 0.00/0.50 | – |"
+    )
