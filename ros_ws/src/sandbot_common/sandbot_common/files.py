@@ -3,6 +3,7 @@
 Every reader raises InputError in one line that names the file and what is wrong with it.
 """
 
+import codecs
 import csv
 import io
 import json
@@ -66,7 +67,7 @@ def writing(path: Path) -> Iterator[None]:
 def read_text(path: Path, needed: str = "a text file", remedy: str = "") -> str:
     """The UTF-8 text of a file, without a byte order mark; ``remedy`` ends the line about a file that is missing."""
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return _decoded(path.read_bytes()).replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file{remedy}") from None
     except IsADirectoryError:
@@ -75,6 +76,15 @@ def read_text(path: Path, needed: str = "a text file", remedy: str = "") -> str:
         raise InputError(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError:
         raise InputError(f"{path}: not a text file (UTF-8); {needed} is needed") from None
+
+
+def _decoded(content: bytes) -> str:
+    """UTF-8, or UTF-16 by its mark: nearly any bytes are UTF-16, so without a letter of ASCII they are no text here."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        text = content.decode("utf-16")
+        if any(letter.isascii() and letter.isalpha() for letter in text):
+            return text
+    return content.decode("utf-8-sig")
 
 
 def load_yaml(text: str) -> Any:
@@ -113,20 +123,39 @@ def read_json(path: Path, remedy: str = "") -> Any:
 
 
 def read_csv(path: Path, needed: str = "a CSV file") -> tuple[list[str], Iterator[tuple[int, dict[str, str]]]]:
-    """Column names of a CSV file, and its rows: (number in the file, text by column), stripped; empty rows left out."""
+    """Column names of a CSV file, and its rows: (number in the file, text by column), stripped; empty rows left out.
+
+    Tabs, or semicolons where no comma is anywhere, may stand for the commas; a title or lines with # may stand on top.
+    """
     try:
         text = read_text(path, needed)
-        lines = list(csv.reader(io.StringIO(text, newline=""), strict=True, skipinitialspace=True))
+        separator = next((one for one in "\t;" if one in text and "," not in text), ",")
+        reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True, skipinitialspace=True)
+        lines = list(reader)
     except csv.Error as error:
         raise InputError(f"{path}: not a CSV: {error}") from None
+    above = _above_the_header(lines)
+    lines = lines[above:]
     header = [" ".join(name.split()) for name in lines[0]] if lines else []
     if repeated := [name for index, name in enumerate(header) if name and name in header[:index]]:
         raise InputError(f"{path}: row 1: column {repeated[0]} is there twice")
-    return header, _csv_rows(path, header, lines)
+    return header, _csv_rows(path, header, lines, above)
 
 
-def _csv_rows(path: Path, header: list[str], lines: list[list[str]]) -> Iterator[tuple[int, dict[str, str]]]:
-    for number, line in enumerate(lines[1:], start=2):
+def _above_the_header(lines: list[list[str]]) -> int:
+    """How many lines are a title or remarks: with a # in front, or a single cell above a line of several."""
+    wide = any(sum(map(bool, line)) > 1 for line in lines)
+    for number, line in enumerate(lines):
+        remark = bool(line) and line[0].lstrip().startswith("#")
+        if not remark and not (wide and sum(map(bool, line)) < 2):
+            return number
+    return 0
+
+
+def _csv_rows(
+    path: Path, header: list[str], lines: list[list[str]], above: int
+) -> Iterator[tuple[int, dict[str, str]]]:
+    for number, line in enumerate(lines[1:], start=above + 2):
         cells = [cell.strip() for cell in line]
         if len(cells) != len(header) and any(cells):
             raise InputError(f"{path}: row {number}: {len(cells)} values for {len(header)} columns")

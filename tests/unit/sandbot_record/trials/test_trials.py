@@ -176,3 +176,34 @@ def test_gait_and_status_are_known_however_they_are_written(tmp_path):
     table = read(write(tmp_path, text))
     assert table.gait.tolist() == ["SGCS", "UNIFORM", "trot"]
     assert table.status.tolist() == ["ok", "ok", "Fell"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "phi\tomega_rad_s\tspeed_m_s\n0.60\t8\t0.21\n0.62\t8\t0.25\n",
+        "phi;omega_rad_s;speed_m_s\n0.60;8;0.21\n0.62;8;0.25\n",
+        "Li09 figure 3\n" + GOOD,
+        "# taken on Monday, by hand\n#\n" + GOOD,
+        "phi [1],omega [rad/s],speed [cm/s]\n0.60,8,21\n0.62,8,25\n",
+        "phi (%),omega (rpm),v (mm/s)\n60,76.39437268,210\n62,76.39437268,250\n",
+        "volume fraction [-],frequency [Hz],mean speed [m/s]\n.6,1.2732395447,.21\n.62,1.2732395447,.25\n",
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_common_forms_are_read_in_si_units(tmp_path, text, encoding):
+    (tmp_path / "t.csv").write_text(text, encoding=encoding)
+    table = read(tmp_path / "t.csv")
+    np.testing.assert_allclose(table.phi, [0.60, 0.62])
+    np.testing.assert_allclose(table.omega_rad_s, [8, 8])
+    np.testing.assert_allclose(table.speed_m_s, [0.21, 0.25])
+
+
+def test_a_unit_that_is_not_known_is_not_guessed(tmp_path):
+    with pytest.raises(InputError, match="column speed_m_s is missing"):
+        read(write(tmp_path, "phi,omega_rad_s,speed [mph]\n.6,8,1\n"))
+
+
+def test_rows_below_a_title_keep_their_number_in_the_file(tmp_path):
+    with pytest.raises(InputError, match="row 4, column omega_rad_s: 'fast'"):
+        read(write(tmp_path, "# title\n" + GOOD.replace("0.62,8", "0.62,fast")))

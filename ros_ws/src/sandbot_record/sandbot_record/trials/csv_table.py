@@ -1,8 +1,10 @@
 """A trials table as CSV: this project's own, or one from anywhere that has the three required columns."""
 
+import contextlib
 import csv
 import io
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,24 @@ _BOUNDS = {
 BATCH_SYNONYMS = ("day", "preparation")
 PRESETS = ("SGCS", "HGCS", "UNIFORM")
 _NOT_NEGATIVE = ("phi_sd", "speed_sd_m_s")
+_QUANTITIES = {
+    **dict.fromkeys(("phi", "φ", "volume_fraction"), "phi"),
+    **dict.fromkeys(("omega", "ω", "frequency", "f"), "omega_rad_s"),
+    **dict.fromkeys(("speed", "mean_speed", "v"), "speed_m_s"),
+    "lift": "lift_m",
+    "peak_speed": "peak_speed_m_s",
+    "first_step": "first_step_m",
+    "speed_sd": "speed_sd_m_s",
+}
+_SPEEDS = {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001}
+_LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+_FACTORS = {
+    "phi": {"1": 1.0, "-": 1.0, "%": 0.01},
+    "omega_rad_s": {"rad/s": 1.0, "hz": 2 * math.pi, "rpm": math.pi / 30},
+    **dict.fromkeys(("speed_m_s", "speed_sd_m_s", "peak_speed_m_s"), _SPEEDS),
+    **dict.fromkeys(("lift_m", "first_step_m"), _LENGTHS),
+}
+"""Factors to the table's units of what stands in brackets behind a quantity."""
 _OTHER_UNITS = {
     "speed_cm_s": "speed_m_s (values divided by 100)",
     "speed_mm_s": "speed_m_s (values divided by 1000)",
@@ -79,7 +99,7 @@ def rows_of(given: Sequence[str], lines: Iterable[tuple[int, Mapping[str, str]]]
     _check_header(where, header)
     rows, numbers = [], []
     for number, cells in lines:
-        own = {name: cells[original] for name, original in zip(header, given, strict=True)}
+        own = {name: _in_si(cells[original], original) for name, original in zip(header, given, strict=True)}
         rows.append(_csv_row(f"{where}: row {number}", number, own))
         numbers.append(number)
     if not rows:
@@ -89,9 +109,27 @@ def rows_of(given: Sequence[str], lines: Iterable[tuple[int, Mapping[str, str]]]
 
 
 def _known_names(header: Sequence[str]) -> list[str]:
-    """The header with what stands for ``batch`` under that name."""
+    """The header with what stands for ``batch``, or carries its unit, under the table's names."""
+    header = [_unit_in_header(name)[0] for name in header]
     synonym = next((name for name in BATCH_SYNONYMS if name in header), None) if "batch" not in header else None
     return ["batch" if name == synonym else name for name in header]
+
+
+def _unit_in_header(given: str) -> tuple[str, float]:
+    """The table's name of a column such as ``omega [Hz]``, and the factor to its unit; others as they are."""
+    found = re.fullmatch(r"(.+?)[ _]*[\[(](.+)[\])]", given)
+    if found is None:
+        return given, 1.0
+    name = _QUANTITIES.get(found[1].strip().lower().replace(" ", "_"), "")
+    factor = _FACTORS.get(name, {}).get(found[2].strip().lower())
+    return (given, 1.0) if factor is None else (name, factor)
+
+
+def _in_si(text: str, column: str) -> str:
+    factor = _unit_in_header(column)[1]
+    with contextlib.suppress(ValueError):
+        return text if factor == 1.0 or not text else repr(float(text) * factor)
+    return text
 
 
 def _check_header(where: str, header: Sequence[str]) -> None:
