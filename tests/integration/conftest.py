@@ -88,8 +88,9 @@ QUICK_BED = {"fluidise_s": 0.7, "ramp_s": 0.3, "settle_s": 0.4, "pulse_off_s": 0
 
 @pytest.fixture
 def quick_bed() -> list[str]:
-    """The bed of ``plan_of_one`` as arguments of ``ros2 launch``."""
-    return [f"bed.{name}:={value}" for name, value in QUICK_BED.items()]
+    """The bed of ``plan_of_one`` as arguments of ``ros2 launch``; leases no busy machine loses."""
+    patient = {"clock.lease_s": 1.0, "clock.robot_s": 1.0, "clock.late_s": 0.25, "lab.legs_lease_s": 1.0}
+    return [f"{name}:={value}" for name, value in ({f"bed.{k}": v for k, v in QUICK_BED.items()} | patient).items()]
 
 
 @pytest.fixture

@@ -44,12 +44,24 @@ def serialize(message, type_name: str) -> bytes:
     return bytes(interfaces.store().serialize_cdr(message, type_name))
 
 
-def trial_bag(path: Path, *, speed: float = 0.2, without: tuple[str, ...] = (), plan=None, exit_status="ok") -> Path:
-    """A trial of constant speed: 0.3 s at rest, then 4 s of legs turning at OMEGA; lift is |sin| of 10 mm."""
+def trial_bag(
+    path: Path,
+    *,
+    speed: float = 0.2,
+    without: tuple[str, ...] = (),
+    plan=None,
+    exit_status="ok",
+    kept=lambda topic, t_s: True,
+    more=(),
+) -> Path:
+    """A trial of constant speed: 0.3 s at rest, then 4 s of legs turning at OMEGA; lift is |sin| of 10 mm.
+
+    ``kept(topic, t_s)``: which messages stay, t = 0 where legs start; ``more``: (topic, t_s, message) beside them.
+    """
     given: list[tuple[int, topics.Topic, bytes]] = []
 
     def add(topic, t_ns, message):
-        if topic.name not in without:
+        if topic.name not in without and kept(topic, (t_ns - T0) * 1e-9 - 0.3):
             given.append((t_ns, topic, to_cdr(message)))
 
     start = T0 + 300_000_000
@@ -69,6 +81,8 @@ def trial_bag(path: Path, *, speed: float = 0.2, without: tuple[str, ...] = (), 
         t_s = max(0.0, (t_ns - start) * 1e-9)
         angles = OMEGA * t_s - math.pi / 2 + np.array([0, 0, 0, 1, 1, 1]) * math.pi
         add(topics.LEG_STATES, t_ns, messages.joint_state(t_ns, topics.LEGS, angles, angles * 0 + OMEGA, angles * 0))
+    for topic, t_s, message in more:
+        given.append((start + round(t_s * 1e9), topic, to_cdr(message)))
     with BagWriter(path) as writer:
         for t_ns, topic, cdr in sorted(given, key=lambda one: one[0]):
             writer.write(topic, cdr, t_ns)

@@ -3,7 +3,8 @@
 /bed/prepare starts a preparation for the parameter target_phi and returns at once; /bed/status tells how it goes and
 /bed/volume_fraction (latched) its end. /bed/abort turns the air off, and so does the end of the node.
 
-Interlock: a preparation is refused while legs move, and fails if they begin to.
+Interlock: a preparation is refused while legs move, and fails if they begin to. It fails, too, where whoever commands
+(a campaign) does not renew /operator/lease, and where the node itself was held up: air nobody watches is turned off.
 """
 
 import math
@@ -34,6 +35,7 @@ class BedParameters(ProtocolParameters):
 
     target_phi: float = parameter(0.6, doc="volume fraction to prepare", low=0.3, high=0.74)
     rate_hz: float = parameter(100.0, unit="Hz", doc="steps a second; fixed when the node starts", low=20, high=1000)
+    lease_s: float = parameter(0.5, unit="s", doc="a lease or a step later than this ends it", low=0.1, high=2.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -98,8 +100,10 @@ class BedNode(Node):
         self._phi = node.publisher(self, topics.BED_PHI)
         self._status = node.publisher(self, topics.BED_STATUS)
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoints)
-        self._health = node.Health(self, self._figures)
+        self._command = node.Command(self, settings.lease_s)
+        self._health = node.Health(self, self._figures, sole=True)
         self._legs_moved_s = self._status_s = -math.inf
+        self._step_s = math.inf
         self._reported = ""
         self.create_service(Trigger, "/bed/prepare", self._on_prepare)
         self.create_service(Trigger, "/bed/abort", self._on_abort)
@@ -110,9 +114,19 @@ class BedNode(Node):
         self._obey(self._protocol.abort("the bed node stopped"))
 
     def _step(self) -> None:
-        if self._legs_move and self._protocol.command.stage.busy:
-            self._protocol.fail("legs began to move (/leg_setpoints) while the bed was being prepared")
-        self._obey(self._protocol.step(time.monotonic(), self._hardware.read_height_m()))
+        now_s = time.monotonic()
+        if self._protocol.command.stage.busy and (reason := self._fault(now_s)):
+            self._protocol.fail(reason)
+        self._step_s = now_s
+        self._obey(self._protocol.step(now_s, self._hardware.read_height_m()))
+
+    def _fault(self, now_s: float) -> str:
+        """Why a preparation under way must end; an empty string if it may go on."""
+        if self._legs_move:
+            return "legs began to move (/leg_setpoints) while the bed was being prepared"
+        if (late_s := now_s - self._step_s) > self._settings.current.lease_s:
+            return f"the bed node was held up for {late_s:.2g} s"
+        return self._command.lost()
 
     def _obey(self, command: Command) -> None:
         # At every step, idle too: who starts later must learn that the air is off.
@@ -157,6 +171,9 @@ class BedNode(Node):
             return response
         if self._legs_move:
             response.success, response.message = False, "legs move (/leg_setpoints); call /clock/stop first"
+            return response
+        if reason := self._command.begin(self._settings.current.lease_s):
+            response.success, response.message = False, reason
             return response
         try:
             self._protocol.prepare(target_phi)

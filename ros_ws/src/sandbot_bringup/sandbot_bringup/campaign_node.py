@@ -1,9 +1,11 @@
-"""Run a campaign live over the real nodes: prepare the bed, record, start the clock, stop, next trial."""
+"""Run a campaign live over the real nodes: prepare the bed, record, start the clock, stop, next trial.
+
+While a trial's air or legs may move, this node renews /operator/lease: should it end, freeze or be killed, bed and
+clock stop by themselves. It watches everybody a trial needs; who falls silent ends the trial at once.
+"""
 
 import math
-import signal
-import subprocess
-import sys
+import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -11,80 +13,135 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
 from rclpy.client import Client
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 from tqdm import tqdm
 
 from sandbot_bringup.config import robot_of
-from sandbot_bringup.folder import PARTIAL, CampaignFolder, frames_kept
+from sandbot_bringup.folder import CampaignFolder, frames_kept
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
+from sandbot_bringup.recorder_process import RecorderProcess
+from sandbot_bringup.supervision import Sign, Supervisor, status_values
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import ask, publisher, subscription, use_shared_memory
+from sandbot_common.node import Health, Stop, ask, names_of, publisher, stop_signals, subscription, use_shared_memory
 from sandbot_common.robot import Robot
+from sandbot_record.trials.from_bags import row_from_bag
+from sandbot_record.trials.table import OK
 
 DISCOVERY_S = 20.0
 """Nodes that just started need this long at most to be seen on a busy machine."""
 
 CALL_S = 10.0
 BED_S = 600.0
-DRAIN_S = 3.0
+DRAIN_S = 20.0
+CLOSE_S = 30.0
+RENEW_S = 0.02
+"""The lease is renewed that often: a dozen times before the clock takes it for lost."""
+EXPLAIN_S = 0.7
+"""So long after legs came to rest unasked, whoever stopped them is listened for."""
+FREE_BYTES = 300 << 20
+"""Room there must be before a trial; the recorder itself stops at 200 MiB."""
+
+HELD_UP_S = 0.25
+BEAT_S = 5.0
+_REQUIRED = ("clock", "bed", "tracker")
+_CAMERAS = ("lab", "dorsal_camera", "lateral_camera")
+"""Required once they have been heard: a robot or camera of another maker need not tell its health."""
 
 _UNNAMED = "_NODE_NAME_UNKNOWN_"
 _START_THEM = "start the nodes with: ros2 launch sandbot_bringup trackway.launch.py"
+
+_BED = Sign("bed", topics.BED_STATUS.name, 1.0)
+_RECORDER = Sign("recorder", topics.DIAGNOSTICS.name, BEAT_S)
+# Its first frame may take seconds where nothing is compiled yet; a dead one is missed sooner, on /diagnostics.
+_TRACKER = Sign("tracker", topics.SPEED.name, 5.0)
+_WALKING = (
+    Sign("clock", topics.LEG_SETPOINTS.name, 0.5),
+    Sign("robot", topics.LEG_STATES.name, 0.5),
+    _TRACKER,
+)
 
 
 class TrialFailed(RuntimeError):
     """A trial could not be completed; the campaign goes on with the next one."""
 
 
+class CampaignEnds(InputError):
+    """Nothing more can be run, or somebody stopped it by hand; what was finished is kept."""
+
+
 def run_live(
-    plan: Plan, folder: CampaignFolder, files: Mapping[str, str], trials: Sequence[PlannedTrial]
+    plan: Plan, folder: CampaignFolder, files: Mapping[str, str], trials: Sequence[PlannedTrial], *, redo: bool = False
 ) -> Sequence[tuple[str, str]]:
-    """Run every trial that has no bag yet; returns the failed ones with their reasons.
+    """Run every trial that has no bag yet; returns the failed ones with their reasons. ``redo``: those once more.
 
     The nodes must be running (``ros2 launch sandbot_bringup trackway.launch.py``); InputError where they are not.
-    On Ctrl-C the legs are stopped, the air is turned off and the bag under way is closed and set aside.
+    On Ctrl-C, kill or a closed terminal legs and air are stopped and the bag under way is closed and set aside.
     """
     use_shared_memory(frames=False)
-    rclpy.init()
-    failed: list[tuple[str, str]] = []
-    try:
-        operator = Operator(plan, robot_of(files))
-        operator.find_nodes()
-        folder.adopt(plan, files)
-        for trial in tqdm(folder.missing(trials), unit="trial", desc="campaign"):
-            try:
-                operator.run(trial, folder)
-            except TrialFailed as error:
-                failed.append((trial.trial_id, str(error)))
-    finally:
-        rclpy.try_shutdown()
-    return failed
+    failed: dict[str, str] = {}
+    with stop_signals() as stop:
+        # ROS's own handlers would end the context before the legs are stopped.
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            operator = Operator(plan, robot_of(files), stop)
+            operator.find_nodes()
+            folder.adopt(plan, files)
+            attachments = [folder.plan_file, *(folder.path / name for name in files)]
+            todo = folder.missing(trials)
+            for again in (False, True) if redo else (False,):
+                todo = [trial for trial in todo if not again or trial.trial_id in failed]
+                for trial in tqdm(todo, unit="trial", desc="again" if again else "campaign"):
+                    failed.pop(trial.trial_id, None)
+                    try:
+                        operator.run(trial, folder, attachments)
+                    except TrialFailed as error:
+                        failed[trial.trial_id] = str(error)
+                        tqdm.write(f"{trial.trial_id}: failed: {error}")
+        finally:
+            rclpy.try_shutdown()
+    return list(failed.items())
 
 
 class Operator(Node):
     """Does what a person at the trackway does, through the same services and parameters."""
 
-    def __init__(self, plan: Plan, robot: Robot) -> None:
+    def __init__(self, plan: Plan, robot: Robot, stop: Stop) -> None:
         super().__init__("campaign")
-        self._plan, self._robot = plan, robot
+        self._plan, self._robot, self._stop = plan, robot, stop
+        self._executor = EventsExecutor()
+        self._executor.add_node(self)
         self._trial = publisher(self, topics.TRIAL)
+        self._lease: Publisher | None = None
+        self._commanding, self._renewed_s = False, -math.inf
+        self._supervisor = Supervisor()
+        self._vital = [_BED]
+        self._spun_s = math.inf
+        self._told: dict[str, tuple[int, str, Mapping[str, str]]] = {}
         self._phi: float | None = None
-        self._bed_stage = ""
+        self._bed_stage = self._bed_text = ""
         self._bed_height_m = math.nan
         self._leg_time_ns: int | None = None
         self._motion_start_ns: int | None = None
         self._speed_ns = 0
         self._moving = False
+        self._running = ""
         subscription(self, topics.BED_PHI, self._on_phi)
         subscription(self, topics.BED_STATUS, self._on_bed)
         subscription(self, topics.LEG_STATES, self._on_legs)
+        subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, raw=True)
         subscription(self, topics.SPEED, self._on_speed)
+        subscription(self, topics.DIAGNOSTICS, self._on_diagnostics)
+        self._health = Health(self, lambda: {"trial": self._running}, sole=True)
         self._triggers = {
             name: self.create_client(Trigger, name)
             for name in ("/clock/home", "/clock/start", "/clock/stop", "/bed/prepare", "/bed/abort", "/lab/reset")
@@ -94,12 +151,12 @@ class Operator(Node):
             node: self.create_client(SetParameters, f"/{node}/set_parameters") for node in ("clock", "bed", "lab")
         }
         self._has_lab = False
-        self._recorder: subprocess.Popen[str] | None = None
+        self._recorder: RecorderProcess | None = None
 
     def find_nodes(self) -> None:
         """Wait for all that a trial needs; InputError naming what is missing."""
         for name in ("/clock/start", "/bed/prepare"):
-            if not self._triggers[name].wait_for_service(DISCOVERY_S):
+            if not self._wait(self._triggers[name].service_is_ready, DISCOVERY_S):
                 raise InputError(f"no node offers {name}; {_START_THEM}")
         for topic in (topics.LEG_STATES.name, topics.COM.name):
             if not self._wait(partial(self._is_published, topic), DISCOVERY_S):
@@ -109,35 +166,68 @@ class Operator(Node):
             raise InputError(f"the bed node has no reading on {topics.BED_HEIGHT.name}; {_START_THEM}")
         # Whoever reports the legs is the robot: the virtual lab takes a seed and a reset, a real one is carried back.
         # A publisher can be seen before the name of its node is: guessing then would leave the seed unset.
-        if not self._wait(lambda: _UNNAMED not in self._robots(), DISCOVERY_S):
+        if not self._wait(lambda: _UNNAMED not in self._who_publishes(topics.LEG_STATES), DISCOVERY_S):
             raise InputError(f"the node that publishes {topics.LEG_STATES.name} does not tell its name; {_START_THEM}")
-        self._has_lab = "lab" in self._robots()
-        if self._has_lab and not self._triggers["/lab/reset"].wait_for_service(DISCOVERY_S):
+        self._has_lab = "lab" in self._who_publishes(topics.LEG_STATES)
+        if self._has_lab and not self._wait(self._triggers["/lab/reset"].service_is_ready, DISCOVERY_S):
             raise InputError(f"the virtual lab does not offer /lab/reset; {_START_THEM}")
+        if not self._wait(lambda: set(_REQUIRED) <= self._told.keys(), DISCOVERY_S):
+            missing = next(name for name in _REQUIRED if name not in self._told)
+            raise InputError(f"the {missing} does not tell its health on {topics.DIAGNOSTICS.name}; {_START_THEM}")
+        # By now another campaign would have been heard. From here on clock and bed obey nobody but this one.
+        self._lease = publisher(self, topics.OPERATOR_LEASE)
 
-    def run(self, trial: PlannedTrial, folder: CampaignFolder) -> None:
+    def run(self, trial: PlannedTrial, folder: CampaignFolder, attachments: Sequence[Path]) -> None:
         """One trial from bed preparation to the closed bag; TrialFailed with the reason otherwise."""
-        # Recorded aside and renamed when complete: a bag in trials/ is always a whole trial.
-        aside = folder.trials / PARTIAL / trial.trial_id
-        _set_aside_torn(aside)
+        # Recorded aside and renamed when complete and judged: a bag in trials/ is always a whole trial.
+        aside = folder.aside(trial.trial_id)
+        self._gate(folder)
+        self._running, ended = trial.trial_id, "interrupted"
         self._set_up(trial)
+        self._commanding = True
         images = frames_kept(self._plan, trial)
-        self._recorder = recorder = _start_recorder(aside, images)
+        recorder = RecorderProcess(aside, images, attachments)
         try:
+            self._begin_recording(recorder, trial)
             self._prepare_bed()
             if images != "none":
                 self._film()
             self._wait(lambda: False, self._plan.standing_s)
             self._walk(self._plan.duration_s(trial.omega_rad_s))
-        except (TrialFailed, KeyboardInterrupt):
-            self._make_safe()
+            ended = OK
+        except (TrialFailed, CampaignEnds) as error:
+            ended = str(error)
             raise
         finally:
-            self._recorder = None
-            code = _stop_recorder(recorder)
-        if code != 0:
-            raise TrialFailed(f"the recorder ended with exit code {code}; its bag is {aside}")
+            if ended != OK:
+                self._make_safe()
+            self._recorder, self._commanding, self._running = None, False, ""
+            self._supervisor.watch(now_s=0.0)
+            self._end_recording(recorder, ended)
+        if recorder.code != 0:
+            raise TrialFailed(f"the recorder ended with exit code {recorder.code}; its bag is {aside}")
+        # The same judge as that of the table: what it would not call ok is no finished trial.
+        if (status := row_from_bag(aside).status) != OK:
+            raise TrialFailed(f"{status}; its bag is kept in {aside}")
         aside.rename(folder.bag(trial))
+
+    def _gate(self, folder: CampaignFolder) -> None:
+        """All that a trial needs is there, once, and alive; CampaignEnds with what is not."""
+        needed = [name for name in (*_REQUIRED, *_CAMERAS) if name in _REQUIRED or name in self._told]
+        self._vital = [Sign(name, topics.DIAGNOSTICS.name, BEAT_S) for name in needed] + [_BED]
+
+        def missing() -> list[str]:
+            ages = ((sign, self._supervisor.age_s(sign.who, sign.topic, time.monotonic())) for sign in self._vital)
+            return [sign.missing for sign, age_s in ages if age_s > sign.limit_s]
+
+        if not self._wait(lambda: not missing(), DISCOVERY_S):
+            raise CampaignEnds(f"the {missing()[0]}; {_START_THEM}, then start the campaign again to go on")
+        for topic in (topics.LEG_SETPOINTS, topics.BED_BLOWER, topics.OPERATOR_LEASE):
+            if not self._wait(lambda topic=topic: len(self._who_publishes(topic)) == 1, DISCOVERY_S):  # type: ignore[misc]
+                names = " and ".join(self._who_publishes(topic)) or "nobody"
+                raise CampaignEnds(f"{names} publish {topic.name}: one commander is needed, and only one")
+        if (free := shutil.disk_usage(folder.path).free) < FREE_BYTES:
+            raise CampaignEnds(f"{folder.path}: only {free >> 20} MiB free, a trial needs {FREE_BYTES >> 20}")
 
     def _set_up(self, trial: PlannedTrial) -> None:
         self._phi, self._bed_stage, self._motion_start_ns = None, "", None
@@ -148,6 +238,7 @@ class Operator(Node):
             for name in ("theta_s_rad", "theta_0_rad", "duty"):
                 self._set("clock", name, getattr(gait, name))
         self._set("clock", "rate_hz", self._plan.setpoint_rate_hz)
+        self._set("clock", "max_run_s", self._plan.duration_s(trial.omega_rad_s) + CALL_S)
         # After the trial before, the legs stand where they stopped; every trial starts from the same stance.
         self._call("/clock/home")
         self._set("bed", "target_phi", trial.phi)
@@ -156,17 +247,38 @@ class Operator(Node):
             self._set("lab", "batch_seed", trial.occasion.batch_seed)
             self._set("lab", "progress", trial.occasion.progress)
             self._call("/lab/reset")
+
+    def _begin_recording(self, recorder: RecorderProcess, trial: PlannedTrial) -> None:
+        if not self._wait(lambda: recorder.ready or recorder.ended, CLOSE_S) or recorder.ended:
+            raise TrialFailed(f"the recorder did not start: {recorder.last_line}")
+        self._recorder = recorder
+        self._supervisor.watch(*self._vital, _RECORDER, now_s=time.monotonic())
+        # Only now: a bag begins with the state of its own trial.
         self._trial.publish(messages.string(trial_message(self._plan, trial, self._robot, time.time_ns())))
+
+    def _end_recording(self, recorder: RecorderProcess, ended: str) -> None:
+        recorder.tell(ended)
+        if not self._spin_until(lambda: recorder.ended, CLOSE_S):
+            recorder.kill()
 
     def _prepare_bed(self) -> None:
         self._call("/bed/prepare")
-        done = self._wait(lambda: self._phi is not None or self._bed_stage == "failed", BED_S)
+        begun: list[str] = []
+
+        def over() -> bool:
+            if self._bed_stage not in ("", "idle", "ready", "failed"):
+                begun.append(self._bed_stage)
+            return self._phi is not None or (bool(begun) and self._bed_stage in ("failed", "idle"))
+
+        done = self._wait(over, BED_S)
+        if self._bed_stage == "idle":
+            raise CampaignEnds(f"{self._bed_text}; start the campaign again to go on")
         if not done or self._phi is None:
-            raise TrialFailed(f"the bed was not prepared (stage {self._bed_stage or 'unknown'})")
+            raise TrialFailed(f"the bed was not prepared: {self._bed_text or f'no end within {BED_S:g} s'}")
 
     def _film(self) -> None:
         """Keep frames from here on; those of the bed's preparation would only fill the disk."""
-        if not self._pause_images.wait_for_service(CALL_S):
+        if not self._wait(self._pause_images.service_is_ready, CALL_S):
             raise TrialFailed(f"the recorder does not offer {self._pause_images.srv_name}")
         self._ask(self._pause_images, SetBool.Request(data=False), self._pause_images.srv_name)
 
@@ -176,25 +288,48 @@ class Operator(Node):
         if not moved:
             raise TrialFailed("the clock was started but no leg moved (/leg_states)")
         end_ns = (self._motion_start_ns or 0) + int(duration_s * 1e9)
-        if not self._wait(lambda: (self._leg_time_ns or 0) >= end_ns, duration_s + CALL_S):
-            raise TrialFailed("the legs stopped reporting during the trial (/leg_states)")
+        self._supervisor.watch(*self._vital, _RECORDER, *_WALKING, now_s=time.monotonic())
+
+        def over() -> bool:
+            return (self._leg_time_ns or 0) >= end_ns or not self._moving
+
+        if not self._wait(over, duration_s + CALL_S):
+            raise TrialFailed(f"the trial was not over {CALL_S:g} s after its time (/leg_states)")
+        if not self._moving:
+            self._explain_rest()
+        self._supervisor.watch(*self._vital, _RECORDER, now_s=time.monotonic())
         self._call("/clock/stop")
         # Until the legs report rest, late reports of this trial could be taken for the start of the next.
         if not self._wait(lambda: not self._moving, CALL_S):
             raise TrialFailed("the legs did not report rest after /clock/stop (/leg_states)")
-        # The frames of the last milliseconds are still on their way through the tracker.
+        # The last frames are still on their way through the tracker: milliseconds, or seconds on a busy machine.
+        self._supervisor.watch(*self._vital, _RECORDER, _TRACKER, now_s=time.monotonic())
         self._wait(lambda: self._speed_ns >= end_ns, DRAIN_S)
 
-    def _robots(self) -> list[str]:
-        return [str(one.node_name) for one in self.get_publishers_info_by_topic(topics.LEG_STATES.name)]
+    def _explain_rest(self) -> None:
+        """Legs came to rest in the middle: a fault ends the trial, a hand on the stop the campaign."""
+        self._commanding = False
+        self._spin_until(lambda: self._told["clock"][0] > 1, EXPLAIN_S)
+        silent = self._supervisor.silent(time.monotonic())
+        level, text, _ = self._told["clock"]
+        if level > 1:
+            raise TrialFailed(f"the clock: {text}")
+        if silent:
+            raise TrialFailed(f"the {silent}")
+        raise CampaignEnds("the legs were stopped by hand; start the campaign again to go on")
+
+    def _who_publishes(self, topic: topics.Topic) -> list[str]:
+        return names_of(self.get_publishers_info_by_topic(topic.name))
 
     def _is_published(self, topic: str) -> bool:
         return bool(self.count_publishers(topic))
 
     def _make_safe(self) -> None:
+        """Ask clock and bed to stop; should they not hear it, the lease they no longer get does."""
+        self._commanding = False
         for name in ("/clock/stop", "/bed/abort"):
             self._triggers[name].call_async(Trigger.Request())
-        self._wait(lambda: False, 0.2)
+        self._spin_until(lambda: False, 0.3)
 
     def _call(self, name: str) -> None:
         answer = self._ask(self._triggers[name], Trigger.Request(), name)
@@ -214,79 +349,76 @@ class Operator(Node):
         return answer
 
     def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Whether the condition came to hold; raises as soon as there is no point in waiting any longer."""
+
+        def wrong() -> bool:
+            return self._stop.asked or bool(self._health.refused) or bool(self._fault())
+
+        self._spin_until(lambda: condition() or wrong(), timeout_s)
+        if self._stop.asked:
+            raise KeyboardInterrupt
+        if self._health.refused:
+            raise CampaignEnds(self._health.refused)
+        if fault := self._fault():
+            raise TrialFailed(fault)
+        return condition()
+
+    def _fault(self) -> str:
+        if self._recorder is not None and self._recorder.ended:
+            # A full disk, say: what the legs do from now on is lost, so they stop.
+            return f"the recorder ended: {self._recorder.last_line}"
+        silent = self._supervisor.silent(time.monotonic())
+        return f"the {silent}" if silent else ""
+
+    def _spin_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         deadline = time.monotonic() + timeout_s
         while not condition():
-            if self._recorder is not None and self._recorder.poll() is not None:
-                # A full disk, say: what the legs do from now on is lost, so they stop (_make_safe).
-                recorder, self._recorder = self._recorder, None
-                raise TrialFailed(f"the recorder ended: {_last_line(recorder)}")
-            left = deadline - time.monotonic()
-            if left <= 0:
+            now_s = time.monotonic()
+            if now_s >= deadline:
                 return False
-            rclpy.spin_once(self, timeout_sec=min(left, 0.1))
+            if self._commanding and now_s - self._spun_s > HELD_UP_S:
+                # Not their silence, ours: if the lease was lost by it, clock or bed says so.
+                self._supervisor.pardon(now_s)
+            self._spun_s = now_s
+            self._renew(now_s)
+            self._executor.spin_once(timeout_sec=min(deadline - now_s, RENEW_S))
         return True
+
+    def _renew(self, now_s: float) -> None:
+        # From this loop, not from a thread: a campaign that is stuck commands nothing.
+        if self._commanding and self._lease is not None and now_s - self._renewed_s >= RENEW_S:
+            self._renewed_s = now_s
+            self._lease.publish(messages.header(self.get_clock().now().nanoseconds, self.get_name()))
+
+    def _heard(self, who: str, topic: topics.Topic) -> None:
+        self._supervisor.heard(who, topic.name, time.monotonic())
 
     def _on_phi(self, message: Any) -> None:
         # The latched value of the trial before arrives on subscription only; set_up clears it.
         self._phi = float(message.data)
 
     def _on_bed(self, message: Any) -> None:
-        values = {pair.key: pair.value for status in message.status for pair in status.values}
-        self._bed_stage = values.get("stage", self._bed_stage)
-        self._bed_height_m = float(values.get("height_m", math.nan))
+        self._heard("bed", topics.BED_STATUS)
+        for status in message.status:
+            values = status_values(status)
+            self._bed_stage, self._bed_text = values.get("stage", self._bed_stage), status.message
+            self._bed_height_m = float(values.get("height_m", math.nan))
 
     def _on_legs(self, message: Any) -> None:
+        self._heard("robot", topics.LEG_STATES)
         self._leg_time_ns = messages.nanoseconds(message.header.stamp)
         self._moving = any(rate != 0.0 for rate in message.velocity)
         if self._motion_start_ns is None and self._moving:
             self._motion_start_ns = self._leg_time_ns
 
+    def _on_setpoint(self, _: bytes) -> None:
+        self._heard("clock", topics.LEG_SETPOINTS)
+
     def _on_speed(self, message: Any) -> None:
+        self._heard("tracker", topics.SPEED)
         self._speed_ns = messages.nanoseconds(message.header.stamp)
 
-
-def _start_recorder(bag: Path, images: str) -> subprocess.Popen[str]:
-    """``images``: none, jpeg, video or raw."""
-    bag.parent.mkdir(parents=True, exist_ok=True)
-    left_out = _ENCODED if images != "none" else _ENCODED | _FRAMES
-    names = [topic.name for topic in topics.ALL if topic not in left_out]
-    command = [sys.executable, "-m", "sandbot_record.tools.record", *names, "--images", images, "--pause-images"]
-    command += ["--out", str(bag)]
-    # A process of its own: if this one dies, the run under way is still recorded. Its own session, so that
-    # Ctrl-C reaches us first and the legs are stopped while it still records.
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
-    assert process.stdout is not None
-    for line in process.stdout:
-        if line.startswith("recording to"):
-            return process
-    raise TrialFailed(f"the recorder did not start (exit code {process.wait()})")
-
-
-def _stop_recorder(process: subprocess.Popen[str]) -> int:
-    process.send_signal(signal.SIGINT)
-    try:
-        process.communicate(timeout=30)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.communicate()
-    return process.returncode
-
-
-def _last_line(process: subprocess.Popen[str]) -> str:
-    """The last thing a process that has ended said."""
-    assert process.stdout is not None
-    return (process.stdout.read().strip().splitlines() or [f"exit code {process.returncode}"])[-1]
-
-
-def _set_aside_torn(bag: Path) -> None:
-    """Keep what an interrupted run left behind, out of the way of the new one."""
-    if bag.exists():
-        number = 1
-        while (kept := bag.with_name(f"{bag.name}.interrupted{number}")).exists():
-            number += 1
-        bag.rename(kept)
-
-
-_FRAMES = {topics.DORSAL_IMAGE, topics.LATERAL_IMAGE}
-_ENCODED = {topics.DORSAL_JPEG, topics.LATERAL_JPEG}
-"""Written by the recorder itself, from the frames."""
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self._heard(status.name, topics.DIAGNOSTICS)
+            self._told[status.name] = (status.level[0], status.message, status_values(status))

@@ -39,6 +39,16 @@ class CampaignFolder:
         """Where the bag of ``trial`` goes."""
         return self.trials / trial.trial_id
 
+    def aside(self, trial_id: str) -> Path:
+        """Where the bag of a trial goes that is not finished, or failed; one that is there makes room, and is kept."""
+        path = self.trials / PARTIAL / trial_id
+        if path.exists():
+            number = 1
+            while (kept := path.with_name(f"{path.name}.interrupted{number}")).exists():
+                number += 1
+            path.rename(kept)
+        return path
+
     def grown(self, plan: Plan) -> Plan:
         """The plan with the extra trials this folder has been given since, if it is that plan's folder."""
         if plan.extra_trials or not self.plan_file.exists():

@@ -4,9 +4,15 @@ Set-points are published only while the clock runs, stamped with their *schedule
 when it stops: that last one holds the legs. After /clock/stop, /clock/start goes on from the angles held; /clock/home
 forgets them, so that the next start is t = 0 of the gait (lift the robot: the legs may jump then).
 
-Interlock: the clock does not start, and stops, while the bed's air is on (/bed/blower > 0).
+The legs stop by themselves, at the angles last sent, and /diagnostics says why, where
+- whoever commands (a campaign) does not renew /operator/lease; what a person starts needs none, and ends by max_run_s;
+- the robot falls silent (/leg_states), if there is one;
+- a set-point is late by more than late_s, as in a process that was held up; where less is lost, the gait falls back by
+  the set-points lost, so that from one to the next no leg ever turns further than in one period;
+- the bed's air is on (/bed/blower > 0): then the clock does not start either.
 """
 
+import math
 import os
 import threading
 import time
@@ -24,11 +30,14 @@ from sandbot_clock.gait import PRESETS, Gait
 from sandbot_clock.phase_clock import PhaseClock
 from sandbot_clock.schedule import NANO, Schedule, keep
 from sandbot_common import messages, node, topics
+from sandbot_common.lease import Lease
 from sandbot_common.parameters import parameter, specs
 
 CUSTOM = "CUSTOM"
 # Long enough to hear whether a bed blows before legs move by themselves.
 _AUTOSTART_DELAY_S = 1.0
+# Real-time priorities of the schedule's thread and of the rest of the process.
+_SCHEDULE, _BESIDE = 20, 10
 _NO_TORQUE = np.zeros(len(topics.LEGS))
 
 
@@ -50,6 +59,10 @@ class ClockParameters:
     duty: float = _of_gait("duty")
     rate_hz: float = parameter(200.0, unit="Hz", doc="set-points a second, from the next start on", low=20, high=1000)
     autostart: bool = parameter(False, doc="start by itself, one second after the node")
+    max_run_s: float = parameter(30.0, unit="s", doc="longest run; a campaign sets its trial's", low=0.1, high=20000)
+    lease_s: float = parameter(0.25, unit="s", doc="an /operator/lease later than this stops", low=0.02, high=1.0)
+    robot_s: float = parameter(0.25, unit="s", doc="/leg_states silent for longer stop the legs", low=0.02, high=1.0)
+    late_s: float = parameter(0.1, unit="s", doc="a set-point later than this stops the legs", low=0.005, high=0.25)
 
     @property
     def gait_used(self) -> Gait:
@@ -67,14 +80,18 @@ class ClockNode(Node):
         self._settings = node.Parameters(self, ClockParameters)
         self._setpoints = node.publisher(self, topics.LEG_SETPOINTS)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
+        node.subscription(self, topics.LEG_STATES, self._on_states, raw=True)
+        self._command = node.Command(self, self._settings.current.lease_s)
+        self._robot, self._robot_there = Lease(self._settings.current.robot_s), False
         self._blower: float | None = None
         self._legs: PhaseClock | None = None  # None: at home, whatever the gait will be at the next start
         self._thread: threading.Thread | None = None
+        self._running = False
         self._stopping = threading.Event()
         self._late_ns: deque[int] = deque(maxlen=2000)
         self._published = self._missed = 0
         self._real_time = False
-        self._health = node.Health(self, self._figures)
+        self._health = node.Health(self, self._figures, sole=True)
         self.create_service(Trigger, "/clock/start", self._on_start)
         self.create_service(Trigger, "/clock/stop", self._on_stop)
         self.create_service(Trigger, "/clock/home", self._on_home)
@@ -83,26 +100,40 @@ class ClockNode(Node):
 
     @property
     def running(self) -> bool:
-        """Whether set-points are being published."""
-        return self._thread is not None
+        """Whether set-points are being published; false from the last one on."""
+        return self._running
 
     def start(self) -> str:
         """Start the schedule; the reason why not, or an empty string."""
+        wanted = self._settings.current
+        if reason := self._refusal(wanted):
+            return reason
+        self.stop()
+        self._health.level, self._health.text = 0, "ok"
+        self._stopping.clear()
+        schedule = Schedule(time.monotonic_ns(), wanted.rate_hz)
+        self._robot = Lease(wanted.robot_s, schedule.start_ns / NANO)
+        self._robot_there = bool(self.count_publishers(topics.LEG_STATES.name))
+        held = self._legs or PhaseClock(wanted.gait_used, wanted.omega_rad_s)
+        self._legs, self._missed = held.started(schedule.start_ns / NANO), 0
+        to_ros_ns = self.get_clock().now().nanoseconds - schedule.start_ns
+        self._thread = threading.Thread(
+            target=self._run, args=(schedule, to_ros_ns, wanted.max_run_s), name="clock", daemon=True
+        )
+        self._running = True
+        self._thread.start()
+        self._health.publish()
+        return ""
+
+    def _refusal(self, wanted: ClockParameters) -> str:
         if self.running:
             return "the clock is running already"
         if self._air_on:
             return f"the bed's air is on (/bed/blower is {self._blower:g}); legs move only when it is 0"
-        self._health.level, self._health.text = 0, "ok"
-        schedule = Schedule(time.monotonic_ns(), self._settings.current.rate_hz)
-        to_ros_ns = self.get_clock().now().nanoseconds - schedule.start_ns
-        start_s = schedule.start_ns / NANO
-        wanted = self._settings.current
-        held = self._legs or PhaseClock(wanted.gait_used, wanted.omega_rad_s)
-        self._legs = held.started(start_s)
-        self._stopping.clear()
-        self._thread = threading.Thread(target=self._run, args=(schedule, to_ros_ns), name="clock", daemon=True)
-        self._thread.start()
-        return ""
+        names = node.names_of(self.get_publishers_info_by_topic(topics.LEG_SETPOINTS.name))
+        if len(names) > 1:
+            return f"{' and '.join(names)} both publish {topics.LEG_SETPOINTS.name}; one commander at a time"
+        return self._command.begin(wanted.lease_s)
 
     def stop(self) -> None:
         """Stop, and return when the last set-point (rate 0) is out."""
@@ -115,19 +146,47 @@ class ClockNode(Node):
         """Hold the legs before the node goes."""
         self.stop()
 
-    def _run(self, schedule: Schedule, to_ros_ns: int) -> None:
+    def _run(self, schedule: Schedule, to_ros_ns: int, max_run_s: float) -> None:
+        """Publish until stopped; a fault holds the legs where the last set-point left them."""
+        period_ns = math.ceil(NANO / schedule.rate_hz)
+        last_ns, lost_ns, fault = schedule.start_ns, 0, ""
+
         def duty(instant_ns: int) -> bool:
-            self._late_ns.append(time.monotonic_ns() - instant_ns)
-            stopping = self._stopping.is_set()
-            self._legs = clock = self._next(instant_ns / NANO, stopping)
-            position, velocity = clock.at(instant_ns / NANO)
-            stamp_ns = instant_ns + to_ros_ns
+            nonlocal last_ns, lost_ns, fault
+            now_ns = time.monotonic_ns()
+            self._late_ns.append(now_ns - instant_ns)
+            fault = self._fault(now_ns, instant_ns) or _overrun(instant_ns - schedule.start_ns, max_run_s)
+            moment_ns = now_ns if fault else instant_ns
+            # The gait's own time: a period passes from one set-point to the next, however late this one is.
+            lost_ns += moment_ns - last_ns - (0 if fault else min(moment_ns - last_ns, period_ns))
+            last_ns = moment_ns
+            stopping = bool(fault) or self._stopping.is_set()
+            gait_s = (last_ns - lost_ns) / NANO
+            self._legs = clock = self._next(gait_s, stopping)
+            position, velocity = clock.at(gait_s)
+            self._running = not stopping
+            stamp_ns = moment_ns + to_ros_ns
             self._setpoints.publish(messages.joint_state(stamp_ns, topics.LEGS, position, velocity, _NO_TORQUE))
             self._published += 1
             return not stopping
 
-        self._real_time = _ask_for_real_time()
+        self._real_time = _ask_for_real_time(_SCHEDULE)
         keep(schedule, duty, time.monotonic_ns, time.sleep, self._count_missed)
+        if fault:
+            self._health.level, self._health.text = 2, f"stopped: {fault}"
+            self._health.publish()
+            self.get_logger().error(self._health.text)
+
+    def _fault(self, now_ns: int, instant_ns: int) -> str:
+        """Why the legs must stop now; an empty string if they may go on."""
+        wanted, late_s = self._settings.current, (now_ns - instant_ns) / NANO
+        if late_s > wanted.late_s:
+            return f"a set-point was late by {late_s:.3g} s: the clock's process was held up"
+        if self._air_on:
+            return f"the bed's air came on while the legs moved (/bed/blower is {self._blower:g})"
+        if self._robot_there and self._robot.late(now_ns / NANO):
+            return f"the robot was silent for {wanted.robot_s:g} s (/leg_states)"
+        return self._command.lost()
 
     def _next(self, t_s: float, stopping: bool) -> PhaseClock:
         # Changes take effect at a scheduled instant, in the thread that owns the phase.
@@ -149,11 +208,10 @@ class ClockNode(Node):
 
     def _on_blower(self, message: Float64) -> None:
         self._blower = message.data
-        if self._air_on and self.running:
-            self.stop()
-            self._health.level, self._health.text = 2, "stopped: the bed's air came on while the legs moved"
-            self._health.publish()
-            self.get_logger().error(self._health.text)
+
+    def _on_states(self, _: bytes) -> None:
+        self._robot_there = True
+        self._robot.renew(time.monotonic())
 
     def _start_once(self) -> None:
         self._autostart.cancel()
@@ -165,7 +223,8 @@ class ClockNode(Node):
             response.success, response.message = True, "was running"
             return response
         reason = self.start()
-        response.success, response.message = not reason, reason or "running"
+        longest = f"running, for {self._settings.current.max_run_s:g} s at most (max_run_s)"
+        response.success, response.message = not reason, reason or longest
         return response
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -184,7 +243,7 @@ class ClockNode(Node):
 
     def _figures(self) -> Mapping[str, object]:
         wanted = self._settings.current
-        late_us = np.array(self._late_ns, dtype=np.float64) / 1e3
+        late_us = np.array(list(self._late_ns), dtype=np.float64) / 1e3
         p99 = float(np.percentile(late_us, 99)) if late_us.size else float("nan")
         return {
             "running": self.running,
@@ -199,10 +258,14 @@ class ClockNode(Node):
         }
 
 
-def _ask_for_real_time() -> bool:
-    # For the calling thread only, which sleeps nearly all the time; most users may not, and then it runs as it is.
+def _overrun(run_ns: int, max_run_s: float) -> str:
+    return f"the run was {max_run_s:g} s long (max_run_s)" if run_ns / NANO > max_run_s else ""
+
+
+def _ask_for_real_time(priority: int) -> bool:
+    # For the calling thread and those it starts, which sleep nearly all the time; who may not runs as it is.
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(20))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except (AttributeError, OSError):
         return False
     return True
@@ -210,6 +273,8 @@ def _ask_for_real_time() -> bool:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the clock node until Ctrl-C."""
+    # The whole process: a main thread that waits for a CPU while it holds Python's lock would stop the schedule, too.
+    _ask_for_real_time(_BESIDE)
     return node.run(ClockNode, argv)
 
 

@@ -1,5 +1,6 @@
 """How every node starts, takes its parameters, tells its health and stops. The only room here with rclpy."""
 
+import difflib
 import math
 import os
 import signal
@@ -28,6 +29,7 @@ from rclpy.subscription import Subscription
 
 from sandbot_common import cli, messages, topics
 from sandbot_common.errors import InputError
+from sandbot_common.lease import Lease
 from sandbot_common.parameters import Spec, from_mapping, specs
 
 T = TypeVar("T")
@@ -36,6 +38,11 @@ LAST_WORDS_S = 0.5
 """How long a node that ends stays for what it said last to be sent, which another thread does. Those who listen may
 acknowledge it seconds later, with the next heartbeat: that is not waited for."""
 ASK_AGAIN_S = 2.0
+END_WITH_PARENT = "TRACKWAY_END_WITH_PARENT"
+"""Environment variable, set to 1 by a launch: its nodes end when it is gone, even killed."""
+_SINCE = "since_ns"
+_LOOK_S = 0.05
+"""How soon a node that idles sees that it is to end."""
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
@@ -108,6 +115,7 @@ class Parameters(Generic[T]):
             }
         except ParameterException as error:
             raise InputError(f"{self._where}: {error}") from None
+        _refuse_unknown(node, self._where)
         self.current: T = from_mapping(cls, given, self._where)
         node.add_on_set_parameters_callback(self._set)
 
@@ -126,20 +134,77 @@ class Parameters(Generic[T]):
         return SetParametersResult(successful=True)
 
 
-class Health:
-    """Publishes a node's key figures on /diagnostics once a second."""
+class Command:
+    """The lease of whoever commands, as those see it who obey: asked before motion or air begins and at each step.
 
-    def __init__(self, node: Node, values: Callable[[], Mapping[str, object]], period_s: float = 1.0) -> None:
+    Where nobody publishes /operator/lease, a person commands by hand, and there is nothing to renew.
+    """
+
+    def __init__(self, node: Node, limit_s: float) -> None:
+        self._node, self._lease = node, Lease(limit_s)
+        self._leased = False
+        self._holder = "somebody"
+        subscription(node, topics.OPERATOR_LEASE, self._on_renewal)
+
+    def begin(self, limit_s: float) -> str:
+        """Why nothing may begin; an empty string where it may, from now on under this lease or by hand."""
+        self._lease.limit_s = limit_s
+        holders = names_of(self._node.get_publishers_info_by_topic(topics.OPERATOR_LEASE.name))
+        self._leased = bool(holders)
+        if len(holders) > 1:
+            return f"{' and '.join(holders)} both command the trackway (/operator/lease); one at a time"
+        if self._leased and self._lease.late(time.monotonic()):
+            return f"{holders[0]} commands the trackway and does not renew /operator/lease; end it first"
+        return ""
+
+    def lost(self) -> str:
+        """Why to stop; an empty string while the lease is renewed or a person commands."""
+        if not self._leased or not self._lease.late(time.monotonic()):
+            return ""
+        return f"{self._holder} did not renew /operator/lease for {self._lease.limit_s:g} s"
+
+    def _on_renewal(self, message: Any) -> None:
+        self._holder = message.frame_id or self._holder
+        self._lease.renew(time.monotonic())
+
+
+def names_of(endpoints: Sequence[Any]) -> list[str]:
+    """The names of the nodes behind publishers or subscriptions, each as often as it has one."""
+    return sorted(str(one.node_name) for one in endpoints)
+
+
+class Health:
+    """Publishes a node's key figures on /diagnostics once a second.
+
+    ``sole``: of several nodes of its name only the one that lives longest stays (``refused`` tells the younger ones
+    why they must go, and ``run`` ends them): a second clock or bed would command the same legs and the same air.
+    """
+
+    def __init__(
+        self, node: Node, values: Callable[[], Mapping[str, object]], period_s: float = 1.0, *, sole: bool = False
+    ) -> None:
         self._node, self._values = node, values
         self.level, self.text = 0, "ok"
-        self._publisher = node.create_publisher(DiagnosticArray, topics.DIAGNOSTICS.name, qos(topics.DIAGNOSTICS))
+        self.refused = ""
+        self._since_ns = time.time_ns()
+        self._publisher = publisher(node, topics.DIAGNOSTICS)
         node.create_timer(period_s, self.publish)
+        if sole:
+            node.health = self
+            subscription(node, topics.DIAGNOSTICS, self._look_for_a_rival)
 
     def publish(self) -> None:
         """Publish now."""
         now = self._node.get_clock().now().nanoseconds
         name = self._node.get_name()
-        self._publisher.publish(messages.diagnostics(now, name, self._values(), level=self.level, text=self.text))
+        values = {**self._values(), _SINCE: self._since_ns}
+        self._publisher.publish(messages.diagnostics(now, name, values, level=self.level, text=self.text))
+
+    def _look_for_a_rival(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            since = next((pair.value for pair in status.values if pair.key == _SINCE), "")
+            if status.name == self._node.get_name() and since.isdigit() and int(since) < self._since_ns:
+                self.refused = f"another {status.name} is running already; one commander at a time, end it first"
 
 
 def use_shared_memory(*, frames: bool) -> None:
@@ -160,7 +225,7 @@ def run(make: Callable[[], Node], argv: Sequence[str] | None = None, *, frames: 
     def command(arguments: Sequence[str]) -> int:
         use_shared_memory(frames=frames)
         # Our own signals: ROS's handlers end the context at once, and close() could no longer publish "air off".
-        with _stop_signals() as stop:
+        with stop_signals() as stop:
             rclpy.init(args=[sys.argv[0], *arguments], signal_handler_options=SignalHandlerOptions.NO)
             node: Node | None = None
             try:
@@ -170,6 +235,10 @@ def run(make: Callable[[], Node], argv: Sequence[str] | None = None, *, frames: 
                 if node is not None:
                     if (close := getattr(node, "close", None)) is not None:
                         close()
+                    stop.say(node.get_name())
+                    if stop.asked and isinstance(health := getattr(node, "health", None), Health):
+                        health.level, health.text = 2, f"ended: {stop.why}"
+                        health.publish()
                     _let_all_hear(node)
                     node.destroy_node()
                 rclpy.try_shutdown()
@@ -189,29 +258,67 @@ def _let_all_hear(node: Node) -> None:
             publisher.wait_for_all_acked(Duration(seconds=left))
 
 
-def _spin(node: Node, stop: threading.Event) -> None:
+def _spin(node: Node, stop: "Stop") -> None:
     # Measured in these wheels: about twice the message rate of the default executor. Not its spin(), which leaves no
     # room for Python's signal handlers and never returns from ROS's.
     executor = EventsExecutor()
     executor.add_node(node)
+    parent = os.getppid() if os.environ.get(END_WITH_PARENT) == "1" else None
     with suppress(ExternalShutdownException):
-        while rclpy.ok() and not stop.is_set():
-            executor.spin_once(timeout_sec=0.1)
+        while rclpy.ok() and not stop.asked:
+            executor.spin_once(timeout_sec=_LOOK_S)
+            if parent is not None and os.getppid() != parent:
+                stop.ask("the launch that started it is gone")
+            if (health := getattr(node, "health", None)) is not None and health.refused:
+                raise InputError(health.refused)
+
+
+class Stop:
+    """Whether the process is to end, and why."""
+
+    def __init__(self) -> None:
+        self.why = ""
+
+    @property
+    def asked(self) -> bool:
+        """Whether anybody asked."""
+        return bool(self.why)
+
+    def ask(self, why: str) -> None:
+        """End soon. A plain attribute, no Event: a signal handler may not wait for a lock its own thread holds."""
+        self.why = self.why or why
+
+    def say(self, name: str) -> None:
+        """One line about a signal, where there is still somebody to read it: a closed terminal takes no more words."""
+        if self.why:
+            with suppress(OSError):
+                print(f"{name}: ended: {self.why}", file=sys.stderr, flush=True)
 
 
 @contextmanager
-def _stop_signals() -> Iterator[threading.Event]:
-    # Ctrl-C and kill set the event; where we are not the main thread nobody can send them.
-    stop = threading.Event()
+def stop_signals() -> Iterator[Stop]:
+    """Ctrl-C, kill and a closed terminal ask for an end in order; where we are not the main thread nobody can."""
+    stop = Stop()
     if threading.current_thread() is not threading.main_thread():
         yield stop
         return
-    before = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {one: signal.signal(one, lambda number, _: stop.ask(signal.Signals(number).name)) for one in numbers}
     try:
         yield stop
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _refuse_unknown(node: Node, where: str) -> None:
+    # ROS drops a misspelt -p without a word.
+    known = list(node._parameters)
+    for name in node._parameter_overrides:
+        if not node.has_parameter(name) and not name.startswith("qos_overrides."):
+            close = difflib.get_close_matches(name, known, n=1)
+            hint = f", did you mean {close[0]!r}?" if close else f"; known: {', '.join(known)}"
+            raise InputError(f"{where}: unknown parameter {name!r}{hint}")
 
 
 def _descriptor(spec: Spec) -> ParameterDescriptor:

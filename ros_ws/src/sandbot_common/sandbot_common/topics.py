@@ -41,6 +41,8 @@ LIFT = Topic("/lift", "std_msgs/msg/Float64")
 MODEL_SPEED = Topic("/model/speed", "geometry_msgs/msg/TwistWithCovarianceStamped", depth=200)
 MODEL_SPEED_MEAN = Topic("/model/speed/mean", "std_msgs/msg/Float64")
 MODEL_ERROR = Topic("/model/error", "std_msgs/msg/Float64")
+OPERATOR_LEASE = Topic("/operator/lease", "std_msgs/msg/Header", depth=1)
+"""Renewed by whoever commands bed and clock (a campaign), named in frame_id; they stop by themselves without it."""
 TRIAL = Topic("/trial", "std_msgs/msg/String", latched=True, depth=1)
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
 

@@ -46,10 +46,12 @@ def _cover(low: Any, high: Any, first: int, count: int) -> Any:
 def draw_box(image: Any, left: Any, right: Any, top: Any, bottom: Any, grey: float) -> None:
     """Draw an upright box of a grey level, edges (n,) [px] during the exposure."""
     rows, columns = image.shape
-    first_column = max(floor(left.min()), 0)
-    across = _cover(left, right, first_column, min(ceil(right.max()), columns - 1) + 1 - first_column)
-    first_row = max(floor(top.min()), 0)
-    down = _cover(top, bottom, first_row, min(ceil(bottom.max()), rows - 1) + 1 - first_row)
+    first_column, last_column = max(floor(left.min()), 0), min(ceil(right.max()), columns - 1)
+    first_row, last_row = max(floor(top.min()), 0), min(ceil(bottom.max()), rows - 1)
+    if last_column < first_column or last_row < first_row:
+        return  # outside the picture
+    across = _cover(left, right, first_column, last_column + 1 - first_column)
+    down = _cover(top, bottom, first_row, last_row + 1 - first_row)
     for row in range(down.size):
         for column in range(across.size):
             # Rows and columns are smeared each for itself: exact where only one of them moves.

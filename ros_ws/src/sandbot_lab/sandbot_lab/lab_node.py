@@ -2,8 +2,12 @@
 
 A trial begins when the legs start after standing: the robot is back at the start on virgin ground of the bed's volume
 fraction, and the LED flashes. Frames are taken on the robot's time, t0 + k / frame rate. No topic carries the truth.
+
+Legs and air stop by themselves where their commands are late, as those of a real driver must: a clock or bed that was
+killed or froze can't tell. The legs then stay at rest until a set-point at rest, or /lab/reset, has been heard.
 """
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +23,7 @@ from std_srvs.srv import Trigger
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
+from sandbot_common.lease import Lease
 from sandbot_common.parameters import parameter
 from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_lab.bed import LabBed
@@ -31,6 +36,7 @@ from sandbot_lab.world import null_world, read_world
 
 HEIGHT_RATE_HZ = 50.0
 IDLE_RATE_HZ = 100.0
+WATCH_RATE_HZ = 100.0
 SENSOR_RANGE_M = (0.02, 0.5)
 CAMERAS = ("dorsal", "lateral")
 _IMAGE = {"dorsal": topics.DORSAL_IMAGE, "lateral": topics.LATERAL_IMAGE}
@@ -55,6 +61,8 @@ class LabParameters:
     start_x: float = parameter(START_X_M, unit="m", doc="where the robot's com starts", low=0.0, high=2.5)
     images: bool = parameter(True, doc="whether the cameras run")
     idle_frames: bool = parameter(False, doc="whether the cameras also run while the robot stands")
+    legs_lease_s: float = parameter(0.25, unit="s", doc="set-points later than this stop the legs", low=0.02, high=60.0)
+    air_lease_s: float = parameter(0.5, unit="s", doc="a /bed/blower later than this turns it off", low=0.05, high=2.0)
 
 
 class LabNode(Node):
@@ -72,6 +80,9 @@ class LabNode(Node):
         self._bed, self._bed_ns = LabBed(current.seed), self._now_ns()
         self._trial: LiveTrial | None = None
         self._standing = True
+        self._held = np.zeros(len(topics.LEGS))
+        self._legs, self._air = Lease(current.legs_lease_s), Lease(current.air_lease_s)
+        self._legs_lapsed, self._blower = False, 0.0
         self._idle = self._idle_cameras()
         self._setpoints = self._refused = self._trials = 0
 
@@ -85,14 +96,16 @@ class LabNode(Node):
         node.subscription(self, topics.TRIAL, self._on_trial)
         self.create_service(Trigger, "/lab/reset", self._on_reset)
         self.create_timer(1.0 / HEIGHT_RATE_HZ, self._publish_height)
+        self.create_timer(1.0 / WATCH_RATE_HZ, self._watch)
         self.create_timer(1.0 / IDLE_RATE_HZ, self._publish_idle)
-        self._health = node.Health(self, self._figures)
+        self._health = node.Health(self, self._figures, sole=True)
 
     def _check(self, new: LabParameters) -> None:
         fixed = ("world", "cameras", "robot", "seed")
         for name in fixed:
             if getattr(new, name) != getattr(self._settings.current, name):
                 raise InputError(f"lab parameters: {name} is fixed when the node starts")
+        self._legs.limit_s, self._air.limit_s = new.legs_lease_s, new.air_lease_s
 
     def _read_cameras(self, path: str) -> dict[str, Any]:
         file = Path(path) if path else _own("cameras.yaml")
@@ -122,13 +135,20 @@ class LabNode(Node):
 
     def _on_setpoint(self, message: JointState) -> None:
         self._setpoints += 1
+        self._legs.renew(time.monotonic())
         t_ns, angles, rates = messages.nanoseconds(message.header.stamp), *_legs(message)
+        moving = bool(np.any(rates))
+        if self._legs_lapsed:
+            # Nothing goes on by itself: late commands of before the silence are no start.
+            self._legs_lapsed = moving
+            self._refused += moving
+            return
         try:
-            moving = bool(np.any(rates))
             if moving and self._standing:
                 self._begin(t_ns)
             self._standing = not moving
             if self._trial is not None:
+                self._held = angles
                 self._advance(self._trial, t_ns, angles, rates)
         except InputError as error:
             self._refused += 1
@@ -157,12 +177,34 @@ class LabNode(Node):
         self._images[name].publish(messages.image(t_ns, name, pixels))
         self._infos[name].publish(info)
 
+    def _watch(self) -> None:
+        """Stop what is no longer commanded."""
+        now_s = time.monotonic()
+        if not self._standing and self._legs.late(now_s):
+            self._legs_lapsed = self._standing = True
+            if self._trial is not None:
+                self._advance(self._trial, self._now_ns(), self._held, np.zeros(len(topics.LEGS)))
+            self._alarm(f"legs stopped: no set-point for {self._legs.limit_s:g} s")
+        if self._blower > 0 and self._air.late(now_s):
+            self._blow(0.0)
+            self._alarm(f"air off: nothing on {topics.BED_BLOWER.name} for {self._air.limit_s:g} s")
+
+    def _alarm(self, text: str) -> None:
+        self._health.level, self._health.text = 2, text
+        self._health.publish()
+        self.get_logger().error(text)
+
     def _on_blower(self, message: Float64) -> None:
-        self._pass_time()
+        self._air.renew(time.monotonic())
         try:
-            self._bed.set_blower(message.data)
+            self._blow(message.data)
         except InputError as error:
             self._health.level, self._health.text = 1, str(error)
+
+    def _blow(self, level: float) -> None:
+        self._pass_time()
+        self._bed.set_blower(level)
+        self._blower = level
 
     def _pass_time(self) -> None:
         now_ns = self._now_ns()
@@ -186,7 +228,8 @@ class LabNode(Node):
         if not self._standing:
             response.success, response.message = False, "the legs are moving; stop the clock first"
             return response
-        self._trial = None
+        self._trial, self._legs_lapsed = None, False
+        self._health.level, self._health.text = 0, "ok"
         self._idle = self._idle_cameras()
         response.success, response.message = True, "the robot is at the start, the ground is virgin"
         return response
@@ -194,6 +237,7 @@ class LabNode(Node):
     def _figures(self) -> dict[str, object]:
         return {
             "legs": "standing" if self._standing else "moving",
+            "blower": self._blower,
             "trials": self._trials,
             "setpoints": self._setpoints,
             "refused": self._refused,

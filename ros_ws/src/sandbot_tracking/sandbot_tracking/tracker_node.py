@@ -100,7 +100,7 @@ class TrackerNode(Node):
         node.subscription(self, topics.SYNC_LED, self._led)
         node.subscription(self, topics.TRIAL, lambda trial: self._of_trial(trial.data))
         self.create_timer(_LOOK_S, self._follow)
-        self._health = node.Health(self, self._values)
+        self._health = node.Health(self, self._values, sole=True)
 
     def _input(self, camera: str) -> ImageInput:
         return ImageInput(self, *_IMAGES[camera], lambda image: self._image(camera, image))

@@ -31,13 +31,15 @@ def command(argv: Sequence[str]) -> int:
     if options.dry_run:
         print(describe(plan, trials))
         return 0
+    if options.redo:
+        _set_failed_aside(folder)
     if options.batch:
         failures = _batch(plan, folder, files, trials, options)
     else:
         # The live runner starts ROS; batch and dry runs must not.
         from sandbot_bringup.campaign_node import run_live
 
-        failures = run_live(plan, folder, files, trials)
+        failures = run_live(plan, folder, files, trials, redo=bool(options.redo))
     return _finish(folder, trials, failures)
 
 
@@ -68,6 +70,11 @@ def _parser() -> argparse.ArgumentParser:
         "--images", choices=("none", "jpeg", "video", "raw"), help="frames in every bag; default: one trial, JPEG"
     )
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="worker processes (--batch)")
+    parser.add_argument(
+        "--redo",
+        choices=("failed",),
+        help="run again, once, what is not ok; its bags are kept in trials/.partial",
+    )
     parser.add_argument("--config-folder", action="store_true", help="print where the example plans lie, and stop")
     parser.add_argument("--dry-run", action="store_true", help="check the plan and say what would be done")
     return parser
@@ -92,6 +99,17 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
     if not options.batch and (options.world or options.hide is not None):
         raise InputError("--world and --hide set up the virtual lab of --batch; a live lab has its own world parameter")
     return plan, folder
+
+
+def _set_failed_aside(folder: CampaignFolder) -> None:
+    from sandbot_record.trials import from_bags as table
+    from sandbot_record.trials.table import OK
+
+    if table.bags_in(folder.path):
+        for row in table.campaign(folder.path).trials.rows():
+            if row.status != OK:
+                (folder.trials / row.trial_id).rename(folder.aside(row.trial_id))
+                print(f"{row.trial_id}: {row.status}: set aside, to be run again")
 
 
 def _batch(

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.interfaces import QosDurability
 
 from sandbot_common.errors import InputError
 from sandbot_record.bags import foreign, frames, mcap_scan, metadata, reader, video
@@ -73,6 +74,12 @@ class Timeline:
             data,
         )
 
+    def last_before(self, index: int, topic: str) -> int | None:
+        """The place of a topic's last message before ``index``; None if there is none."""
+        number = [info.name for info in self._shown].index(topic)
+        places = np.flatnonzero(self._topic[:index] == number)
+        return int(places[-1]) if places.size else None
+
     def _batch(self, block: int) -> Batch:
         file, offset = self._blocks[block]
         return self._kept[block] if self._kept is not None else mcap_scan.batch_at(self._files[file], offset)
@@ -97,6 +104,10 @@ class Timeline:
             if self._kept is not None:
                 self._kept.append(batch)
         return tuple(np.concatenate(column) for column in columns)
+
+
+def _is_latched(info: metadata.TopicInfo) -> bool:
+    return bool(info.qos) and all(one.durability == QosDurability.TRANSIENT_LOCAL for one in info.qos)
 
 
 def _shown(info: metadata.TopicInfo, *, decode_jpeg: bool) -> metadata.TopicInfo:
@@ -213,6 +224,12 @@ class Player:
             return None
         self.index += 1
         return self.timeline[self.index - 1]
+
+    def latched_before_start(self) -> list[Message]:
+        """The last message before the span of every latched topic: what a subscriber would have kept until then."""
+        latched = [name for name, info in self.timeline.topics.items() if _is_latched(info)]
+        last = (self.timeline.last_before(self.span.first, name) for name in latched)
+        return [self.timeline[index] for index in sorted(index for index in last if index is not None)]
 
     def _hold(self, now_ns: int) -> None:
         self._position_ns = self.position_ns(now_ns)

@@ -130,6 +130,11 @@ class Recording:
         )
         self._wake.set()
 
+    def attach(self, name: str, data: bytes) -> None:
+        """Have the writer's thread attach a YAML file, before any message that comes from now on."""
+        self._pending_topics.append(lambda: self._writer.attach(name, data, "application/yaml"))
+        self._wake.set()
+
     def _keep_frames(self, name: str) -> tuple[str, str]:
         """Have a topic's images written as JPEG or video; the topic and type that then stand in the bag."""
         if self._images == "jpeg":

@@ -39,8 +39,15 @@ def _record(argv: Sequence[str]) -> int:
     options, ros_arguments = _parser().parse_known_args(argv)
     _check(options, ros_arguments)
     selection = Selection(
-        tuple(dict.fromkeys(options.topics)), options.all, options.regex, options.exclude, options.images
+        tuple(dict.fromkeys(options.topics)),
+        options.all,
+        options.regex,
+        options.exclude,
+        options.images,
+        options.fresh,
+        options.end_with_stdin,
     )
+    attachments = {path.name: _content(path) for path in options.attach}
     try:
         writer = BagWriter(
             options.out,
@@ -61,6 +68,8 @@ def _record(argv: Sequence[str]) -> int:
         )
     except OSError as error:
         raise InputError(f"{options.out}: {error.strerror}") from None
+    for name, data in attachments.items():
+        recording.attach(name, data)
     code = record(selection, recording, ros_arguments)
     print(recording.last_line(), flush=True)
     return code
@@ -90,8 +99,22 @@ def _parser() -> cli.Parser:
     parser.add_argument("--max-size", type=float, default=0.0, metavar="MIB", help="begin a new file after so much")
     parser.add_argument("--max-duration", type=float, default=0.0, metavar="S", help="begin a new file after so long")
     parser.add_argument("--min-free", type=float, default=200.0, metavar="MIB", help="stop when less is free (200)")
+    parser.add_argument("--attach", nargs="+", default=[], type=Path, metavar="YAML", help="files the bag is to carry")
+    parser.add_argument("--fresh", action="store_true", help="leave out latched messages from before the recording")
+    parser.add_argument(
+        "--end-with-stdin",
+        action="store_true",
+        help="end when standard input does; its last line is how the trial ended (exit_status of the bag)",
+    )
     parser.add_argument("--fsync", action="store_true", help="outlive a power cut, not only a crash")
     return parser
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"--attach: {path}: {error.strerror}") from None
 
 
 def _check(options: argparse.Namespace, ros_arguments: Sequence[str]) -> None:

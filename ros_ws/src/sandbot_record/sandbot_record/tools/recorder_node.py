@@ -9,6 +9,7 @@ of its own queue before sending it to anybody while nothing came after it, or wh
 """
 
 import re
+import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -46,13 +47,18 @@ _KNOWN = {topic.name: topic for topic in (*topics.ALL, NOTE)}
 
 @dataclass(frozen=True)
 class Selection:
-    """What to record: names, all, or names that match ``regex``; ``images``: raw, jpeg or none."""
+    """What to record: names, all, or names that match ``regex``; ``images``: raw, jpeg or none.
+
+    ``fresh``: no latched messages from before the recording. ``end_with_stdin``: until standard input ends.
+    """
 
     names: tuple[str, ...] = ()
     everything: bool = False
     regex: str = ""
     exclude: str = ""
     images: str = "raw"
+    fresh: bool = False
+    end_with_stdin: bool = False
 
     def __call__(self, name: str) -> bool:
         """Whether a topic is asked for by name."""
@@ -151,7 +157,8 @@ class Recorder(Node):
     def __init__(self, selection: Selection, recording: Recording, say: Callable[[str], None] = print) -> None:
         super().__init__("recorder")
         self._selection, self._recording, self._say = selection, recording, say
-        self._trial = b""
+        self._trial, self._start_ns = b"", time.time_ns()
+        self._ended = "the recording was ended before the trial" if selection.end_with_stdin else ""
         self._receiver = _Receiver(self.context, self._deliver, self._say_lost)
         self._by_name: dict[str, _Source] = {}
         self._left_out: set[str] = set()
@@ -166,6 +173,8 @@ class Recorder(Node):
             if name in _KNOWN:
                 self._subscribe(name, _KNOWN[name].type, [])
         self.create_timer(_LOOK_AROUND_S, self._look_around)
+        if selection.end_with_stdin:
+            threading.Thread(target=self._heed_stdin, name="stdin", daemon=True).start()
 
     def close(self) -> None:
         """Stop taking messages and close the bag."""
@@ -174,11 +183,19 @@ class Recorder(Node):
             if source.loss is not None:
                 source.loss.destroy_when_not_in_use()
             source.handle.destroy_when_not_in_use()
-        self._recording.close(_provenance(self._trial))
+        self._recording.close(_provenance(self._trial, self._recording.reason or self._ended))
+
+    def _heed_stdin(self) -> None:
+        # A pipe ends with whoever holds its other end, killed or not: no recorder outlives its campaign.
+        said = [line.strip() for line in sys.stdin if line.strip()]
+        self._ended = said[-1] if said else "whoever ran the trial is gone"
+        self._recording.stopped.set()
 
     def _deliver(self, source: _Source, data: bytes, info: Mapping[str, int]) -> None:
         received = info["received_timestamp"] or time.time_ns()
         published = info["source_timestamp"] or received
+        if self._selection.fresh and source.transient and published < self._start_ns:
+            return  # the state another trial left behind
         message = Received(source.name, data, received, published, info["publication_sequence_number"] or 0)
         if source.name == topics.TRIAL.name:
             self._trial = data
@@ -302,7 +319,7 @@ def _loss_event(subscription: Any) -> Any:
         return None
 
 
-def _provenance(trial: bytes) -> dict[str, dict[str, str]]:
+def _provenance(trial: bytes, ended: str) -> dict[str, dict[str, str]]:
     """The metadata record ``trial`` from the last message on /trial; none if there was none or it is not JSON."""
     try:
         text = interfaces.decode(trial, topics.TRIAL.type).data
@@ -313,7 +330,8 @@ def _provenance(trial: bytes) -> dict[str, dict[str, str]]:
         return {}
     said = {"id": "trial_id", "plan": "campaign", **{key: key for key in ("software_version", "commit", "start")}}
     values = {key: str(plan.get(name, "")) for key, name in said.items()}
-    return {"trial": {**values, "parameters": text, "clock": "live", "recorder": LIBRARY}}
+    status = {"exit_status": ended} if ended else {}
+    return {"trial": {**values, "parameters": text, "clock": "live", "recorder": LIBRARY, **status}}
 
 
 def _fits(source: _Source, publishers: Sequence[TopicEndpointInfo]) -> bool:

@@ -27,6 +27,7 @@ def _replay(argv: Sequence[str]) -> int:
     parser.add_argument("--clock", action="store_true", help="publish bag time on /clock, 100 times a second")
     parser.add_argument("--delay", type=float, default=1.0, metavar="S", help="wait for subscribers to find us")
     parser.add_argument("--decode-jpeg", action="store_true", help="publish JPEG frames as raw images")
+    parser.add_argument("--with-commands", action="store_true", help="command legs and air also on a live trackway")
     options, ros_arguments = parser.parse_known_args(argv)
     if ros_arguments and ros_arguments[0] != "--ros-args":
         raise InputError(f"unknown option {ros_arguments[0]} (see replay --help)")
@@ -35,7 +36,7 @@ def _replay(argv: Sequence[str]) -> int:
     timeline = Timeline(Bag.open(options.bag), options.topics, decode_jpeg=options.decode_jpeg)
     player = Player(timeline, rate=options.rate, loop=options.loop, start_s=options.start, until_s=options.until)
     remap = dict(_pair(text) for text in options.remap)
-    code, line = replay(player, Options(remap, options.clock, options.delay), ros_arguments)
+    code, line = replay(player, Options(remap, options.clock, options.delay, options.with_commands), ros_arguments)
     print(line, flush=True)
     return code
 

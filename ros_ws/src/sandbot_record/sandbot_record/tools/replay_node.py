@@ -27,9 +27,9 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 
-from sandbot_common import messages
+from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import run
+from sandbot_common.node import names_of, run
 from sandbot_record.bags.metadata import TopicInfo
 from sandbot_record.bags.playback import SECOND_NS, Player
 from sandbot_record.bags.reader import Message
@@ -38,17 +38,26 @@ _CLOCK_PERIOD_NS = 10_000_000
 _SPIN_NS = 200_000
 """The last part of a wait is spent awake: a sleep ends late by about this much."""
 _MIN_DEPTH = 50
+_LOOK_S = 0.5
+_COMMANDS = (topics.LEG_SETPOINTS.name, topics.BED_BLOWER.name, topics.OPERATOR_LEASE.name)
+"""What legs and air obey."""
+_REPORTS = (topics.LEG_STATES.name, topics.BED_HEIGHT.name)
+"""What a robot and a bed that are there report."""
 _KEY = re.compile("\x1b\\[[A-D]|.")
 """One key: an arrow or a character; keys struck quickly come together."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """How to publish: new names for topics, /clock or not, and how long to wait for subscribers to be found."""
+    """How to publish: new names for topics, /clock or not, and how long to wait for subscribers to be found.
+
+    ``commands``: whether legs and air may be commanded although a live robot or bed would obey.
+    """
 
     remap: Mapping[str, str]
     clock: bool = False
     delay_s: float = 1.0
+    commands: bool = False
 
 
 class Replay(Node):
@@ -58,15 +67,17 @@ class Replay(Node):
         super().__init__("replay")
         self._player, self._options = player, options
         self._lock = threading.Lock()
+        self._changed, self._stop = threading.Event(), threading.Event()
         self._outlets = {
             name: self.create_publisher(_class(info), options.remap.get(name, name), _qos(info))
             for name, info in player.timeline.topics.items()
         }
+        if not options.commands:
+            self._refuse_live()
         self._clock_outlet = self.create_publisher(Clock, "/clock", 10) if options.clock else None
         self._clock_due_ns = 0
         self._late_ns: list[int] = []
         self.published = self.missing = 0
-        self._changed, self._stop = threading.Event(), threading.Event()
         self.create_service(SetBool, "/replay/pause", self._on_pause)
         self.create_service(Trigger, "/replay/restart", self._on_restart)
         self.declare_parameter("rate", player.rate, ParameterDescriptor(description="bag seconds a second, above 0"))
@@ -77,6 +88,20 @@ class Replay(Node):
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
         self._thread.start()
         self.create_timer(0.05, self._look)
+
+    def _refuse_live(self) -> None:
+        """InputError where commands would be played to a robot or bed that is there, or beside who commands it."""
+        commands = [name for name in _COMMANDS if name in {one.topic_name for one in self._outlets.values()}]
+        deadline = time.monotonic() + max(self._options.delay_s, _LOOK_S) if commands else 0.0
+        while time.monotonic() < deadline:
+            for name in (*_COMMANDS, *_REPORTS):
+                others = [one for one in names_of(self.get_publishers_info_by_topic(name)) if one != self.get_name()]
+                if others:
+                    raise InputError(
+                        f"the trackway is live ({others[0]} publishes {name}), and legs or air would obey the bag's "
+                        f"{' and '.join(commands)}; leave them out with --topics, or insist with --with-commands"
+                    )
+            self._stop.wait(0.05)
 
     def close(self) -> None:
         """Stop publishing."""
@@ -117,6 +142,8 @@ class Replay(Node):
         with contextlib.suppress(InputError):  # its block is loaded now
             _ = self._player.timeline[min(self._player.index, len(self._player.timeline) - 1)]
         self._stop.wait(self._options.delay_s)
+        for kept in self._player.latched_before_start():
+            self._outlets[kept.topic].publish(bytes(kept.data))
         while not self._stop.is_set() and not self._player.finished:
             now = time.monotonic_ns()
             with self._lock:

@@ -23,6 +23,7 @@ from sandbot_common.robot import SANDBOT, Robot
 from sandbot_common.workers import pool
 from sandbot_record.bags import reader
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
+from sandbot_record.trials import judge
 from sandbot_record.trials.csv_table import read_csv, write_csv
 from sandbot_record.trials.setting import Setting, of_bag, of_campaign, shared
 from sandbot_record.trials.table import OK, Floats, Row, Trials, from_rows
@@ -30,7 +31,7 @@ from sandbot_tracking.trial import TrialSummary, summarise
 
 TRIALS_CSV = "trials.csv"
 CACHE = ".table-cache.json"
-RECIPE = "5"
+RECIPE = "6"
 """Part of the cache key: raise it when rows are made otherwise."""
 
 _POINT = ("point.x", "point.y", "point.z")
@@ -95,7 +96,7 @@ def _measured(path: Path) -> tuple[Row, Setting]:
         peak_speed_m_s=summary.peak_speed_m_s,
         first_step_m=summary.first_step_m,
     )
-    row = replace(row, status=_status(row, exit_status, summary.reason))
+    row = replace(row, status=_status(row, exit_status, judge.fault(bag, start_ns(bag)), summary.reason))
     return row, replace(setting, frame_rate_hz=frame_rate_hz)
 
 
@@ -298,9 +299,11 @@ def _float(value: object) -> float:
         return math.nan
 
 
-def _status(row: Row, exit_status: str, reason: str) -> str:
+def _status(row: Row, exit_status: str, fault: str, reason: str) -> str:
     if exit_status not in (OK, "", "completed"):
         return exit_status
+    if fault:
+        return fault
     missing = [name for name in ("phi", "omega_rad_s", "speed_m_s") if not math.isfinite(getattr(row, name))]
     return f"{', '.join(missing)} not measured{f': {reason}' if reason else ''}" if missing else OK
 

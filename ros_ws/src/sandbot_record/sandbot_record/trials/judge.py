@@ -1,0 +1,142 @@
+"""Whether a trial's bag shows a trial: commands kept, robot and cameras there from start to end, the bed as prepared.
+
+What is judged is what was recorded, live or in batch, here or elsewhere; a topic the bag does not have is not judged.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_common import topics
+from sandbot_common.files import load_yaml
+from sandbot_record.bags.reader import FIELD_STAMP, Bag
+
+CLOCK_GAP_S = 0.1
+"""Set-points further apart than this are no gait."""
+LOST_SETPOINTS = 0.02
+"""Part of the set-points that may be missing: the legs turned that much slower than planned."""
+ROBOT_GAP_S = 0.25
+FOLLOWED = 0.5
+"""Part of the way told that the legs must turn; weak motors may fall behind, and that is physics."""
+TRACKING_GAP_S = 0.15
+"""No landmark may be out of sight for longer."""
+PHI_DRIFT = 0.003
+"""Largest change of φ between the end of the preparation and that of the trial; three times its tolerance."""
+
+_MIN_HEIGHTS = 5
+_SEEN = {topics.COM.name: "centre of mass", topics.FRONT_AXLE.name: "front axle", topics.REAR_AXLE.name: "rear axle"}
+
+Times = NDArray[np.int64]
+
+
+def fault(bag: Bag, start_ns: int) -> str:
+    """What went wrong between the start of the legs and their rest, in one phrase; an empty string if nothing did."""
+    moving = _moving(bag, topics.LEG_SETPOINTS.name)
+    if moving is None:
+        moving = _moving(bag, topics.LEG_STATES.name)
+    if moving is None or not moving.size:
+        return ""
+    end_ns = int(moving[-1])
+    return (
+        _commands(bag, moving)
+        or _robot(bag, start_ns, end_ns)
+        or _tracking(bag, start_ns, end_ns)
+        or _bed(bag, start_ns, end_ns)
+    )
+
+
+def _has(bag: Bag, topic: str) -> bool:
+    return topic in bag.topics and bag.topics[topic].count > 0
+
+
+def _moving(bag: Bag, topic: str) -> Times | None:
+    """Stamps [ns] of the messages in which a leg moves; None if the bag has no such topic."""
+    if not _has(bag, topic):
+        return None
+    legs = bag.columns(topic, "velocity", *FIELD_STAMP)
+    return np.sort(legs.stamp_ns[(legs["velocity"] != 0.0).any(axis=1)])
+
+
+def _commands(bag: Bag, moving: Times) -> str:
+    steps = np.diff(moving)
+    if not _has(bag, topics.LEG_SETPOINTS.name) or not steps.size:
+        return ""
+    worst = int(np.argmax(steps))
+    if steps[worst] > CLOCK_GAP_S * 1e9:
+        at_s = (moving[worst] - moving[0]) * 1e-9
+        return f"clock: no set-point for {steps[worst] * 1e-9:.2f} s at t = {at_s:.2f} s"
+    lost = int(np.sum(np.rint(steps / np.median(steps)) - 1))
+    if lost > LOST_SETPOINTS * (len(moving) + lost):
+        return f"clock: {lost} of {len(moving) + lost} set-points missing"
+    return ""
+
+
+def _robot(bag: Bag, start_ns: int, end_ns: int) -> str:
+    if not _has(bag, topics.LEG_STATES.name):
+        return "robot: no leg states"
+    states = bag.columns(topics.LEG_STATES.name, "position", *FIELD_STAMP)
+    if gap := _gap(states.stamp_ns, start_ns, end_ns, ROBOT_GAP_S):
+        return f"robot: no leg states for {gap}"
+    if not _has(bag, topics.LEG_SETPOINTS.name):
+        return ""
+    told = bag.columns(topics.LEG_SETPOINTS.name, "position", *FIELD_STAMP)
+    wanted, turned = (_turned(one.stamp_ns, one["position"], start_ns, end_ns) for one in (told, states))
+    if turned < FOLLOWED * wanted:
+        return f"robot: legs turned {turned:.1f} rad of {wanted:.1f} rad told"
+    return ""
+
+
+def _turned(stamps: Times, angles: NDArray[np.float64], start_ns: int, end_ns: int) -> float:
+    """How far the legs turned [rad], mean of all."""
+    within = (stamps >= start_ns) & (stamps <= end_ns)
+    if within.sum() < 2:
+        return 0.0
+    turned = np.unwrap(angles[within], axis=0)
+    return float(np.mean(turned[-1] - turned[0]))
+
+
+def _tracking(bag: Bag, start_ns: int, end_ns: int) -> str:
+    for topic, name in _SEEN.items():
+        if topic != topics.COM.name and not _has_lateral_camera(bag):
+            continue
+        if not _has(bag, topic):
+            return f"tracking lost: no {name}"
+        columns = bag.columns(topic, "point.x", *FIELD_STAMP)
+        seen = columns.stamp_ns[np.isfinite(columns["point.x"])]
+        if gap := _gap(seen, start_ns, end_ns, TRACKING_GAP_S):
+            return f"tracking lost: no {name} for {gap}"
+    return ""
+
+
+def _has_lateral_camera(bag: Bag) -> bool:
+    """A track with the dorsal camera alone has no axles to see."""
+    if (text := bag.attachments.get("cameras.yaml")) is not None:
+        return "lateral" in (load_yaml(text.decode()) or {})
+    return _has(bag, topics.LATERAL_INFO.name)
+
+
+def _gap(stamps: Times, start_ns: int, end_ns: int, allowed_s: float) -> str:
+    """The longest time between stamps, start and end, if longer than allowed: ``0.31 s at t = 0.60 s``."""
+    inside = np.sort(stamps[(stamps > start_ns) & (stamps < end_ns)])
+    edges = np.concatenate([[start_ns], inside, [end_ns]])
+    worst = int(np.argmax(np.diff(edges)))
+    gap_s, at_s = (edges[worst + 1] - edges[worst]) * 1e-9, (edges[worst] - start_ns) * 1e-9
+    return f"{gap_s:.2f} s at t = {at_s:.2f} s" if gap_s > allowed_s else ""
+
+
+def _bed(bag: Bag, start_ns: int, end_ns: int) -> str:
+    if _has(bag, topics.BED_BLOWER.name):
+        blower = bag.columns(topics.BED_BLOWER.name, "data")
+        during = (blower.log_time_ns > start_ns) & (blower.log_time_ns < end_ns)
+        if (blower["data"][during] > 0).any():
+            return "bed: air was on while the legs moved"
+    if not (_has(bag, topics.BED_HEIGHT.name) and _has(bag, topics.BED_PHI.name)):
+        return ""
+    phi = bag.columns(topics.BED_PHI.name, "data")
+    height = bag.columns(topics.BED_HEIGHT.name, "range")
+    prepared = (height.log_time_ns > phi.log_time_ns[-1]) & (height.log_time_ns < start_ns)
+    trodden = height.log_time_ns > (start_ns + end_ns) // 2
+    if prepared.sum() < _MIN_HEIGHTS or trodden.sum() < _MIN_HEIGHTS:
+        return ""
+    before, after = (float(np.nanmedian(height["range"][which])) for which in (prepared, trodden))
+    drift = float(phi["data"][-1]) * (before / after - 1)  # φ ∝ 1/height
+    return f"bed: φ drifted by {drift:+.4f} during the trial" if abs(drift) > PHI_DRIFT else ""

@@ -1,0 +1,289 @@
+"""Clock, bed and lab as real processes: without a lease, a robot or a command in time, all stops by itself.
+
+Bounds are read on the stamps of the nodes' own messages. What a busy machine adds to a thread without real-time
+priority is not the code's: there the bound is only that it stops.
+"""
+
+import contextlib
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from sandbot_common import messages, node, topics
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+
+OMEGA, RATE_HZ = 16.0, 200.0
+FASTEST_RAD = 4 * OMEGA / RATE_HZ
+"""No gait's fast phase turns a leg further than this in one period."""
+LEGS_S, AIR_S, BUSY_S = 0.3, 0.55, 1.5
+
+
+@contextlib.contextmanager
+def running(module, *given, **options):
+    """A node as a process; ended when the test ends, if it has not been before."""
+    parameters = [word for one in given for word in ("-p", one)]
+    command = [sys.executable, "-m", module, "--ros-args", *parameters]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, **options)
+    try:
+        yield process
+    finally:
+        process.send_signal(signal.SIGCONT)
+        process.terminate()
+        process.communicate(timeout=20)
+
+
+def ended(process, number):
+    """What a node said after the signal, and its exit code."""
+    process.send_signal(number)
+    _, said = process.communicate(timeout=20)
+    return said.splitlines(), process.returncode
+
+
+class Commander:
+    """Renews the lease and reports legs, as a campaign and a robot do, until told to fall silent."""
+
+    def __init__(self, beside):
+        self.beside, self.setpoints, self.states, self.told = beside, [], [], {}
+        self.renewing, self.reporting = False, False
+        self.renewed_ns = self.reported_ns = 0
+        self._lease = self._legs = None
+        node.subscription(beside.node, topics.LEG_SETPOINTS, self._on_setpoint)
+        node.subscription(beside.node, topics.DIAGNOSTICS, self._on_diagnostics)
+        beside.node.create_timer(0.02, self._tick)
+
+    def command(self):
+        """Be whoever commands from now on."""
+        self._lease = node.publisher(self.beside.node, topics.OPERATOR_LEASE)
+        self.renewing = True
+        self.beside.until(self._lease.get_subscription_count)
+
+    def be_the_robot(self):
+        """Report legs from now on."""
+        self._legs = node.publisher(self.beside.node, topics.LEG_STATES)
+        self.reporting = True
+        self.beside.until(self._legs.get_subscription_count)
+
+    def _tick(self):
+        zero = np.zeros(6)
+        if self._lease is not None and self.renewing:
+            self.renewed_ns = time.time_ns()
+            self._lease.publish(messages.header(self.renewed_ns, "beside"))
+        if self._legs is not None and self.reporting:
+            self.reported_ns = time.time_ns()
+            self._legs.publish(messages.joint_state(self.reported_ns, topics.LEGS, zero, zero, zero))
+
+    def _on_setpoint(self, message):
+        self.setpoints.append(message)
+
+    def _on_diagnostics(self, message):
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            self.told[status.name] = (status.level[0], status.message, values)
+
+    def walk(self):
+        """Start the clock, and wait until legs move and go on moving for longer than any lease."""
+        self.beside.until(lambda: self.beside.call("/clock/start").success)
+        self.setpoints.clear()
+        self.beside.until(lambda: len(self.setpoints) > 0.4 * RATE_HZ)
+        assert self.moving
+
+    @property
+    def moving(self):
+        return any(self.setpoints[-1].velocity)
+
+    def stopped(self, why):
+        """When the legs came to rest [ns], once the clock has said why."""
+        self.beside.until(lambda: not self.moving)
+        self.beside.until(lambda: why in self.told["clock"][1])
+        assert self.told["clock"][0] == 2
+        angles = np.array([message.position for message in self.setpoints])
+        assert np.abs(np.diff(angles, axis=0)).max() <= FASTEST_RAD  # no jump, whatever happened
+        return messages.nanoseconds(self.setpoints[-1].header.stamp)
+
+    def bound_s(self):
+        return LEGS_S if self.told["clock"][2]["real_time"] == "True" else BUSY_S
+
+
+@pytest.fixture
+def commander(beside):
+    return Commander(beside)
+
+
+def test_the_clock_stops_by_itself_and_says_why(commander, beside):
+    with running("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}") as clock:
+        # By hand: nobody holds the lease, no robot is there; the run has an end all the same.
+        answer = beside.call("/clock/start")
+        assert "30 s at most" in answer.message
+        assert beside.call("/clock/stop").success
+
+        commander.command()
+        commander.be_the_robot()
+        commander.walk()
+        commander.renewing = False
+        rest_ns = commander.stopped("beside did not renew /operator/lease")
+        assert (rest_ns - commander.renewed_ns) * 1e-9 <= commander.bound_s()
+        refused = beside.call("/clock/start")
+        assert not refused.success
+        assert "does not renew" in refused.message
+
+        commander.renewing = True
+        commander.walk()  # nothing resumed by itself, and a new start is one
+        commander.reporting = False
+        rest_ns = commander.stopped("robot was silent")
+        assert (rest_ns - commander.reported_ns) * 1e-9 <= commander.bound_s()
+
+        commander.reporting = True
+        commander.walk()
+        clock.send_signal(signal.SIGSTOP)
+        beside.wait(lambda: False, 0.4)
+        clock.send_signal(signal.SIGCONT)
+        commander.stopped("held up")
+
+
+def test_a_run_by_hand_ends_by_itself(commander, beside):
+    with running("sandbot_clock.clock_node", "max_run_s:=0.6"):
+        commander.walk()
+        rest_ns = commander.stopped("max_run_s")
+        walked_s = (rest_ns - messages.nanoseconds(commander.setpoints[0].header.stamp)) * 1e-9
+        assert 0.3 < walked_s < 0.6 + BUSY_S
+
+
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGINT])
+def test_a_clock_that_ends_leaves_the_legs_at_rest(number, commander):
+    with running("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}") as clock:
+        commander.walk()
+        sent_ns = time.time_ns()
+        said, code = ended(clock, number)
+        commander.beside.until(lambda: not commander.moving)
+        assert (messages.nanoseconds(commander.setpoints[-1].header.stamp) - sent_ns) * 1e-9 <= BUSY_S
+        assert (said, code) == ([f"clock: ended: {number.name}"], 0)
+
+
+def test_one_clock_at_a_time(commander, beside):
+    with running("sandbot_clock.clock_node") as clock:
+        beside.until(lambda: "clock" in commander.told)
+        with running("sandbot_clock.clock_node") as second:
+            _, said = second.communicate(timeout=30)
+            assert second.returncode == 2
+            assert said.count("\n") == 1
+            assert "another clock is running already" in said
+        assert clock.poll() is None
+        # A publisher that is no node of ours is seen at the start.
+        replay = node.publisher(beside.node, topics.LEG_SETPOINTS)
+        beside.until(lambda: beside.node.count_publishers(topics.LEG_SETPOINTS.name) == 2)
+        beside.until(lambda: not beside.call("/clock/start").success)
+        assert "beside and clock both publish" in beside.call("/clock/start").message
+        beside.node.destroy_publisher(replay)
+        clock.kill()
+        # A killed clock is still in the graph for a while, but says nothing any more: the next one stays.
+        commander.told.clear()
+        with running("sandbot_clock.clock_node") as third:
+            beside.until(lambda: "clock" in commander.told)
+            beside.wait(lambda: third.poll() is not None, 1.5)
+            assert third.poll() is None
+
+
+def test_the_lab_stops_legs_and_air_whose_commands_are_late(beside):
+    states, told = [], []
+    setpoints = node.publisher(beside.node, topics.LEG_SETPOINTS)
+    blower = node.publisher(beside.node, topics.BED_BLOWER)
+    node.subscription(beside.node, topics.LEG_STATES, states.append)
+    node.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.append(message.status[0]))
+    start_ns = time.time_ns()
+    sent = []
+
+    def send(rate=OMEGA):
+        sent.append(time.time_ns())
+        angle = np.full(6, (sent[-1] - start_ns) * 1e-9 * OMEGA)
+        setpoints.publish(messages.joint_state(sent[-1], topics.LEGS, angle, np.full(6, rate), np.zeros(6)))
+
+    def said(text):
+        return any(text in status.message for status in told)
+
+    with running("sandbot_lab.lab_node", "images:=false"):
+        beside.until(lambda: setpoints.get_subscription_count() and blower.get_subscription_count() and told, 60.0)
+        timer = beside.node.create_timer(0.02, send)
+        beside.until(lambda: len(states) > 30)
+        timer.cancel()
+        beside.until(lambda: not any(states[-1].velocity))
+        late_s = (messages.nanoseconds(states[-1].header.stamp) - sent[-1]) * 1e-9
+        assert 0.25 <= late_s <= BUSY_S
+        beside.until(lambda: said("legs stopped: no set-point for 0.25 s"))
+
+        count = len(states)
+        send()  # the clock wakes up: its moving set-points are no start
+        beside.until(lambda: any(value.key == "refused" and value.value == "1" for value in told[-1].values))
+        assert len(states) == count
+        send(0.0)
+        send()
+        beside.until(lambda: any(states[-1].velocity))  # after rest, they are
+
+        timer = beside.node.create_timer(0.02, lambda: blower.publish(messages.float64(1.0)))
+        beside.until(lambda: any(value.key == "blower" and value.value == "1.0" for value in told[-1].values))
+        timer.cancel()
+        beside.until(lambda: said("air off: nothing on /bed/blower for 0.5 s"))
+
+
+class Bed:
+    """Ears for the bed, a sensor of its height, and the lease."""
+
+    def __init__(self, beside):
+        self.beside, self.levels, self.reason = beside, [], ""
+        self.commander = Commander(beside)
+        height = node.publisher(beside.node, topics.BED_HEIGHT)
+        node.subscription(beside.node, topics.BED_BLOWER, self._on_blower)
+        node.subscription(beside.node, topics.BED_STATUS, self._on_status)
+        beside.node.create_timer(0.02, lambda: height.publish(messages.range_(0, 0.1, 0.0, 1.0, "bed")))
+
+    def _on_blower(self, message):
+        self.levels.append((time.time_ns(), message.data))
+
+    def _on_status(self, message):
+        self.reason = message.status[0].message
+
+    def blow(self):
+        self.beside.until(lambda: self.levels)
+        self.beside.until(lambda: self.beside.call("/bed/prepare").success)
+        self.beside.until(lambda: self.levels[-1][1] > 0)
+
+    def failed(self, why):
+        self.beside.until(lambda: self.levels[-1][1] == 0.0)
+        self.beside.until(lambda: why in self.reason)
+        return next(t_ns for t_ns, level in reversed(self.levels) if level > 0)
+
+
+def test_the_bed_turns_the_air_off_by_itself_and_says_why(beside):
+    bed = Bed(beside)
+    with running("sandbot_bed.bed_node") as process:
+        bed.commander.command()
+        bed.blow()
+        bed.commander.renewing = False
+        last_ns = bed.failed("beside did not renew /operator/lease")
+        assert (last_ns - bed.commander.renewed_ns) * 1e-9 <= BUSY_S
+        refused = beside.call("/bed/prepare")
+        assert not refused.success
+        assert "does not renew" in refused.message
+
+        bed.commander.renewing = True
+        bed.blow()
+        process.send_signal(signal.SIGSTOP)
+        beside.wait(lambda: False, 0.7)
+        process.send_signal(signal.SIGCONT)
+        bed.failed("held up")
+
+        with running("sandbot_bed.bed_node") as second:
+            _, said = second.communicate(timeout=30)
+            assert second.returncode == 2
+            assert "another bed is running already" in said
+
+        bed.blow()
+        said, code = ended(process, signal.SIGHUP)
+        beside.until(lambda: bed.levels[-1][1] == 0.0)
+        assert said[-1] == "bed: ended: SIGHUP"
+        assert code == 0
+        assert not any("Traceback" in line for line in said)

@@ -1,0 +1,97 @@
+"""A trial in which something was lost is told from one in which nothing was."""
+
+import bags
+import numpy as np
+import pytest
+
+from sandbot_common import messages, topics
+from sandbot_record.trials.from_bags import row_from_bag
+
+RATE_HZ, END_S = 200, 4.0
+
+
+def setpoints(lost=lambda t_s: False):
+    """Legs told to turn at OMEGA for four seconds, then to rest."""
+    sent = []
+    for index in range(round(END_S * RATE_HZ) + 1):
+        t_s = index / RATE_HZ
+        rate = np.full(6, bags.OMEGA if t_s < END_S else 0.0)
+        stamp = bags.T0 + 300_000_000 + round(t_s * 1e9)
+        message = messages.joint_state(stamp, topics.LEGS, np.full(6, bags.OMEGA * t_s), rate, np.zeros(6))
+        if not lost(t_s):
+            sent.append((topics.LEG_SETPOINTS, t_s, message))
+    return sent
+
+
+def heights(before_m, after_m):
+    return [
+        (topics.BED_HEIGHT, t_s, messages.range_(0, before_m if t_s < 0 else after_m, 0.0, 1.0, "bed"))
+        for t_s in np.arange(-0.28, END_S, 0.02)
+    ]
+
+
+def status(tmp_path, **changed):
+    return row_from_bag(bags.trial_bag(tmp_path / "b", **changed)).status
+
+
+def within(topic, start_s, end_s):
+    """All messages but those of a topic in a span of time."""
+    return lambda one, t_s: one != topic or not start_s < t_s < end_s
+
+
+def test_a_whole_trial_is_ok_with_or_without_what_others_do_not_record(tmp_path):
+    assert status(tmp_path, more=setpoints() + heights(0.1, 0.1)) == "ok"
+    assert row_from_bag(bags.trial_bag(tmp_path / "other")).status == "ok"
+
+
+@pytest.mark.parametrize(
+    ("topic", "start_s", "end_s", "said"),
+    [
+        (topics.COM, 1.0, 9.0, "tracking lost: no centre of mass for 3."),
+        (topics.COM, 1.005, 1.295, "tracking lost: no centre of mass for 0.30 s at t = 1.00 s"),
+        (topics.LEG_STATES, 2.0, 2.4, "robot: no leg states for 0.4"),
+    ],
+)
+def test_what_falls_silent_is_named_with_its_time(tmp_path, topic, start_s, end_s, said):
+    assert status(tmp_path, kept=within(topic, start_s, end_s), more=setpoints()).startswith(said)
+    assert (
+        row_from_bag(bags.trial_bag(tmp_path / "short", kept=within(topic, 1.0, 1.1), more=setpoints())).status == "ok"
+    )  # a few frames hidden are no loss
+
+
+def test_a_landmark_that_is_not_a_number_is_not_seen(tmp_path):
+    stamps = [bags.T0 + 300_000_000 + round(t_s * 1e9) for t_s in (1.1, 1.2, 1.3)]
+    unseen = [(topics.COM, 1.0, messages.point(stamp, (np.nan,) * 3)) for stamp in stamps]
+    said = status(tmp_path, kept=within(topics.COM, 1.005, 1.395), more=setpoints() + unseen)
+    assert said == "tracking lost: no centre of mass for 0.40 s at t = 1.00 s"
+
+
+@pytest.mark.parametrize(
+    ("lost", "said"),
+    [
+        (lambda t_s: 1.0 < t_s < 1.3, "clock: no set-point for 0.30 s at t = 1.00 s"),
+        (lambda t_s: round(t_s * RATE_HZ) % 25 == 3, "clock: 32 of 800 set-points missing"),
+    ],
+)
+def test_a_clock_that_jumped_is_told(tmp_path, lost, said):
+    assert status(tmp_path, more=setpoints(lost)) == said
+
+
+@pytest.mark.parametrize(("part", "follows"), [(0.0, False), (0.4, False), (0.7, True)])
+def test_legs_that_do_not_follow(tmp_path, part, follows):
+    states = []
+    for _, t_s, told in setpoints():
+        stamp, angle = messages.nanoseconds(told.header.stamp), part * np.array(told.position)
+        legs = messages.joint_state(stamp, topics.LEGS, angle, part * np.array(told.velocity), np.zeros(6))
+        states.append((topics.LEG_STATES, t_s, legs))
+    said = status(tmp_path, without=(topics.LEG_STATES.name,), more=setpoints() + states)
+    assert said.startswith("robot: legs turned") is not follows
+
+
+def test_the_bed_must_stay_as_it_was_prepared(tmp_path):
+    assert status(tmp_path, more=setpoints() + heights(0.1, 0.099)) == "bed: φ drifted by +0.0063 during the trial"
+    air = [(topics.BED_BLOWER, 1.0, messages.float64(0.3))]
+    said = row_from_bag(bags.trial_bag(tmp_path / "air", more=setpoints() + air)).status
+    assert said == "bed: air was on while the legs moved"
+    before = [(topics.BED_BLOWER, -0.2, messages.float64(1.0)), (topics.BED_BLOWER, -0.1, messages.float64(0.0))]
+    assert row_from_bag(bags.trial_bag(tmp_path / "before", more=setpoints() + before)).status == "ok"
