@@ -9,7 +9,7 @@ PYTEST_ARGS ?=
 PACKAGE_FILES := $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg ros_ws/src/*/package.xml \
 	ros_ws/src/sandbot_bringup/launch/* ros_ws/src/sandbot_bringup/config/*)
 
-.PHONY: help setup demo test test-quick test-whole lint bench screenshots notebook lock browser clean
+.PHONY: help setup demo faults test test-quick test-whole lint bench screenshots notebook lock browser clean
 
 help:
 	@sed -n '1p' Makefile
@@ -48,6 +48,10 @@ test-quick: setup
 # The matrices of which `make test` takes a sample.
 test-whole: setup
 	$(RUN) $(PYTEST) -n 2 -m whole $(PYTEST_ARGS)
+
+# Every process of a live trial killed, frozen and ended at every moment; FAULTS narrows it down, as in --targets clock.
+faults: setup
+	$(RUN) python tests/faults/matrix.py $(FAULTS)
 
 lint: setup
 	$(RUN) ruff check . && ruff format --check . && mypy && lint-imports

@@ -49,7 +49,9 @@ def test_live_row_equals_batch_row_and_speed_is_seen_live(tmp_path, start, plan_
     nodes = start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", *quick_bed, f"lab.phi:={PHI}")
     echo = start("ros2", "topic", "echo", "/speed", "geometry_msgs/msg/TwistWithCovarianceStamped")
     rate = start("ros2", "topic", "hz", "/speed")
-    live = start("ros2", "run", "sandbot_bringup", "campaign", plan, "--out", tmp_path / "live")
+    # A trial in which a busy machine kept the clock from its time is marked, and run once more.
+    run = ("ros2", "run", "sandbot_bringup", "campaign", plan, "--out", tmp_path / "live")
+    live = start(*run, "--redo", "failed")
     assert live.wait(500) == 0, "\n".join(live.lines + nodes.lines)
 
     echo.until(lambda line: re.search(r"^\s+x: 0\.[12]", line) is not None)

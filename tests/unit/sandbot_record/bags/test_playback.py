@@ -108,3 +108,15 @@ def test_refuses(timeline, tmp_path):
         writer.add_topic("/x", "std_msgs/msg/String")
     with pytest.raises(InputError, match="nothing to replay"):
         Timeline(Bag.open(tmp_path / "empty"))
+
+
+def test_a_start_in_the_middle_begins_with_what_was_latched(tmp_path):
+    with BagWriter(tmp_path / "b") as writer:
+        for i in range(10):
+            writer.write(topics.LIFT, to_cdr(messages.float64(i)), bags.T0 + i * 1000 * MS)
+            if i in (1, 3, 7):
+                writer.write(topics.BED_PHI, to_cdr(messages.float64(i)), bags.T0 + i * 1000 * MS)
+    whole = Timeline(Bag.open(tmp_path / "b"))
+    kept = Player(whole, start_s=5.0).latched_before_start()
+    assert [(message.topic, message.decode().data) for message in kept] == [(topics.BED_PHI.name, 3.0)]
+    assert Player(whole).latched_before_start() == []
