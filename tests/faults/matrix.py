@@ -77,6 +77,11 @@ class Witness:
         if any(status.name == "lab" and status.message.startswith("air off") for status in message.status):
             self._on_air(False)
 
+    def all_up(self) -> bool:
+        """Whether all nodes are there."""
+        needed = (topics.LEG_SETPOINTS, topics.BED_BLOWER, topics.LEG_STATES, topics.COM)
+        return all(self.beside.node.count_publishers(topic.name) for topic in needed)
+
     def at(self, moment: str) -> Callable[[], bool]:
         return {
             "blowing": lambda: self.air,
@@ -86,8 +91,8 @@ class Witness:
 
 
 @contextmanager
-def started(folder: Path) -> Iterator[tuple[dict[str, subprocess.Popen[str]], str]]:
-    """Nodes and campaign, by name, and the mark all their processes carry; ended whatever happens."""
+def started(folder: Path, all_up: Callable[[], object]) -> Iterator[tuple[dict[str, subprocess.Popen[str]], str]]:
+    """Nodes and, when these are up, the campaign, by name, and the mark they all carry; ended whatever happens."""
     mark = uuid.uuid4().hex
     env = {**os.environ, MARK: mark, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     (folder / "one.yaml").write_text(yaml.safe_dump(PLAN))
@@ -97,6 +102,8 @@ def started(folder: Path) -> Iterator[tuple[dict[str, subprocess.Popen[str]], st
     commands["campaign"] = ["-c", campaign, str(folder / "one.yaml"), "--out", str(folder / "out")]
     running = {}
     for name, command in commands.items():
+        if name == "campaign":
+            all_up()
         log = (folder / f"{name}.log").open("w")
         running[name] = subprocess.Popen(
             [sys.executable, *command], env=env, stdout=log, stderr=log, text=True, start_new_session=True
@@ -148,8 +155,9 @@ def cell(target: str, fault: str, moment: str) -> list[str]:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         folder, beside = Path(name), Beside(domain)
         try:
-            with started(folder) as (running, mark):
-                return [target, fault, moment, *outcome(target, fault, moment, folder, running, mark, Witness(beside))]
+            witness = Witness(beside)
+            with started(folder, lambda: beside.wait(witness.all_up, 90.0)) as (running, mark):
+                return [target, fault, moment, *outcome(target, fault, moment, folder, running, mark, witness)]
         finally:
             beside.close()
 

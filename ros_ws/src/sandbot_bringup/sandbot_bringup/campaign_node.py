@@ -43,6 +43,8 @@ DISCOVERY_S = 20.0
 CALL_S = 10.0
 BED_S = 600.0
 DRAIN_S = 20.0
+QUIET_S, FRAME_NS = 3.0, 20_000_000
+"""A tracker that says nothing for so long has no more frames; the last frame may be this long before the end."""
 CLOSE_S = 30.0
 RENEW_S = 0.02
 """The lease is renewed that often: a dozen times before the clock takes it for lost."""
@@ -51,6 +53,8 @@ EXPLAIN_S = 0.7
 FREE_BYTES = 300 << 20
 """Room there must be before a trial; the recorder itself stops at 200 MiB."""
 
+SAFE_S = 3.0
+"""So long legs that still report motion are waited for, before the recorder is ended."""
 HELD_UP_S = 0.25
 BEAT_S = 5.0
 _REQUIRED = ("clock", "bed", "tracker")
@@ -303,8 +307,10 @@ class Operator(Node):
         if not self._wait(lambda: not self._moving, CALL_S):
             raise TrialFailed("the legs did not report rest after /clock/stop (/leg_states)")
         # The last frames are still on their way through the tracker: milliseconds, or seconds on a busy machine.
-        self._supervisor.watch(*self._vital, _RECORDER, _TRACKER, now_s=time.monotonic())
-        self._wait(lambda: self._speed_ns >= end_ns, DRAIN_S)
+        self._wait(lambda: self._speed_ns >= end_ns - FRAME_NS or self._is_quiet(_TRACKER), DRAIN_S)
+
+    def _is_quiet(self, sign: Sign) -> bool:
+        return self._supervisor.age_s(sign.who, sign.topic, time.monotonic()) > QUIET_S
 
     def _explain_rest(self) -> None:
         """Legs came to rest in the middle: a fault ends the trial, a hand on the stop the campaign."""
@@ -329,7 +335,8 @@ class Operator(Node):
         self._commanding = False
         for name in ("/clock/stop", "/bed/abort"):
             self._triggers[name].call_async(Trigger.Request())
-        self._spin_until(lambda: False, 0.3)
+        self._spin_until(lambda: False, 0.1)
+        self._spin_until(lambda: not self._moving, SAFE_S)
 
     def _call(self, name: str) -> None:
         answer = self._ask(self._triggers[name], Trigger.Request(), name)

@@ -7,8 +7,8 @@ forgets them, so that the next start is t = 0 of the gait (lift the robot: the l
 The legs stop by themselves, at the angles last sent, and /diagnostics says why, where
 - whoever commands (a campaign) does not renew /operator/lease; what a person starts needs none, and ends by max_run_s;
 - the robot falls silent (/leg_states), if there is one;
-- a set-point is late by more than late_s, as in a process that was held up; where less is lost, the gait falls back by
-  the set-points lost, so that from one to the next no leg ever turns further than in one period;
+- a set-point is late by more than late_s, as in a process that was held up; what less is lost is regained by and by,
+  for from one set-point to the next no leg ever turns further than in a period and a quarter;
 - the bed's air is on (/bed/blower > 0): then the clock does not start either.
 """
 
@@ -36,6 +36,7 @@ from sandbot_common.parameters import parameter, specs
 CUSTOM = "CUSTOM"
 # Long enough to hear whether a bed blows before legs move by themselves.
 _AUTOSTART_DELAY_S = 1.0
+_CATCH_UP = 1.25
 # Real-time priorities of the schedule's thread and of the rest of the process.
 _SCHEDULE, _BESIDE = 20, 10
 _NO_TORQUE = np.zeros(len(topics.LEGS))
@@ -148,7 +149,7 @@ class ClockNode(Node):
 
     def _run(self, schedule: Schedule, to_ros_ns: int, max_run_s: float) -> None:
         """Publish until stopped; a fault holds the legs where the last set-point left them."""
-        period_ns = math.ceil(NANO / schedule.rate_hz)
+        most_ns = math.ceil(_CATCH_UP * NANO / schedule.rate_hz)
         last_ns, lost_ns, fault = schedule.start_ns, 0, ""
 
         def duty(instant_ns: int) -> bool:
@@ -157,8 +158,9 @@ class ClockNode(Node):
             self._late_ns.append(now_ns - instant_ns)
             fault = self._fault(now_ns, instant_ns) or _overrun(instant_ns - schedule.start_ns, max_run_s)
             moment_ns = now_ns if fault else instant_ns
-            # The gait's own time: a period passes from one set-point to the next, however late this one is.
-            lost_ns += moment_ns - last_ns - (0 if fault else min(moment_ns - last_ns, period_ns))
+            # The gait's own time goes on by little more than a period, however late this is: what was lost is regained.
+            passed_ns = moment_ns - last_ns
+            lost_ns += passed_ns - (0 if fault else min(passed_ns + lost_ns, most_ns))
             last_ns = moment_ns
             stopping = bool(fault) or self._stopping.is_set()
             gait_s = (last_ns - lost_ns) / NANO

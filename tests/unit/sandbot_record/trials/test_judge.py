@@ -70,7 +70,7 @@ def test_a_landmark_that_is_not_a_number_is_not_seen(tmp_path):
     ("lost", "said"),
     [
         (lambda t_s: 1.0 < t_s < 1.3, "clock: no set-point for 0.30 s at t = 1.00 s"),
-        (lambda t_s: round(t_s * RATE_HZ) % 25 == 3, "clock: 32 of 800 set-points missing"),
+        (lambda t_s: round(t_s * RATE_HZ) % 16 == 3, "clock: 50 of 800 set-points missing"),
     ],
 )
 def test_a_clock_that_jumped_is_told(tmp_path, lost, said):

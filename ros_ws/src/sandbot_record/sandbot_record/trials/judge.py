@@ -12,8 +12,8 @@ from sandbot_record.bags.reader import FIELD_STAMP, Bag
 
 CLOCK_GAP_S = 0.1
 """Set-points further apart than this are no gait."""
-LOST_SETPOINTS = 0.02
-"""Part of the set-points that may be missing: the legs turned that much slower than planned."""
+LOST_SETPOINTS = 0.05
+"""Part of the set-points that may be missing: the clock regains their time, but the legs turn less evenly."""
 ROBOT_GAP_S = 0.25
 FOLLOWED = 0.5
 """Part of the way told that the legs must turn; weak motors may fall behind, and that is physics."""
