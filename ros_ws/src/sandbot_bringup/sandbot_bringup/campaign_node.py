@@ -43,8 +43,8 @@ DISCOVERY_S = 20.0
 CALL_S = 10.0
 BED_S = 600.0
 DRAIN_S = 20.0
-QUIET_S, FRAME_NS = 3.0, 20_000_000
-"""A tracker that says nothing for so long has no more frames; the last frame may be this long before the end."""
+QUIET_S, LAST_FRAME_NS = 3.0, 50_000_000
+"""A tracker that says nothing for so long has no more frames; the last one may be so long before the legs' rest."""
 CLOSE_S = 30.0
 RENEW_S = 0.02
 """The lease is renewed that often: a dozen times before the clock takes it for lost."""
@@ -307,7 +307,8 @@ class Operator(Node):
         if not self._wait(lambda: not self._moving, CALL_S):
             raise TrialFailed("the legs did not report rest after /clock/stop (/leg_states)")
         # The last frames are still on their way through the tracker: milliseconds, or seconds on a busy machine.
-        self._wait(lambda: self._speed_ns >= end_ns - FRAME_NS or self._is_quiet(_TRACKER), DRAIN_S)
+        last_ns = (self._leg_time_ns or 0) - LAST_FRAME_NS
+        self._wait(lambda: self._speed_ns >= last_ns or self._is_quiet(_TRACKER), DRAIN_S)
 
     def _is_quiet(self, sign: Sign) -> bool:
         return self._supervisor.age_s(sign.who, sign.topic, time.monotonic()) > QUIET_S

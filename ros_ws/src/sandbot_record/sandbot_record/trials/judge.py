@@ -10,8 +10,8 @@ from sandbot_common import topics
 from sandbot_common.files import load_yaml
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 
-CLOCK_GAP_S = 0.1
-"""Set-points further apart than this are no gait."""
+CLOCK_GAP_S = 0.25
+"""Set-points further apart than this are no gait: our own clock has stopped by then."""
 LOST_SETPOINTS = 0.05
 """Part of the set-points that may be missing: the clock regains their time, but the legs turn less evenly."""
 ROBOT_GAP_S = 0.25
