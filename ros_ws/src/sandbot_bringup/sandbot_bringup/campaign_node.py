@@ -43,7 +43,7 @@ DISCOVERY_S = 20.0
 CALL_S = 10.0
 BED_S = 600.0
 DRAIN_S = 20.0
-QUIET_S, LAST_FRAME_NS = 3.0, 50_000_000
+QUIET_S, LAST_FRAME_NS = 3.0, 30_000_000
 """A tracker that says nothing for so long has no more frames; the last one may be so long before the legs' rest."""
 CLOSE_S = 30.0
 RENEW_S = 0.02
@@ -307,7 +307,7 @@ class Operator(Node):
         if not self._wait(lambda: not self._moving, CALL_S):
             raise TrialFailed("the legs did not report rest after /clock/stop (/leg_states)")
         # The last frames are still on their way through the tracker: milliseconds, or seconds on a busy machine.
-        last_ns = (self._leg_time_ns or 0) - LAST_FRAME_NS
+        last_ns = max(end_ns, (self._leg_time_ns or 0) - LAST_FRAME_NS)
         self._wait(lambda: self._speed_ns >= last_ns or self._is_quiet(_TRACKER), DRAIN_S)
 
     def _is_quiet(self, sign: Sign) -> bool:
