@@ -265,7 +265,7 @@ def _spin(node: Node, stop: "Stop") -> None:
     executor.add_node(node)
     parent = os.getppid() if os.environ.get(END_WITH_PARENT) == "1" else None
     with suppress(ExternalShutdownException):
-        while rclpy.ok() and not stop.asked:
+        while rclpy.ok() and not stop.asked and not getattr(node, "done", False):
             executor.spin_once(timeout_sec=_LOOK_S)
             if parent is not None and os.getppid() != parent:
                 stop.ask("the launch that started it is gone")

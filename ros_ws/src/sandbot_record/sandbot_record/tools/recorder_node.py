@@ -158,6 +158,7 @@ class Recorder(Node):
         super().__init__("recorder")
         self._selection, self._recording, self._say = selection, recording, say
         self._trial, self._start_ns = b"", time.time_ns()
+        self.done = False
         self._ended = "the recording was ended before the trial" if selection.end_with_stdin else ""
         self._receiver = _Receiver(self.context, self._deliver, self._say_lost)
         self._by_name: dict[str, _Source] = {}
@@ -189,7 +190,7 @@ class Recorder(Node):
         # A pipe ends with whoever holds its other end, killed or not: no recorder outlives its campaign.
         said = [line.strip() for line in sys.stdin if line.strip()]
         self._ended = said[-1] if said else "whoever ran the trial is gone"
-        self._recording.stopped.set()
+        self.done = True  # in order: what has arrived by now is still taken
 
     def _deliver(self, source: _Source, data: bytes, info: Mapping[str, int]) -> None:
         received = info["received_timestamp"] or time.time_ns()
