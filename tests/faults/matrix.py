@@ -97,9 +97,11 @@ def started(folder: Path, all_up: Callable[[], object]) -> Iterator[tuple[dict[s
     env = {**os.environ, MARK: mark, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     (folder / "one.yaml").write_text(yaml.safe_dump(PLAN))
     bed = [word for name, value in BED.items() for word in ("-p", f"{name}:={value}")]
-    commands = {name: ["-m", module, "--ros-args", *(bed if name == "bed" else [])] for name, module in NODES.items()}
-    campaign = "import sys; from sandbot_bringup.tools.campaign import main; sys.exit(main(sys.argv[1:]))"
-    commands["campaign"] = ["-c", campaign, str(folder / "one.yaml"), "--out", str(folder / "out")]
+    commands = {
+        name: [*run_main(module), "--ros-args", *(bed if name == "bed" else [])] for name, module in NODES.items()
+    }
+    plan = [str(folder / "one.yaml"), "--out", str(folder / "out")]
+    commands["campaign"] = [*run_main("sandbot_bringup.tools.campaign"), *plan]
     running = {}
     for name, command in commands.items():
         if name == "campaign":
@@ -116,6 +118,11 @@ def started(folder: Path, all_up: Callable[[], object]) -> Iterator[tuple[dict[s
             os.kill(pid, signal.SIGKILL)
         for process in running.values():
             process.wait()
+
+
+def run_main(module: str) -> list[str]:
+    """Arguments of Python that run a module's ``main``."""
+    return ["-c", f"import sys; from {module} import main; sys.exit(main(sys.argv[1:]))"]
 
 
 def marked(mark: str) -> list[int]:

@@ -70,7 +70,7 @@ def test_live_row_equals_batch_row_and_speed_is_seen_live(tmp_path, start, plan_
         assert float(other["phi"]) == pytest.approx(PHI, abs=1e-3)
         assert float(other["speed_m_s"]) == pytest.approx(float(one["speed_m_s"]), rel=0.003)
         assert float(other["lift_m"]) == pytest.approx(float(one["lift_m"]), abs=1e-4)
-        assert float(other["peak_speed_m_s"]) == pytest.approx(float(one["peak_speed_m_s"]), rel=0.02)
+        assert float(other["peak_speed_m_s"]) == pytest.approx(float(one["peak_speed_m_s"]), rel=0.04)
         assert float(other["first_step_m"]) == pytest.approx(float(one["first_step_m"]), abs=4e-4)
     # The plan keeps the frames of one trial; its recorder was started with images paused. All that were tracked are
     # there, and all were tracked until the trial was over: what came after may still have been under way.
@@ -85,3 +85,9 @@ def test_live_row_equals_batch_row_and_speed_is_seen_live(tmp_path, start, plan_
     told = bag.provenance["trial"]
     known = ("id", "plan", "parameters", "software_version", "commit", "start", "clock", "exit_status")
     assert [name for name in known if not told.get(name)] == []
+    # What a bag carries does not depend on how its trial was run; and it begins with the state of its own trial.
+    batch_bag = Bag.open(tmp_path / "batch" / "trials" / TRIAL)
+    assert sorted(bag.attachments) == ["cameras.yaml", "campaign.yaml", "robot.yaml"]
+    assert bag.attachments == batch_bag.attachments
+    for one in (bag, filmed):
+        assert [one.topics[topic.name].count for topic in (topics.TRIAL, topics.BED_PHI)] == [1, 1]

@@ -1,5 +1,6 @@
 """Several processes as one: their output with a prefix each, stopped together. Output as the real launch prints it."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -79,6 +80,8 @@ class Group:
             errors="replace",
             bufsize=1,
             start_new_session=True,
+            # A node ends by itself where this process is killed and can't stop it (sandbot_common.node).
+            env={**os.environ, "TRACKWAY_END_WITH_PARENT": "1"},
         )
         process.running = running
         process.carrier = threading.Thread(target=self._carry, args=(process,), daemon=True)

@@ -5,6 +5,7 @@ from launch_ros.actions import Node
 
 from launch import LaunchContext, LaunchDescription
 from sandbot_bringup import nodes
+from sandbot_common.node import END_WITH_PARENT
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -33,6 +34,7 @@ def start(context: LaunchContext, table: nodes.NodeTable) -> list[Node]:
             name=entry.name,
             parameters=[entry.parameters] if entry.parameters else None,
             output="screen",
+            additional_env={END_WITH_PARENT: "1"},
             on_exit=[Shutdown(reason=f"{entry.name} has ended")] if entry.required else None,
         )
         for entry in nodes.selected(table, given)

@@ -98,7 +98,7 @@ class Replay(Node):
                 others = [one for one in names_of(self.get_publishers_info_by_topic(name)) if one != self.get_name()]
                 if others:
                     raise InputError(
-                        f"the trackway is live ({others[0]} publishes {name}), and legs or air would obey the bag's "
+                        f"the trackway is live ({name} is published), and legs or air would obey the bag's "
                         f"{' and '.join(commands)}; leave them out with --topics, or insist with --with-commands"
                     )
             self._stop.wait(0.05)

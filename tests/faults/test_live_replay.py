@@ -1,0 +1,38 @@
+"""A replay does not command a robot or a bed that is there, unless it is told to."""
+
+import subprocess
+import sys
+
+import pytest
+
+from sandbot_common import messages, node, topics
+from sandbot_common.serialization import to_cdr
+from sandbot_record.bags.writer import BagWriter
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
+
+
+def replay(*arguments):
+    command = [sys.executable, "-m", "sandbot_record.tools.replay", *map(str, arguments), "--delay", "3"]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60)
+
+
+def test_commands_are_not_replayed_into_a_live_trackway(tmp_path, beside):
+    bag, blown = tmp_path / "b", []
+    with BagWriter(bag) as writer:
+        for index in range(3):
+            writer.write(topics.BED_BLOWER, to_cdr(messages.float64(1.0)), 1_000_000_000 + index)
+            writer.write(topics.LIFT, to_cdr(messages.float64(0.0)), 1_000_000_000 + index)
+    node.publisher(beside.node, topics.BED_HEIGHT)  # a bed that is there
+    node.subscription(beside.node, topics.BED_BLOWER, blown.append)
+
+    refused = replay(bag)
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    assert "the trackway is live (/bed/height is published)" in refused.stderr
+    beside.wait(lambda: blown, 0.2)
+    assert not blown
+
+    assert "replayed 3 messages" in replay(bag, "--topics", topics.LIFT.name).stdout
+    assert "replayed 6 messages" in replay(bag, "--with-commands").stdout
+    beside.until(lambda: len(blown) == 3)
