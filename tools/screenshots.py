@@ -41,7 +41,6 @@ noise: {scale: 1.0, speed_sd_m_s: 0.005, lift_sd_m: 0.0003, peak_sd: 0.01, first
 """
 TITLE = "Walking collapses on loose ground"
 HIDDEN = "disturbed_ground"
-FORMULA = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
 FITTED = """return /error/.test(document.getElementById('status')?.innerText ?? '')
     && !!document.querySelector('#figure .main-svg')
     && !document.getElementById('effects').innerText.includes('…')"""

@@ -40,7 +40,7 @@ def test_the_effect_is_named_with_the_right_robot():
     assert abs(eta.value - ETA) < 3 * eta.stderr
     delta_t = found.steps[-1].parameters["delta_t_s"]
     assert abs(delta_t.value - 0.4) < 3 * delta_t.stderr
-    assert found.to_json()["robot"]["leg_radius_m"] == 0.05
+    assert found.to_dict()["robot"]["leg_radius_m"] == 0.05
 
 
 def test_with_another_robots_file_nothing_is_identified_and_the_message_says_why():

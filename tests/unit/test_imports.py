@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+import sandbot_model
 import sandbot_record
 import sandbot_tracking
 
@@ -57,7 +58,33 @@ def test_a_door_costs_nothing_until_it_is_used():
     assert seen.isdisjoint({*HEAVY, "numpy", "yaml", "scipy", "rosbags"})
 
 
-@pytest.mark.parametrize("package", [sandbot_record, sandbot_tracking])
+HELPED = """
+import sys
+from importlib import import_module
+try:
+    import_module(sys.argv[1]).main(["--help"])
+except SystemExit:
+    print(*sys.modules)
+"""
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "sandbot_model.tools.compare",
+        "sandbot_model.tools.discover",
+        "sandbot_model.tools.effects",
+        "sandbot_model.tools.explore",
+        "sandbot_tracking.tools.track_video",
+    ],
+)
+def test_help_does_not_wait_for_what_computes(command):
+    told = subprocess.run([sys.executable, "-c", HELPED, command], capture_output=True, text=True, check=True).stdout
+    assert told.startswith("usage: ")
+    assert set(told.split()).isdisjoint({*HEAVY, "scipy", "flask", "rosbags"})
+
+
+@pytest.mark.parametrize("package", [sandbot_model, sandbot_record, sandbot_tracking])
 def test_every_name_of_a_door_is_there(package):
     assert sorted(package.__all__) == dir(package)
     for name in package.__all__:

@@ -6,15 +6,15 @@ from typing import Any
 
 
 def door(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """``__getattr__`` and ``__dir__`` of ``package``; ``homes`` says in which of its modules each name lives.
+    """``__getattr__`` and ``__dir__`` of ``package``; ``homes`` says in which module each name lives.
 
-    "module:name" where the module has another name for it.
+    ".module" is one of the package's own; "module:name" where the module has another name for it.
     """
 
     def get(name: str) -> Any:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         module, _, there = homes[name].partition(":")
-        return getattr(import_module(f"{package}.{module}"), there or name)
+        return getattr(import_module(module, package), there or name)
 
     return get, lambda: sorted(homes)

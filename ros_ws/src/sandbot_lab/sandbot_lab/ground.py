@@ -1,11 +1,10 @@
 """The ground: strength and surface at a place on the track, its memory of feet, and its force on a leg.
 
-Compiled functions on the records of `sandbot_lab.physics`. `Ground` says what a ground is; `TrackGround` gives these
-functions that shape for use outside the kernel.
+Compiled functions on the records of `sandbot_lab.physics`; `TrackGround` wraps them for use outside the kernel.
 """
 
 from math import acos, atan2, cos, exp, pi, sin
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,22 +19,6 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 # Li, Zhang & Goldman 2013, generic coefficients [N/cm3]; a flat plate pushed straight down gets their sum.
 A00, A10, B11, B01, B_11 = 0.206, 0.169, 0.212, 0.358, 0.055
 FLAT_PLATE = A00 + A10 + B11 + B01 + B_11
-
-
-class Ground(Protocol):
-    """What a leg meets along the track."""
-
-    def strength_n_per_m(self, x_m: float) -> float:
-        """Penetration stiffness at a place."""
-
-    def surface_m(self, x_m: float, t_s: float) -> float:
-        """Height of the surface at a place, 0 where undisturbed."""
-
-    def force_n(self, theta_rad: float, rate_rad_s: float, x_m: float, z_m: float, t_s: float) -> float:
-        """Vertical force on a leg at centre angle theta whose axle is at (x, z)."""
-
-    def disturb(self, x_m: float, t_s: float) -> None:
-        """A foot has been here."""
 
 
 @jit
@@ -166,7 +149,7 @@ def force(p: Any, s: Any, theta: float, rate: float, x: float, z: float, t: floa
 
 
 class TrackGround:
-    """The compiled ground behind the `Ground` protocol, for tests and figures."""
+    """What a leg meets along the track, for the penetrometer and for tests."""
 
     def __init__(self, physics: NDArray[Any], state: NDArray[Any]) -> None:
         """Takes the records of one trial, shape (1,) each; ``disturb`` writes into ``state``."""
@@ -177,11 +160,11 @@ class TrackGround:
         return float(strength(self._p, self._s, x_m, self._p["k"]))
 
     def surface_m(self, x_m: float, t_s: float) -> float:
-        """Height of the surface at a place."""
+        """Height of the surface at a place, 0 where undisturbed."""
         return float(surface(self._p, self._s, x_m, t_s))
 
     def force_n(self, theta_rad: float, rate_rad_s: float, x_m: float, z_m: float, t_s: float) -> float:
-        """Vertical force on a leg."""
+        """Vertical force on a leg at centre angle theta whose axle is at (x, z)."""
         return float(force(self._p, self._s, theta_rad, rate_rad_s, x_m, z_m, t_s, self._p["k"]))
 
     def disturb(self, x_m: float, t_s: float) -> None:

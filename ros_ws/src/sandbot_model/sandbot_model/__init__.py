@@ -16,31 +16,42 @@ The rooms, each of which imports only those above it in this list:
     tools/      the commands
 """
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+from sandbot_common.lazy import door
+
+if TYPE_CHECKING:
+    from sandbot_common.errors import InputError
+    from sandbot_model.discovery.criteria import Criteria
+    from sandbot_model.physics.chain import Chain
+    from sandbot_model.physics.effect import Effect, Parameter, Values
+    from sandbot_model.tools.door import compare, discover
+    from sandbot_record.trials.read import read
+    from sandbot_record.trials.table import Trials
+
+__all__ = (
+    "Chain",
+    "Criteria",
+    "Effect",
+    "InputError",
+    "Parameter",
+    "Trials",
+    "Values",
+    "compare",
+    "discover",
+    "read",
+)
 
 _HOME = {
-    "discover": "sandbot_model.tools.door",
-    "compare": "sandbot_model.tools.door",
+    "discover": ".tools.door",
+    "compare": ".tools.door",
     "read": "sandbot_record.trials.read",
     "Trials": "sandbot_record.trials.table",
-    "Criteria": "sandbot_model.discovery.criteria",
-    "Effect": "sandbot_model.physics.effect",
-    "Parameter": "sandbot_model.physics.effect",
-    "Values": "sandbot_model.physics.effect",
-    "Chain": "sandbot_model.physics.chain",
+    "Criteria": ".discovery.criteria",
+    "Effect": ".physics.effect",
+    "Parameter": ".physics.effect",
+    "Values": ".physics.effect",
+    "Chain": ".physics.chain",
     "InputError": "sandbot_common.errors",
 }
-"""Where each public name lives; it is imported when asked for, so that no command waits for what it does not use."""
-
-__all__ = tuple(_HOME)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = door(__name__, _HOME)

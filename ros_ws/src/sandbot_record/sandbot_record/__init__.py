@@ -27,15 +27,23 @@ trials/
 tools/            record, replay, recover, info, table; recorder_node and replay_node wire them to ROS
 """
 
+from typing import TYPE_CHECKING
+
 from sandbot_common.lazy import door
 
-_HOME = {
-    "read": "bags.reader",
-    "Bag": "bags.reader",
-    "BagWriter": "bags.writer",
-    "read_trials": "trials.read:read",
-    "Trials": "trials.table",
-}
+if TYPE_CHECKING:
+    from sandbot_record.bags.reader import Bag, read
+    from sandbot_record.bags.writer import BagWriter
+    from sandbot_record.trials.read import read as read_trials
+    from sandbot_record.trials.table import Trials
 
-__all__ = tuple(_HOME)
+__all__ = ("Bag", "BagWriter", "Trials", "read", "read_trials")
+
+_HOME = {
+    "read": ".bags.reader",
+    "Bag": ".bags.reader",
+    "BagWriter": ".bags.writer",
+    "read_trials": ".trials.read:read",
+    "Trials": ".trials.table",
+}
 __getattr__, __dir__ = door(__name__, _HOME)

@@ -21,9 +21,15 @@ tracker_node, camera_node   their wiring to ROS
 tools/          calibrate, track_video
 """
 
+from typing import TYPE_CHECKING
+
 from sandbot_common.lazy import door
 
-_HOME = {"track": "videos", "Track": "videos", "Camera": "calibration", "read_cameras": "calibration"}
+if TYPE_CHECKING:
+    from sandbot_tracking.calibration import Camera, read_cameras
+    from sandbot_tracking.videos import Track, track
 
-__all__ = tuple(_HOME)
+__all__ = ("Camera", "Track", "read_cameras", "track")
+
+_HOME = {"track": ".videos", "Track": ".videos", "Camera": ".calibration", "read_cameras": ".calibration"}
 __getattr__, __dir__ = door(__name__, _HOME)

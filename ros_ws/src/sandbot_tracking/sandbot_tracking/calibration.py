@@ -8,8 +8,8 @@ Camera axes: x right, y down, z forward. ``rotation`` takes trackway axes to cam
 axes). Lens model: OpenCV's (k1, k2, p1, p2, k3).
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -139,13 +139,6 @@ class Camera:
         """d(position)/d(plane offset), (n, 3): how far a point moves when its plane is moved by one metre."""
         rays = self._rays(np.atleast_2d(np.asarray(px, dtype=float)))
         return np.asarray(rays / rays[:, [NORMALS[self.plane.normal]]], dtype=float)
-
-    def with_intrinsics(self, width: int, height: int, k: Sequence[float], d: Sequence[float]) -> "Camera":
-        """This camera with size, matrix (9,) and distortion (5,) as a sensor_msgs/CameraInfo gives them."""
-        if len(k) != 9 or len(d) not in (0, 4, 5) or not k[0] > 0 or not k[4] > 0:
-            raise InputError(f"camera_info with k={list(k)}, d={list(d)}: a calibrated plumb_bob camera is needed")
-        distortion = (*map(float, d), *(0.0,) * (5 - len(d)))
-        return replace(self, width=width, height=height, fx=k[0], fy=k[4], cx=k[2], cy=k[5], distortion=distortion)
 
 
 def camera_from_mapping(mapping: Any, where: str) -> Camera:

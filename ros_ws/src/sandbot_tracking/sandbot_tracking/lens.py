@@ -16,11 +16,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Lens:
-    """Intrinsics: K (3, 3) and the five distortion coefficients, with their reprojection error."""
+    """Intrinsics: K (3, 3) and the five distortion coefficients."""
 
     matrix: Floats
     distortion: Floats
-    error_px: float
 
 
 def lens_from_chessboard(video: str, pattern: tuple[int, int], square_m: float) -> Lens:
@@ -38,8 +37,8 @@ def lens_from_chessboard(video: str, pattern: tuple[int, int], square_m: float) 
         raise InputError(
             f"{video}: a {pattern[0]}x{pattern[1]} chessboard is seen in {len(corners)} frames, 3 are needed"
         )
-    error, matrix, distortion, *_ = cv2.calibrateCamera([board] * len(corners), corners, size, None, None)
-    return Lens(matrix, distortion.ravel()[:5], float(error))
+    _, matrix, distortion, *_ = cv2.calibrateCamera([board] * len(corners), corners, size, None, None)
+    return Lens(matrix, distortion.ravel()[:5])
 
 
 def place(pixels: Floats, points_m: Floats, lens: Lens) -> tuple[Floats, Floats]:
@@ -64,10 +63,10 @@ def lens_from_points(pixels: Floats, points_m: Floats, size: tuple[int, int]) ->
         cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST
         | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
     )  # fmt: skip
-    error, matrix, *_ = cv2.calibrateCamera(
+    _, matrix, *_ = cv2.calibrateCamera(
         [points_m.astype(np.float32)], [pixels.astype(np.float32)], size, start, np.zeros(5), flags=flags
     )
-    return Lens(matrix, np.zeros(5), float(error))
+    return Lens(matrix, np.zeros(5))
 
 
 def entry(

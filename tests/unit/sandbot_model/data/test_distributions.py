@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from sandbot_model.data.distributions import chi2_sf, f_isf, f_sf
+from sandbot_model.data.distributions import chi2_ppf, chi2_sf, f_isf, f_sf, t_sf
 
 DOF = st.integers(1, 200)
 VALUES = st.floats(0.0, 1e4)
@@ -13,12 +13,18 @@ VALUES = st.floats(0.0, 1e4)
 @given(value=VALUES, dof=DOF, error_dof=DOF)
 def test_tails_are_those_of_scipy_stats_to_the_digit(value, dof, error_dof):
     assert chi2_sf(value, dof) == stats.chi2.sf(value, dof)
+    assert t_sf(value, dof) == stats.t.sf(value, dof)
     assert f_sf(value, dof, error_dof) == stats.f.sf(value, dof, error_dof)
 
 
 @given(tail=st.floats(1e-12, 1.0), error_dof=DOF)
 def test_the_value_above_which_a_tail_lies(tail, error_dof):
     assert f_isf(tail, 1, error_dof) == stats.f.isf(tail, 1, error_dof)
+
+
+@given(probability=st.floats(0.0, 1.0), dof=DOF)
+def test_the_value_below_which_chi2_lies(probability, dof):
+    assert chi2_ppf(probability, dof) == stats.chi2.ppf(probability, dof)
 
 
 @pytest.mark.parametrize("value", [0.0, np.inf, np.nan])

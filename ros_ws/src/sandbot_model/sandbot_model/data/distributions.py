@@ -1,13 +1,18 @@
-"""Tails of the χ² and F distributions, as scipy.stats has them, without the time it takes to import that."""
+"""Tails of the χ², F and t distributions, as scipy.stats has them, without the time it takes to import that."""
 
 from typing import Any
 
-from scipy.special import chdtrc, fdtrc, fdtri
+from scipy.special import chdtrc, fdtrc, fdtri, gammaincinv, stdtr
 
 
 def chi2_sf(value: Any, dof: Any) -> Any:
     """Probability that χ² with ``dof`` degrees of freedom is above ``value``; both may be arrays."""
     return chdtrc(dof, value)
+
+
+def chi2_ppf(probability: float, dof: float) -> float:
+    """The value below which χ² with ``dof`` degrees of freedom lies with this probability."""
+    return float(2.0 * gammaincinv(0.5 * dof, probability))
 
 
 def f_sf(value: float, dof: float, error_dof: float) -> float:
@@ -18,3 +23,8 @@ def f_sf(value: float, dof: float, error_dof: float) -> float:
 def f_isf(tail: float, dof: float, error_dof: float) -> float:
     """The value above which F lies with probability ``tail``."""
     return float(fdtri(dof, error_dof, 1.0 - tail))
+
+
+def t_sf(value: float, dof: float) -> float:
+    """Probability that Student's t with ``dof`` degrees of freedom is above ``value``."""
+    return float(stdtr(dof, -value))

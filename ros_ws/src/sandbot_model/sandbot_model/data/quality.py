@@ -5,11 +5,11 @@ The lines are notes for a reader; no trial is left out for them.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT
 from sandbot_model.data.clustering import phi_levels, same_within
+from sandbot_model.data.distributions import t_sf
 from sandbot_model.data.regime import WALKING_LIFT_M, walks
 from sandbot_model.physics.observables import Observable
 from sandbot_record.trials.table import Trials
@@ -187,7 +187,7 @@ def trend(column: Floats, order: Floats, cell: Ints) -> tuple[float, float]:
     slope = float(x @ y) / information
     error = float(np.sqrt(max(np.sum((y - slope * x) ** 2), 1e-300) / (freedom - 1) / information))
     span = float(np.ptp(order[known]))
-    return slope * span, float(2 * student.sf(abs(slope / error), freedom - 1))
+    return slope * span, float(2 * t_sf(abs(slope / error), freedom - 1))
 
 
 def _trends(used: Trials, values: Floats, cell: Ints) -> list[str]:

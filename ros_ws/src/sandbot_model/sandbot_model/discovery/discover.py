@@ -92,7 +92,6 @@ class Discovery:
             "residual": None if self.residual is None else plain(self.residual),
         }
 
-    to_json = to_dict
     """Its name before."""
 
     @property

@@ -1,9 +1,9 @@
 """Untested: whether pure error is known well enough for a test to mean anything, decided before any search."""
 
 import numpy as np
-from scipy.stats import chi2
 
 from sandbot_model.data.conditions import Cells
+from sandbot_model.data.distributions import chi2_ppf
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.verdict import Verdict
@@ -32,7 +32,7 @@ def unnoticed(known: int, criteria: Criteria) -> float:
 
     The lack-of-fit F test with many cells: F(p; ∞, ν) = ν/χ²(p; ν).
     """
-    return float(np.sqrt(known / chi2.ppf(criteria.lack_of_fit, known)))
+    return float(np.sqrt(known / chi2_ppf(criteria.lack_of_fit, known)))
 
 
 def repeats(cells: Cells) -> list[NextTrial]:

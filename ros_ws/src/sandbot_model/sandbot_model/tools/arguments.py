@@ -1,24 +1,28 @@
-"""Arguments that compare, discover and effects share."""
+"""Arguments that compare, discover and effects share.
+
+What reads and fits is imported by the functions that need it: ``--help`` and a slip in the options are answered at
+once.
+"""
 
 import argparse
 import json
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sandbot_common.cli import Parser, output
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_text, writing
 from sandbot_common.robot import Robot, difference, read_robot
-from sandbot_model.data.conditions import Cells, cells_of
-from sandbot_model.data.penetrometer import Readings, read_readings
-from sandbot_model.fitting.parallel import Map, cluster, workers
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ
 from sandbot_model.physics.walking import BASES
-from sandbot_record.trials.read import read
-from sandbot_record.trials.setting import frame_rate
-from sandbot_record.trials.table import Trials
+
+if TYPE_CHECKING:
+    from sandbot_model.data.conditions import Cells
+    from sandbot_model.data.penetrometer import Readings
+    from sandbot_model.fitting.parallel import Map
+    from sandbot_record.trials.table import Trials
 
 
 def add_catalogue(parser: Parser) -> None:
@@ -67,11 +71,14 @@ def add_setting(parser: Parser) -> None:
     )
 
 
-def trials(args: argparse.Namespace) -> tuple[Trials, str]:
+def trials(args: argparse.Namespace) -> "tuple[Trials, str]":
     """The trials of DATA, of the robot and frame rate that the options name, and a line on whose numbers are used.
 
     Raises InputError.
     """
+    from sandbot_record.trials.read import read
+    from sandbot_record.trials.setting import frame_rate
+
     found = read(args.data)
     if args.cameras is not None:
         found = replace(found, frame_rate_hz=frame_rate(args.cameras))
@@ -81,7 +88,7 @@ def trials(args: argparse.Namespace) -> tuple[Trials, str]:
     return found, f"robot: {told}"
 
 
-def of_robot(trials: Trials, robot: Robot, where: str) -> tuple[Trials, str]:
+def of_robot(trials: "Trials", robot: Robot, where: str) -> "tuple[Trials, str]":
     """The trials as walked by this robot, named ``where``, and a line that says so. Raises InputError."""
     own, line = trials.robot, f"robot: {where}"
     if own is not None and own != robot:
@@ -104,14 +111,20 @@ def add_penetrometer(parser: Parser) -> None:
     )
 
 
-def cells(args: argparse.Namespace, trials: Trials) -> Cells:
+def cells(args: argparse.Namespace, trials: "Trials") -> "Cells":
     """The trials of DATA as cells, with the penetrometer's readings if there are any. Raises InputError."""
+    from sandbot_model.data.conditions import cells_of
+
     return cells_of(trials, readings(args))
 
 
-def readings(args: argparse.Namespace) -> Readings | None:
+def readings(args: argparse.Namespace) -> "Readings | None":
     """What ``--penetrometer`` names. Raises InputError."""
-    return None if args.penetrometer is None else read_readings(args.penetrometer)
+    if args.penetrometer is None:
+        return None
+    from sandbot_model.data.penetrometer import read_readings
+
+    return read_readings(args.penetrometer)
 
 
 def add_fitters(parser: Parser) -> None:
@@ -125,10 +138,12 @@ def add_fitters(parser: Parser) -> None:
     )
 
 
-def fitters(args: argparse.Namespace) -> AbstractContextManager[Map]:
+def fitters(args: argparse.Namespace) -> "AbstractContextManager[Map]":
     """The ``map`` that ``--workers`` or ``--dask`` asks for; use it in a ``with``. Raises InputError."""
     if args.workers < 1:
         raise InputError(f"--workers {args.workers}: at least one is needed")
+    from sandbot_model.fitting.parallel import cluster, workers
+
     return workers(args.workers) if args.dask is None else cluster(args.dask)
 
 

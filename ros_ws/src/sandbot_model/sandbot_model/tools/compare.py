@@ -3,23 +3,19 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
-
-from tqdm import tqdm
+from typing import TYPE_CHECKING
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml, writing
-from sandbot_model.data.conditions import cells_of
-from sandbot_model.data.quality import checked
 from sandbot_model.discovery.choice import Selection, from_mapping, held_by_text
-from sandbot_model.discovery.reproduce import steps_of
-from sandbot_model.fitting.bootstrap import bootstrap
-from sandbot_model.physics.catalogue import catalogue
-from sandbot_model.physics.model import model_of
-from sandbot_model.report import write_comparison
-from sandbot_model.tools import arguments, tables
+from sandbot_model.tools import arguments
+
+if TYPE_CHECKING:
+    from sandbot_model.fitting.parallel import Map
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -44,7 +40,22 @@ def _compare(argv: Sequence[str]) -> None:
     fitters = arguments.fitters(args)
     if args.dask is not None and args.bootstrap is None:
         raise InputError("--dask: only the draws of --bootstrap N go to a cluster; give that too")
-    selection = _selection(args)
+    _run(args, _selection(args), fitters)
+
+
+def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractContextManager[Map]") -> None:
+    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    from tqdm import tqdm
+
+    from sandbot_model.data.conditions import cells_of
+    from sandbot_model.data.quality import checked
+    from sandbot_model.discovery.reproduce import steps_of
+    from sandbot_model.fitting.bootstrap import bootstrap
+    from sandbot_model.physics.catalogue import catalogue
+    from sandbot_model.physics.model import model_of
+    from sandbot_model.report import write_comparison
+    from sandbot_model.tools import tables
+
     effects = catalogue(args.effects_from, selection.formulas)
     trials, robot_line = arguments.trials(args)
     readings = arguments.readings(args)

@@ -1,19 +1,20 @@
 """discover: find the physical effect the model lacks, or say that none is missing, or which can't be told apart."""
 
+import argparse
 import math
 import sys
 from collections.abc import Sequence
-
-from tqdm import tqdm
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import writing
-from sandbot_model.data.quality import checked
-from sandbot_model.discovery.discover import Discovery, discover
-from sandbot_model.physics.catalogue import catalogue
-from sandbot_model.report import write_report
-from sandbot_model.tools import arguments, tables
+from sandbot_model.tools import arguments
+
+if TYPE_CHECKING:
+    from sandbot_model.discovery.discover import Discovery
+    from sandbot_model.fitting.parallel import Map
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -30,7 +31,19 @@ def _discover(argv: Sequence[str]) -> None:
     args = parser.parse_args(argv)
     if args.max_effects < 0:
         raise InputError(f"--max-effects {args.max_effects}: 0 or more are needed")
-    fitters = arguments.fitters(args)
+    _run(args, arguments.fitters(args))
+
+
+def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> None:
+    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    from tqdm import tqdm
+
+    from sandbot_model.data.quality import checked
+    from sandbot_model.discovery.discover import discover
+    from sandbot_model.physics.catalogue import catalogue
+    from sandbot_model.report import write_report
+    from sandbot_model.tools import tables
+
     effects = catalogue(args.effects_from, args.effect)
     trials, robot_line = arguments.trials(args)
     notes = checked(trials)
@@ -62,7 +75,9 @@ def _discover(argv: Sequence[str]) -> None:
             write_report(args.html, found, trials, title=args.title or args.data[0].stem, frames=frames, data=args.data)
 
 
-def _print(found: Discovery) -> None:
+def _print(found: "Discovery") -> None:
+    from sandbot_model.tools import tables
+
     print(tables.ladder(found.steps), "\n")
     if found.stages:
         print(tables.stages(found), "\n")

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 from sandbot_common import cli
-from sandbot_model.physics.catalogue import catalogue, describe
 from sandbot_model.tools import arguments
 
 
@@ -17,6 +16,9 @@ def _effects(argv: Sequence[str]) -> None:
     arguments.add_catalogue(parser)
     parser.add_argument("--json", type=cli.output, metavar="OUT", help="write the catalogue as JSON")
     args = parser.parse_args(argv)
+    # Imported now that the options are understood: --help is answered at once.
+    from sandbot_model.physics.catalogue import catalogue, describe
+
     effects = catalogue(args.effects_from, args.effect)
     for effect in effects.values():
         print(f"{effect.identifier}  [{effect.stage}]  {effect.formula}")

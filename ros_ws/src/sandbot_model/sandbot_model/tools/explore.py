@@ -1,5 +1,7 @@
 """explore: one page on this host to compare model and trials, switch effects on and watch the error fall."""
 
+# The page and all that fits are imported once the options are understood: --help is answered at once.
+
 import argparse
 import logging
 import multiprocessing
@@ -11,23 +13,19 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-
-from flask import Flask
-from werkzeug.serving import make_server
+from typing import TYPE_CHECKING
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
-from sandbot_common.workers import pool
-from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.discovery.choice import from_mapping, from_query, to_query
-from sandbot_model.explore import nothing
-from sandbot_model.explore.app import Beside, Explorer
-from sandbot_model.explore.loopback import HOST
-from sandbot_model.explore.session import Session
 from sandbot_model.tools import arguments
-from sandbot_record.trials.read import read
-from sandbot_record.trials.table import Trials
+
+if TYPE_CHECKING:
+    from flask import Flask
+
+    from sandbot_model.data.conditions import Cells
+    from sandbot_record.trials.table import Trials
 
 NICE = 5
 """Workers give way to the page, but not for ever to whatever else runs here: a discovery is made by them, too."""
@@ -65,13 +63,20 @@ def _explore(argv: Sequence[str]) -> None:
         # A name that is none is a slip of the command line; data that say nothing are for the page to tell.
         if not all(path.exists() for path in args.data):
             raise
+        from sandbot_model.explore import nothing
+
         print(f"explore: {error}", file=sys.stderr, flush=True)
         _serve(nothing.app(title, str(error)), args.port, "")
     else:
         _explore_cells(args, trials, cells, title, query)
 
 
-def _explore_cells(args: argparse.Namespace, trials: Trials, cells: Cells, title: str, query: str) -> None:
+def _explore_cells(args: argparse.Namespace, trials: "Trials", cells: "Cells", title: str, query: str) -> None:
+    from sandbot_model.data.conditions import cells_of
+    from sandbot_model.explore.app import Beside, Explorer
+    from sandbot_model.explore.session import Session
+    from sandbot_record.trials.read import read
+
     other = cells_of(read(args.beside)) if args.beside else None
     with _fitters(args.workers) as workers:
         session = Session(cells, workers, effect_files=args.effects_from)
@@ -93,6 +98,8 @@ def _explore_cells(args: argparse.Namespace, trials: Trials, cells: Cells, title
 @contextmanager
 def _fitters(count: int) -> Iterator[ProcessPoolExecutor]:
     """Worker processes that give way to the page and end with it, whatever they are at."""
+    from sandbot_common.workers import pool
+
     workers = pool(count, "fork", also=_gives_way)
     # Ended from outside (a launcher, a test) is ended all the same: through the same door as Ctrl-C.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -111,7 +118,11 @@ def _gives_way() -> None:
     os.nice(NICE)
 
 
-def _serve(app: Flask, port: int, query: str) -> None:
+def _serve(app: "Flask", port: int, query: str) -> None:
+    from werkzeug.serving import make_server
+
+    from sandbot_model.explore.loopback import HOST
+
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     try:
         listening = socket.create_server((HOST, port))

@@ -106,7 +106,7 @@ def _lens(given: Any, pixels: Floats, points: Floats, size: tuple[int, int]) -> 
     if given.name not in cameras:
         raise InputError(f"{given.intrinsics}: no {given.name!r} camera in it")
     known = cameras[given.name]
-    return Lens(known.matrix, np.array(known.distortion), 0.0)
+    return Lens(known.matrix, np.array(known.distortion))
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,17 +1,19 @@
 """Track marker videos: CSV of landmarks and speed, one row a frame, and a line with the trial's observables."""
 
 import csv
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import check_output, whole_file, writing
 from sandbot_common.robot import SANDBOT
-from sandbot_tracking.videos import Track, track
+
+if TYPE_CHECKING:
+    from sandbot_tracking.videos import Track
 
 
 def command(argv: Sequence[str]) -> int:
@@ -27,9 +29,12 @@ def command(argv: Sequence[str]) -> int:
     given = parser.parse_args(argv)
     if given.omega is not None and not 0.1 <= given.omega <= 200:
         raise InputError(f"--omega {given.omega}: 0.1 to 200 rad/s")
-    if given.start is not None and not np.isfinite(given.start):
+    if given.start is not None and not math.isfinite(given.start):
         raise InputError(f"--start {given.start} is not a time in s")
     out = given.out or check_output(Path(given.dorsal).with_suffix(".csv"))
+    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    from sandbot_tracking.videos import track
+
     found = track(
         given.dorsal,
         given.cameras,
@@ -44,14 +49,14 @@ def command(argv: Sequence[str]) -> int:
     return 0
 
 
-def write(path: Path, found: Track) -> None:
+def write(path: Path, found: "Track") -> None:
     """The CSV, whole or not at all; empty cells where a marker is missing."""
     columns = found.columns()
     with whole_file(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(columns)
         for row in zip(*columns.values(), strict=True):
-            rows.writerow(["" if np.isnan(value) else f"{value:.6f}" for value in row])
+            rows.writerow(["" if math.isnan(value) else f"{value:.6f}" for value in row])
 
 
 def main(argv: Sequence[str] | None = None) -> int:
