@@ -201,7 +201,7 @@ class BedNode(Node):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the bed node until Ctrl-C."""
-    return node.run(BedNode, argv)
+    return node.run(BedNode, argv, parameters=BedParameters)
 
 
 if __name__ == "__main__":

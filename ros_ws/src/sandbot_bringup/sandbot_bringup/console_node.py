@@ -157,7 +157,7 @@ def _watching(topic: Topic) -> QoSProfile:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Serve the console until Ctrl-C."""
-    return node.run(ConsoleNode, argv)
+    return node.run(ConsoleNode, argv, parameters=ConsoleParameters)
 
 
 if __name__ == "__main__":

@@ -277,7 +277,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the clock node until Ctrl-C."""
     # The whole process: a main thread that waits for a CPU while it holds Python's lock would stop the schedule, too.
     _ask_for_real_time(_BESIDE)
-    return node.run(ClockNode, argv)
+    return node.run(ClockNode, argv, parameters=ClockParameters)
 
 
 if __name__ == "__main__":

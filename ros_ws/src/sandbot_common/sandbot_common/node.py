@@ -30,7 +30,7 @@ from rclpy.subscription import Subscription
 from sandbot_common import cli, messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
-from sandbot_common.parameters import Spec, from_mapping, specs
+from sandbot_common.parameters import Spec, from_mapping, specs, usage
 
 T = TypeVar("T")
 
@@ -216,13 +216,24 @@ def use_shared_memory(*, frames: bool) -> None:
         os.environ[_PROFILES[0]] = str(Path(__file__).with_name("fastdds_frames.xml" if frames else "fastdds.xml"))
 
 
-def run(make: Callable[[], Node], argv: Sequence[str] | None = None, *, frames: bool = False) -> int:
+def run(
+    make: Callable[[], Node],
+    argv: Sequence[str] | None = None,
+    *,
+    parameters: type | None = None,
+    frames: bool = False,
+) -> int:
     """Start ROS, make the node, spin until Ctrl-C or shutdown, and always clean up; exit code as in cli.run.
 
+    ``parameters``: the node's parameter dataclass, which ``--help`` lists, and starts nothing.
     ``frames``: whether the node publishes camera frames, which takes more shared memory.
     """
 
     def command(arguments: Sequence[str]) -> int:
+        if parameters is not None and {"-h", "--help"} & set(arguments):
+            about = sys.modules[make.__module__].__doc__ or ""
+            print(usage(os.path.basename(sys.argv[0]), about, parameters))
+            return 0
         use_shared_memory(frames=frames)
         # Our own signals: ROS's handlers end the context at once, and close() could no longer publish "air off".
         with stop_signals() as stop:
@@ -322,9 +333,7 @@ def _refuse_unknown(node: Node, where: str) -> None:
 
 
 def _descriptor(spec: Spec) -> ParameterDescriptor:
-    unit = f" [{spec.unit}]" if spec.unit else ""
-    choices = f"; one of {', '.join(map(str, spec.choices))}" if spec.choices else ""
-    descriptor = ParameterDescriptor(description=f"{spec.doc}{unit}{choices}")
+    descriptor = ParameterDescriptor(description=spec.described)
     bounded = math.isfinite(spec.low) and math.isfinite(spec.high)
     if bounded and spec.type is float:
         descriptor.floating_point_range = [FloatingPointRange(from_value=float(spec.low), to_value=float(spec.high))]

@@ -34,6 +34,13 @@ class Spec:
     high: float
     choices: tuple[Any, ...]
 
+    @property
+    def described(self) -> str:
+        """Meaning, unit and choices in a line."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        choices = f"; one of {', '.join(map(str, self.choices))}" if self.choices else ""
+        return f"{self.doc}{unit}{choices}"
+
 
 def parameter(
     default: Any = dataclasses.MISSING,
@@ -59,6 +66,17 @@ def specs(cls: type) -> tuple[Spec, ...]:
         for field in dataclasses.fields(cls)
         if _KEY in field.metadata
     )
+
+
+def usage(program: str, about: str, cls: type) -> str:
+    """What ``--help`` of a node says: its command line, what it does, its parameters with range and default."""
+    lines = [f"usage: {program} [--ros-args [-p NAME:=VALUE ...] [--params-file FILE.yaml]]", "", about.strip(), ""]
+    default = cls()
+    for spec in specs(cls):
+        bounded = math.isfinite(spec.low) or math.isfinite(spec.high)
+        limits = f", {spec.low:g} to {spec.high:g}" if bounded else ""
+        lines += [f"  {spec.name}", f"      {spec.described}{limits} (default: {getattr(default, spec.name)!r})"]
+    return "\n".join(lines)
 
 
 def from_mapping(cls: type[T], mapping: Any, where: str) -> T:

@@ -267,7 +267,7 @@ def _legs(message: JointState) -> tuple[Any, Any]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return node.run(LabNode, argv, frames=True)
+    return node.run(LabNode, argv, parameters=LabParameters, frames=True)
 
 
 if __name__ == "__main__":

@@ -122,4 +122,4 @@ def _fixed(_: CameraParameters) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the camera node."""
-    return node.run(CameraNode, argv, frames=True)
+    return node.run(CameraNode, argv, parameters=CameraParameters, frames=True)

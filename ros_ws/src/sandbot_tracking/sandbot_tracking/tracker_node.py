@@ -207,4 +207,4 @@ def _fixed(_: TrackerParameters) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tracker node."""
-    return node.run(TrackerNode, argv)
+    return node.run(TrackerNode, argv, parameters=TrackerParameters)

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import re
+import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -18,12 +19,14 @@ from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import COLUMNS
+from sandbot_model.physics.typeset import mathml
 from sandbot_model.physics.walking import Inputs
 from sandbot_model.report import text, write_comparison, write_report
-from sandbot_model.report.content import cells_csv
+from sandbot_model.report.content import _formulas, cells_csv
 from sandbot_model.report.curves import steps
-from sandbot_model.report.page import for_script
+from sandbot_model.report.page import Page, Section, for_script, render
 from sandbot_model.report.provenance import limits, provenance
+from sandbot_record.trials.table import Row, from_rows
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
 
@@ -40,11 +43,12 @@ def made_up_trials(phis=(0.60, 0.615, 0.633), replicates=2, omegas=(4, 10, 16, 2
         name: column if name in columns else np.full(len(phi), np.nan)
         for name, column in zip(COLUMNS, values.T, strict=True)
     }
-    return SimpleNamespace(
-        trial_id=[f"trial_{i:03d}" for i in range(len(phi))], phi=phi + rng.normal(0, 2e-4, len(phi)),
-        omega_rad_s=omega.astype(float), gait=["UNIFORM"] * len(phi), replicate=replicate,
-        status=["ok"] * len(phi), robot=None, frame_rate_hz=np.nan, **measured,
-    )  # fmt: skip
+    phi = phi + rng.normal(0, 2e-4, len(phi))
+    rows = [
+        Row(f"trial_{i:03d}", phi[i], omega_rad_s=omega[i], gait="UNIFORM", replicate=replicate[i])
+        for i in range(len(phi))
+    ]
+    return replace(from_rows(rows), **measured)
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +93,25 @@ def figures_of(page):
 def table(page, heading):
     section = page[page.index(f">{heading}</h2>") :]
     return re.sub(r"\s+", " ", re.sub("<[^>]+>", " ", section[: section.index("</section>")]))
+
+
+def test_formulas_of_the_effects_are_typeset(page, fits, tmp_path, trials):
+    """One effect in the last step: one formula, that of the catalogue; the base model alone has none."""
+    (formula,) = re.findall(r"<td[^>]*>(<math>.*?</math>)</td>", page)
+    assert formula == mathml(EFFECTS["leg_slip"].formula)
+    ElementTree.fromstring(formula)
+    write_comparison(tmp_path / "base.html", fits[:1], trials, title="base model")
+    assert "<math>" not in without_plotly((tmp_path / "base.html").read_text(encoding="utf-8"))
+
+
+def test_words_of_a_users_own_effect_stay_words(fits):
+    named = SimpleNamespace(identifier="mine", stage="step", formula="s <script>", seen_in="<b>steps</b>")
+    found = SimpleNamespace(model=SimpleNamespace(effects=(named,)))
+    (effects,) = _formulas(found)
+    page = render(Page("t", "k", (), (Section("s", "S", tables=(effects,)),)))
+    assert "<script>alert" not in page
+    assert "s &lt;script&gt;" in page
+    assert "&lt;b&gt;steps" in page
 
 
 def test_the_page_asks_nothing_of_any_network(page):

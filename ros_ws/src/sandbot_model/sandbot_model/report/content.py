@@ -7,11 +7,13 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM, Observable
+from sandbot_model.physics.typeset import mathml
 from sandbot_model.report import balance, captions, figures, mechanics, text
 from sandbot_model.report.page import Download, Figure, Page, Section, Table, data_uri
 from sandbot_model.report.view import (
@@ -290,7 +292,17 @@ def _parameters(steps: tuple[Step, ...]) -> Section:
         rows,
         (True, True, *(False for _ in steps)),
     )
-    return Section("parameters", "Parameters", tables=(table,))
+    return Section("parameters", "Parameters", tables=(table, *_formulas(steps[-1].fit)))
+
+
+def _formulas(fit: Fit) -> list[Table]:
+    """What each effect of the last step changes; nothing where there is no effect."""
+    rows = [
+        (readable(effect.identifier), effect.stage, Markup(mathml(effect.formula)), effect.seen_in)
+        for effect in fit.model.effects
+    ]
+    caption = "What the effects change: → in the chain from clock to speed, with the parameters above."
+    return [Table(caption, ("effect", "acts on", "formula", "seen in"), rows, (True,) * 4)] if rows else []
 
 
 def _estimate(fit: Fit, name: str) -> str:

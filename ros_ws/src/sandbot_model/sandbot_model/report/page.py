@@ -34,7 +34,10 @@ class Figure:
 
 @dataclass(frozen=True)
 class Table:
-    """A table; ``words`` says which columns are text (the rest are numbers, right-aligned)."""
+    """A table; ``words`` says which columns are text (the rest are numbers, right-aligned).
+
+    A cell of ``Markup`` (a formula) is put on the page as it is; all others are escaped.
+    """
 
     caption: str
     head: tuple[str, ...]

@@ -99,7 +99,7 @@ class PredictorNode(Node):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return node.run(PredictorNode, argv)
+    return node.run(PredictorNode, argv, parameters=PredictorParameters)
 
 
 if __name__ == "__main__":
