@@ -106,7 +106,7 @@ PLANS = [
         "leg-mount-no-angle",
         campaign,
         "@/plan.yaml --out @/out --batch",
-        "robot.yaml",
+        "mine.yaml",
         "leg_mount_rad",
         "'east'",
         plan__yaml=PLAN + "robot: mine.yaml\n",

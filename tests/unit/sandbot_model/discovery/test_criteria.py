@@ -28,4 +28,7 @@ def test_other_criteria_change_the_verdict(drawn):
     assert usual.verdict.status == judge(fits).status == "identified"
     assert judge(fits, Criteria(claim=1e4)).status == "unexplained"
     lenient = Criteria(claim=1e4, lack_of_fit=1e-30, lack_of_fit_of_one=1e-30)
+    # A test that refuses nothing tests nothing, unless the caller says that any miss may pass.
+    assert discover(cells, overlap, max_effects=1, criteria=lenient).verdict.status == "untested"
+    lenient = dataclasses.replace(lenient, gross=1e30)
     assert discover(cells, overlap, max_effects=1, criteria=lenient).verdict.status == "adequate"

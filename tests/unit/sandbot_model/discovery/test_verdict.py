@@ -66,8 +66,9 @@ def test_what_no_set_repairs_is_unexplained(monkeypatch):
     assert "the best set, a, still fails" in found.because
 
 
-def test_without_replicates_there_is_no_verdict():
-    assert "no cell has replicates" in judged(made(deviance=60.0, p=np.nan)).because
+def test_where_nothing_can_be_tested_nothing_is_claimed():
+    found = judged(made(deviance=60.0, p=np.nan))
+    assert (found.status, found.effects) == ("untested", ())
 
 
 def test_one_odd_cell_buys_no_effect():

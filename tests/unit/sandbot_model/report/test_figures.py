@@ -31,6 +31,7 @@ def made_up_cells(**columns):
         "phi": phi, "omega_rad_s": omega, "gait": ["UNIFORM"] * len(phi), "status": ["ok"] * len(phi),
         "speed_m_s": 0.10 + 0.01 * replicate, "lift_m": NONE, "peak_speed_m_s": NONE, "first_step_m": NONE,
         "robot": None, "frame_rate_hz": np.nan,
+        "replicate": replicate, "speed_sd_m_s": NONE, "phi_sd": NONE,
     }  # fmt: skip
     return cells_of(SimpleNamespace(**trials | columns))
 
