@@ -1,6 +1,7 @@
 """Each package declares what it imports, and nothing else, so that it installs into somebody's own environment."""
 
 import ast
+import re
 import sys
 from pathlib import Path
 
@@ -53,3 +54,31 @@ def test_a_package_declares_what_it_imports(package):
 def test_an_import_is_seen():
     assert {"numpy", "pyyaml"} <= imported("sandbot_common")
     assert "rclpy" not in imported("sandbot_common")
+
+
+DISTRIBUTION = {"pyyaml": "yaml", "opencv-python-headless": "opencv"}
+"""Where the distribution's package is not python3- and the wheel's name."""
+
+LAUNCH = {"launch", "launch_ros"}
+"""Of launch files."""
+
+
+def of_ros(package: str) -> set[str]:
+    """The ROS packages imported anywhere in a package."""
+    text = "\n".join(path.read_text(encoding="utf-8") for path in (SOURCE / package / package).rglob("*.py"))
+    found = set(re.findall(r"^ *(?:from|import) (\w+)", text, flags=re.MULTILINE))
+    return {name for name in found if name in ROS or name.endswith("_msgs")}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_package_xml_names_the_same(package):
+    """As a package of the distribution, or as a wheel in a comment; and no package that nobody imports."""
+    text = (SOURCE / package / "package.xml").read_text(encoding="utf-8")
+    depends = set(re.findall(r"<exec_depend>(.+?)</exec_depend>", text))
+    comments = set(re.findall(r"[\w-]+", " ".join(re.findall(r"<!--(.*?)-->", text, flags=re.DOTALL))))
+    named = {name: f"python3-{DISTRIBUTION.get(name, name)}" for name in declared(package)}
+    wheels = {name for name in named if not name.startswith("sandbot_")}
+    missing = {name for name in wheels if named[name] not in depends and name not in comments}
+    missing |= ({name for name in named if name not in wheels} | of_ros(package)) - depends
+    assert not missing
+    assert depends <= {named[name] for name in wheels} | (set(named) - wheels) | of_ros(package) | LAUNCH
