@@ -79,10 +79,10 @@ _Judged = tuple[float, _Model]
 
 def _likeliest(t: Floats, y: Floats, r: Floats) -> _Model:
     """A step whose kinks have more harmonics than ours leaves something that is no noise of positions."""
-    cost, usual = min(_integrated(t, y, r), key=lambda one: one[0])
+    cost, usual = min(_integrated(t, y, r), key=lambda judged: judged[0])
     noise = _rts(y, r, *usual)[3]
-    periodic = [one for one in _periodic(t, y, r) if _rts(y, r, *one[1])[3] < MISFIT * noise]
-    return min(((cost, usual), *periodic), key=lambda one: one[0])[1]
+    periodic = [judged for judged in _periodic(t, y, r) if _rts(y, r, *judged[1])[3] < MISFIT * noise]
+    return min(((cost, usual), *periodic), key=lambda judged: judged[0])[1]
 
 
 def _integrated(t: Floats, y: Floats, r: Floats) -> Iterator[_Judged]:

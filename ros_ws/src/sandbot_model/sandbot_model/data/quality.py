@@ -105,7 +105,7 @@ def _zeros(values: Floats) -> list[str]:
 
 def _wide_levels(used: Trials) -> list[str]:
     level = phi_levels(used.phi)
-    spread = [float(np.std(used.phi[level == one])) for one in range(int(level.max()) + 1)]
+    spread = [float(np.std(used.phi[level == index])) for index in range(int(level.max()) + 1)]
     widest = int(np.argmax(spread))
     if spread[widest] <= WIDE:
         return []
@@ -120,8 +120,8 @@ def _far_out(used: Trials, values: Floats, cell: Ints) -> list[str]:
     walked = walks(values, CLEARLY * WALKING_LIFT_M)
     pairs: dict[Observable, list[float]] = {observable: [] for observable in Observable}
     nearest = np.full(values.shape, np.nan)
-    for one in np.unique(cell):
-        inside = np.flatnonzero(cell == one)
+    for this_cell in np.unique(cell):
+        inside = np.flatnonzero(cell == this_cell)
         if len(inside) < 3 or not walked[inside].all():
             continue  # where the ground hardly holds, one replicate walks and the next swims: no mistake
         for observable in Observable:

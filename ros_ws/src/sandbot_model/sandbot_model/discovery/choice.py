@@ -188,6 +188,6 @@ def _index(value: str) -> int:
 
 
 def _texts(value: Any, where: str) -> tuple[str, ...]:
-    if not isinstance(value, list) or not all(isinstance(one, str) for one in value):
+    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
         raise InputError(f"{where}: expected a list of texts, got {value!r}")
     return tuple(dict.fromkeys(value))

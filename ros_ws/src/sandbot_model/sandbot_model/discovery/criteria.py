@@ -39,10 +39,10 @@ class Criteria:
     """Expected gap, in standard deviations of one trial, from which more trials are worth while."""
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            value, most = getattr(self, one.name), 1.0 if one.name in SHARES else np.inf
+        for field in fields(self):
+            value, most = getattr(self, field.name), 1.0 if field.name in SHARES else np.inf
             if not 0.0 < value < most:
-                raise InputError(f"criteria: {one.name} is {value!r}; a number between 0 and {most:g} is needed")
+                raise InputError(f"criteria: {field.name} is {value!r}; a number between 0 and {most:g} is needed")
 
 
 SHARES = ("lack_of_fit", "lack_of_fit_of_one", "one_cell")

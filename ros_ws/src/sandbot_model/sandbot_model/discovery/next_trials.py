@@ -67,7 +67,7 @@ def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
     Each is the one that brings all pairs farthest towards being told apart by what has been chosen before it: a gap
     beyond ``SETTLED_SD`` counts no more, so a pair that is easily separated does not take all of them.
     """
-    pairs = [between(one, other) for one, other in combinations(map(Predicted.by, contenders[:CONTENDERS]), 2)]
+    pairs = [between(first, second) for first, second in combinations(map(Predicted.by, contenders[:CONTENDERS]), 2)]
     gaps = [{trial.condition: trial for trial in reversed(trials)} for trials in pairs]
     separated = np.zeros(len(pairs))
     chosen: list[NextTrial] = []
@@ -108,7 +108,7 @@ def excluding(base: Fit, unseen: Sequence[Fit]) -> list[NextTrial]:
     each = [between(predicted, Predicted.by(other)) for other in unseen]
     best = _distinct([trials[0] for trials in each if trials])
     more = _distinct([*best, *(trial for trials in each for trial in trials[1:])])
-    return [*best, *(one for one in more if one not in best)][:MOST]
+    return [*best, *(trial for trial in more if trial not in best)][:MOST]
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +148,9 @@ class Predicted:
         )
 
 
-def between(one: Predicted, other: Predicted) -> list[NextTrial]:
+def between(first: Predicted, second: Predicted) -> list[NextTrial]:
     """Measurements by which two fits differ, the most telling first; also of what has not been measured yet."""
-    found = [*_trials_between(one, other), *_readings_between(one, other)]
+    found = [*_trials_between(first, second), *_readings_between(first, second)]
     return sorted(found, key=lambda trial: -trial.expected_gap_sd)
 
 
@@ -162,27 +162,27 @@ def _distinct(trials: Sequence[NextTrial]) -> list[NextTrial]:
     return chosen
 
 
-def _trials_between(one: Predicted, other: Predicted) -> list[NextTrial]:
+def _trials_between(first: Predicted, second: Predicted) -> list[NextTrial]:
     """One trial a condition, by the observable that tells most."""
-    gap = np.abs(one.trials - other.trials) / np.sqrt(one.noise**2 + one.variance + other.variance)
-    best, names = gap.argmax(axis=-1), (one.name, other.name)
+    gap = np.abs(first.trials - second.trials) / np.sqrt(first.noise**2 + first.variance + second.variance)
+    best, names = gap.argmax(axis=-1), (first.name, second.name)
     found = []
     for p, w in np.argwhere(gap.max(axis=-1) > LEAST_SD):
         size = float(gap[p, w].max())
-        at = (float(one.phi[p]), float(one.omega[w]))
+        at = (float(first.phi[p]), float(first.omega[w]))
         found.append(NextTrial(*at, NAMES[best[p, w]], names, size, _replicates(size)))
     return found
 
 
-def _readings_between(one: Predicted, other: Predicted) -> list[NextTrial]:
+def _readings_between(first: Predicted, second: Predicted) -> list[NextTrial]:
     """One reading a level, at the depth that tells most."""
-    sd = np.sqrt((USUAL_SD * one.force) ** 2 + one.force_sd**2 + other.force_sd**2)
-    gap = np.abs(one.force - other.force) / sd
-    best, names = gap.argmax(axis=1), (one.name, other.name)
+    sd = np.sqrt((USUAL_SD * first.force) ** 2 + first.force_sd**2 + second.force_sd**2)
+    gap = np.abs(first.force - second.force) / sd
+    best, names = gap.argmax(axis=1), (first.name, second.name)
     found = []
     for level in np.flatnonzero(gap.max(axis=1) > LEAST_SD):
         size, depth = float(gap[level].max()), DEPTHS_M[best[level]]
-        at = (float(one.phi[level]), float("nan"))
+        at = (float(first.phi[level]), float("nan"))
         found.append(NextTrial(*at, PENETRATION, names, size, _replicates(size), depth))
     return found
 

@@ -69,9 +69,9 @@ def _doubts(cells: Cells) -> Iterator[str]:
     ):
         if (usual := _median(ratio)) > TOO_FAR:
             yield what.format(usual, R=CM * robot.leg_radius_m)
-    by_peak, by_lift = (_median(one) for one in (_radius_by_peak(cells, mean), _radius_by_lift(mean, step)))
+    by_peak, by_lift = (_median(radius) for radius in (_radius_by_peak(cells, mean), _radius_by_lift(mean, step)))
     apart = abs(by_peak - by_lift) / robot.leg_radius_m
-    if apart < ALIKE and min(abs(one / robot.leg_radius_m - 1) for one in (by_peak, by_lift)) > ANOTHER:
+    if apart < ALIKE and min(abs(radius / robot.leg_radius_m - 1) for radius in (by_peak, by_lift)) > ANOTHER:
         yield (
             f"lift with speed and peak speed agree on a leg radius of {CM * by_lift:.2f} and {CM * by_peak:.2f} cm, "
             f"not on {CM * robot.leg_radius_m:.3g} cm"

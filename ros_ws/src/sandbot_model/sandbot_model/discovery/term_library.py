@@ -69,9 +69,9 @@ _ALSO_FIRST = ("k *=", "extra_force +=", "kept *=")
 LEVERS = (
     *_ALWAYS,
     *(
-        Lever(one.stage, f"in the first step {one.words}", one.formula, one.unit, first=True)
-        for one in _ALWAYS
-        if one.formula.startswith(_ALSO_FIRST)
+        Lever(lever.stage, f"in the first step {lever.words}", lever.formula, lever.unit, first=True)
+        for lever in _ALWAYS
+        if lever.formula.startswith(_ALSO_FIRST)
     ),
 )
 

@@ -47,12 +47,12 @@ def repeats(cells: Cells) -> list[NextTrial]:
         chosen.append(int(np.argmax(distance)))
     return [
         NextTrial(
-            phi=float(cells.level_phi[cells.level[one]]),
-            omega_rad_s=float(cells.omega[one]),
+            phi=float(cells.level_phi[cells.level[cell]]),
+            omega_rad_s=float(cells.omega[cell]),
             observable="speed",
             separates=("scatter of replicates", "a miss of the model"),
             expected_gap_sd=float("nan"),
             replicates=MORE,
         )
-        for one in sorted(chosen)
+        for cell in sorted(chosen)
     ]

@@ -69,8 +69,8 @@ def used(selection: Selection, shown: Selection, values: Mapping[str, Any]) -> S
 def with_formula(selection: Selection, text: str) -> Selection:
     """With the user's formula added and switched on; one of the same name is replaced."""
     name = formula_effect(text).identifier
-    others = tuple(one for one in selection.formulas if one.split(":")[0].strip() != name)
-    kept = selection.toggled([one for one in selection.effects if one != name])
+    others = tuple(formula for formula in selection.formulas if formula.split(":")[0].strip() != name)
+    kept = selection.toggled([effect for effect in selection.effects if effect != name])
     return replace(kept, formulas=(*others, text), effects=(*kept.effects, name))
 
 

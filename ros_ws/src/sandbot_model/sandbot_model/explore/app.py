@@ -170,7 +170,7 @@ class Explorer:
         effects = session.catalogue(selection.formulas)
         inherent = [name for name in effects if name not in promises]
         current = session.shown(replace(selection, by_hand=()))
-        known = all(one is not None for one in promises.values())
+        known = all(promise is not None for promise in promises.values())
         options = controls.effect_options(effects, inherent, current, promises)
         return {"effects.options": options, "promise-clock.disabled": known}
 
@@ -277,13 +277,15 @@ class Explorer:
         slider_ids: Sequence[Mapping[str, str]], formula: str | None, search: str | None, seen: str | None,
     ) -> None:  # fmt: skip
         """A control was used: add to the address whatever differs from what the page shows, and what was pressed."""
-        by_hand = {one["by_hand"].replace("/", "."): value for one, value in zip(slider_ids, sliders, strict=True)}
+        by_hand = {
+            slider["by_hand"].replace("/", "."): value for slider, value in zip(slider_ids, sliders, strict=True)
+        }
         try:
             before, shown = from_query(search or ""), from_query(seen or "")
             after = used(before, shown, stand)
             if any(isinstance(control, dict) for control in ctx.triggered_prop_ids.values()):
                 fitted = self.session.shown(shown).fit.parameters
-                after = moved(after, {name: one.value for name, one in fitted.items()}, by_hand)
+                after = moved(after, {name: estimate.value for name, estimate in fitted.items()}, by_hand)
             for fired in ctx.triggered:
                 after = self._pressed(after, ctx.triggered_prop_ids[fired["prop_id"]], fired["value"], formula or "")
             self.session.catalogue(after.formulas)

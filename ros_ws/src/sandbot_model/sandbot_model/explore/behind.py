@@ -17,7 +17,7 @@ from sandbot_record.trials.table import Trials
 COLUMNS = (
     ("φ", "phi", 1.0),
     ("ω (rad/s)", "omega_rad_s", 1.0),
-    *((one.heading, one.column, CM) for one in Observable),
+    *((observable.heading, observable.column, CM) for observable in Observable),
     ("status", "status", 1.0),
 )
 """What a person calls a column of the table, its name there, and how many of the one are one of the other."""
@@ -36,7 +36,7 @@ def parts(trials: Trials, bags: Mapping[str, Path], fit: Fit, cell: int, theme: 
     if found:
         figure = waveforms.figure(found, fit, cell, theme)
         shown.append(controls.plot("waveforms", figure, says=waveforms.says(found, fit, cell)))
-        shown += film(bags, [one.trial_id for one in found])
+        shown += film(bags, [trial.trial_id for trial in found])
     return [*shown, *(html.P(line, className="soft") for line in missing)]
 
 

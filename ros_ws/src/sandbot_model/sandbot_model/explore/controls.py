@@ -93,21 +93,21 @@ def by_hand(sliders: Sequence[Slider]) -> list[Any]:
     return [
         html.Div(
             [
-                html.Label([one.words, html.Strong(" held" if one.held else "")]),
+                html.Label([slider.words, html.Strong(" held" if slider.held else "")]),
                 dcc.Slider(
-                    one.low,
-                    one.high,
-                    value=one.value,
-                    step=(one.high - one.low) / 400 or None,
+                    slider.low,
+                    slider.high,
+                    value=slider.value,
+                    step=(slider.high - slider.low) / 400 or None,
                     marks=None,
                     updatemode="mouseup",
                     tooltip={"placement": "bottom"},
-                    id={"by_hand": one.name.replace(".", "/")},
+                    id={"by_hand": slider.name.replace(".", "/")},
                 ),
             ],
             className="slider",
         )
-        for one in sliders
+        for slider in sliders
     ]
 
 
@@ -127,11 +127,15 @@ def plot(name: str, spec: Spec | None = None, how: str = "", says: str = "") -> 
     graph = dcc.Graph(id=name, config=GRAPH, **given)
     buttons = [
         html.Button(
-            one.upper(),
+            file_format.upper(),
             type="button",
-            **{"data-format": one, "data-figure": name, "aria-label": f"Save figure {name} as {one.upper()}"},
+            **{
+                "data-format": file_format,
+                "data-figure": name,
+                "aria-label": f"Save figure {name} as {file_format.upper()}",
+            },
         )
-        for one in FORMATS
+        for file_format in FORMATS
     ]
     return html.Figure(
         [
@@ -254,7 +258,7 @@ def _figures(cells: Cells) -> html.Main:
             ),
             html.Div(
                 dcc.RadioItems(
-                    [{"value": one.name, "label": one.heading} for one in Observable],
+                    [{"value": observable.name, "label": observable.heading} for observable in Observable],
                     "speed", id="observable", inline=True, className="tabs small",
                 ),
                 id="observable-row",
@@ -310,7 +314,7 @@ def _table(caption: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> 
     return html.Table(
         [
             html.Caption(caption),
-            html.Thead(html.Tr([html.Th(one, scope="col") for one in head])),
+            html.Thead(html.Tr([html.Th(words, scope="col") for words in head])),
             html.Tbody([html.Tr([html.Td(cell) for cell in row]) for row in rows]),
         ]
     )

@@ -94,21 +94,21 @@ class Session:
 
     def ahead(self, selection: Selection) -> None:
         """Begin to fit every set that is one switch away; what was begun for an earlier one and not run is dropped."""
-        wanted = {self._key(one): one for one in self._neighbours(selection)}
+        wanted = {self._key(neighbour): neighbour for neighbour in self._neighbours(selection)}
         keep = {*wanted, *(self._key(part) for part in _prefixes(selection))}
         with self._lock:
             for key in [k for k, future in self._solved.items() if k not in keep and future.cancel()]:
                 del self._solved[key]
-        for one in sorted(wanted.values(), key=self._alone):
-            self._begin(one)
+        for neighbour in sorted(wanted.values(), key=self._alone):
+            self._begin(neighbour)
 
     def promises(self, selection: Selection) -> dict[str, tuple[float, float] | None]:
         """Effect → error (in sample, out of sample) [m/s] if switched over; None: not fitted yet, NaN: no fit."""
         found: dict[str, tuple[float, float] | None] = {}
-        for one in self._neighbours(selection):
-            (name,) = set(one.effects) ^ set(selection.effects)
+        for neighbour in self._neighbours(selection):
+            (name,) = set(neighbour.effects) ^ set(selection.effects)
             with self._lock:
-                future = self._solved.get(self._key(one))
+                future = self._solved.get(self._key(neighbour))
             found[name] = _promise(future)
         return found
 
@@ -132,7 +132,7 @@ class Session:
         inherent = {effect.identifier for effect in self.model(replace(selection, effects=())).walker.effects}
         for name in self.catalogue(selection.formulas):
             if name in selection.effects:
-                yield selection.toggled([one for one in selection.effects if one != name])
+                yield selection.toggled([effect for effect in selection.effects if effect != name])
             elif name not in inherent:
                 yield selection.toggled([*selection.effects, name])
 

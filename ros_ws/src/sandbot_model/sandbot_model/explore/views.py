@@ -156,11 +156,11 @@ def frequency(selection: Selection, current: Step) -> float:
 def same_ranges(specs: Sequence[Spec]) -> None:
     """Let the y axes of figures that stand side by side end at the same value."""
     layouts = [spec["layout"].items() for spec in specs]
-    axes = [one for layout in layouts for name, one in layout if name.startswith("yaxis") and "range" in one]
+    axes = [axis for layout in layouts for name, axis in layout if name.startswith("yaxis") and "range" in axis]
     if axes:
-        together = np.array([one["range"] for one in axes])
-        for one in axes:
-            one["range"] = [float(together[:, 0].min()), float(together[:, 1].max())]
+        together = np.array([axis["range"] for axis in axes])
+        for axis in axes:
+            axis["range"] = [float(together[:, 0].min()), float(together[:, 1].max())]
 
 
 def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:

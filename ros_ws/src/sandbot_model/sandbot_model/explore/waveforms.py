@@ -121,9 +121,10 @@ def figure(waveforms: Sequence[Waveform], fit: Fit, cell: int, theme: Theme = LI
     """v_x(t) of each replicate, and the model's in that cell for the legs of the first one."""
     colours = theme.phi_colours(max(len(waveforms), 2))
     data: list[Spec] = [
-        {"type": "scatter", "mode": "lines", "name": one.trial_id, "x": as_json(one.time_s),
-         "y": as_json(CM * one.speed_m_s), "line": {"color": colour, "width": 1.5, "dash": DASHES[i % len(DASHES)]}}
-        for i, (one, colour) in enumerate(zip(waveforms, colours, strict=False))
+        {"type": "scatter", "mode": "lines", "name": waveform.trial_id, "x": as_json(waveform.time_s),
+         "y": as_json(CM * waveform.speed_m_s),
+         "line": {"color": colour, "width": 1.5, "dash": DASHES[i % len(DASHES)]}}
+        for i, (waveform, colour) in enumerate(zip(waveforms, colours, strict=False))
     ]  # fmt: skip
     first = waveforms[0]
     if len(first.leg_time_s):
@@ -133,7 +134,7 @@ def figure(waveforms: Sequence[Waveform], fit: Fit, cell: int, theme: Theme = LI
             {"type": "scatter", "mode": "lines", "name": "model", "x": as_json(first.leg_time_s),
              "y": as_json(CM * speed), "line": {"color": theme.faint, "width": 5}},
         )  # fmt: skip
-    end = max(float(one.time_s[-1]) for one in waveforms)
+    end = max(float(waveform.time_s[-1]) for waveform in waveforms)
     across = axis(theme, "time from the start of the legs (s)", range=[-0.02 * end, end])
     up = axis(theme, "forward speed v<sub>x</sub> (cm/s)")
     return {"data": data, "layout": layout(theme, 360, xaxis=across, yaxis=up)}
@@ -141,7 +142,9 @@ def figure(waveforms: Sequence[Waveform], fit: Fit, cell: int, theme: Theme = LI
 
 def says(waveforms: Sequence[Waveform], fit: Fit, cell: int) -> str:
     """The waveforms in words."""
-    peaks = "; ".join(f"{one.trial_id} {text.cm_s(float(np.nanmax(one.speed_m_s)))}" for one in waveforms)
+    peaks = "; ".join(
+        f"{waveform.trial_id} {text.cm_s(float(np.nanmax(waveform.speed_m_s)))}" for waveform in waveforms
+    )
     mean, peak = fit.predicted[cell, Observable.speed], fit.predicted[cell, Observable.peak_speed]
     return (
         f"Forward speed against time of {len(waveforms)} replicates. Largest: {peaks}. The model: mean "

@@ -51,8 +51,8 @@ def bootstrap(
     redraw = partial(_redraw, trials, groups, model, readings, near)
     found = list(each(fit_all(redraw, np.random.SeedSequence(seed).spawn(draws))))
     size = float(np.mean([size for size in sizes if size > 1]))
-    names = [name for name in found[0] if all(name in one for one in found)]
-    spread = np.std([[one[name] for name in names] for one in found], axis=0, ddof=1)
+    names = [name for name in found[0] if all(name in draw for draw in found)]
+    spread = np.std([[draw[name] for name in names] for draw in found], axis=0, ddof=1)
     return dict(zip(names, (spread * np.sqrt(size / (size - 1))).tolist(), strict=True))
 
 
@@ -79,4 +79,4 @@ def _cells(trials: Trials) -> list[Ints]:
     omega = np.asarray(trials.omega_rad_s, dtype=float)
     key = np.stack([phi_levels(phi), gait, same_within(omega, OMEGA_TOLERANCE)])
     cell = np.unique(key, axis=1, return_inverse=True)[1].ravel()
-    return [np.flatnonzero(cell == one) for one in range(int(cell.max()) + 1)]
+    return [np.flatnonzero(cell == index) for index in range(int(cell.max()) + 1)]

@@ -47,7 +47,7 @@ def stage_tests(fit: Fit) -> tuple[StageTest, ...]:
         _test("memory", "first step and step from lift", cells, locked_z(fit, Observable.first_step)),
         _test("clock", "peak speed and model", cells, z[:, Observable.peak_speed]),
     )
-    return tuple(one for one in tests if one.cells)
+    return tuple(test for test in tests if test.cells)
 
 
 def locked_z(fit: Fit, observable: Observable) -> Array:

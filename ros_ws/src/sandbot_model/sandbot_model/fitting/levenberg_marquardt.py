@@ -55,7 +55,7 @@ def project_out(values: Array, basis: Array) -> Array:
 
 def bounds(problem: Problem) -> tuple[Array, Array]:
     """What a fit may search, ``(parameters,)`` each."""
-    search = np.array([one.search for one in problem.model.parameters])
+    search = np.array([parameter.search for parameter in problem.model.parameters])
     return search[:, 0], search[:, 1]
 
 

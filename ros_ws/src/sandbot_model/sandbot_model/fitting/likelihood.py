@@ -203,8 +203,8 @@ class Problem:
         track = self.model.walker.sigma_phi(inputs, params)[..., 0]
         between = self.cells.phi_scatter**2
         averaged = np.sqrt((between + track**2 / STEPS) / np.maximum(between + track**2, 1e-18))
-        one = np.ones_like(averaged)
-        return np.stack([averaged, averaged, one, one], axis=-1)
+        plain = np.ones_like(averaged)
+        return np.stack([averaged, averaged, plain, plain], axis=-1)
 
     def _mixture(self, values: Array, predicted: Array, walking: Bool, share: Array) -> tuple[Array, Array, Array]:
         """Covariance, its whitening and ln |V_c|/|V_c0|: wider where the nodes of a cell both walk and swim."""

@@ -33,8 +33,8 @@ def look_along_k(problem: Problem, state: States) -> States:
 def look_along_theta(problem: Problem, state: States) -> States:
     """Shift every shared parameter, every k adjusted to it or as it was: where a switch begins there is no slope."""
     low, high = bounds(problem)
-    for index, (name, one) in enumerate(zip(problem.model.names, problem.model.parameters, strict=True)):
-        reach = state.theta[0, index] if "." not in name else one.high - one.low
+    for index, (name, parameter) in enumerate(zip(problem.model.names, problem.model.parameters, strict=True)):
+        reach = state.theta[0, index] if "." not in name else parameter.high - parameter.low
         theta = np.repeat(state.theta, len(REACHES), axis=0)
         theta[:, index] = np.clip(theta[:, index] + REACHES * reach, low[index], high[index])
         moves = (theta[:, index] - state.theta[0, index])[:, None]

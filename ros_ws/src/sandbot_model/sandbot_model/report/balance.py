@@ -60,7 +60,7 @@ def force_balance(
     rows = bands(step.fit.cells)
     shown = forces(step.fit, omega_rad_s)
     ghosts = None if base is None or base is step else forces(base.fit, omega_rad_s)
-    top = HEADROOM * max(float(one.needed_n.max()) for one in (shown, ghosts) if one is not None)
+    top = HEADROOM * max(float(drawn.needed_n.max()) for drawn in (shown, ghosts) if drawn is not None)
     across = {"title": "depth (cm)", "range": [0, 1.04 * CM * float(shown.depth_m[-1])]}
     spec = panels(rows, theme, across, {"title": "force on a leg (N)", "range": [0, top]}, columns)
     colours = theme.phi_colours(len(step.fit.cells.level_phi))

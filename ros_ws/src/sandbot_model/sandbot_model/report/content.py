@@ -393,15 +393,15 @@ def cells_csv(steps: tuple[Step, ...]) -> str:
     cells = steps[0].fit.cells
     columns: dict[str, Iterable[Any]] = {"phi": cells.phi, "omega_rad_s": cells.omega, "gait": cells.gait}
     for name in cells.observables:
-        one = Observable[name]
+        observable = Observable[name]
         columns |= {
-            f"{name}_n": cells.n[:, one],
-            one.column: cells.mean[:, one],
-            one.column.replace(name, f"{name}_sd"): cells.sd[:, one],
+            f"{name}_n": cells.n[:, observable],
+            observable.column: cells.mean[:, observable],
+            observable.column.replace(name, f"{name}_sd"): cells.sd[:, observable],
         }
         for step in steps:
             tag = "+".join(step.fit.effects) or "base"
-            columns[f"{one.column}[{tag}]"] = step.fit.predicted[:, one]
+            columns[f"{observable.column}[{tag}]"] = step.fit.predicted[:, observable]
             columns[f"{name}_z[{tag}]"] = residual_z(step.fit, name)
     sheet = io.StringIO()
     writer = csv.writer(sheet, lineterminator="\n")

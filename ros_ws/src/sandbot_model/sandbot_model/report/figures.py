@@ -130,10 +130,10 @@ def residual_map(step: Step, observable: str, base: Step | None = None, theme: T
         "layout": layout(theme, 150 + max(28 * rows, 110), plot_bgcolor=theme.empty, showlegend=False, annotations=[]),
     }
     spec["layout"]["margin"] |= {"t": 68, "l": 84}
-    for i, one in enumerate(shown):
+    for i, drawn in enumerate(shown):
         key = "" if i == 0 else "2"
         across = [0.0, 1.0] if len(shown) == 1 else [0.515 * i, 0.515 * i + 0.485]
-        trace = _heatmap(one.fit, observable, theme, len(shown) == 1)
+        trace = _heatmap(drawn.fit, observable, theme, len(shown) == 1)
         spec["data"].append(trace | {"xaxis": f"x{key}", "yaxis": f"y{key}", "showscale": i == len(shown) - 1})
         spec["layout"][f"xaxis{key}"] = axis(
             theme, "ω (rad/s)", type="category", showgrid=False, ticks="", domain=across, anchor=f"y{key}"
@@ -141,8 +141,8 @@ def residual_map(step: Step, observable: str, base: Step | None = None, theme: T
         spec["layout"][f"yaxis{key}"] = axis(
             theme, "", type="category", showgrid=False, ticks="", showticklabels=i == 0, anchor=f"x{key}"
         )
-        failing = _count(failing_cells(one.fit, observable))
-        words = f"<b>{observable_label(observable)}</b><br>{model_name(one)}: {failing}"
+        failing = _count(failing_cells(drawn.fit, observable))
+        words = f"<b>{observable_label(observable)}</b><br>{model_name(drawn)}: {failing}"
         spec["layout"]["annotations"].append(
             note(words, across[0], 1.0, xanchor="left", yanchor="bottom", yshift=6, align="left", font={"size": 13})
         )

@@ -95,7 +95,7 @@ def limits(cells: Cells) -> tuple[str, ...]:
         notes.append(
             f"How fast legs turn while they stand: {assumed}. A table tells another one as CUSTOM(θ_s θ_0 d_c), in rad."
         )
-    absent = [one.label for one in Observable if one.name not in cells.observables]
+    absent = [observable.label for observable in Observable if observable.name not in cells.observables]
     if absent:
         notes.append(f"{', '.join(absent).capitalize()}: not measured in these trials{_consequence(cells)}.")
     return tuple(notes)

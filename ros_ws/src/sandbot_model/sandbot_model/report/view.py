@@ -69,8 +69,8 @@ class Step:
         """
         cells, omega = self.fit.cells, self.omega_rad_s[::BAND_EVERY]
         rows = bands(cells)
-        phi = np.array([[one.phi] for one in rows])
-        beta = np.array([[cells.slow_phase_ratio[one.cells[0]]] for one in rows])
+        phi = np.array([[band.phi] for band in rows])
+        beta = np.array([[cells.slow_phase_ratio[band.cells[0]]] for band in rows])
         half = BAND_SDS * self.fit.uncertainty(phi, omega, beta)[..., Observable.speed]
         middle = self.speed_m_s[:, ::BAND_EVERY]
         usual = np.median(half, axis=1, keepdims=True)

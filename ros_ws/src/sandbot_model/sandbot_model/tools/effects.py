@@ -22,8 +22,9 @@ def _effects(argv: Sequence[str]) -> None:
     effects = catalogue(args.effects_from, args.effect)
     for effect in effects.values():
         print(f"{effect.identifier}  [{effect.stage}]  {effect.formula}")
-        for one in effect.parameters:
-            print(f"    {one.name} [{one.unit}] {one.low:g} .. {one.high:g}, start {one.start:g}: {one.doc}")
+        for parameter in effect.parameters:
+            span = f"{parameter.low:g} .. {parameter.high:g}, start {parameter.start:g}"
+            print(f"    {parameter.name} [{parameter.unit}] {span}: {parameter.doc}")
         print(f"    seen in {effect.seen_in} ({effect.source})")
     if args.json is not None:
         arguments.write_json(args.json, {"schema": "sandbot.effects/1", "effects": describe(effects)})

@@ -26,7 +26,7 @@ def data_line(fit: Fit) -> str:
 
 def notes(found: Sequence[str]) -> str:
     """What is odd about the trials, a line each; nothing where nothing is."""
-    return "".join(f"note: {one}\n" for one in found) + ("\n" if found else "")
+    return "".join(f"note: {note}\n" for note in found) + ("\n" if found else "")
 
 
 def ladder(steps: Sequence[Fit]) -> str:
@@ -39,7 +39,7 @@ def bootstrap(fit: Fit, drawn: Mapping[str, float], draws: int) -> str:
     rows = [["parameter", "value", "± stderr", f"± bootstrap, {draws} draws"]]
     ks = {f"k[{i}]": pair for i, pair in enumerate(zip(fit.k_n_per_m, fit.k_stderr_n_per_m, strict=True))}
     known = {**fit.parameters, **ks}
-    rows += [[name, *(f"{one:.4g}" for one in known[name]), f"{stderr:.2g}"] for name, stderr in drawn.items()]
+    rows += [[name, *(f"{value:.4g}" for value in known[name]), f"{stderr:.2g}"] for name, stderr in drawn.items()]
     return table(rows)
 
 
@@ -77,9 +77,9 @@ def fails(fit: Fit, most: int = 12) -> str:
     if not fit.fails:
         return "no cell mean is missed by more than 3 standard errors"
     rows = [["observable", "phi", "omega [rad/s]", "measured - model", "z"]]
-    for one in fit.fails[:most]:
-        residual = f"{CM * one.residual:+.2f} {Observable[one.observable].readers_unit}"
-        rows.append([one.observable, f"{one.phi:.4f}", f"{one.omega_rad_s:.4g}", residual, f"{one.z:+.1f}"])
+    for fail in fit.fails[:most]:
+        residual = f"{CM * fail.residual:+.2f} {Observable[fail.observable].readers_unit}"
+        rows.append([fail.observable, f"{fail.phi:.4f}", f"{fail.omega_rad_s:.4g}", residual, f"{fail.z:+.1f}"])
     more = f"\n… and {len(fit.fails) - most} more" if len(fit.fails) > most else ""
     return table(rows) + more
 
@@ -87,15 +87,15 @@ def fails(fit: Fit, most: int = 12) -> str:
 def candidates(discovery: Discovery, most: int = 10) -> str:
     """Single effects by what they change."""
     rows = [["effect", "stage", "Δχ²", "ΔBIC", "out of sample [cm/s]", "weight"]]
-    for one in discovery.candidates[:most]:
+    for candidate in discovery.candidates[:most]:
         rows.append(
             [
-                one.effect,
-                one.stage,
-                f"{one.delta_chi2:+.1f}",
-                f"{one.delta_bic:+.1f}",
-                f"{CM * one.cv_rmse_m_s:.3f}",
-                f"{one.weight:.3g}",
+                candidate.effect,
+                candidate.stage,
+                f"{candidate.delta_chi2:+.1f}",
+                f"{candidate.delta_bic:+.1f}",
+                f"{CM * candidate.cv_rmse_m_s:.3f}",
+                f"{candidate.weight:.3g}",
             ]
         )
     return table(rows)
@@ -104,22 +104,24 @@ def candidates(discovery: Discovery, most: int = 10) -> str:
 def stages(discovery: Discovery) -> str:
     """Where in the chain the base model fails."""
     rows = [["stage", "connects", "cells", "χ²", "p", "missed"]]
-    for one in discovery.stages:
-        rows.append([one.stage, one.connects, str(one.cells), f"{one.chi2:.0f}", f"{one.p:.2g}", str(len(one.missed))])
+    for test in discovery.stages:
+        rows.append(
+            [test.stage, test.connects, str(test.cells), f"{test.chi2:.0f}", f"{test.p:.2g}", str(len(test.missed))]
+        )
     return table(rows)
 
 
 def next_trials(discovery: Discovery) -> str:
     """What to measure next."""
     rows = [["at", "look at", "separates", "expected gap [sd]", "replicates"]]
-    for one in discovery.next_trials:
+    for trial in discovery.next_trials:
         rows.append(
             [
-                one.where,
-                one.observable,
-                " | ".join(one.separates),
-                f"{one.expected_gap_sd:.1f}" if np.isfinite(one.expected_gap_sd) else "-",
-                str(one.replicates),
+                trial.where,
+                trial.observable,
+                " | ".join(trial.separates),
+                f"{trial.expected_gap_sd:.1f}" if np.isfinite(trial.expected_gap_sd) else "-",
+                str(trial.replicates),
             ]
         )
     return table(rows)

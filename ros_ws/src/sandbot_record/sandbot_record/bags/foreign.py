@@ -32,7 +32,7 @@ def items(bag: Path, files: list[Path]) -> Iterator[tuple[Batch, Definitions]]:
                     connection.topic, connection.msgtype, connection.digest, qos
                 )
             stream = reader.messages()
-            while part := [(one.id, time, bytes(data)) for one, time, data in islice(stream, _PER_BATCH)]:
+            while part := [(connection.id, time, bytes(data)) for connection, time, data in islice(stream, _PER_BATCH)]:
                 yield _batch(part), definitions
     except InputError:
         raise

@@ -72,7 +72,7 @@ class McapWriter:
         chunks = self._chunks
         if not chunks:
             return 0, 0
-        return min(one.message_start_time for one in chunks), max(one.message_end_time for one in chunks)
+        return min(chunk.message_start_time for chunk in chunks), max(chunk.message_end_time for chunk in chunks)
 
     @property
     def can_drop(self) -> bool:
@@ -96,7 +96,7 @@ class McapWriter:
     def _cut(self, at: int, dropped: dict[int, int]) -> dict[int, int]:
         for channel, number in dropped.items():
             self._counts[channel] -= number
-        self._others = [one for one in self._others if one.offset < at]
+        self._others = [index for index in self._others if index.offset < at]
         os.ftruncate(self._fd, at)
         os.lseek(self._fd, at, os.SEEK_SET)
         self._offset = self._good = at
@@ -111,7 +111,10 @@ class McapWriter:
         self, topic: str, type_name: str, definition: str, metadata: Mapping[str, str], encoding: str = "ros2msg"
     ) -> int:
         """Register a CDR channel; its id."""
-        schema = next((one for one in self._schemas if one.name == type_name and one.data == definition.encode()), None)
+        schema = next(
+            (schema for schema in self._schemas if schema.name == type_name and schema.data == definition.encode()),
+            None,
+        )
         if schema is None:
             schema = Schema(id=len(self._schemas) + 1, name=type_name, encoding=encoding, data=definition.encode())
             self._schemas.append(schema)
@@ -236,8 +239,8 @@ class McapWriter:
 
     def _write_end(self) -> None:
         """DataEnd, summary and footer in one go, so that a failure leaves the data section's end known."""
-        attachments = [one for one in self._others if isinstance(one, AttachmentIndex)]
-        metadata = [one for one in self._others if isinstance(one, MetadataIndex)]
+        attachments = [index for index in self._others if isinstance(index, AttachmentIndex)]
+        metadata = [index for index in self._others if isinstance(index, MetadataIndex)]
         statistics = Statistics(
             message_count=sum(self._counts.values()),
             schema_count=len(self._schemas),
@@ -250,12 +253,12 @@ class McapWriter:
             channel_message_counts=dict(self._counts),
         )
         groups: list[tuple[Opcode, list[bytes]]] = [
-            (Opcode.SCHEMA, [_record(one) for one in self._schemas]),
-            (Opcode.CHANNEL, [_record(one) for one in self._channels]),
+            (Opcode.SCHEMA, [_record(entry) for entry in self._schemas]),
+            (Opcode.CHANNEL, [_record(entry) for entry in self._channels]),
             (Opcode.STATISTICS, [_record(statistics)]),
-            (Opcode.CHUNK_INDEX, [_record(one) for one in self._chunks]),
-            (Opcode.ATTACHMENT_INDEX, [_record(one) for one in attachments]),
-            (Opcode.METADATA_INDEX, [_record(one) for one in metadata]),
+            (Opcode.CHUNK_INDEX, [_record(entry) for entry in self._chunks]),
+            (Opcode.ATTACHMENT_INDEX, [_record(entry) for entry in attachments]),
+            (Opcode.METADATA_INDEX, [_record(entry) for entry in metadata]),
         ]
         end = _record(DataEnd(0))
         summary_start = at = self._offset + len(end)

@@ -91,7 +91,7 @@ class BagInfo:
 
 def write(folder: Path, info: BagInfo) -> None:
     """Write metadata.yaml, whole or not at all."""
-    spans = [(one.start_ns, one.end_ns) for one in info.files if one.count]
+    spans = [(file.start_ns, file.end_ns) for file in info.files if file.count]
     start, end = (min(s for s, _ in spans), max(e for _, e in spans)) if spans else (0, 0)
     content = {
         "rosbag2_bagfile_information": {
@@ -103,15 +103,15 @@ def write(folder: Path, info: BagInfo) -> None:
             "topics_with_message_count": [_topic(topic) for topic in info.topics],
             "compression_format": "",
             "compression_mode": "",
-            "relative_file_paths": [one.path for one in info.files],
+            "relative_file_paths": [file.path for file in info.files],
             "files": [
                 {
-                    "path": one.path,
-                    "starting_time": {"nanoseconds_since_epoch": one.start_ns},
-                    "duration": {"nanoseconds": one.end_ns - one.start_ns},
-                    "message_count": one.count,
+                    "path": file.path,
+                    "starting_time": {"nanoseconds_since_epoch": file.start_ns},
+                    "duration": {"nanoseconds": file.end_ns - file.start_ns},
+                    "message_count": file.count,
                 }
-                for one in info.files
+                for file in info.files
             ],
             "custom_data": dict(info.custom) or None,
             "ros_distro": info.distro,

@@ -107,7 +107,7 @@ class Timeline:
 
 
 def _is_latched(info: metadata.TopicInfo) -> bool:
-    return bool(info.qos) and all(one.durability == QosDurability.TRANSIENT_LOCAL for one in info.qos)
+    return bool(info.qos) and all(profile.durability == QosDurability.TRANSIENT_LOCAL for profile in info.qos)
 
 
 def _shown(info: metadata.TopicInfo, *, decode_jpeg: bool) -> metadata.TopicInfo:

@@ -272,11 +272,11 @@ def locate(path: Path) -> tuple[Path, list[Path], metadata.BagInfo | None]:
             raise
         info = None
     if info is not None:
-        named = [path / Path(one.path).name for one in info.files]
-        if missing := [one.name for one in named if not one.is_file()]:
+        named = [path / Path(file.path).name for file in info.files]
+        if missing := [file.name for file in named if not file.is_file()]:
             raise InputError(f"{path}: {missing[0]}, named in metadata.yaml, is missing")
         # A split that the last metadata.yaml of a torn bag does not know yet belongs to it too.
-        found = named + [one for one in found if one not in named and info.storage == "mcap"]
+        found = named + [file for file in found if file not in named and info.storage == "mcap"]
     if not found:
         raise InputError(f"{path}: not a bag: no metadata.yaml and no .mcap or .db3 file in it")
     return path, found, info

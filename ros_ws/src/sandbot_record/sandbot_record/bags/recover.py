@@ -140,7 +140,9 @@ def _add(topic: TopicInfo, definitions: Definitions | None, bag: Bag, writer: Ba
         writer.add_topic(topic.name, topic.type, qos=topic.qos or listed.qos)
         return True
     schema = (
-        next((one for one in definitions.schemas.values() if one.name == topic.type), None) if definitions else None
+        next((schema for schema in definitions.schemas.values() if schema.name == topic.type), None)
+        if definitions
+        else None
     )
     if schema is None:
         return False

@@ -102,7 +102,7 @@ class _Receiver:
 
     def add(self, source: _Source) -> None:
         with self._lock:
-            self.sources = [one for one in self.sources if one.name != source.name] + [source]
+            self.sources = [known for known in self.sources if known.name != source.name] + [source]
         self._changed.trigger()
 
     @property
@@ -247,8 +247,10 @@ class Recorder(Node):
             self._refuse(name, f"type {type_name} is not one of ROS 2 Jazzy's standard types")
             return
         known = _KNOWN.get(name)
-        reliable = all(one.qos_profile.reliability == ReliabilityPolicy.RELIABLE for one in publishers)
-        transient = all(one.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in publishers)
+        reliable = all(publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE for publisher in publishers)
+        transient = all(
+            publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for publisher in publishers
+        )
         if not publishers:
             transient = known is not None and known.latched
         profile = QoSProfile(
@@ -257,7 +259,7 @@ class Recorder(Node):
             reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if transient else DurabilityPolicy.VOLATILE,
         )
-        offered = tuple(_offered(one) for one in publishers) or (
+        offered = tuple(_offered(publisher) for publisher in publishers) or (
             metadata.qos(latched=transient, depth=known.depth if known else 10, reliable=reliable),
         )
         self._recording.add_topic(name, type_name, qos=offered)
@@ -337,10 +339,10 @@ def _provenance(trial: bytes, ended: str) -> dict[str, dict[str, str]]:
 
 def _fits(source: _Source, publishers: Sequence[TopicEndpointInfo]) -> bool:
     """Whether a subscription can hear all of a topic's publishers."""
-    for one in publishers:
-        if source.reliable and one.qos_profile.reliability != ReliabilityPolicy.RELIABLE:
+    for publisher in publishers:
+        if source.reliable and publisher.qos_profile.reliability != ReliabilityPolicy.RELIABLE:
             return False
-        if source.transient and one.qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL:
+        if source.transient and publisher.qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL:
             return False
     return True
 

@@ -91,11 +91,13 @@ class Replay(Node):
 
     def _refuse_live(self) -> None:
         """InputError where commands would be played to a robot or bed that is there, or beside who commands it."""
-        commands = [name for name in _COMMANDS if name in {one.topic_name for one in self._outlets.values()}]
+        commands = [name for name in _COMMANDS if name in {outlet.topic_name for outlet in self._outlets.values()}]
         deadline = time.monotonic() + max(self._options.delay_s, _LOOK_S) if commands else 0.0
         while time.monotonic() < deadline:
             for name in (*_COMMANDS, *_REPORTS):
-                others = [one for one in names_of(self.get_publishers_info_by_topic(name)) if one != self.get_name()]
+                others = [
+                    other for other in names_of(self.get_publishers_info_by_topic(name)) if other != self.get_name()
+                ]
                 if others:
                     raise InputError(
                         f"the trackway is live ({name} is published), and legs or air would obey the bag's "
@@ -263,12 +265,12 @@ def _class(info: TopicInfo) -> Any:
 
 def _qos(info: TopicInfo) -> QoSProfile:
     """As recorded, the weakest of several publishers; reliable and volatile where nothing is known."""
-    latched = bool(info.qos) and all(one.durability == QosDurability.TRANSIENT_LOCAL for one in info.qos)
-    reliable = all(one.reliability != QosReliability.BEST_EFFORT for one in info.qos)
+    latched = bool(info.qos) and all(profile.durability == QosDurability.TRANSIENT_LOCAL for profile in info.qos)
+    reliable = all(profile.reliability != QosReliability.BEST_EFFORT for profile in info.qos)
     depth = (
-        max([_MIN_DEPTH, *(one.depth for one in info.qos)])
+        max([_MIN_DEPTH, *(profile.depth for profile in info.qos)])
         if not latched
-        else max([1, *(one.depth for one in info.qos)])
+        else max([1, *(profile.depth for profile in info.qos)])
     )
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,

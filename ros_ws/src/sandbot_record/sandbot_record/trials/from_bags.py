@@ -132,14 +132,14 @@ def campaign(folder: Path, workers: int | None = None) -> Report:
     todo = [bag for bag in bags if hashes[bag] not in cache]
     made = dict(zip(todo, _rows(todo, workers), strict=True))
     results = {bag: made[bag] if bag in made else cache[hashes[bag]] for bag in bags}
-    measured = {bag: one for bag, one in results.items() if not isinstance(one, str)}
+    measured = {bag: result for bag, result in results.items() if not isinstance(result, str)}
     skipped = [error for error in results.values() if isinstance(error, str)]
     if not measured:
         raise InputError(f"{folder}: none of {len(bags)} bags gives a row; the first: {skipped[0]}")
     rows = {bag: row for bag, (row, _) in measured.items()}
     _check_ids(rows)
-    _write_cache(folder, {hashes[bag]: one for bag, one in measured.items()})
-    setting = shared([told, *(one for _, one in measured.values())])
+    _write_cache(folder, {hashes[bag]: result for bag, result in measured.items()})
+    setting = shared([told, *(own for _, own in measured.values())])
     table = from_rows(list(rows.values()), setting.robot, setting.frame_rate_hz)
     return Report(table, tuple(skipped), len(bags) - len(todo))
 
@@ -319,7 +319,7 @@ def _check_ids(rows: dict[Path, Row]) -> None:
 def _read_cache(folder: Path) -> dict[str, Measured]:
     """Rows and settings by content hash; a cache that can't be read is no cache."""
     try:
-        return {key: _from_json(one) for key, one in files.read_json(folder / CACHE).items()}
+        return {key: _from_json(entry) for key, entry in files.read_json(folder / CACHE).items()}
     except (InputError, TypeError, ValueError, AttributeError, LookupError):
         return {}
 
@@ -327,19 +327,22 @@ def _read_cache(folder: Path) -> dict[str, Measured]:
 def _write_cache(folder: Path, measured: dict[str, Measured]) -> None:
     # A read-only campaign is read all the same, only not as fast the next time.
     with contextlib.suppress(OSError):
-        files.write_text(folder / CACHE, json.dumps({key: _jsonable(*one) for key, one in measured.items()}))
+        files.write_text(folder / CACHE, json.dumps({key: _jsonable(*result) for key, result in measured.items()}))
 
 
 def _jsonable(row: Row, setting: Setting) -> list[dict[str, Any]]:
     return [
-        {name: None if isinstance(value, float) and math.isnan(value) else value for name, value in asdict(one).items()}
-        for one in (row, setting)
+        {
+            name: None if isinstance(value, float) and math.isnan(value) else value
+            for name, value in asdict(part).items()
+        }
+        for part in (row, setting)
     ]
 
 
 def _from_json(content: list[dict[str, Any]]) -> Measured:
     row: dict[str, Any]
     setting: dict[str, Any]
-    row, setting = ({name: math.nan if value is None else value for name, value in one.items()} for one in content)
+    row, setting = ({name: math.nan if value is None else value for name, value in part.items()} for part in content)
     robot = setting["robot"]
     return Row(**row), Setting(**{**setting, "robot": Robot(**robot) if isinstance(robot, dict) else None})

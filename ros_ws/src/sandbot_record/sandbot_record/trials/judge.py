@@ -79,7 +79,7 @@ def _robot(bag: Bag, start_ns: int, end_ns: int) -> str:
     if not _has(bag, topics.LEG_SETPOINTS.name):
         return ""
     told = bag.columns(topics.LEG_SETPOINTS.name, "position", *FIELD_STAMP)
-    wanted, turned = (_turned(one.stamp_ns, one["position"], start_ns, end_ns) for one in (told, states))
+    wanted, turned = (_turned(legs.stamp_ns, legs["position"], start_ns, end_ns) for legs in (told, states))
     if turned < FOLLOWED * wanted:
         return f"robot: legs turned {turned:.1f} rad of {wanted:.1f} rad told"
     return ""

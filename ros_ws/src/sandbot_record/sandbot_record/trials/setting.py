@@ -43,7 +43,9 @@ def of_campaign(folder: Path) -> Setting:
 
 def frame_rate(cameras: Path) -> float:
     """Frames a second of the slowest camera in a cameras.yaml. Raises InputError."""
-    rates = [one.get("frame_rate_hz", 100.0) for one in read_yaml(cameras).values() if isinstance(one, Mapping)]
+    rates = [
+        camera.get("frame_rate_hz", 100.0) for camera in read_yaml(cameras).values() if isinstance(camera, Mapping)
+    ]
     for rate in rates:
         if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.1 <= rate <= 1e4:
             raise InputError(f"{cameras}: frame_rate_hz: {rate!r} is outside [0.1, 10000] Hz (frames per second)")
@@ -55,8 +57,8 @@ def frame_rate(cameras: Path) -> float:
 def shared(settings: Iterable[Setting]) -> Setting:
     """The setting that all agree in; the slowest frame rate. Raises InputError naming two places with two robots."""
     told = list(settings)
-    rates = [one.frame_rate_hz for one in told if not math.isnan(one.frame_rate_hz)]
-    robots = [(one.where, one.robot) for one in told if one.robot is not None]
+    rates = [setting.frame_rate_hz for setting in told if not math.isnan(setting.frame_rate_hz)]
+    robots = [(setting.where, setting.robot) for setting in told if setting.robot is not None]
     where, robot = robots[0] if robots else ("", None)
     for there, other in robots:
         if robot is not None and other != robot:
