@@ -16,6 +16,7 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Kernel, Matern, WhiteKernel
 
+from sandbot_common.accuracy import USUAL
 from sandbot_model.data.clustering import phi_levels
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.data.regime import swum_at_once
@@ -24,7 +25,7 @@ from sandbot_model.fitting.global_minimum import WarmStart
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import peak_is_resolved, slow_phase_ratio
 from sandbot_model.physics.model import Model, model_of
-from sandbot_model.physics.observables import COLUMNS, USUAL_NOISE, Observable
+from sandbot_model.physics.observables import COLUMNS, Observable, usual_noise
 from sandbot_model.physics.walking import KCurve
 from sandbot_record.trials.table import Trials
 
@@ -53,6 +54,7 @@ class Choice:
 DELTA_T = np.geomspace(0.08, 1.2, 8)
 K_GRID = np.geomspace(150.0, 450.0, 28)
 STARTS = 2
+USUAL_NOISE = usual_noise(USUAL)
 FOR_PAIRS = 8
 
 

@@ -125,3 +125,14 @@ def test_bad_calibrations_are_refused(name, change, words):
     with pytest.raises(InputError) as refusal:
         LabCamera(name, {**CAMERAS["dorsal"], **change}, seed=0)
     assert words in str(refusal.value)
+
+
+@pytest.mark.parametrize("name", ["dorsal", "lateral"])
+@pytest.mark.parametrize(("x", "z"), [(-1.0, 0.03), (1.6, 0.03), (3.0, 0.03), (0.5, 3.0), (0.5, -3.0)])
+def test_a_robot_out_of_the_picture_leaves_the_ground(name, x, z):
+    """One with long legs may walk out of view before its trial ends."""
+    frame = LabCamera(name, CAMERAS[name], seed=3).render(x, z)
+    if name == "lateral" or abs(z) < 1.0:
+        assert frame.max() < 200
+    assert frame.shape == (480, 640)
+    assert LabCamera(name, CAMERAS[name], seed=3).render(0.5, 0.03).max() > 200

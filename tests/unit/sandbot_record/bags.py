@@ -53,10 +53,12 @@ def trial_bag(
     exit_status="ok",
     kept=lambda topic, t_s: True,
     more=(),
+    files=(),
 ) -> Path:
     """A trial of constant speed: 0.3 s at rest, then 4 s of legs turning at OMEGA; lift is |sin| of 10 mm.
 
-    ``kept(topic, t_s)``: which messages stay, t = 0 where legs start; ``more``: (topic, t_s, message) beside them.
+    ``kept(topic, t_s)``: which messages stay, t = 0 where legs start; ``more``: (topic, t_s, message) beside them;
+    ``files``: text by name, attached.
     """
     given: list[tuple[int, topics.Topic, bytes]] = []
 
@@ -87,4 +89,6 @@ def trial_bag(
         for t_ns, topic, cdr in sorted(given, key=lambda one: one[0]):
             writer.write(topic, cdr, t_ns)
         writer.metadata("trial", {"id": "t0001", "exit_status": exit_status})
+        for name, text in dict(files).items():
+            writer.attach(name, text.encode(), "application/yaml")
     return path

@@ -98,12 +98,17 @@ def dump_yaml(content: Any) -> str:
     return str(yaml.dump(content, Dumper=dumper, sort_keys=False, allow_unicode=True))
 
 
+def parse_yaml(text: str, where: str) -> Any:
+    """What a YAML text holds; ``where`` opens the error."""
+    try:
+        return load_yaml(text)
+    except yaml.YAMLError as error:
+        raise InputError(f"{where}: not YAML: {' '.join(str(error).split())}") from None
+
+
 def read_yaml(path: Path) -> dict[str, Any]:
     """The mapping in a YAML file."""
-    try:
-        content = load_yaml(read_text(path, "a YAML file"))
-    except yaml.YAMLError as error:
-        raise InputError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+    content = parse_yaml(read_text(path, "a YAML file"), str(path))
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected a mapping of keys to values at the top, got {type(content).__name__}")
     return content

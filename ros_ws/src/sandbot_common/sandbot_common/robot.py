@@ -9,10 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from sandbot_common.errors import InputError
-from sandbot_common.files import load_yaml, read_yaml
+from sandbot_common.files import parse_yaml, read_yaml
 from sandbot_common.parameters import from_mapping, parameter, specs
 
 FILE = "robot.yaml"
@@ -68,11 +66,7 @@ def read_robot(path: Path | str) -> Robot:
 
 def robot_from_text(text: str, where: str) -> Robot:
     """The robot of a YAML text, such as a bag's attachment."""
-    try:
-        content = load_yaml(text)
-    except yaml.YAMLError as error:
-        raise InputError(f"{where}: not YAML: {' '.join(str(error).split())}") from None
-    return robot_from_mapping(content, where)
+    return robot_from_mapping(parse_yaml(text, where), where)
 
 
 def robot_of_trial(text: str) -> Robot | None:

@@ -29,6 +29,7 @@ GLINTS, GLINT_GREY = 6, 110.0
 LED_GREY = 250.0
 EXPOSURES = 5
 """Moments within an exposure of which a frame is the mean."""
+_NORMAL = {"dorsal": "z", "lateral": "y"}
 _PEDESTAL = 4 * int(SENSOR_SD)
 _SLACK = (96, 128)
 
@@ -60,10 +61,12 @@ class LabCamera:
         self, name: str, camera: Mapping[str, Any], seed: int, robot: Robot = SANDBOT, *, body: bool = True
     ) -> None:
         """``camera``: its section of cameras.yaml; ``robot``: where its markers are. ``body``: draw it dark."""
-        if name not in ("dorsal", "lateral"):
+        if name not in _NORMAL:
             raise InputError(f"camera: {name!r} is not dorsal or lateral")
         self.name = name
         self.calibration: Calibration = calibration(camera, f"camera {name}")
+        if self.calibration.plane["normal"] != (along := _NORMAL[name]):
+            raise InputError(f"camera {name}: plane: the robot's markers move across {along}, so normal is {along}")
         self._body, self._robot = body, robot
         self._rng = np.random.default_rng([seed, len(name)])
         self._ground = _ground(self.calibration.height, self.calibration.width, self._rng)

@@ -33,9 +33,12 @@ def draw_disc(image: Any, u: Any, v: Any, radius: float, grey: float) -> None:
 
 @jit
 def _cover(low: Any, high: Any, first: int, count: int) -> Any:
-    """Part of each of ``count`` pixels from ``first`` that lies between low and high, averaged over the exposure."""
-    covered = np.zeros(count)
-    for pixel in range(count):
+    """Part of each of ``count`` pixels from ``first`` that lies between low and high, averaged over the exposure.
+
+    What lies wholly outside the picture has no pixel: ``count`` is then not above 0.
+    """
+    covered = np.zeros(max(count, 0))
+    for pixel in range(covered.size):
         for i in range(low.size):
             ends = min(first + pixel + 0.5, high[i]) - max(first + pixel - 0.5, low[i])
             covered[pixel] += _clipped(ends, 0.0, 1.0) / low.size

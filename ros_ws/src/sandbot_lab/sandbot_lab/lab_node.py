@@ -114,7 +114,7 @@ class LabNode(Node):
             if not isinstance(sections.get(name), Mapping):
                 raise InputError(f"{file}: no camera {name!r}")
             calibration(sections[name], f"{file}: {name}")
-        return sections
+        return {name: sections[name] for name in CAMERAS}
 
     def _idle_cameras(self) -> dict[str, LabCamera]:
         seed = self._settings.current.trial_seed

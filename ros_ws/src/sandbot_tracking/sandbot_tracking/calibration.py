@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sandbot_common.accuracy import SECTION, accuracy_from_mapping
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_common.parameters import from_mapping, parameter
@@ -175,10 +176,16 @@ def _matrix(rows: Any, where: str) -> tuple[tuple[float, ...], ...]:
 
 
 def cameras_from_mapping(content: Any, where: str) -> dict[str, Camera]:
-    """Cameras by name from a mapping of camera mappings; ``where`` opens every error. Raises InputError."""
+    """Cameras by name from a mapping of camera mappings, and perhaps their accuracy, which is only checked here.
+
+    ``where`` opens every error. Raises InputError.
+    """
     if not isinstance(content, Mapping) or not content:
         raise InputError(f"{where}: expected cameras by name (dorsal, lateral), got {content!r}")
-    return {str(name): camera_from_mapping(mapping, f"{where}: {name}") for name, mapping in content.items()}
+    if SECTION in content:
+        accuracy_from_mapping(content[SECTION], where)
+    sections = {str(name): mapping for name, mapping in content.items() if name != SECTION}
+    return {name: camera_from_mapping(mapping, f"{where}: {name}") for name, mapping in sections.items()}
 
 
 def read_cameras(path: Path | str) -> dict[str, Camera]:

@@ -189,12 +189,14 @@ class OfflineTracker:
 
     def see_body(self, frame: Frame) -> Marks:
         """The marker of the centre of mass in a dorsal frame."""
+        _check_size(frame, self._dorsal, "dorsal")
         return self._body.update(frame)
 
     def see_axles(self, frame: Frame) -> Axles:
         """The axles in a lateral frame; NaN where there is no such camera."""
         if self._axles is None or self._lateral is None:
             return _UNSEEN
+        _check_size(frame, self._lateral, "lateral")
         marks = self._axles.update(frame)
         xyz = self._lateral.to_plane(marks.xy_px)
         front, rear = xyz[self._front], xyz[1 - self._front]
@@ -241,6 +243,15 @@ class OfflineTracker:
         """All speeds so far, as published when they were measured."""
         return Speed(
             *(np.array([getattr(s, k) for s in self._samples]) for k in ("t_s", "v_x", "var_x", "v_z", "var_z"))
+        )
+
+
+def _check_size(frame: Frame, camera: Camera, name: str) -> None:
+    """A picture of another size has other pixels than those calibrated: its metres would be wrong."""
+    if frame.shape[:2] != (camera.height, camera.width):
+        rows, columns = frame.shape[:2]
+        raise InputError(
+            f"{name} camera: frames of {columns}x{rows} px, but it is calibrated for {camera.width}x{camera.height}"
         )
 
 

@@ -2,11 +2,13 @@
 
 import json
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sandbot_model.physics.observables import COLUMNS, NAMES, USUAL_NOISE, Observable
+from sandbot_common.accuracy import USUAL
+from sandbot_model.physics.observables import COLUMNS, NAMES, Observable, shared_variance, usual_noise
 from sandbot_model.physics.walking import Inputs, Walker
 from sandbot_record.trials.table import COLUMNS as TABLE
 
@@ -29,7 +31,17 @@ def test_a_member_is_its_index_in_what_a_model_predicts():
 def test_units_agree_with_the_column(one):
     assert one.column == f"{one.name}_{one.unit.replace('/', '_')}"
     assert one.heading.endswith(f"(c{one.unit})")
-    assert USUAL_NOISE[one] == one.usual_noise > 0
+
+
+def test_every_number_of_an_accuracy_is_that_of_its_own_observable():
+    values = np.array([0.2, 0.02, 0.3, 0.05])
+    for name, value in vars(USUAL).items():
+        other = replace(USUAL, **{name: value + 0.01})
+        one = next(one for one in reversed(Observable) if name.startswith(one.name))
+        noise = usual_noise(other) != usual_noise(USUAL)
+        shared = shared_variance(other, values) != shared_variance(USUAL, values)
+        assert noise.tolist() == [(one is here) and "_sd_" in name for here in Observable]
+        assert shared.tolist() == [(one is here) and "_sd_" not in name for here in Observable]
 
 
 def test_it_travels_to_workers_and_by_name_through_json():

@@ -5,11 +5,12 @@ import json
 import bags
 import pytest
 
+from sandbot_common.accuracy import USUAL, Accuracy, accuracy_from_mapping
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot, to_mapping
 from sandbot_record.trials import from_bags as table
 from sandbot_record.trials.read import read
-from sandbot_record.trials.setting import frame_rate
+from sandbot_record.trials.setting import of_cameras
 
 BIG = Robot(leg_radius_m=0.05, mass_per_leg_kg=1.5)
 
@@ -72,9 +73,43 @@ def test_a_mount_beside_the_robot_must_be_the_robots(tmp_path):
 def test_frame_rates_that_are_none(tmp_path, text, words):
     (tmp_path / "cameras.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=words):
-        frame_rate(tmp_path / "cameras.yaml")
+        of_cameras(tmp_path / "cameras.yaml")
 
 
 def test_the_slowest_camera_counts(tmp_path):
     (tmp_path / "c.yaml").write_text("dorsal: {frame_rate_hz: 200.0}\nlateral: {frame_rate_hz: 50}", encoding="utf-8")
-    assert frame_rate(tmp_path / "c.yaml") == 50.0
+    assert of_cameras(tmp_path / "c.yaml") == (50.0, None)
+
+
+WORSE = "dorsal: {frame_rate_hz: 100.0}\naccuracy: {lift_m: 0.0005}"
+
+
+def test_a_bag_hands_the_accuracy_of_its_cameras_on(tmp_path):
+    path = bags.trial_bag(tmp_path / "b", speed=0.2, files={"cameras.yaml": WORSE})
+    assert read(path).accuracy == Accuracy(lift_m=0.0005)
+    assert read(bag(tmp_path / "plain")).accuracy is None
+
+
+def test_the_accuracy_outlives_the_cache_and_the_table(tmp_path):
+    for name in "ab":
+        plan = bags.PLAN | {"trial_id": name}
+        bags.trial_bag(tmp_path / "trials" / name, speed=0.2, plan=plan, files={"cameras.yaml": WORSE})
+    for _ in range(2):
+        assert table.campaign(tmp_path).trials.accuracy == Accuracy(lift_m=0.0005)
+    table.make(tmp_path)
+    assert read(tmp_path).accuracy == Accuracy(lift_m=0.0005)
+
+
+def test_of_several_the_worst_holds(tmp_path):
+    one = bags.trial_bag(tmp_path / "one", plan=bags.PLAN | {"trial_id": "a"}, speed=0.2, files={"cameras.yaml": WORSE})
+    text = "accuracy: {lift_m: 0.0002, speed_share: 0.01}"
+    other = bags.trial_bag(tmp_path / "b", plan=bags.PLAN | {"trial_id": "b"}, speed=0.2, files={"cameras.yaml": text})
+    assert read([one, other]).accuracy == Accuracy(lift_m=0.0005, speed_share=0.01)
+
+
+def test_an_accuracy_that_is_left_out_is_usual_and_one_that_can_not_be_is_refused():
+    assert accuracy_from_mapping({}, "c.yaml") == USUAL
+    with pytest.raises(InputError, match=r"c\.yaml: accuracy: lift_m: -1.* is outside"):
+        accuracy_from_mapping({"lift_m": -1.0}, "c.yaml")
+    with pytest.raises(InputError, match=r"c\.yaml: accuracy: unknown key 'lift_mm'"):
+        accuracy_from_mapping({"lift_mm": 1.0}, "c.yaml")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common.accuracy import USUAL, Accuracy
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.clustering import phi_levels, same_within
@@ -17,7 +18,7 @@ from sandbot_model.data.pure_error import pure_error
 from sandbot_model.data.regime import swum_at_once, walks
 from sandbot_model.data.stated_error import stated_variance, with_stated
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, peak_is_resolved, slow_phase_ratio
-from sandbot_model.physics.observables import NAMES, USUAL_NOISE, Observable
+from sandbot_model.physics.observables import NAMES, Observable, shared_variance, usual_noise
 from sandbot_record.trials.table import Trials
 
 Floats = NDArray[np.float64]
@@ -57,6 +58,8 @@ class Cells:
     """What a penetrometer says of the levels (see ``penetrometer``)."""
     robot: Robot = SANDBOT
     """The robot that walked."""
+    accuracy: Accuracy = USUAL
+    """How well it was measured."""
 
     @property
     def observables(self) -> tuple[str, ...]:
@@ -105,8 +108,8 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     values[blurred, Observable.peak_speed] = np.nan
     values[swum_at_once(gait, omega, values), Observable.first_step] = np.nan
     stated = np.stack([trials.replicate, trials.speed_sd_m_s, trials.phi_sd])[:, usable]
-    cells = _gather(phi, omega, gait, values, stated, excluded=int((~usable).sum()))
-    cells = replace(cells, robot=trials.robot or SANDBOT)
+    cells = _gather(phi, omega, gait, values, stated, trials.accuracy or USUAL, excluded=int((~usable).sum()))
+    cells = replace(cells, robot=trials.robot or SANDBOT, accuracy=trials.accuracy or USUAL)
     return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi))
 
 
@@ -141,7 +144,15 @@ class _Groups:
             return np.where(n > 1, np.sqrt(np.stack(squares, axis=-1) / (n - 1)), np.nan)
 
 
-def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, stated: Floats, excluded: int) -> Cells:
+def _gather(
+    phi: Floats,
+    omega: Floats,
+    gait: NDArray[np.str_],
+    values: Floats,
+    stated: Floats,
+    accuracy: Accuracy,
+    excluded: int,
+) -> Cells:
     """Cells of the usable trials."""
     level = phi_levels(phi)
     gaits, gait_index = np.unique(gait, return_inverse=True)
@@ -156,7 +167,7 @@ def _gather(phi: Floats, omega: Floats, gait: NDArray[np.str_], values: Floats, 
     error = pure_error(values - mean[cell], cell, count, walking, cells.mean(omega))
     slope = local_slope(mean, keys, level_phi, walking)[cell, Observable.speed]
     error = with_stated(error, cells.mean(stated_variance(stated, slope)))
-    covariance = _of_the_mean(error.covariance, count) + _accuracy(mean)
+    covariance = _of_the_mean(error.covariance, count, usual_noise(accuracy)) + _accuracy(mean, accuracy)
     names = tuple(str(gaits[index]) for index in keys[1])
     return Cells(
         phi=cell_phi,
@@ -193,21 +204,20 @@ def _at_level_phi(
     return values - rho * slope * from_level[:, None], rho
 
 
-def _of_the_mean(covariance: Floats, count: Ints) -> Floats:
+def _of_the_mean(covariance: Floats, count: Ints, usual: Floats) -> Floats:
     """Covariance of cell means from that of one trial ``(n, 4, 4)`` and the replicates ``(n, 4)``.
 
-    Without any replicates pure error is unknown: weights are then the usual ones, and nothing can be tested.
+    Without any replicates pure error is unknown: weights are then the ``usual`` ones ``(4,)``; nothing can be tested.
     """
     unknown = ~np.isfinite(np.diagonal(covariance, axis1=1, axis2=2))
-    scale = np.where(unknown[:, :, None] | unknown[:, None, :], np.diag(np.square(USUAL_NOISE)), covariance)
+    scale = np.where(unknown[:, :, None] | unknown[:, None, :], np.diag(np.square(usual)), covariance)
     root = np.sqrt(np.where(count > 0, count, np.nan).astype(float))
     return np.asarray(scale / root[:, :, None] / root[:, None, :])
 
 
-def _accuracy(mean: Floats) -> Floats:
-    """Variances ``(n, 4, 4)`` that ``Observable.accuracy`` adds to the cell means ``mean (n, 4)``."""
-    offset, share = np.array([observable.accuracy for observable in Observable]).T
-    return np.asarray((offset**2 + (share * np.nan_to_num(mean)) ** 2)[:, :, None] * np.eye(len(Observable)))
+def _accuracy(mean: Floats, accuracy: Accuracy) -> Floats:
+    """Variances ``(n, 4, 4)`` that all replicates share, of the cell means ``mean (n, 4)``."""
+    return np.asarray(shared_variance(accuracy, np.nan_to_num(mean))[:, :, None] * np.eye(len(Observable)))
 
 
 def _pooled_sd(residual: Floats, dof: int) -> float:

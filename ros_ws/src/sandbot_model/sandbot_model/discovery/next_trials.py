@@ -9,7 +9,7 @@ import numpy as np
 from sandbot_model.data.penetrometer import USUAL_SD
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
-from sandbot_model.physics.observables import NAMES, USUAL_NOISE
+from sandbot_model.physics.observables import NAMES, usual_noise
 
 MOST = 6
 CONTENDERS = 6
@@ -140,7 +140,7 @@ class Predicted:
             name=" + ".join(fit.effects) or "base",
             phi=cells.level_phi,
             omega=omega[0],
-            noise=np.where(np.isfinite(cells.noise), cells.noise, USUAL_NOISE),
+            noise=np.where(np.isfinite(cells.noise), cells.noise, usual_noise(cells.accuracy)),
             trials=fit.predict(phi, omega).observables,
             variance=fit.uncertainty(phi, omega) ** 2 + (0.5 * (sides[1] - sides[0])) ** 2,
             force=force.reshape(at_phi.shape),

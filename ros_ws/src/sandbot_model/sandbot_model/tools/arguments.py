@@ -67,7 +67,7 @@ def add_setting(parser: Parser) -> None:
         "--cameras",
         type=Path,
         metavar="FILE.yaml",
-        help=f"the cameras' frame rate (default: the bags' own, else {USUAL_FRAME_RATE_HZ:g} frames/s)",
+        help=f"the cameras' frame rate and accuracy (default: the bags' own, else {USUAL_FRAME_RATE_HZ:g} frames/s)",
     )
 
 
@@ -77,11 +77,12 @@ def trials(args: argparse.Namespace) -> "tuple[Trials, str]":
     Raises InputError.
     """
     from sandbot_record.trials.read import read
-    from sandbot_record.trials.setting import frame_rate
+    from sandbot_record.trials.setting import of_cameras
 
     found = read(args.data)
     if args.cameras is not None:
-        found = replace(found, frame_rate_hz=frame_rate(args.cameras))
+        rate_hz, accuracy = of_cameras(args.cameras)
+        found = replace(found, frame_rate_hz=rate_hz, accuracy=accuracy)
     if args.robot is not None:
         return of_robot(found, read_robot(args.robot), str(args.robot))
     told = "as the bags tell" if found.robot else "not told, SandBot is assumed (--robot FILE.yaml names another)"

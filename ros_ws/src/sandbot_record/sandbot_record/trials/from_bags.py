@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from sandbot_common import files, topics
+from sandbot_common.accuracy import Accuracy
 from sandbot_common.errors import InputError
 from sandbot_common.legs import leg_mount_rad
 from sandbot_common.robot import SANDBOT, Robot
@@ -62,7 +63,7 @@ def trial_from_bag(path: Path) -> Trials:
     What could not be measured is NaN, and status says why.
     """
     row, setting = _measured(path)
-    return from_rows([row], setting.robot, setting.frame_rate_hz)
+    return from_rows([row], *setting.told)
 
 
 def _measured(path: Path) -> tuple[Row, Setting]:
@@ -125,7 +126,7 @@ def campaign(folder: Path, workers: int | None = None) -> Report:
     told = of_campaign(folder)
     if _table_is_newer(folder, bags):
         setting = shared([told, _measured(bags[0])[1]])
-        table = replace(read_csv(folder / TRIALS_CSV), robot=setting.robot, frame_rate_hz=setting.frame_rate_hz)
+        table = from_rows(read_csv(folder / TRIALS_CSV).rows(), *setting.told)
         return Report(table, (), len(bags))
     cache = _read_cache(folder)
     hashes = {bag: content_hash(bag) for bag in bags}
@@ -140,7 +141,7 @@ def campaign(folder: Path, workers: int | None = None) -> Report:
     _check_ids(rows)
     _write_cache(folder, {hashes[bag]: result for bag, result in measured.items()})
     setting = shared([told, *(own for _, own in measured.values())])
-    table = from_rows(list(rows.values()), setting.robot, setting.frame_rate_hz)
+    table = from_rows(list(rows.values()), *setting.told)
     return Report(table, tuple(skipped), len(bags) - len(todo))
 
 
@@ -344,5 +345,7 @@ def _from_json(content: list[dict[str, Any]]) -> Measured:
     row: dict[str, Any]
     setting: dict[str, Any]
     row, setting = ({name: math.nan if value is None else value for name, value in part.items()} for part in content)
-    robot = setting["robot"]
-    return Row(**row), Setting(**{**setting, "robot": Robot(**robot) if isinstance(robot, dict) else None})
+    robot, accuracy = setting["robot"], setting["accuracy"]
+    setting["robot"] = Robot(**robot) if isinstance(robot, dict) else None
+    setting["accuracy"] = Accuracy(**accuracy) if isinstance(accuracy, dict) else None
+    return Row(**row), Setting(**setting)

@@ -29,9 +29,10 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     where = ", ".join(str(path) for path in given[:3]) + (" …" if len(given) > 3 else "")
     check_ids(rows, [where] * len(rows))
     setting = shared(
-        Setting(str(path), table.robot, table.frame_rate_hz) for path, table in zip(given, tables, strict=True)
+        Setting(str(path), table.robot, table.frame_rate_hz, table.accuracy)
+        for path, table in zip(given, tables, strict=True)
     )
-    table = from_rows(rows, setting.robot, setting.frame_rate_hz)
+    table = from_rows(rows, *setting.told)
     if not table.usable.any():
         raise InputError(f"{where}: no usable trial among {len(rows)}: {_why_unusable(rows)}")
     return table

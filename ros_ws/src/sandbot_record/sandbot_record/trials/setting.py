@@ -1,4 +1,4 @@
-"""What all trials of one analysis share beside their rows: the robot that walked and how often it was filmed."""
+"""What all trials of one analysis share beside their rows: the robot that walked, how often it was filmed, how well."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sandbot_common.accuracy import SECTION, Accuracy, accuracy_from_mapping, worst
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
+from sandbot_common.files import parse_yaml, read_yaml
 from sandbot_common.robot import FILE, Robot, difference, read_robot, robot_from_mapping, robot_from_text
 from sandbot_record.bags.reader import Bag
 
@@ -16,11 +17,18 @@ CAMERAS = "cameras.yaml"
 
 @dataclass(frozen=True)
 class Setting:
-    """``robot`` is None and ``frame_rate_hz`` NaN where the data do not tell; ``where`` they were found."""
+    """``robot`` and ``accuracy`` are None and ``frame_rate_hz`` NaN where the data do not tell; ``where`` they were
+    found."""
 
     where: str
     robot: Robot | None = None
     frame_rate_hz: float = math.nan
+    accuracy: Accuracy | None = None
+
+    @property
+    def told(self) -> tuple[Robot | None, float, Accuracy | None]:
+        """What ``from_rows`` is told."""
+        return self.robot, self.frame_rate_hz, self.accuracy
 
 
 def of_bag(bag: Bag, plan: Mapping[str, Any], frame_rate_hz: float) -> Setting:
@@ -31,21 +39,34 @@ def of_bag(bag: Bag, plan: Mapping[str, Any], frame_rate_hz: float) -> Setting:
         robot = robot_from_text(bag.attachments[FILE].decode(errors="replace"), f"{bag.path}: attachment {FILE}")
     else:
         robot = None
-    return Setting(str(bag.path), robot, frame_rate_hz)
+    accuracy = None
+    if CAMERAS in bag.attachments:
+        where = f"{bag.path}: attachment {CAMERAS}"
+        accuracy = _accuracy(parse_yaml(bag.attachments[CAMERAS].decode(errors="replace"), where), where)
+    return Setting(str(bag.path), robot, frame_rate_hz, accuracy)
 
 
 def of_campaign(folder: Path) -> Setting:
     """What robot.yaml and cameras.yaml in a campaign's folder say. Raises InputError."""
     robot = read_robot(folder / FILE) if (folder / FILE).is_file() else None
-    rate = frame_rate(folder / CAMERAS) if (folder / CAMERAS).is_file() else math.nan
-    return Setting(str(folder), robot, rate)
+    rate, accuracy = of_cameras(folder / CAMERAS) if (folder / CAMERAS).is_file() else (math.nan, None)
+    return Setting(str(folder), robot, rate, accuracy)
 
 
-def frame_rate(cameras: Path) -> float:
-    """Frames a second of the slowest camera in a cameras.yaml. Raises InputError."""
-    rates = [
-        camera.get("frame_rate_hz", 100.0) for camera in read_yaml(cameras).values() if isinstance(camera, Mapping)
-    ]
+def of_cameras(path: Path) -> tuple[float, Accuracy | None]:
+    """Frames a second of the slowest camera in a cameras.yaml, and the accuracy it tells. Raises InputError."""
+    content = read_yaml(path)
+    return _frame_rate(content, path), _accuracy(content, str(path))
+
+
+def _accuracy(content: object, where: str) -> Accuracy | None:
+    told = content.get(SECTION) if isinstance(content, Mapping) else None
+    return None if told is None else accuracy_from_mapping(told, where)
+
+
+def _frame_rate(content: Mapping[str, Any], cameras: Path) -> float:
+    sections = [section for name, section in content.items() if name != SECTION and isinstance(section, Mapping)]
+    rates = [camera.get("frame_rate_hz", 100.0) for camera in sections]
     for rate in rates:
         if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.1 <= rate <= 1e4:
             raise InputError(f"{cameras}: frame_rate_hz: {rate!r} is outside [0.1, 10000] Hz (frames per second)")
@@ -55,7 +76,10 @@ def frame_rate(cameras: Path) -> float:
 
 
 def shared(settings: Iterable[Setting]) -> Setting:
-    """The setting that all agree in; the slowest frame rate. Raises InputError naming two places with two robots."""
+    """The setting that all agree in; the slowest frame rate, the worst accuracy.
+
+    Raises InputError naming two places with two robots.
+    """
     told = list(settings)
     rates = [setting.frame_rate_hz for setting in told if not math.isnan(setting.frame_rate_hz)]
     robots = [(setting.where, setting.robot) for setting in told if setting.robot is not None]
@@ -65,4 +89,5 @@ def shared(settings: Iterable[Setting]) -> Setting:
             raise InputError(
                 f"{where} and {there}: trials of two robots ({difference(robot, other)}); analyse one robot at a time"
             )
-    return Setting(where, robot, min(rates, default=math.nan))
+    accuracy = worst(setting.accuracy for setting in told if setting.accuracy is not None)
+    return Setting(where, robot, min(rates, default=math.nan), accuracy)

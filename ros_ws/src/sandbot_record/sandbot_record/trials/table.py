@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common.accuracy import Accuracy
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot
 
@@ -70,6 +71,8 @@ class Trials:
     """The robot of all of them; None: the data do not tell."""
     frame_rate_hz: float = math.nan
     """Frames a second of the cameras; NaN: the data do not tell."""
+    accuracy: Accuracy | None = None
+    """How well they measure; None: the data do not tell."""
 
     def __len__(self) -> int:
         return len(self.trial_id)
@@ -110,13 +113,18 @@ class Trials:
         return replace(self, **{name: getattr(self, name)[which] for name in COLUMNS})
 
 
-def from_rows(rows: Sequence[Row], robot: Robot | None = None, frame_rate_hz: float = math.nan) -> Trials:
+def from_rows(
+    rows: Sequence[Row],
+    robot: Robot | None = None,
+    frame_rate_hz: float = math.nan,
+    accuracy: Accuracy | None = None,
+) -> Trials:
     """The table of some rows, and what they share."""
     columns: dict[str, Any] = {
         name: np.array([getattr(row, name) for row in rows], dtype=np.str_ if name in TEXTS else np.float64)
         for name in COLUMNS
     }
-    return Trials(**columns, robot=robot, frame_rate_hz=frame_rate_hz)
+    return Trials(**columns, robot=robot, frame_rate_hz=frame_rate_hz, accuracy=accuracy)
 
 
 def check_ids(rows: Sequence[Row], where: Sequence[str]) -> None:

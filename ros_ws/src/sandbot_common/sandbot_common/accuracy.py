@@ -1,0 +1,62 @@
+"""How well a trial is measured: the section ``accuracy`` of cameras.yaml, beside the cameras whose it is."""
+
+import dataclasses
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from sandbot_common.parameters import from_mapping, parameter
+
+SECTION = "accuracy"
+"""Its name among the cameras."""
+
+
+def _constant(default: float, unit: str, what: str) -> Any:
+    return parameter(default, unit=unit, doc=f"{what}: constant error that all replicates share", low=0.0, high=1.0)
+
+
+def _share(default: float, what: str) -> Any:
+    return parameter(default, doc=f"{what}: error that all replicates share, as a share of it", low=0.0, high=1.0)
+
+
+def _usual(default: float, unit: str, what: str) -> Any:
+    return parameter(default, unit=unit, doc=f"{what}: usual scatter of one trial", low=1e-6, high=1.0)
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Two things of each observable that its replicates can't show, or don't where there are none.
+
+    An error that all replicates share, a constant and a share of the value: mean speed is a distance over a time and
+    has none to speak of; the rise and the steepest slope of a folded curve have, as
+    tests/unit/sandbot_tracking/test_trial.py bounds them on drawn truth. And the usual standard deviation of one trial,
+    which weighs observables against each other where nothing was replicated.
+    """
+
+    speed_m_s: float = _constant(0.0, "m/s", "mean speed")
+    speed_share: float = _share(0.0, "mean speed")
+    speed_sd_m_s: float = _usual(5e-3, "m/s", "mean speed")
+    lift_m: float = _constant(1e-4, "m", "lift")
+    lift_share: float = _share(0.0, "lift")
+    lift_sd_m: float = _usual(5e-4, "m", "lift")
+    peak_speed_m_s: float = _constant(0.0, "m/s", "peak speed")
+    peak_speed_share: float = _share(0.015, "peak speed")
+    peak_speed_sd_m_s: float = _usual(1e-2, "m/s", "peak speed")
+    first_step_m: float = _constant(3e-4, "m", "first step")
+    first_step_share: float = _share(0.0, "first step")
+    first_step_sd_m: float = _usual(1.5e-3, "m", "first step")
+
+
+USUAL = Accuracy()
+"""That of the trackway's own cameras."""
+
+
+def accuracy_from_mapping(mapping: Any, where: str) -> Accuracy:
+    """The accuracy of a mapping; what it leaves out is usual. ``where`` opens every error line. Raises InputError."""
+    return from_mapping(Accuracy, mapping, f"{where}: {SECTION}")
+
+
+def worst(several: Iterable[Accuracy]) -> Accuracy | None:
+    """What holds for trials of all of them; None of none."""
+    values = [dataclasses.astuple(one) for one in several]
+    return Accuracy(*map(max, zip(*values, strict=True))) if values else None
