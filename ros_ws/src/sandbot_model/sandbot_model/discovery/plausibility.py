@@ -3,7 +3,8 @@
 A leg of radius R at rate θ̇ moves its axle at Rθ̇ at most, carries it 2R at most in a step and lifts it 2R - h at most.
 And where nothing else is at work, lift with speed and peak speed each tell R by themselves: if they agree on another
 one, that is the robot's. Nothing is fitted; effects that lose way (slip, overlap, drag) move the two apart, or leave
-one where it is.
+one where it is. What pushes the robot along (a steeper slope than the catalogue's) may carry it further and faster than
+its legs, by one and the same factor: where peak, step and lift agree on that, the robot is not doubted.
 """
 
 from collections.abc import Iterator
@@ -25,6 +26,8 @@ FEWEST = 3
 POPPY_SEEDS = ((0.580, 0.622), (300e3, 480e3))
 """φ and α = k/(wR) [N/m³] that a plate meets there (Li09)."""
 FAR_FROM_POPPY = 2.5
+PUSHED = 0.03
+"""How near [share] R must come, of steps freed of a push, for the push to be believed."""
 ANOTHER, ALIKE = 0.12, 0.04
 """Relative distance of two radii from which they are another's, and up to which they are the same."""
 
@@ -55,19 +58,22 @@ def _doubts(cells: Cells) -> Iterator[str]:
     mean = np.where(walks(cells.mean)[:, None], cells.mean, np.nan)
     top = robot.leg_radius_m * cells.omega * np.array([fastest_phase_ratio(gait) for gait in cells.gait])
     step = np.pi * mean[:, Observable.speed] / cells.omega
-    for what, ratio in (
+    pushed = _pushed(cells, mean, step)
+    for of_a_push, what, ratio in (
         (
+            True,
             "peak speeds are {:.2f} times what legs of R = {R:.3g} cm reach at these rates",
             mean[:, Observable.peak_speed] / top,
         ),
-        ("steps are {:.2f} times the 2R that legs of R = {R:.3g} cm can span", step / (2 * robot.leg_radius_m)),
+        (True, "steps are {:.2f} times the 2R that legs of R = {R:.3g} cm can span", step / (2 * robot.leg_radius_m)),
         (
+            True,
             "first steps are {:.2f} times the 2R that legs of R = {R:.3g} cm can span",
             mean[:, Observable.first_step] / (2 * robot.leg_radius_m),
         ),
-        ("the body rises {:.2f} times as high as 2R - h allows", mean[:, Observable.lift] / deepest_m(robot)),
+        (False, "the body rises {:.2f} times as high as 2R - h allows", mean[:, Observable.lift] / deepest_m(robot)),
     ):
-        if (usual := _median(ratio)) > TOO_FAR:
+        if (usual := _median(ratio)) > TOO_FAR and not (of_a_push and pushed):
             yield what.format(usual, R=CM * robot.leg_radius_m)
     by_peak, by_lift = (_median(radius) for radius in (_radius_by_peak(cells, mean), _radius_by_lift(mean, step)))
     apart = abs(by_peak - by_lift) / robot.leg_radius_m
@@ -76,6 +82,13 @@ def _doubts(cells: Cells) -> Iterator[str]:
             f"lift with speed and peak speed agree on a leg radius of {CM * by_lift:.2f} and {CM * by_peak:.2f} cm, "
             f"not on {CM * robot.leg_radius_m:.3g} cm"
         )
+
+
+def _pushed(cells: Cells, mean: Floats, step: Array) -> bool:
+    """Whether one push forward is what peaks and steps have beyond the legs: without it, lift tells the robot's own R."""
+    radius = cells.robot.leg_radius_m
+    push = _radius_by_peak(cells, mean) / radius
+    return abs(_median(_radius_by_lift(mean, step / push)) / radius - 1) < PUSHED
 
 
 def _radius_by_peak(cells: Cells, mean: Floats) -> Array:
