@@ -66,6 +66,7 @@ def test_the_right_robot_is_not_doubted():
     assert [doubts(cells_of(walked_by_big(BIG, eta))) for eta in (0.0, ETA)] == [(), ()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(BY_NAME))
 def test_no_hidden_world_is_blamed_on_robot_yaml(name):
     """Control: in the catalogue or outside it; nothing is fitted, so all of them are asked."""

@@ -59,7 +59,7 @@ def _doubts(cells: Cells) -> Iterator[str]:
     top = robot.leg_radius_m * cells.omega * np.array([fastest_phase_ratio(gait) for gait in cells.gait])
     step = np.pi * mean[:, Observable.speed] / cells.omega
     pushed = _pushed(cells, mean, step)
-    for of_a_push, what, ratio in (
+    for with_a_push, what, ratio in (
         (
             True,
             "peak speeds are {:.2f} times what legs of R = {R:.3g} cm reach at these rates",
@@ -73,7 +73,7 @@ def _doubts(cells: Cells) -> Iterator[str]:
         ),
         (False, "the body rises {:.2f} times as high as 2R - h allows", mean[:, Observable.lift] / deepest_m(robot)),
     ):
-        if (usual := _median(ratio)) > TOO_FAR and not (of_a_push and pushed):
+        if (usual := _median(ratio)) > TOO_FAR and not (with_a_push and pushed):
             yield what.format(usual, R=CM * robot.leg_radius_m)
     by_peak, by_lift = (_median(radius) for radius in (_radius_by_peak(cells, mean), _radius_by_lift(mean, step)))
     apart = abs(by_peak - by_lift) / robot.leg_radius_m
@@ -85,7 +85,7 @@ def _doubts(cells: Cells) -> Iterator[str]:
 
 
 def _pushed(cells: Cells, mean: Floats, step: Array) -> bool:
-    """Whether one push forward is what peaks and steps have beyond the legs: without it, lift tells the robot's own R."""
+    """Whether peaks and steps have one push forward beyond the legs: without it, lift tells the robot's own R."""
     radius = cells.robot.leg_radius_m
     push = _radius_by_peak(cells, mean) / radius
     return abs(_median(_radius_by_lift(mean, step / push)) / radius - 1) < PUSHED
