@@ -28,7 +28,7 @@ class CameraClock:
         self.placed = False
         self.offset_ns = 0
         self.edges = self.missed = self.unannounced = self.jumps = 0
-        """LED edges seen and told; told but not seen; seen but not told; edges that contradict those before."""
+        """LED edges seen and announced; announced but not seen; seen but not announced; contradicting earlier ones."""
         self.warning = ""
         self._restart()
 
@@ -39,12 +39,12 @@ class CameraClock:
         self._last: tuple[int, int, bool] | None = None
         self._bounds: tuple[int, int, int] | None = None
         self._told: tuple[int, int | None] | None = None
-        """Robot time of the edge told, and camera time from when it was waited for."""
+        """Robot time of the announced edge, and the camera time since which it is awaited."""
         self._seen: tuple[int, int] | None = None
 
     @property
     def half_width_ns(self) -> int | None:
-        """The offset is known to this much either way; None where no LED edge has told."""
+        """Uncertainty of the offset, to either side; None before the first LED edge."""
         return None if self._bounds is None else (self._bounds[1] - self._bounds[0]) // 2
 
     def led(self, robot_ns: int) -> None:

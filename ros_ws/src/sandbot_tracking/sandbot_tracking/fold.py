@@ -1,4 +1,4 @@
-"""Steps laid over one another, and the steepest or highest point of the folded curve.
+"""All steps folded onto one phase axis, and the steepest or highest point of the folded curve.
 
 At ω = 30 rad/s a step has ten frames and its stance may be over in one; many steps together, each sampled at other
 phases, show the stance well. The curve has kinks where the leg catches and lets go, so no global smoother will do. A

@@ -7,7 +7,7 @@ import numpy as np
 RECENT = 200
 """Frames looked back on."""
 ENOUGH = 20
-"""Intervals from which the period is measured rather than taken as told."""
+"""Number of intervals from which the period is measured instead of taken from the calibration."""
 PAUSE_NS = 1_000_000_000
 """A camera that is silent for longer was stopped; the frames it did not take are no loss."""
 
@@ -16,7 +16,7 @@ class FrameTimes:
     """Fed every stamp of one camera in order of arrival."""
 
     def __init__(self, period_s: float) -> None:
-        """``period_s``: time between frames as the calibration tells it, until enough were seen."""
+        """``period_s``: time between frames by the calibration, used until enough frames were seen."""
         self._told_s = period_s
         self._stamps: deque[int] = deque(maxlen=RECENT)
         self._steps: deque[float] = deque(maxlen=RECENT)

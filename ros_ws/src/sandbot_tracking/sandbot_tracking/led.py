@@ -9,7 +9,7 @@ from sandbot_tracking.markers import Frame
 
 
 class LedEdge:
-    """Notices the LED of a region (x, y, width, height) [px] going on.
+    """Detects when the LED in a region (x, y, width, height) [px] goes on.
 
     On: the mean of the region's brightest quarter rises by ``rise`` grey levels above what it was when off.
     """

@@ -167,7 +167,7 @@ class LiveTracker:
         return [one for one in done if one is not None]
 
     def _robot_now(self, received_ns: int) -> int | None:
-        """What the robot's clock shows now, as far as its last word tells."""
+        """The robot's time now, extrapolated from its last message."""
         return None if self._robot is None else self._robot[0] + received_ns - self._robot[1]
 
     def _placed(self) -> list[tuple[int, Sample]]:

@@ -1,7 +1,7 @@
 """Frame after frame: follow named markers, lose them honestly, find them again, never swap them.
 
 Each marker is looked for where constant velocity puts it. One that is not there is missing (NaN, counted), then
-looked for in a wider gate, beside its still visible neighbour, and at last in the whole frame. Markers of one camera
+looked for in a wider gate, next to its still visible neighbour, and at last in the whole frame. Markers of one camera
 ride on a rigid body, so they keep their order along the image and nearly their distance: what breaks that is dropped
 and counted as ambiguous.
 """
@@ -169,7 +169,7 @@ class MarkerTracker:
         return choices[order[0]] if cost[order[1]] - cost[order[0]] > margin else None
 
     def _acquire_one(self, rows: Floats, candidates: list[Floats]) -> Floats:
-        """Missing markers beside their visible neighbour: the learned offset says which is which."""
+        """Missing markers next to their visible neighbour: the learned offset says which is which."""
         visible = np.flatnonzero(np.isfinite(rows[:, 0]))
         if not visible.size:
             return self._acquire_lonely(rows, candidates)

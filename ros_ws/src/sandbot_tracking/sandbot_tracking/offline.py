@@ -105,7 +105,7 @@ class LegClock:
             del self._t[:REMEMBERED], self._advance[:REMEMBERED]
 
     def advance_rad(self, t_s: float) -> float | None:
-        """How far the legs have turned at ``t_s`` from the first angle on; None while no later angle tells."""
+        """How far the legs have turned at ``t_s`` from the first angle on; None until a later angle arrives."""
         after = bisect_left(self._t, t_s)
         if after == len(self._t):
             return None
@@ -116,7 +116,7 @@ class LegClock:
 
     @property
     def last_rad(self) -> float:
-        """How far the legs have turned as far as is known."""
+        """How far the legs had turned at the last angle received."""
         return self._advance[-1] if self._advance else 0.0
 
     def omega_rad_s(self, t_s: float) -> float | None:

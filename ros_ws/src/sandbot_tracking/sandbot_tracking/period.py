@@ -1,4 +1,4 @@
-"""Mean speed and lift of each whole leg period, as it ends: what a person watches while a trial runs."""
+"""Mean speed and lift of each whole leg period, as it ends: for display while a trial runs."""
 
 import math
 from collections import deque
@@ -10,14 +10,14 @@ from sandbot_tracking.trial import position_at
 
 TURN = 2 * math.pi
 REMEMBERED = 200
-"""Frames looked back on for the place at a period's end."""
+"""Frames kept to find the position at a period's end."""
 REACH = 0.11
 """Share of a step after a period's end that must be seen: as much as ``position_at`` looks at, and a little."""
 
 
 @dataclass(frozen=True)
 class PeriodMean:
-    """One period. NaN where the markers were not seen."""
+    """One period. NaN where markers were missing."""
 
     speed_m_s: float
     lift_m: float

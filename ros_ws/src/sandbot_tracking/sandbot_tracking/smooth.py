@@ -23,9 +23,9 @@ from sandbot_tracking.speed import HARMONICS, harmonic_model
 Floats = NDArray[np.float64]
 
 MISFIT = 4.0
-"""Variance left over by harmonics, in that left over without them, from which on they miss something."""
+"""Ratio of residual variances, with harmonics over without, from which on the harmonics do not fit."""
 _DIFFUSE = 1e10
-"""Variance of a state nothing is known of, in that of a position."""
+"""Initial variance of an unknown state, in units of a position's variance."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """One trial's landmarks and leg angles to its observables: mean speed, lift, peak speed, first step.
 
-Definitions: docs/architecture.md. The clock is read from the legs as they really turn, for they may turn slower
-than told. A *step* ends at a *handover*: both tripods are equally far from straight below, one past it, the other
+Definitions: docs/architecture.md. Time is read from the measured leg angles, as legs may turn slower than commanded. A
+*step* ends at a *handover*: both tripods are equally far from straight below, one past it, the other
 before it. From one to the next the mean of the six unwrapped angles grows by exactly π, whatever the gait.
 
 Steady steps are laid over one another (fold.py), each between its own two rest positions, so steps of slightly

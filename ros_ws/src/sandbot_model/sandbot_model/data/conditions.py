@@ -63,7 +63,7 @@ class Cells:
 
     @property
     def observables(self) -> tuple[str, ...]:
-        """The observables that were measured at all."""
+        """The observables measured in at least one cell."""
         return tuple(observable.name for observable in Observable if np.isfinite(self.mean[:, observable]).any())
 
     def __len__(self) -> int:
@@ -87,7 +87,7 @@ OMEGA_TOLERANCE = 5e-3
 def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     """Gather trials into cells. Trials without φ, ω or any observable, or not ended ``ok``, are left out and counted.
 
-    Trials that don't tell their robot are SandBot's, filmed at the usual rate. ``readings`` are a penetrometer's.
+    Trials without a robot are taken to be SandBot's, filmed at the usual rate. ``readings`` are a penetrometer's.
     Raises InputError if no trial is left, or no reading is at the trials' φ.
     """
     phi, omega = np.asarray(trials.phi, dtype=float), np.asarray(trials.omega_rad_s, dtype=float)

@@ -1,6 +1,6 @@
 """Penetrometer readings: the force on a leg turned slowly down into virgin ground, the belly at rest on it.
 
-They tell what trials can't: how hard the ground is by itself (a prior on k(φ)), and whether its force grows in
+They give what trials can't: the stiffness of undisturbed ground (a prior on k(φ)), and whether its force grows in
 proportion to depth. A file has one reading a row, with columns
 
     phi, depth_m, force_n [, force_sd_n]        a force at a depth, or

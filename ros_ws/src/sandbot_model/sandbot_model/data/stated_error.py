@@ -15,7 +15,7 @@ from sandbot_model.physics.observables import Observable
 Floats = NDArray[np.float64]
 
 TRIALS_BEHIND = 3
-"""An error bar is worth that of so many trials: how well it is known itself, nobody states."""
+"""An error bar counts as the scatter of so many trials: no figure states how well its error bars are known."""
 
 
 def stated_variance(stated_columns: Floats, slope: Floats) -> Floats:

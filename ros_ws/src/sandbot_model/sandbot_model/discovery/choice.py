@@ -45,7 +45,7 @@ class Selection:
 
     @property
     def other(self) -> "Selection | None":
-        """This view with the model set beside; None if there is none."""
+        """The model shown beside this one; None if there is none."""
         if not self.against:
             return None
         pinned = from_query(self.against)
@@ -55,7 +55,7 @@ class Selection:
         )  # fmt: skip
 
     def pin(self) -> "Selection":
-        """With the model of now set beside."""
+        """This view with the current model shown beside it."""
         plain = dataclasses.replace(self, view="speed", observable="speed", cell=None, against="")
         return dataclasses.replace(self, against=to_query(plain) or BASE_QUERY)
 
@@ -74,7 +74,7 @@ class Selection:
 
 
 def to_query(selection: Selection) -> str:
-    """The selection as the query of an address; what is at its default is left out."""
+    """The selection as the query of an address; defaults are omitted."""
     default = Selection()
     pairs: list[tuple[str, str]] = []
     for name in ("model", "view", "observable"):
@@ -124,7 +124,7 @@ def held_by_text(selection: Selection, text: str, where: str) -> Selection:
 def to_yaml(selection: Selection, data: Sequence[str], result: Mapping[str, float], options: Sequence[str] = ()) -> str:
     """The selection as YAML with the command that reproduces it and the numbers it gave (SI).
 
-    ``options`` are words of the command line that are no choice of the page: files read beside the data.
+    ``options`` are further words of the command line, such as files read in addition to the data.
     """
     command = ["compare", *data, *options, "--model", selection.model]
     command += ["--effects", ",".join(selection.effects)] if selection.effects else []

@@ -20,8 +20,8 @@ class Criteria:
     lack_of_fit_of_one: float = 3e-4
     """The same for a single observable, of which there are four."""
     gross: float = 3.0
-    """Miss of every cell mean, in standard errors, that a test must not let pass: where pure error is known so poorly
-    that it would, the verdict is untested."""
+    """Error of every cell mean, in standard errors, that the lack-of-fit test must detect; where pure error is known
+    too poorly for that, the verdict is untested."""
     claim: float = 22.0
     """Gain in deviance that each effect must bring. The best of some 25 effects that are not there gains as much in
     less than 1 % of worlds where nothing is missing."""

@@ -43,7 +43,7 @@ class EffectSearch:
         self.names = [name for name in effects if name not in inherent]
 
     def run(self, max_effects: int) -> None:
-        """Grow the sets while that is worth it."""
+        """Try ever larger sets until one size settles it (see ``_settled``)."""
         self._try("base", [()])
         if max_effects > 0:
             self._try("singles", [(name,) for name in self.names])

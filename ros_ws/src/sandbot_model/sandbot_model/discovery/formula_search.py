@@ -43,7 +43,7 @@ def _on_top_of(search: EffectSearch, effects: Names) -> SuggestedFormula | None:
 
 
 def _beside(search: EffectSearch, formula: SuggestedFormula) -> Names:
-    """The formula's set with the effect more that goes with it best; empty if none is worth it.
+    """The formula's set with the one effect more that suits it best; empty if none is worth adding.
 
     An effect of the catalogue beside a strong one of another kind may not be seen before that is described.
     """

@@ -21,7 +21,7 @@ LEAST_SD = 0.3
 FINER = 3
 """Frequencies tried between neighbouring ones."""
 PENETRATION = "penetration_force"
-"""The force on a leg pressed into the ground: no trial, but a measurement that tells what trials can't."""
+"""The force on a leg pressed into the ground: not a trial, but a measurement of what trials can't show."""
 DEPTHS_M = (0.01, 0.02, 0.03, 0.044)
 """Depths at which it is proposed."""
 SETTLED_SD = 5.0
@@ -62,7 +62,8 @@ class NextTrial:
 
 
 def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
-    """The measurements that together tell most, best first, no two at one condition; none where none within reach does.
+    """The most informative measurements, best first, no two at the same condition; empty where none within reach
+    separates the sets.
 
     Each is the one that brings all pairs farthest towards being told apart by what has been chosen before it: a gap
     beyond ``SETTLED_SD`` counts no more, so a pair that is easily separated does not take all of them.
@@ -163,7 +164,7 @@ def _distinct(trials: Sequence[NextTrial]) -> list[NextTrial]:
 
 
 def _trials_between(first: Predicted, second: Predicted) -> list[NextTrial]:
-    """One trial a condition, by the observable that tells most."""
+    """One trial a condition, by the observable that separates them most."""
     gap = np.abs(first.trials - second.trials) / np.sqrt(first.noise**2 + first.variance + second.variance)
     best, names = gap.argmax(axis=-1), (first.name, second.name)
     found = []
@@ -175,7 +176,7 @@ def _trials_between(first: Predicted, second: Predicted) -> list[NextTrial]:
 
 
 def _readings_between(first: Predicted, second: Predicted) -> list[NextTrial]:
-    """One reading a level, at the depth that tells most."""
+    """One reading a level, at the depth that separates them most."""
     sd = np.sqrt((USUAL_SD * first.force) ** 2 + first.force_sd**2 + second.force_sd**2)
     gap = np.abs(first.force - second.force) / sd
     best, names = gap.argmax(axis=1), (first.name, second.name)

@@ -1,4 +1,4 @@
-"""Whether the robot the analysis was told of can be the one that walked: what no ground and no effect could change.
+"""Whether the robot of robot.yaml can be the one that walked, judged by what no ground and no effect could change.
 
 A leg of radius R at rate θ̇ moves its axle at Rθ̇ at most, carries it 2R at most in a step and lifts it 2R - h at most.
 And where nothing else is at work, lift with speed and peak speed each tell R by themselves: if they agree on another

@@ -113,7 +113,7 @@ def suggest_formula(
     fit_all: Map = map,
     progress: Progress = lambda _stage, _done, _total: None,
 ) -> SuggestedFormula | None:
-    """The formula that repairs most of what this fit misses; None if none of the library is worth it."""
+    """The formula that repairs most of what this fit misses; None if no term of the library gains enough."""
     library, name = terms(fit), _unused_name(NAME, effects)
     best: _Tried | None = None
     rival: _Tried | None = None

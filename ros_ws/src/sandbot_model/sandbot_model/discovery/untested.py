@@ -1,4 +1,4 @@
-"""Untested: whether pure error is known well enough for a test to mean anything, decided before any search."""
+"""Whether pure error is known well enough to test a model at all, decided before any search."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.verdict import Verdict
 
 CONDITIONS, MORE = 6, 2
-"""Conditions that are to be repeated, and how often: their scatter is then known on twelve degrees of freedom."""
+"""Conditions to repeat, and replicates to add at each: pure error then has twelve degrees of freedom."""
 
 
 def untested(cells: Cells, criteria: Criteria) -> Verdict | None:

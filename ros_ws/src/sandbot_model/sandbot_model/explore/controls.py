@@ -29,7 +29,7 @@ FORMULA_EXAMPLE = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
 
 
 def page(title: str, data_line: str, known: Provenance, cells: Cells) -> html.Div:
-    """The whole page, controls first in reading order, figures beside them."""
+    """The whole page, controls first in reading order, figures next to them."""
     return html.Div(
         [
             dcc.Location(id="address", refresh=False),
@@ -57,7 +57,7 @@ def page(title: str, data_line: str, known: Provenance, cells: Cells) -> html.Di
 
 
 def _excluded(known: Provenance) -> list[html.Details]:
-    """Which trials were left out, folded."""
+    """Which trials were excluded, folded."""
     if not known.excluded:
         return []
     rows = known.excluded[:MAX_EXCLUDED]

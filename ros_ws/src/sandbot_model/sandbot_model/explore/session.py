@@ -51,7 +51,7 @@ def solve(model: Model, cells: Cells, near: WarmStart | None) -> Solved:
 
 
 def solved(found: Fit) -> Solved:
-    """What of a fit is enough to make it again."""
+    """As much of a fit as is needed to rebuild it."""
     return Solved(point_of(found), found.rmse_m_s, found.cv_rmse_m_s)
 
 
@@ -77,7 +77,7 @@ class Session:
             return self._catalogues[key]
 
     def ladder(self, selection: Selection) -> tuple[Step, ...]:
-        """The base model, then one effect more a step, as ``compare`` has it; fitted if it was not yet.
+        """The base model, then one more effect a step, as in ``compare``; fitted if necessary.
 
         Raises InputError for an effect or parameter that is not known.
         """
@@ -122,7 +122,7 @@ class Session:
         return model_of(selection.model, selection.effects, self.catalogue(selection.formulas), self.cells.robot)
 
     def _alone(self, selection: Selection) -> float:
-        """Error of the last effect by itself [m/s], if that is known: what helps most is likely wanted first."""
+        """Error with the last effect alone [m/s], if fitted: the most helpful effect is likely wanted first."""
         alone = replace(selection, effects=selection.effects[-1:])
         with self._lock:
             promised = _promise(self._solved.get(self._key(alone)))

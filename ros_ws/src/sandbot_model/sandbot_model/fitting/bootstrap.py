@@ -1,4 +1,4 @@
-"""Standard errors by a bootstrap over trials: what another draw of the replicates would have given.
+"""Standard errors by a bootstrap over trials: how much the parameters would vary with other replicates.
 
 Trials are drawn with replacement within their cell (Efron & Tibshirani 1993, ch. 6), so that every condition stays in.
 """

@@ -38,7 +38,7 @@ class StageTest:
 
 
 def stage_tests(fit: Fit) -> tuple[StageTest, ...]:
-    """All four, those without data left out."""
+    """The four tests, without those that have no data."""
     cells = fit.cells
     z = np.where(_clearly_lifted(cells)[:, None], fit.residual_z, np.nan)
     tests = (

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 class Fit:
     """A fitted model. Arrays over cells have length n, the last axis is ``Observable``.
 
-    What follows from these fields is worked out when it is asked for, and not pickled.
+    What follows from these fields is computed when it is asked for, and is not pickled.
     """
 
     model: Model
@@ -39,7 +39,7 @@ class Fit:
     stderr: Array
     """Standard errors of the shared parameters, then of every level's ln k; NaN where the data do not determine one."""
     covariance: Array
-    """Of the same; 0 where the data do not determine one."""
+    """Covariance of the same unknowns; 0 where the data do not determine one."""
     goodness: Goodness
     cross_validation: CrossValidation
 
@@ -143,10 +143,11 @@ class Fit:
         return self._predict(self.point.theta, self.point.ln_k, phi, omega, slow_phase_ratio)
 
     def uncertainty(self, phi: ArrayLike, omega: ArrayLike, slow_phase_ratio: ArrayLike | None = None) -> Array:
-        """Standard deviation ``(..., 4)`` of what ``predict`` says, from not knowing θ and k exactly.
+        """Standard deviation ``(..., 4)`` of what ``predict`` says, because θ and k are not known exactly.
 
         Along each principal axis of the parameters' covariance the prediction is made one standard deviation to
-        either side, √Σ_i ((y_i+ - y_i-)/2)²: beside a switch, where a slope would say nothing, this sees the switch.
+        either side, √Σ_i ((y_i+ - y_i-)/2)²: beside a switch, where a derivative would show nothing, this shows the
+        switch.
         """
         found = self._spread(lambda theta, k: self._predict(theta, k, phi, omega, slow_phase_ratio).observables)
         shape = np.broadcast_shapes(
@@ -299,7 +300,7 @@ def fit(model: Model, cells: Cells, near: WarmStart | None = None) -> Fit:
 
 
 def fitted_at(model: Model, cells: Cells, point: Point) -> Fit:
-    """The fit whose minimum is known already, with its standard errors, tests and errors."""
+    """The fit at a minimum found before, with its standard errors, tests and errors."""
     problem = Problem(model, cells)
     state = _state(problem, point)
     jacobian = full_jacobian(problem, state)[0]

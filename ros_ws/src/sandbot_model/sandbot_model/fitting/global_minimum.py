@@ -1,4 +1,4 @@
-"""The global minimum of the deviance over θ and one k per level: wide search, descents, a look around, hops."""
+"""The global minimum of the deviance over θ and one k per level: wide search, descents, scans, basin hopping."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ HALVING = (4, 1)
 BASE_STARTS = 5
 """Starts of the base model whose descents are carried to their end."""
 HOPELESS = 1.5
-"""A model so much worse than one with less in it is not polished."""
+"""A model whose deviance is so many times that of a model it contains is not refined further."""
 NEGLIGIBLE = 1.0
 """Rise of the deviance for which a plausible value is preferred."""
 K_PER_PHI = 5.0
@@ -32,7 +32,7 @@ HOPS = (0.1, 0.2)
 HOP_SHARED = 0.03
 """The same for Δt and v_swim, relative."""
 HOP_ROWS = 32
-"""Jumps to all sides at once."""
+"""Jumps in all directions, tried at once."""
 HOP_PATIENCE = 3
 """Hops without gain after which the valley is taken to be the deepest."""
 HOPS_MOST = 12
@@ -69,7 +69,7 @@ def solve(task: tuple[Model, Cells, WarmStart | None, bool]) -> Point:
 
 
 def best_state(problem: Problem, near: WarmStart | None = None) -> States:
-    """The least deviance found anywhere; with more in the model not above that of ``near``, if one nests the other."""
+    """The least deviance found anywhere; never above that of ``near`` where this model contains that one."""
     found = _search(problem, near)
     if near is not None and found.deviance[0] > near.deviance:
         close = nearby_state(problem, near)
@@ -80,7 +80,7 @@ def best_state(problem: Problem, near: WarmStart | None = None) -> States:
 def _plausible(problem: Problem, states: States) -> States:
     """The same with parameters inside their plausible ranges, where that costs next to nothing. One row.
 
-    Between two cells where a switch may lie the deviance is flat: nothing but what is known beforehand says where.
+    Between two cells where a switch may lie the deviance is flat: only prior knowledge says where.
     """
     ranges = np.array([(parameter.low, parameter.high) for parameter in problem.model.parameters])
     inside = np.clip(states.theta, ranges[:, 0], ranges[:, 1])
@@ -92,7 +92,7 @@ def _plausible(problem: Problem, states: States) -> States:
 
 
 def _search(problem: Problem, near: WarmStart | None) -> States:
-    """Coarse search, descents of which ever fewer are kept, a look around, descent. One row."""
+    """Coarse search, descents of which fewer are kept each round, scans, descent. One row."""
     levels = len(problem.cells.level_phi)
     critical = critical_k_n_per_m(problem.model.robot)
     k_curve = near.k_n_per_m if near is not None else critical * np.linspace(1.04, 1.34, levels)
@@ -153,7 +153,7 @@ def _jumps(problem: Problem, states: States, draw: np.random.Generator, size: fl
 
 
 def _settled(problem: Problem, states: States) -> States:
-    """Descend and look around in turns until nothing is gained. One row."""
+    """Alternate descents and scans until neither gains anything. One row."""
     for _ in range(3):
         states = descend(problem, problem.states(states.theta, states.ln_k, _slopes(problem, states.ln_k)))
         moved = look_along_theta(problem, look_along_k(problem, states))
@@ -182,7 +182,7 @@ def _begin(problem: Problem, found: Sequence[Start]) -> States:
 
 
 def _halved(problem: Problem, states: States) -> States:
-    """The best row after rounds of descent, of which ever fewer are kept."""
+    """The best row after rounds of descent, each of which keeps fewer rows."""
     for kept in HALVING:
         states = descend(problem, states, FIRST_ITERATIONS)
         states = states.take(np.argsort(states.deviance)[:kept])
@@ -190,7 +190,7 @@ def _halved(problem: Problem, states: States) -> States:
 
 
 def slope_of(level_phi: Array, k: Array) -> Array:
-    """dk/dφ at the levels [N/m], between neighbours and never beyond what poppy seeds do by much."""
+    """dk/dφ at the levels [N/m], between neighbours, limited to about what poppy seeds show."""
     typical = K_PER_PHI * k
     if len(k) < 2:
         return np.asarray(typical)

@@ -1,4 +1,4 @@
-"""How well a fit does: errors, the cell means it misses, and tests against pure error."""
+"""Goodness of fit: errors, the cell means missed, and tests against pure error."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -33,8 +33,8 @@ class Goodness:
 
     rmse: Mapping[str, float]
     """Of each observable [SI], rms over trials of measured minus model, so that a perfect model reaches the noise
-    floor. Cells where the robot walks or swims by chance, in the replicates or by the model, have no value to be near
-    and are not in."""
+    floor. Cells where the robot walks or swims by chance, in the replicates or by the model, have no single value to
+    predict and are left out."""
     chi2: float
     deviance: float
     """-2 ln likelihood up to a constant: χ², and what a wider variance costs beside the switch to swimming."""
@@ -116,7 +116,7 @@ def joint_p(chi2: float, dof: int, cells: Cells) -> float:
 
 
 def p_by_observable(z: Array, problem: Problem, unknowns: int) -> dict[str, float]:
-    """Each observable by itself; it answers for its share of the fitted unknowns."""
+    """p of each observable on its own, charged with its share of the fitted unknowns."""
     measured = problem.measured.sum(axis=0)
     share = unknowns / max(int(measured.sum()), 1)
     found = {}

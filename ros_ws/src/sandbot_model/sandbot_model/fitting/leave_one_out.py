@@ -14,11 +14,11 @@ from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.observables import Observable
 
 K_PRIOR = 0.03
-"""How well k is known from neighbouring levels, relative."""
+"""Relative uncertainty of k as given by the neighbouring levels."""
 FAR = 2.0
 """Standard errors of a cell mean beyond which leaving it out is more than a linear step."""
 CV_MOST = 100.0
-"""Most that one cell adds to the deviance: what no other cell could determine is not held against a set without end."""
+"""Most that a single cell adds to the deviance: a set is not condemned for what no other cell could determine."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def cross_validation(problem: Problem, state: States, jacobian: Array) -> CrossV
 
 
 def leave_one_out(problem: Problem, state: States, jacobian: Array) -> LeaveOneOut:
-    """Each cell by the parameters that fit the others.
+    """Predict each cell with the parameters fitted to the others.
 
     The parameters move by one linear step (see ``_linear_step``) and the model itself is evaluated there; a cell whose
     prediction moves far is fitted again without it. A cell is scored only if the other cells predict its speed at least

@@ -7,13 +7,13 @@ from sandbot_model.physics.arrays import Array, Ints
 
 ITERATIONS = 30
 ENOUGH = 1e-2
-"""A step that lowers the deviance by less is the last."""
+"""The descent ends with a step that lowers the deviance by less than this."""
 STIFFEST = 1e5
-"""Damping at which a row is given up."""
+"""Damping beyond which a row is no longer improved."""
 
 
 def descend(problem: Problem, states: States, iterations: int = ITERATIONS) -> States:
-    """The minimum downhill from each row."""
+    """The local minimum that each row descends to."""
     rows = np.arange(len(states.theta))
     damping = np.full(len(rows), 1e-2)
     active = np.ones(len(rows), dtype=bool)
@@ -49,7 +49,7 @@ def tangent_basis(problem: Problem, states: States) -> Array:
 
 
 def project_out(values: Array, basis: Array) -> Array:
-    """``values (4 cells + readings, ...)`` less their part in the span of the basis."""
+    """``values (4 cells + readings, ...)`` with their component in the span of the basis removed."""
     return np.asarray(values - basis @ (basis.T @ values))
 
 

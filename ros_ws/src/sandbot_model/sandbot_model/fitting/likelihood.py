@@ -59,7 +59,7 @@ class States:
 
     @property
     def missed(self) -> Array:
-        """All whitened residuals, cells then readings, ``(rows, 4 cells + readings)``."""
+        """All whitened residuals, cells first, then readings, ``(rows, 4 cells + readings)``."""
         return np.concatenate([self.residual.reshape(len(self.residual), -1), self.pressed], axis=1)
 
     def take(self, rows: Ints) -> "States":
@@ -79,8 +79,8 @@ class States:
 
 
 class OneByOne(NamedTuple):
-    """Of every cell by parameters of its own: prediction ``(cells, 4)``, and ``(cells,)`` each widening, deviance and
-    whether it walks."""
+    """Each cell evaluated at parameters of its own: prediction ``(cells, 4)``, and ``(cells,)`` each
+    widening, deviance and whether it walks."""
 
     predicted: Array
     widening: Array
@@ -122,7 +122,7 @@ class Problem:
         return np.asarray(self.cells.n.max(axis=1), dtype=float)
 
     def states(self, theta: Array, ln_k: Array, slope: Array) -> States:
-        """Predict all cells and weigh what is missed."""
+        """Predict all cells and evaluate the likelihood."""
         inputs, params = self._inputs(theta, ln_k, slope)
         shape = (len(theta), len(self.cells), len(NODES))
         footing = self.model.walker.footing(inputs, params)
@@ -195,8 +195,8 @@ class Problem:
     def _share_between_trials(self, inputs: Inputs, params: Params) -> Array:
         """Standard deviation over trials as a share of that over steps, ``(rows or 1, cells or 1, 4)``.
 
-        What varies along the track a trial averages over its steps; only the first step is one of a kind, and the
-        best of all steps is a matter of chance as it was.
+        What varies along the track a trial averages over its steps; the first step happens once, and the best of all
+        steps varies as much as a single step.
         """
         if not self._along_the_track:
             return np.ones((1, 1, 4))
@@ -292,7 +292,7 @@ class Problem:
         margin = np.broadcast_to(margin, (len(steps) + 1, *walking.shape))
         slope = (margin[:-1] - margin[-1]) / steps
         stiff = slope[-1]
-        # A footing on a cliff of the margin does not move.
+        # A depth at a jump of the margin does not move.
         moves = walking & (stiff > 1e-6)
         return np.where(moves, -slope[:-1] / np.where(moves, stiff, 1.0), 0.0)
 

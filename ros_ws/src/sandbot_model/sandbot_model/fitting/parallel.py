@@ -17,14 +17,15 @@ from sandbot_model.physics.catalogue import USER_MODULE
 Map = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 """What ``map`` does, in order."""
 Progress = Callable[[str, int, int], None]
-"""Hears of each fit that is done: (what for, how many, of how many)."""
+"""Called after each fit with (purpose, fits done, fits in all)."""
 
 PATIENCE_S = 10.0
-"""How long a cluster is waited for."""
+"""How long to wait for a cluster."""
 CHUNKS_PER_THREAD = 4
 """Chunks the cluster gets for each of its threads, so that none stands idle for long while another finishes."""
 LONGEST_CHUNK = 16
-"""A fit lasts tens of milliseconds, a task costs a scheduler about one: more a chunk only starves the progress bar."""
+"""A fit lasts tens of milliseconds, a task costs a scheduler about one: larger chunks would only make the progress bar
+jerky."""
 
 
 @contextmanager
@@ -55,7 +56,7 @@ def cluster(address: str, patience_s: float = PATIENCE_S) -> Iterator[Map]:
         raise InputError(f"--dask: {error.name} is not installed; pip install 'sandbot_model[cluster]'") from None
     for module in _users_modules():
         cloudpickle.register_pickle_by_value(module)
-    # Losing the scheduler is told once, by us.
+    # We report the loss of the scheduler ourselves, once.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
         asyncio.run(_answers(address, patience_s))

@@ -31,7 +31,8 @@ def look_along_k(problem: Problem, state: States) -> States:
 
 
 def look_along_theta(problem: Problem, state: States) -> States:
-    """Shift every shared parameter, every k adjusted to it or as it was: where a switch begins there is no slope."""
+    """Shift every shared parameter, with every k adjusted to it or unchanged: the deviance shows no slope where a
+    switch begins."""
     low, high = bounds(problem)
     for index, (name, parameter) in enumerate(zip(problem.model.names, problem.model.parameters, strict=True)):
         reach = state.theta[0, index] if "." not in name else parameter.high - parameter.low
@@ -61,7 +62,7 @@ def k_response(problem: Problem, state: States) -> Array:
 
 
 def bounded(change: Array) -> Array:
-    """A change of ln k within what any fit needs."""
+    """A change of ln k, clipped to what a fit can need."""
     return np.clip(change, -1.0, 1.0)
 
 

@@ -24,11 +24,11 @@ K_RANGE = (0.55, 4.0)
 """k over mg/(2R - h): from ground that never carries the robot by a linear law, to ground as hard as it matters."""
 CHUNK = 8
 APART = 0.15
-"""Starts closer than this in every parameter (of its plausible range) are one."""
+"""Starts closer than this in every parameter, as part of its plausible range, count as the same."""
 MOST = 12
 """Starts from which a descent begins."""
 NEAR_DELTA_T = 1.45
-"""Factor about Δt within which to sample once more."""
+"""Factor either side of the Δt found within which a second sample is drawn."""
 RESAMPLED = 24
 """Points for each parameter of an effect in that sample."""
 
@@ -45,7 +45,7 @@ class Start:
 def starts(problem: Problem, slope: Array, k_curve: Array, also: Array | None = None) -> list[Start]:
     """The most promising distinct points of a wide low-discrepancy sample, best first.
 
-    ``k_curve (levels,)`` is where effects that ask for k(φ) look; ``also (m, parameters)`` are points tried as well.
+    ``k_curve (levels,)`` is where effects that ask for k(φ) look; ``also (m, parameters)`` are further points to try.
     """
     model = problem.model
     k_grid = critical_k_n_per_m(model.robot) * np.geomspace(*K_RANGE, K_GRID)
@@ -101,7 +101,7 @@ def _try(problem: Problem, unit: Array, slope: Array, k_curve: Array, k_grid: Ar
 
 
 def _closer(k: Array, k_grid: Array) -> Array:
-    """A grid of as many nodes over no more than the k found need."""
+    """A grid of as many nodes over the range of the k found."""
     inside = k[k > k_grid[0] * 1.02]
     if not len(inside):
         return k_grid

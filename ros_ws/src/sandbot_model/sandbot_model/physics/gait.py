@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 GAITS = {"SGCS": (1.1, -0.5, 0.45), "HGCS": (0.85, 0.13, 0.56), "UNIFORM": (np.pi, 0.0, 0.5)}
-"""θ_s, θ_0 [rad] and d_c of the clock signal. The name of a custom one tells them: CUSTOM(θ_s θ_0 d_c)."""
+"""θ_s, θ_0 [rad] and d_c of the clock signal. The name of a custom one contains them: CUSTOM(θ_s θ_0 d_c)."""
 ASSUMED = "SGCS"
 """The gait that trials are taken to have whose table does not tell."""
 STANCE_END = 0.75
@@ -37,7 +37,7 @@ def assumption(gaits: Iterable[str]) -> str:
 
 
 def slow_phase_ratio(gait: str) -> float:
-    """β = θ_s/(2π d_c): leg rate in the slow phase over the mean rate; of the gait assumed where it is not known."""
+    """β = θ_s/(2π d_c): leg rate in the slow phase over the mean rate; of the assumed gait where none is given."""
     theta_s, _, duty = clock_signal(gait) or GAITS[ASSUMED]
     return theta_s / (2 * np.pi * duty)
 

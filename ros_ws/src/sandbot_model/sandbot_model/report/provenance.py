@@ -1,4 +1,4 @@
-"""Which trials the analysis used, which it left out and why, and what such data can't show."""
+"""Which trials the analysis used, which it excluded and why, and what such data can't show."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -66,7 +66,7 @@ def provenance(trials: Trials, cells: Cells, lost: Sequence[tuple[str, str]] = (
 
 
 def _reason(needed: Mapping[str, float], status: str) -> str:
-    """Why a trial was left out; empty if it was not."""
+    """Why a trial was excluded; empty if it was used."""
     missing = [name for name, value in needed.items() if not np.isfinite(value)]
     if status not in ("", "ok"):
         return f"status: {status}"

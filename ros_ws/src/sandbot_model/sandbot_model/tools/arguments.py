@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def add_catalogue(parser: Parser) -> None:
-    """Where effects come from beside the catalogue."""
+    """Options for effects that are not in the catalogue."""
     parser.add_argument(
         "--effects-from",
         type=Path,
@@ -45,7 +45,7 @@ def add_catalogue(parser: Parser) -> None:
 
 
 def add_data(parser: Parser) -> None:
-    """What to read and what to write."""
+    """Options for what to read and what to write."""
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
     add_setting(parser)
     add_penetrometer(parser)
@@ -56,7 +56,7 @@ def add_data(parser: Parser) -> None:
 
 
 def add_setting(parser: Parser) -> None:
-    """What a bag tells and a table doesn't: who walked, and how it was filmed."""
+    """Options for what a bag contains and a table doesn't: the robot, and the frame rate."""
     parser.add_argument(
         "--robot",
         type=Path,
@@ -103,7 +103,7 @@ def of_robot(trials: "Trials", robot: Robot, where: str) -> "tuple[Trials, str]"
 
 
 def add_penetrometer(parser: Parser) -> None:
-    """What is known of the ground without a robot."""
+    """Option for measurements of the ground without a robot."""
     parser.add_argument(
         "--penetrometer",
         type=Path,
@@ -129,7 +129,7 @@ def readings(args: argparse.Namespace) -> "Readings | None":
 
 
 def add_fitters(parser: Parser) -> None:
-    """Who does many fits."""
+    """Options for the processes that fit."""
     who = parser.add_mutually_exclusive_group()
     who.add_argument("--workers", type=int, default=2, metavar="N", help="processes that fit at once (default: 2)")
     who.add_argument(

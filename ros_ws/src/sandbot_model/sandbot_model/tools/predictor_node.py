@@ -1,4 +1,5 @@
-"""predictor: the model beside the running trial - /model/speed at every leg state, /model/speed/mean, /model/error."""
+"""predictor: the model's prediction of the running trial - /model/speed at every leg state, /model/speed/mean,
+/model/error."""
 
 import math
 from collections.abc import Mapping, Sequence

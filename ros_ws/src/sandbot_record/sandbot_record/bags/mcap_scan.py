@@ -62,7 +62,7 @@ class Lost:
 
 @dataclass(frozen=True)
 class Damage:
-    """Bytes [start, end) of the file that can't be used, why, and which messages went where that is known."""
+    """Bytes [start, end) of the file that can't be used, why, and which messages are lost if that can be told."""
 
     start: int
     end: int

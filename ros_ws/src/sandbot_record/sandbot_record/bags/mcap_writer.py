@@ -76,13 +76,12 @@ class McapWriter:
 
     @property
     def can_drop(self) -> bool:
-        """Whether there is a chunk left that could be given up."""
+        """Whether there is still a chunk that could be discarded."""
         return bool(self._chunks)
 
     def drop_torn(self) -> dict[int, int]:
-        """Give up what a failed write left behind, the open chunk with it; the file can then be closed.
-
-        Returns how many messages of each channel went.
+        """Discard what a failed write left behind, with the open chunk; the file can then be closed. Returns how many
+        messages of each channel were lost.
         """
         dropped = {channel: len(entries) for channel, entries in self._index.items()} if self._parts else {}
         self._start_chunk()

@@ -25,7 +25,7 @@ _BATCH_S = 0.01
 
 
 class Received(NamedTuple):
-    """One message as it came: ``sequence`` counts what its publisher sent (0: not known)."""
+    """One message as received: ``sequence`` counts what its publisher sent (0: unknown)."""
 
     topic: str
     data: bytes
@@ -55,7 +55,7 @@ class Tally:
 
 @dataclass(frozen=True)
 class Limits:
-    """When recording stops by itself: free space [bytes] below ``min_free``, or after ``duration_s`` (0: never).
+    """When recording stops on its own: free space [bytes] below ``min_free``, or after ``duration_s`` (0: never).
 
     ``queue_bytes``: what may wait for the disk before messages are dropped (and counted).
     """
@@ -66,7 +66,7 @@ class Limits:
 
 
 class Recording:
-    """Owns the writer and its thread. ``stopped`` is set when it ended by itself; ``reason`` says what went wrong."""
+    """Owns the writer and its thread. ``stopped`` is set when recording ended on its own; ``reason`` says why."""
 
     def __init__(
         self,

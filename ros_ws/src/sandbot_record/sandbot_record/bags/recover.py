@@ -23,7 +23,7 @@ RECORD = "recovery"
 
 @dataclass
 class Loss:
-    """What is known to be gone of one topic; times in ns."""
+    """Known losses of one topic; times in ns."""
 
     count: int = 0
     first_ns: int = 0
@@ -38,7 +38,7 @@ class Loss:
 
 @dataclass
 class Recovery:
-    """What came back and what did not. ``notes``: one line for each damage whose content is not known."""
+    """What was recovered and what was lost. ``notes``: one line for each damage of unknown content."""
 
     counts: dict[str, int] = field(default_factory=dict)
     losses: dict[str, Loss] = field(default_factory=lambda: defaultdict(Loss))
@@ -46,7 +46,7 @@ class Recovery:
 
     @property
     def lossless(self) -> bool:
-        """Whether nothing is known to be gone."""
+        """Whether nothing is known to be lost."""
         return not self.losses and not self.notes
 
     def lines(self) -> list[str]:

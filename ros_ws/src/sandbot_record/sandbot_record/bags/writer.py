@@ -214,7 +214,7 @@ class BagWriter:
                     raise
 
     def abandon(self) -> None:
-        """Stop without completing: nothing is left of a ``whole`` bag, a recoverable one otherwise."""
+        """Stop without completing: a ``whole`` bag is removed, any other stays and can be recovered."""
         self._closed = True
         self._file.abandon()
         if self._folder != self._final:

@@ -338,7 +338,7 @@ def _provenance(trial: bytes, ended: str) -> dict[str, dict[str, str]]:
 
 
 def _fits(source: _Source, publishers: Sequence[TopicEndpointInfo]) -> bool:
-    """Whether a subscription can hear all of a topic's publishers."""
+    """Whether a subscription is compatible with all of a topic's publishers."""
     for publisher in publishers:
         if source.reliable and publisher.qos_profile.reliability != ReliabilityPolicy.RELIABLE:
             return False

@@ -1,4 +1,5 @@
-"""replay: publish a bag's messages as they came. Space pauses, left/right seek by 1 s, up/down change the rate."""
+"""replay: publish a bag's messages as they were recorded. Space pauses, left/right seek by 1 s, up/down change the
+rate."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -90,7 +90,7 @@ class Replay(Node):
         self.create_timer(0.05, self._look)
 
     def _refuse_live(self) -> None:
-        """InputError where commands would be played to a robot or bed that is there, or beside who commands it."""
+        """Raise InputError where commands would reach a running robot or bed, or compete with another commander."""
         commands = [name for name in _COMMANDS if name in {outlet.topic_name for outlet in self._outlets.values()}]
         deadline = time.monotonic() + max(self._options.delay_s, _LOOK_S) if commands else 0.0
         while time.monotonic() < deadline:
@@ -229,7 +229,7 @@ def replay(player: Player, options: Options, arguments: Sequence[str] = ()) -> t
 
 @contextlib.contextmanager
 def _keys(nodes: list[Replay]) -> Iterator[None]:
-    """Hand the terminal's keys to the node, and leave the terminal as it was."""
+    """Pass the terminal's keys to the node, and restore the terminal afterwards."""
     if not sys.stdin.isatty():
         yield
         return

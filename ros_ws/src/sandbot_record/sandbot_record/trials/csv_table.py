@@ -74,7 +74,7 @@ def write_csv(trials: Trials, path: Path) -> None:
 def to_csv(trials: Trials) -> str:
     """The table as CSV text; what was not measured is empty, numbers read back exactly.
 
-    Columns of order and time are there only if something is known of them.
+    Columns of order and time are written only where they hold something.
     """
     rows = trials.rows()
     cells = {name: [_cell(getattr(row, name)) for row in rows] for name in COLUMNS}

@@ -1,4 +1,4 @@
-"""What all trials of one analysis share beside their rows: the robot that walked, how often it was filmed, how well."""
+"""What all trials of an analysis share: the robot, and the frame rate and accuracy of its cameras."""
 
 import math
 from collections.abc import Iterable, Mapping

@@ -8,7 +8,7 @@ BULK_DENSITY = 600.0
 
 
 class InertialDrag(Effect):
-    """A force ∝ speed² beside the one ∝ depth."""
+    """A force ∝ speed² in addition to the one ∝ depth."""
 
     identifier = "inertial_drag"
     stage = "balance"
