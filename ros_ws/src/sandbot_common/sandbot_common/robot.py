@@ -75,8 +75,8 @@ def robot_of_trial(text: str) -> Robot | None:
         trial = json.loads(text)
     except json.JSONDecodeError as error:
         raise InputError(f"/trial: not JSON: {error}") from None
-    told = trial.get("robot") if isinstance(trial, dict) else None
-    return None if told is None else robot_from_mapping(told, "/trial: robot")
+    given = trial.get("robot") if isinstance(trial, dict) else None
+    return None if given is None else robot_from_mapping(given, "/trial: robot")
 
 
 def robot_from_mapping(mapping: Any, where: str) -> Robot:

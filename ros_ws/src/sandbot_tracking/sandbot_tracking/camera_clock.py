@@ -38,7 +38,7 @@ class CameraClock:
         self._first_ns: int | None = None
         self._last: tuple[int, int, bool] | None = None
         self._bounds: tuple[int, int, int] | None = None
-        self._told: tuple[int, int | None] | None = None
+        self._announced: tuple[int, int | None] | None = None
         """Robot time of the announced edge, and the camera time since which it is awaited."""
         self._seen: tuple[int, int] | None = None
 
@@ -49,9 +49,9 @@ class CameraClock:
 
     def led(self, robot_ns: int) -> None:
         """The LED has gone on at this robot time."""
-        if self._told is not None:
+        if self._announced is not None:
             self._miss()
-        self._told = robot_ns, self._last[0] if self._last else None
+        self._announced = robot_ns, self._last[0] if self._last else None
         self._match()
 
     def frame(self, t_ns: int, received_ns: int, robot_ns: int | None, lit: bool) -> None:
@@ -61,17 +61,17 @@ class CameraClock:
         if self._last is not None:
             step, passed = t_ns - self._last[0], received_ns - self._last[1]
             if step < -SET_NS or step - max(passed, 0) > SET_NS:
-                told = self._told
+                announced = self._announced
                 self._restart()
-                self._told = told and (told[0], None)
+                self._announced = announced and (announced[0], None)
                 self.warning = "clock was set"
             elif step <= 0:
                 return
             elif lit and not self._last[2]:
                 self._seen = self._last[0], t_ns
         self._first_ns = t_ns if self._first_ns is None else self._first_ns
-        if self._told is not None and self._told[1] is None:
-            self._told = self._told[0], t_ns
+        if self._announced is not None and self._announced[1] is None:
+            self._announced = self._announced[0], t_ns
         self._last = t_ns, received_ns, lit
         self._match()
         if not self._synced:
@@ -93,33 +93,33 @@ class CameraClock:
             self.warning = ""
 
     def _match(self) -> None:
-        if self._told is None or self._first_ns is None:
+        if self._announced is None or self._first_ns is None:
             return
-        told_ns = self._told[0]
-        if self.placed and self._first_ns + self.offset_ns > told_ns - self._period_ns:
+        announced_ns = self._announced[0]
+        if self.placed and self._first_ns + self.offset_ns > announced_ns - self._period_ns:
             # The camera began after the flash, so it never saw the LED go on.
-            self._told = None
+            self._announced = None
         elif self._seen is not None:
             (dark, bright), self._seen = self._seen, None
-            low, high = told_ns - bright - self._half_exposure_ns, told_ns - dark + self._half_exposure_ns
+            low, high = announced_ns - bright - self._half_exposure_ns, announced_ns - dark + self._half_exposure_ns
             if self.placed and not low - SET_NS <= self.offset_ns <= high + SET_NS:
                 self.unannounced += 1
                 return
-            self._told = None
-            self._sync(told_ns, low, high)
+            self._announced = None
+            self._sync(announced_ns, low, high)
 
-    def _sync(self, told_ns: int, low: int, high: int) -> None:
+    def _sync(self, announced_ns: int, low: int, high: int) -> None:
         before, was_placed = self.offset_ns, self.placed
         self.edges, self.warning = self.edges + 1, ""
         if self._bounds is not None:
-            slack = round(DRIFT * abs(told_ns - self._bounds[2]))
+            slack = round(DRIFT * abs(announced_ns - self._bounds[2]))
             both = max(low, self._bounds[0] - slack), min(high, self._bounds[1] + slack)
             if both[0] <= both[1]:
                 low, high = both
             else:
                 self.jumps += 1
                 self.warning = f"LED edges disagree: the clock jumped by {(both[0] - both[1]) * 1e-6:.0f} ms or more"
-        self._bounds = low, high, told_ns
+        self._bounds = low, high, announced_ns
         # Where the camera was stopped before the flash, the LED was dark in a frame of long ago.
         likely = low + min(high - low, self._period_ns + 2 * self._half_exposure_ns)
         self.offset_ns = 0 if low <= 0 <= high else (low + likely) // 2
@@ -131,8 +131,8 @@ class CameraClock:
             )
 
     def _give_up(self, t_ns: int) -> None:
-        if self._told is not None and t_ns - (self._told[1] or t_ns) > PATIENCE_NS:
-            self._told = None
+        if self._announced is not None and t_ns - (self._announced[1] or t_ns) > PATIENCE_NS:
+            self._announced = None
             self._miss()
         if self._seen is not None and t_ns - self._seen[1] > PATIENCE_NS:
             self._seen = None

@@ -40,8 +40,8 @@ class Latency:
 
     def values(self) -> dict[str, object]:
         """Median, 99th percentile and missed deadlines, for /diagnostics."""
-        told = {"latency_ms_median": "none yet", "latency_ms_p99": "none yet"}
+        figures = {"latency_ms_median": "none yet", "latency_ms_p99": "none yet"}
         if self._recent:
             median, p99 = np.quantile(self._recent, (0.5, 0.99)) * 1e3
-            told = {"latency_ms_median": f"{median:.2f}", "latency_ms_p99": f"{p99:.2f}"}
-        return {**told, "missed_deadlines": self.missed}
+            figures = {"latency_ms_median": f"{median:.2f}", "latency_ms_p99": f"{p99:.2f}"}
+        return {**figures, "missed_deadlines": self.missed}

@@ -1,5 +1,6 @@
 """Figures say what the data say: values, units, marks; and nothing where nothing was measured."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,6 +19,7 @@ from sandbot_model.report import balance, captions, figures, mechanics
 from sandbot_model.report.curves import steps
 from sandbot_model.report.theme import DARK, LIGHT
 from sandbot_model.report.view import Step, bands, frequencies
+from sandbot_record.trials.table import Row, from_rows
 
 PHI = np.array([0.58, 0.60, 0.633])
 OMEGA = np.array([4.0, 12.0, 20.0, 28.0])
@@ -27,13 +29,10 @@ NONE = np.full(len(PHI) * len(OMEGA) * 2, np.nan)
 def made_up_cells(**columns):
     """Two replicates a cell, speed 10 cm/s ± 1 cm/s everywhere unless told otherwise."""
     phi, omega, replicate = (a.ravel() for a in np.meshgrid(PHI, OMEGA, [-1.0, 1.0], indexing="ij"))
-    trials = {
-        "phi": phi, "omega_rad_s": omega, "gait": ["UNIFORM"] * len(phi), "status": ["ok"] * len(phi),
-        "speed_m_s": 0.10 + 0.01 * replicate, "lift_m": NONE, "peak_speed_m_s": NONE, "first_step_m": NONE,
-        "robot": None, "frame_rate_hz": np.nan,
-        "replicate": replicate, "speed_sd_m_s": NONE, "phi_sd": NONE,
-    }  # fmt: skip
-    return cells_of(SimpleNamespace(**trials | columns))
+    rows = [
+        Row(phi=p, omega_rad_s=w, gait="UNIFORM", replicate=r) for p, w, r in zip(phi, omega, replicate, strict=True)
+    ]
+    return cells_of(dataclasses.replace(from_rows(rows), **{"speed_m_s": 0.10 + 0.01 * replicate} | columns))
 
 
 def made_up_step(cells, z=None, fails=(), effects=()):

@@ -82,12 +82,12 @@ def _copied(used: Trials, values: Floats) -> list[str]:
     seen: dict[tuple[float, ...], str] = {}
     twice = []
     for name, row in zip(used.trial_id.tolist(), values.tolist(), strict=True):
-        known = tuple(value for value in row if np.isfinite(value))
-        if len(known) < 2 and not any(len(f"{abs(value):.12g}".strip("0.")) > 4 for value in known):
+        measured = tuple(value for value in row if np.isfinite(value))
+        if len(measured) < 2 and not any(len(f"{abs(value):.12g}".strip("0.")) > 4 for value in measured):
             continue
-        if known in seen:
-            twice.append(f"{name} = {seen[known]}")
-        seen.setdefault(known, name)
+        if measured in seen:
+            twice.append(f"{name} = {seen[measured]}")
+        seen.setdefault(measured, name)
     return [f"{len(twice)} trials are copies of others: {_some(twice)}"] if twice else []
 
 
@@ -95,10 +95,10 @@ def _zeros(values: Floats) -> list[str]:
     found = []
     for observable in Observable:
         column = values[:, observable]
-        known = np.isfinite(column)
-        if known.any() and (column[known] == 0).mean() >= 0.5:
+        finite = np.isfinite(column)
+        if finite.any() and (column[finite] == 0).mean() >= 0.5:
             found.append(
-                f"{(column == 0).sum()} of {known.sum()} {observable.column} are exactly 0; not measured is empty"
+                f"{(column == 0).sum()} of {finite.sum()} {observable.column} are exactly 0; not measured is empty"
             )
     return found
 
@@ -131,8 +131,8 @@ def _far_out(used: Trials, values: Floats, cell: Ints) -> list[str]:
             nearest[inside, observable] = gap.min(axis=1)
     found = []
     for observable in Observable:
-        known = [gap for gap in pairs[observable] if np.isfinite(gap)]
-        scale = float(np.median(known)) / 0.6745 / np.sqrt(2) if known else 0.0
+        finite = [gap for gap in pairs[observable] if np.isfinite(gap)]
+        scale = float(np.median(finite)) / 0.6745 / np.sqrt(2) if finite else 0.0
         if scale <= 0:
             continue
         far = nearest[:, observable] / scale
@@ -146,10 +146,10 @@ def _coarse(values: Floats, cell: Ints) -> list[str]:
     found = []
     for observable in Observable:
         column = values[:, observable]
-        known = np.isfinite(column)
-        steps = np.diff(np.unique(column[known]))
+        finite = np.isfinite(column)
+        steps = np.diff(np.unique(column[finite]))
         scatter = _within(column, cell)
-        if known.sum() >= 6 and len(steps) and scatter > 0:
+        if finite.sum() >= 6 and len(steps) and scatter > 0:
             step = float(steps.min())
             regular = np.allclose(steps / step, np.round(steps / step), atol=1e-6)
             if regular and step > COARSE * scatter and (steps < 20 * step).mean() > 0.5:
@@ -164,11 +164,11 @@ def _within(column: Floats, cell: Ints) -> float:
 
 
 def _about_the_mean(column: Floats, cell: Ints) -> tuple[Floats, int]:
-    known = np.isfinite(column)
-    count = np.bincount(cell, known)
+    finite = np.isfinite(column)
+    count = np.bincount(cell, finite)
     with np.errstate(invalid="ignore"):
-        mean = np.bincount(cell, np.where(known, column, 0.0)) / count
-    return column - mean[cell], int(known.sum() - (count > 0).sum())
+        mean = np.bincount(cell, np.where(finite, column, 0.0)) / count
+    return column - mean[cell], int(finite.sum() - (count > 0).sum())
 
 
 def trend(column: Floats, order: Floats, cell: Ints) -> tuple[float, float]:
@@ -177,16 +177,16 @@ def trend(column: Floats, order: Floats, cell: Ints) -> tuple[float, float]:
     Both about the means of the same trials, so no model and no effect of φ or ω comes in; NaN where replicates of a
     condition were run in a row or not at all.
     """
-    known = np.isfinite(column) & np.isfinite(order)
-    y, freedom = _about_the_mean(np.where(known, column, np.nan), cell)
-    x, _ = _about_the_mean(np.where(known, order, np.nan), cell)
-    x, y = x[known], y[known]
+    finite = np.isfinite(column) & np.isfinite(order)
+    y, freedom = _about_the_mean(np.where(finite, column, np.nan), cell)
+    x, _ = _about_the_mean(np.where(finite, order, np.nan), cell)
+    x, y = x[finite], y[finite]
     information = float(x @ x)
     if freedom < 4 or information <= 0:
         return float("nan"), float("nan")
     slope = float(x @ y) / information
     error = float(np.sqrt(max(np.sum((y - slope * x) ** 2), 1e-300) / (freedom - 1) / information))
-    span = float(np.ptp(order[known]))
+    span = float(np.ptp(order[finite]))
     return slope * span, float(2 * t_sf(abs(slope / error), freedom - 1))
 
 

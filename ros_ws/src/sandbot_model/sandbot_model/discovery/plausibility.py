@@ -105,5 +105,5 @@ def _radius_by_lift(mean: Floats, step: Array) -> Array:
 
 def _median(values: Array) -> float:
     """NaN, which is beyond nothing, where too few cells tell."""
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) >= FEWEST else float("nan")
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if len(finite) >= FEWEST else float("nan")

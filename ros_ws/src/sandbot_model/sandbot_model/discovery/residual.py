@@ -253,10 +253,10 @@ def _distinct(guesses: Sequence[_Guess], per_number: float) -> list[_Guess]:
 
 def _slopes(found: Fit, lever: Lever) -> Array:
     """d(whitened prediction)/d(relative change of the lever), ``(cells, 4)``."""
-    known = found.model.catalogue
-    name = _unused_name("lever", known)
+    catalogue = found.model.catalogue
+    name = _unused_name("lever", catalogue)
     change = formula_effect(f"{name}: {lever.stage}: {lever.assignment('c')}; c [1] in -1..1")
-    model = model_of(found.model.base, (*found.effects, name), {**known, name: change}, found.model.robot)
+    model = model_of(found.model.base, (*found.effects, name), {**catalogue, name: change}, found.model.robot)
     at = model.names.index(f"{name}.c")
     theta = np.insert(found.state.theta[0], at, 0.0)
     problem = Problem(model, found.cells)

@@ -39,10 +39,10 @@ def act(selection: Selection, control: str, value: Any) -> Selection:
 
 def adopted(selection: Selection, found: Discovery) -> Selection:
     """With the verdict's effects switched on, or, where it names none, with the formula for what is left."""
-    left = found.residual
-    effects = left.effects if left and not found.verdict.effects else found.verdict.effects
+    residual = found.residual
+    effects = residual.effects if residual and not found.verdict.effects else found.verdict.effects
     changed = replace(selection.toggled(effects), by_hand=())
-    return with_formula(changed, left.formula) if left and not found.verdict.effects else changed
+    return with_formula(changed, residual.formula) if residual and not found.verdict.effects else changed
 
 
 def values_of(selection: Selection) -> dict[str, Any]:

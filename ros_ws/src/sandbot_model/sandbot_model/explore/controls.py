@@ -188,8 +188,10 @@ def suggestion(found: Discovery) -> list[Any]:
         ),
     ]
     if found.residual is not None:
-        left = found.residual
-        parts.append(html.P([f"What is left: {left.sentence}. To try as your own effect: ", html.Code(left.formula)]))
+        residual = found.residual
+        parts.append(
+            html.P([f"What is left: {residual.sentence}. To try as your own effect: ", html.Code(residual.formula)])
+        )
     if found.next_trials:
         rows = [(t.where, observable_label(t.observable), _gap(t.expected_gap_sd)) for t in found.next_trials]
         parts.append(_table("Next trials", ("at", "watch", "expected gap"), rows))

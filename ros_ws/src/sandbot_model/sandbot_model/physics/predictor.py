@@ -119,8 +119,8 @@ def predictor_from_json(path: Path, robot: Robot | None = None) -> Predictor:
         step = content["steps"][-1]
         values = {name: entry["value"] for name, entry in step["parameters"].items()}
         curve = [(row["phi"], row["value"]) for row in step["k_n_per_m"]]
-        told = content.get("robot")
-        own = robot_from_mapping(told, f"{path}: robot") if told is not None else robot or SANDBOT
+        stated = content.get("robot")
+        own = robot_from_mapping(stated, f"{path}: robot") if stated is not None else robot or SANDBOT
         model = model_of(content["model"], step["effects"], catalogue(), own)
     except (KeyError, IndexError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: not a result of discover or compare: {type(error).__name__} {error}") from None

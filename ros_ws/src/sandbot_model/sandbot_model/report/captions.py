@@ -107,14 +107,14 @@ def balance(step: Step, omega_rad_s: float) -> str:
 def lock(cells: Cells) -> str:
     """How the step from speed compares with the step from lift."""
     ratio = compare.geometry_lock(cells)
-    known = ratio[np.isfinite(ratio)]
-    if not known.size:
+    finite = ratio[np.isfinite(ratio)]
+    if not finite.size:
         return "Step length against body lift. No walking cell has both speed and lift."
     return (
         "Step length against body lift, with the curve that the geometry of a circular leg of radius "
         f"R = {CM * cells.robot.leg_radius_m:.3g} cm dictates. Step length from "
-        f"speed over step length from lift: median {np.median(known):.3f} over {known.size} walking cells (1: nothing "
-        "lost or won between step and speed)."
+        f"speed over step length from lift: median {np.median(finite):.3f} over {finite.size} walking cells (1: "
+        "nothing lost or won between step and speed)."
     )
 
 

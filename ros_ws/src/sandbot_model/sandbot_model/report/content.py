@@ -56,7 +56,7 @@ def discovery_page(
         sections=(
             *_figure_sections(steps, discovery.noise_floor_m_s),
             *_candidates(discovery),
-            *_left(discovery),
+            *_residual(discovery),
             _parameters(steps),
             *_next_trials(discovery),
             _failing(steps),
@@ -270,13 +270,13 @@ def _candidates(discovery: Discovery) -> list[Section]:
     return [Section("candidates", "Effects tried", tables=tuple(tables))]
 
 
-def _left(discovery: Discovery) -> list[Section]:
+def _residual(discovery: Discovery) -> list[Section]:
     """What no effect of the catalogue explains, as a formula to try."""
-    left = discovery.residual
-    if left is None:
+    residual = discovery.residual
+    if residual is None:
         return []
-    said = f"{left.sentence[:1].upper()}{left.sentence[1:]}."
-    return [Section("left", "What is left", text=(said, f"To add it: compare DATA {left.options}"))]
+    said = f"{residual.sentence[:1].upper()}{residual.sentence[1:]}."
+    return [Section("left", "What is left", text=(said, f"To add it: compare DATA {residual.options}"))]
 
 
 def _parameters(steps: tuple[Step, ...]) -> Section:

@@ -85,8 +85,8 @@ def trials(args: argparse.Namespace) -> "tuple[Trials, str]":
         found = replace(found, frame_rate_hz=rate_hz, accuracy=accuracy)
     if args.robot is not None:
         return of_robot(found, read_robot(args.robot), str(args.robot))
-    told = "as the bags tell" if found.robot else "not told, SandBot is assumed (--robot FILE.yaml names another)"
-    return found, f"robot: {told}"
+    source = "as the bags tell" if found.robot else "not told, SandBot is assumed (--robot FILE.yaml names another)"
+    return found, f"robot: {source}"
 
 
 def of_robot(trials: "Trials", robot: Robot, where: str) -> "tuple[Trials, str]":

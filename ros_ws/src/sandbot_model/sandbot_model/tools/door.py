@@ -170,9 +170,9 @@ def compare(
     """The base model, then one of the named ``effects`` more a step, fitted to ``data``; else as ``discover``."""
     if isinstance(effects, str):
         raise InputError(f"effects: {effects!r} is one text; a list of names is needed, [{effects!r}]")
-    known = _catalogue(model, effects_from, formulas)
+    catalogue = _catalogue(model, effects_from, formulas)
     trials = _trials(data, robot)
-    return Compared(comparing.compare(_cells(trials, penetrometer), known, effects, base=model), trials)
+    return Compared(comparing.compare(_cells(trials, penetrometer), catalogue, effects, base=model), trials)
 
 
 def _catalogue(model: str, effects_from: Paths, formulas: Sequence[str]) -> Mapping[str, Effect]:

@@ -38,8 +38,8 @@ def bootstrap(fit: Fit, drawn: Mapping[str, float], draws: int) -> str:
     """Standard errors of the fit's Jacobian beside those of a bootstrap over trials."""
     rows = [["parameter", "value", "± stderr", f"± bootstrap, {draws} draws"]]
     ks = {f"k[{i}]": pair for i, pair in enumerate(zip(fit.k_n_per_m, fit.k_stderr_n_per_m, strict=True))}
-    known = {**fit.parameters, **ks}
-    rows += [[name, *(f"{value:.4g}" for value in known[name]), f"{stderr:.2g}"] for name, stderr in drawn.items()]
+    fitted = {**fit.parameters, **ks}
+    rows += [[name, *(f"{value:.4g}" for value in fitted[name]), f"{stderr:.2g}"] for name, stderr in drawn.items()]
     return table(rows)
 
 
@@ -62,13 +62,13 @@ def parameters(fit: Fit) -> str:
 
 def lock_line(ratio: Array) -> str:
     """The geometry lock in one line: it needs no fit."""
-    known = np.isfinite(ratio)
-    if not known.any():
+    finite = np.isfinite(ratio)
+    if not finite.any():
         return "geometry lock: speed and lift of walking cells are needed to check it"
-    spread = f"{ratio[known].min():.3f} to {ratio[known].max():.3f}"
+    spread = f"{ratio[finite].min():.3f} to {ratio[finite].max():.3f}"
     return (
-        f"geometry lock: step from speed over step from lift is {np.median(ratio[known]):.3f} "
-        f"(median of {known.sum()} walking cells, {spread}; 1 where nothing is lost between step and speed)"
+        f"geometry lock: step from speed over step from lift is {np.median(ratio[finite]):.3f} "
+        f"(median of {finite.sum()} walking cells, {spread}; 1 where nothing is lost between step and speed)"
     )
 
 

@@ -78,11 +78,11 @@ def to_csv(trials: Trials) -> str:
     """
     rows = trials.rows()
     cells = {name: [_cell(getattr(row, name)) for row in rows] for name in COLUMNS}
-    told = [name for name in COLUMNS if name not in ORDER_AND_TIME or any(cells[name])]
+    names = [name for name in COLUMNS if name not in ORDER_AND_TIME or any(cells[name])]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(told)
-    writer.writerows(zip(*(cells[name] for name in told), strict=True))
+    writer.writerow(names)
+    writer.writerows(zip(*(cells[name] for name in names), strict=True))
     return text.getvalue()
 
 

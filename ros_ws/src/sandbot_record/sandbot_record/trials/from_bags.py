@@ -123,9 +123,9 @@ def campaign(folder: Path, workers: int | None = None) -> Report:
         if (folder / TRIALS_CSV).is_file():
             return Report(read_csv(folder / TRIALS_CSV), (), 0)
         raise InputError(f"{folder}: neither a campaign (trials/<trial_id>/ or {TRIALS_CSV}) nor a bag")
-    told = of_campaign(folder)
+    recorded = of_campaign(folder)
     if _table_is_newer(folder, bags):
-        setting = shared([told, _measured(bags[0])[1]])
+        setting = shared([recorded, _measured(bags[0])[1]])
         table = from_rows(read_csv(folder / TRIALS_CSV).rows(), *setting.told)
         return Report(table, (), len(bags))
     cache = _read_cache(folder)
@@ -140,7 +140,7 @@ def campaign(folder: Path, workers: int | None = None) -> Report:
     rows = {bag: row for bag, (row, _) in measured.items()}
     _check_ids(rows)
     _write_cache(folder, {hashes[bag]: result for bag, result in measured.items()})
-    setting = shared([told, *(own for _, own in measured.values())])
+    setting = shared([recorded, *(own for _, own in measured.values())])
     table = from_rows(list(rows.values()), *setting.told)
     return Report(table, tuple(skipped), len(bags) - len(todo))
 

@@ -78,8 +78,8 @@ def _robot(bag: Bag, start_ns: int, end_ns: int) -> str:
         return f"robot: no leg states for {gap}"
     if not _has(bag, topics.LEG_SETPOINTS.name):
         return ""
-    told = bag.columns(topics.LEG_SETPOINTS.name, "position", *FIELD_STAMP)
-    wanted, turned = (_turned(legs.stamp_ns, legs["position"], start_ns, end_ns) for legs in (told, states))
+    commanded = bag.columns(topics.LEG_SETPOINTS.name, "position", *FIELD_STAMP)
+    wanted, turned = (_turned(legs.stamp_ns, legs["position"], start_ns, end_ns) for legs in (commanded, states))
     if turned < FOLLOWED * wanted:
         return f"robot: legs turned {turned:.1f} rad of {wanted:.1f} rad told"
     return ""

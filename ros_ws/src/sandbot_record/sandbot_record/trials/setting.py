@@ -60,8 +60,8 @@ def of_cameras(path: Path) -> tuple[float, Accuracy | None]:
 
 
 def _accuracy(content: object, where: str) -> Accuracy | None:
-    told = content.get(SECTION) if isinstance(content, Mapping) else None
-    return None if told is None else accuracy_from_mapping(told, where)
+    given = content.get(SECTION) if isinstance(content, Mapping) else None
+    return None if given is None else accuracy_from_mapping(given, where)
 
 
 def _frame_rate(content: Mapping[str, Any], cameras: Path) -> float:
@@ -80,14 +80,14 @@ def shared(settings: Iterable[Setting]) -> Setting:
 
     Raises InputError naming two places with two robots.
     """
-    told = list(settings)
-    rates = [setting.frame_rate_hz for setting in told if not math.isnan(setting.frame_rate_hz)]
-    robots = [(setting.where, setting.robot) for setting in told if setting.robot is not None]
+    given = list(settings)
+    rates = [setting.frame_rate_hz for setting in given if not math.isnan(setting.frame_rate_hz)]
+    robots = [(setting.where, setting.robot) for setting in given if setting.robot is not None]
     where, robot = robots[0] if robots else ("", None)
     for there, other in robots:
         if robot is not None and other != robot:
             raise InputError(
                 f"{where} and {there}: trials of two robots ({difference(robot, other)}); analyse one robot at a time"
             )
-    accuracy = worst(setting.accuracy for setting in told if setting.accuracy is not None)
+    accuracy = worst(setting.accuracy for setting in given if setting.accuracy is not None)
     return Setting(where, robot, min(rates, default=math.nan), accuracy)
