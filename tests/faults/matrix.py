@@ -22,7 +22,7 @@ import yaml
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from conftest import Beside, own_domain
-from sandbot_common import node, topics
+from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_record.bags.reader import Bag
 
@@ -45,13 +45,14 @@ MARK = "TRACKWAY_FAULTS"
 
 
 class Witness:
-    """What the robot and the bed say, with the time of each change."""
+    """What the robot and the bed say, with the time of each change; of a robot that dies, what it is told."""
 
-    def __init__(self, beside: Beside) -> None:
+    def __init__(self, beside: Beside, *, robot_dies: bool) -> None:
         self.beside, self.moving, self.air, self.prepared = beside, False, False, False
         self.rest_ns = self.off_ns = 0
         self.moved_s = 0.0
-        node.subscription(beside.node, topics.LEG_STATES, self._on_legs)
+        # The legs of a dead robot are its driver's affair; the commands still have to end.
+        node.subscription(beside.node, topics.LEG_SETPOINTS if robot_dies else topics.LEG_STATES, self._on_legs)
         node.subscription(beside.node, topics.BED_BLOWER, lambda message: self._on_air(message.data > 0))
         node.subscription(beside.node, topics.BED_PHI, self._on_phi)
         node.subscription(beside.node, topics.DIAGNOSTICS, self._on_diagnostics)
@@ -64,7 +65,8 @@ class Witness:
         if moving and not self.moving:
             self.moved_s = time.monotonic()
         if self.moving and not moving:
-            self.rest_ns = time.time_ns()
+            # The robot's own time: how late this reaches us is not its affair.
+            self.rest_ns = messages.nanoseconds(message.header.stamp)
         self.moving = moving
 
     def _on_air(self, on: bool) -> None:
@@ -162,7 +164,7 @@ def cell(target: str, fault: str, moment: str) -> list[str]:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         folder, beside = Path(name), Beside(domain)
         try:
-            witness = Witness(beside)
+            witness = Witness(beside, robot_dies=target == "lab")
             with started(folder, lambda: beside.wait(witness.all_up, 90.0)) as (running, mark):
                 return [target, fault, moment, *outcome(target, fault, moment, folder, running, mark, witness)]
         finally:
@@ -174,14 +176,14 @@ def outcome(
 ) -> Sequence[str]:
     """Strike at the moment, and tell what came of it."""
     beside = witness.beside
-    if not beside.wait(witness.at(moment), 90.0):
+    campaign, come = running["campaign"], witness.at(moment)
+    if not beside.wait(lambda: come() or campaign.poll() is not None, 90.0) or not come():
         return ["-", "-", "-", "-", f"the moment never came: {last_line(folder / 'campaign.log')}", "-"]
     was_moving, was_blowing = witness.moving, witness.air
     pid, start_ns = pid_of(target, running, mark), time.time_ns()
     witness.rest_ns = witness.off_ns = 0
     strike(pid, fault, beside)
     beside.wait(lambda: not witness.moving and not witness.air, 10.0)
-    campaign = running["campaign"]
     frozen = target == "campaign" and fault == "STOP"
     beside.wait(lambda: campaign.poll() is not None or frozen, 90.0)
     beside.wait(lambda: not recorders(mark) or frozen, 10.0)
@@ -228,6 +230,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--faults", nargs="+", choices=FAULTS, default=FAULTS)
     parser.add_argument("--moments", nargs="+", choices=MOMENTS, default=MOMENTS)
     chosen = parser.parse_args(argv)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # not without ending what was started
     head = (
         "who",
         "fault",

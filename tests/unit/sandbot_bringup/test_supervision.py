@@ -1,7 +1,8 @@
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandbot_bringup.supervision import Sign, Supervisor
+from sandbot_bringup.supervision import Listening, Sign, Supervisor
 from sandbot_common.lease import Lease
 
 CLOCK, TRACKER = Sign("clock", "/leg_setpoints", 0.5), Sign("tracker", "/speed", 2.0)
@@ -19,8 +20,30 @@ def test_who_falls_silent_is_named_and_nobody_else():
     supervisor.watch(TRACKER, now_s=11.4)
     assert supervisor.silent(11.9) == ""
     assert supervisor.silent(12.1).startswith("tracker")  # watched since 10.0, not since the last watch
-    supervisor.pardon(12.1)
-    assert supervisor.silent(14.0) == ""
+
+
+def test_anything_heard_of_a_node_is_its_sign_of_life():
+    supervisor = Supervisor()
+    supervisor.watch(Sign("tracker", "", 1.0), now_s=0.0)
+    supervisor.heard("tracker", "/speed", 0.9)
+    supervisor.heard("clock", "/diagnostics", 1.5)
+    assert supervisor.silent(1.8) == ""
+    assert supervisor.silent(2.0) == "tracker is silent: nothing from it for 1 s"
+
+
+@given(st.lists(st.floats(0.0, 5.0), max_size=50))
+def test_time_of_which_nothing_was_heard_for_want_of_a_cpu_is_no_silence(steps):
+    listening, quiet = Listening(0.04), Listening(0.04)
+    now_s = 7.0
+    listening.look(now_s)
+    quiet.look(now_s)
+    for step_s in steps:
+        now_s += step_s
+        listening.look(now_s)
+        while quiet.now_s < listening.now_s - 1e-9:  # looks as often as it means to: the time of the wall
+            quiet.look(quiet._looked_s + 0.02)
+    assert listening.now_s <= min(now_s - 7.0, 0.04 * len(steps)) + 1e-9
+    assert quiet.now_s == pytest.approx(quiet._looked_s - 7.0)
 
 
 @given(

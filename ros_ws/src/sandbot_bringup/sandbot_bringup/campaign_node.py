@@ -29,7 +29,7 @@ from sandbot_bringup.folder import CampaignFolder, frames_kept
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
 from sandbot_bringup.recorder_process import RecorderProcess
-from sandbot_bringup.supervision import Sign, Supervisor, status_values
+from sandbot_bringup.supervision import Listening, Sign, Supervisor, status_values
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.node import Health, Stop, ask, names_of, publisher, stop_signals, subscription, use_shared_memory
@@ -55,8 +55,8 @@ FREE_BYTES = 300 << 20
 
 SAFE_S = 3.0
 """So long legs that still report motion are waited for, before the recorder is ended."""
-HELD_UP_S = 0.25
-BEAT_S = 5.0
+SILENCE_S, SILENCE_BOUNDS_S = 1.0, (0.3, 10.0)
+"""A node not heard from for so long while a trial runs has died or is frozen; each speaks five times a second."""
 _REQUIRED = ("clock", "bed", "tracker")
 _CAMERAS = ("lab", "dorsal_camera", "lateral_camera")
 """Required once they have been heard: a robot or camera of another maker need not tell its health."""
@@ -65,8 +65,7 @@ _UNNAMED = "_NODE_NAME_UNKNOWN_"
 _START_THEM = "start the nodes with: ros2 launch sandbot_bringup trackway.launch.py"
 
 _BED = Sign("bed", topics.BED_STATUS.name, 1.0)
-_RECORDER = Sign("recorder", topics.DIAGNOSTICS.name, BEAT_S)
-# Its first frame may take seconds where nothing is compiled yet; a dead one is missed sooner, on /diagnostics.
+# Its first frame may take seconds where nothing is compiled yet; a dead one is missed sooner, as its node is silent.
 _TRACKER = Sign("tracker", topics.SPEED.name, 5.0)
 _WALKING = (
     Sign("clock", topics.LEG_SETPOINTS.name, 0.5),
@@ -84,9 +83,16 @@ class CampaignEnds(InputError):
 
 
 def run_live(
-    plan: Plan, folder: CampaignFolder, files: Mapping[str, str], trials: Sequence[PlannedTrial], *, redo: bool = False
+    plan: Plan,
+    folder: CampaignFolder,
+    files: Mapping[str, str],
+    trials: Sequence[PlannedTrial],
+    *,
+    redo: bool = False,
+    silence_s: float = SILENCE_S,
 ) -> Sequence[tuple[str, str]]:
     """Run every trial that has no bag yet; returns the failed ones with their reasons. ``redo``: those once more.
+    ``silence_s``: a node that is silent for longer ends the trial under way.
 
     The nodes must be running (``ros2 launch sandbot_bringup trackway.launch.py``); InputError where they are not.
     On Ctrl-C, kill or a closed terminal legs and air are stopped and the bag under way is closed and set aside.
@@ -97,7 +103,7 @@ def run_live(
         # ROS's own handlers would end the context before the legs are stopped.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         try:
-            operator = Operator(plan, robot_of(files), stop)
+            operator = Operator(plan, robot_of(files), stop, silence_s)
             operator.find_nodes()
             folder.adopt(plan, files)
             attachments = [folder.plan_file, *(folder.path / name for name in files)]
@@ -119,9 +125,9 @@ def run_live(
 class Operator(Node):
     """Does what a person at the trackway does, through the same services and parameters."""
 
-    def __init__(self, plan: Plan, robot: Robot, stop: Stop) -> None:
+    def __init__(self, plan: Plan, robot: Robot, stop: Stop, silence_s: float = SILENCE_S) -> None:
         super().__init__("campaign")
-        self._plan, self._robot, self._stop = plan, robot, stop
+        self._plan, self._robot, self._stop, self._silence_s = plan, robot, stop, silence_s
         self._executor = EventsExecutor()
         self._executor.add_node(self)
         self._trial = publisher(self, topics.TRIAL)
@@ -129,7 +135,8 @@ class Operator(Node):
         self._commanding, self._renewed_s = False, -math.inf
         self._supervisor = Supervisor()
         self._vital = [_BED]
-        self._spun_s = math.inf
+        # Each look waits for RENEW_S at most: what passes beyond twice that is our own delay.
+        self._listening = Listening(2 * RENEW_S)
         self._told: dict[str, tuple[int, str, Mapping[str, str]]] = {}
         self._phi: float | None = None
         self._bed_stage = self._bed_text = ""
@@ -218,10 +225,10 @@ class Operator(Node):
     def _gate(self, folder: CampaignFolder) -> None:
         """All that a trial needs is there, once, and alive; CampaignEnds with what is not."""
         needed = [name for name in (*_REQUIRED, *_CAMERAS) if name in _REQUIRED or name in self._told]
-        self._vital = [Sign(name, topics.DIAGNOSTICS.name, BEAT_S) for name in needed] + [_BED]
+        self._vital = [Sign(name, "", self._silence_s) for name in needed] + [_BED]
 
         def missing() -> list[str]:
-            ages = ((sign, self._supervisor.age_s(sign.who, sign.topic, time.monotonic())) for sign in self._vital)
+            ages = ((sign, self._supervisor.age_s(sign.who, sign.topic, self._listening.now_s)) for sign in self._vital)
             return [sign.missing for sign, age_s in ages if age_s > sign.limit_s]
 
         if not self._wait(lambda: not missing(), DISCOVERY_S):
@@ -255,8 +262,13 @@ class Operator(Node):
     def _begin_recording(self, recorder: RecorderProcess, trial: PlannedTrial) -> None:
         if not self._wait(lambda: recorder.ready or recorder.ended, CLOSE_S) or recorder.ended:
             raise TrialFailed(f"the recorder did not start: {recorder.last_line}")
-        self._recorder = recorder
-        self._supervisor.watch(*self._vital, _RECORDER, now_s=time.monotonic())
+        self._recorder, ready_s = recorder, self._listening.now_s
+        self._watch()
+        # On a busy machine it may be found seconds after it is ready.
+        if not self._wait(lambda: self._supervisor.age_s("recorder", "", ready_s) < 0.0, DISCOVERY_S):
+            raise TrialFailed(f"the recorder is not heard on {topics.DIAGNOSTICS.name}")
+        self._vital.append(Sign("recorder", "", self._silence_s))
+        self._watch()
         # Only now: a bag begins with the state of its own trial.
         self._trial.publish(messages.string(trial_message(self._plan, trial, self._robot, time.time_ns())))
 
@@ -292,7 +304,7 @@ class Operator(Node):
         if not moved:
             raise TrialFailed("the clock was started but no leg moved (/leg_states)")
         end_ns = (self._motion_start_ns or 0) + int(duration_s * 1e9)
-        self._supervisor.watch(*self._vital, _RECORDER, *_WALKING, now_s=time.monotonic())
+        self._watch(*_WALKING)
 
         def over() -> bool:
             return (self._leg_time_ns or 0) >= end_ns or not self._moving
@@ -301,7 +313,7 @@ class Operator(Node):
             raise TrialFailed(f"the trial was not over {CALL_S:g} s after its time (/leg_states)")
         if not self._moving:
             self._explain_rest()
-        self._supervisor.watch(*self._vital, _RECORDER, now_s=time.monotonic())
+        self._watch()
         self._call("/clock/stop")
         # Until the legs report rest, late reports of this trial could be taken for the start of the next.
         if not self._wait(lambda: not self._moving, CALL_S):
@@ -310,14 +322,17 @@ class Operator(Node):
         last_ns = max(end_ns, (self._leg_time_ns or 0) - LAST_FRAME_NS)
         self._wait(lambda: self._speed_ns >= last_ns or self._is_quiet(_TRACKER), DRAIN_S)
 
+    def _watch(self, *more: Sign) -> None:
+        self._supervisor.watch(*more, *self._vital, now_s=self._listening.now_s)
+
     def _is_quiet(self, sign: Sign) -> bool:
-        return self._supervisor.age_s(sign.who, sign.topic, time.monotonic()) > QUIET_S
+        return self._supervisor.age_s(sign.who, sign.topic, self._listening.now_s) > QUIET_S
 
     def _explain_rest(self) -> None:
         """Legs came to rest in the middle: a fault ends the trial, a hand on the stop the campaign."""
         self._commanding = False
         self._spin_until(lambda: self._told["clock"][0] > 1, EXPLAIN_S)
-        silent = self._supervisor.silent(time.monotonic())
+        silent = self._supervisor.silent(self._listening.now_s)
         level, text, _ = self._told["clock"]
         if level > 1:
             raise TrialFailed(f"the clock: {text}")
@@ -374,8 +389,8 @@ class Operator(Node):
     def _fault(self) -> str:
         if self._recorder is not None and self._recorder.ended:
             # A full disk, say: what the legs do from now on is lost, so they stop.
-            return f"the recorder ended: {self._recorder.last_line}"
-        silent = self._supervisor.silent(time.monotonic())
+            return f"the recorder ended: {self._recorder.why_ended}"
+        silent = self._supervisor.silent(self._listening.now_s)
         return f"the {silent}" if silent else ""
 
     def _spin_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
@@ -384,10 +399,7 @@ class Operator(Node):
             now_s = time.monotonic()
             if now_s >= deadline:
                 return False
-            if self._commanding and now_s - self._spun_s > HELD_UP_S:
-                # Not their silence, ours: if the lease was lost by it, clock or bed says so.
-                self._supervisor.pardon(now_s)
-            self._spun_s = now_s
+            self._listening.look(now_s)
             self._renew(now_s)
             self._executor.spin_once(timeout_sec=min(deadline - now_s, RENEW_S))
         return True
@@ -399,7 +411,7 @@ class Operator(Node):
             self._lease.publish(messages.header(self.get_clock().now().nanoseconds, self.get_name()))
 
     def _heard(self, who: str, topic: topics.Topic) -> None:
-        self._supervisor.heard(who, topic.name, time.monotonic())
+        self._supervisor.heard(who, topic.name, self._listening.now_s)
 
     def _on_phi(self, message: Any) -> None:
         # The latched value of the trial before arrives on subscription only; set_up clears it.

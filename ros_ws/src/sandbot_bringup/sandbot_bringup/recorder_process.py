@@ -1,5 +1,6 @@
 """The recorder of one live trial, a process of its own: what goes on is recorded whatever becomes of the campaign."""
 
+import signal
 import subprocess
 import sys
 import threading
@@ -45,6 +46,12 @@ class RecorderProcess:
     def code(self) -> int | None:
         """Its exit code, once it has ended."""
         return self._process.poll()
+
+    @property
+    def why_ended(self) -> str:
+        """Its last words, or the signal that left it none."""
+        code = self.code or 0
+        return f"killed by {signal.Signals(-code).name}" if code < 0 else self.last_line
 
     def tell(self, exit_status: str) -> None:
         """How the trial ended: one line, and the recording ends."""

@@ -1,4 +1,8 @@
-"""Who must be heard from while a trial runs: pure; ``campaign_node`` feeds it, the clock is passed in."""
+"""Who must be heard from while a trial runs: pure; ``campaign_node`` feeds it, the clock is passed in.
+
+Its clock is the time the campaign listened (``Listening``): where a busy machine keeps the campaign itself from the
+CPU, nobody is taken for silent, and the more it does so the more patient the campaign is.
+"""
 
 import math
 from collections.abc import Mapping
@@ -7,7 +11,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Sign:
-    """A sign of life: who gives it, on which topic, and how long it may stay away [s]."""
+    """A sign of life: who gives it, on which topic (empty: any), and how long it may stay away [s]."""
 
     who: str
     topic: str
@@ -16,7 +20,22 @@ class Sign:
     @property
     def missing(self) -> str:
         """One phrase of what is wrong where it stays away."""
-        return f"{self.who} is silent: nothing from it on {self.topic} for {self.limit_s:g} s"
+        where = f" on {self.topic}" if self.topic else ""
+        return f"{self.who} is silent: nothing from it{where} for {self.limit_s:g} s"
+
+
+@dataclass
+class Listening:
+    """Time spent listening [s]: between two looks it goes on by ``most_s`` at most, however long they are apart."""
+
+    most_s: float
+    now_s: float = 0.0
+    _looked_s: float = math.inf
+
+    def look(self, monotonic_s: float) -> None:
+        """Somebody is about to listen, at this time of a monotonic clock."""
+        self.now_s += min(max(monotonic_s - self._looked_s, 0.0), self.most_s)
+        self._looked_s = monotonic_s
 
 
 @dataclass
@@ -28,19 +47,15 @@ class Supervisor:
 
     def heard(self, who: str, topic: str, now_s: float) -> None:
         """A sign of life."""
-        self._heard_s[who, topic] = now_s
+        self._heard_s[who, topic] = self._heard_s[who, ""] = now_s
 
     def age_s(self, who: str, topic: str, now_s: float) -> float:
-        """Time since the last sign; infinite before the first."""
+        """Time since the last sign (topic empty: of any kind); infinite before the first."""
         return now_s - self._heard_s.get((who, topic), -math.inf)
 
     def watch(self, *signs: Sign, now_s: float) -> None:
         """Ask for these signs, and no others, from now on."""
         self._watched = {sign: self._watched.get(sign, now_s) for sign in signs}
-
-    def pardon(self, now_s: float) -> None:
-        """Count all silence anew: nobody was listened to until now."""
-        self._watched = dict.fromkeys(self._watched, now_s)
 
     def silent(self, now_s: float) -> str:
         """Who is silent, in one phrase; an empty string if nobody is."""

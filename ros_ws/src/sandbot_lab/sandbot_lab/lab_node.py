@@ -61,7 +61,7 @@ class LabParameters:
     start_x: float = parameter(START_X_M, unit="m", doc="where the robot's com starts", low=0.0, high=2.5)
     images: bool = parameter(True, doc="whether the cameras run")
     idle_frames: bool = parameter(False, doc="whether the cameras also run while the robot stands")
-    legs_lease_s: float = parameter(0.25, unit="s", doc="set-points later than this stop the legs", low=0.02, high=60.0)
+    legs_lease_s: float = parameter(0.25, unit="s", doc="set-points later than this stop the legs", low=0.02, high=1.0)
     air_lease_s: float = parameter(0.5, unit="s", doc="a /bed/blower later than this turns it off", low=0.05, high=2.0)
 
 
@@ -135,7 +135,14 @@ class LabNode(Node):
 
     def _on_setpoint(self, message: JointState) -> None:
         self._setpoints += 1
-        self._legs.renew(time.monotonic())
+        self._stop_late_legs()
+        try:
+            self._obey(message)
+        finally:
+            # After the work: what this took is not the commander's silence.
+            self._legs.renew(time.monotonic())
+
+    def _obey(self, message: JointState) -> None:
         t_ns, angles, rates = messages.nanoseconds(message.header.stamp), *_legs(message)
         moving = bool(np.any(rates))
         if self._legs_lapsed:
@@ -179,15 +186,17 @@ class LabNode(Node):
 
     def _watch(self) -> None:
         """Stop what is no longer commanded."""
-        now_s = time.monotonic()
-        if not self._standing and self._legs.late(now_s):
+        self._stop_late_legs()
+        if self._blower > 0 and self._air.late(time.monotonic()):
+            self._blow(0.0)
+            self._alarm(f"air off: nothing on {topics.BED_BLOWER.name} for {self._air.limit_s:g} s")
+
+    def _stop_late_legs(self) -> None:
+        if not self._standing and self._legs.late(time.monotonic()):
             self._legs_lapsed = self._standing = True
             if self._trial is not None:
                 self._advance(self._trial, self._now_ns(), self._held, np.zeros(len(topics.LEGS)))
             self._alarm(f"legs stopped: no set-point for {self._legs.limit_s:g} s")
-        if self._blower > 0 and self._air.late(now_s):
-            self._blow(0.0)
-            self._alarm(f"air off: nothing on {topics.BED_BLOWER.name} for {self._air.limit_s:g} s")
 
     def _alarm(self, text: str) -> None:
         self._health.level, self._health.text = 2, text

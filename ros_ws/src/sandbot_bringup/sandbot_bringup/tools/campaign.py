@@ -37,9 +37,13 @@ def command(argv: Sequence[str]) -> int:
         failures = _batch(plan, folder, files, trials, options)
     else:
         # The live runner starts ROS; batch and dry runs must not.
-        from sandbot_bringup.campaign_node import run_live
+        from sandbot_bringup.campaign_node import SILENCE_BOUNDS_S, SILENCE_S, run_live
 
-        failures = run_live(plan, folder, files, trials, redo=bool(options.redo))
+        silence_s = SILENCE_S if options.silence is None else options.silence
+        low_s, high_s = SILENCE_BOUNDS_S
+        if not low_s <= silence_s <= high_s:
+            raise InputError(f"--silence: {silence_s:g} is not from {low_s:g} to {high_s:g} s")
+        failures = run_live(plan, folder, files, trials, redo=bool(options.redo), silence_s=silence_s)
     return _finish(folder, trials, failures)
 
 
@@ -74,6 +78,12 @@ def _parser() -> argparse.ArgumentParser:
         "--redo",
         choices=("failed",),
         help="run again, once, what is not ok; its bags are kept in trials/.partial",
+    )
+    parser.add_argument(
+        "--silence",
+        type=float,
+        metavar="S",
+        help="a node that is silent for longer ends the live trial under way; default: 1",
     )
     parser.add_argument("--config-folder", action="store_true", help="print where the example plans lie, and stop")
     parser.add_argument("--dry-run", action="store_true", help="check the plan and say what would be done")
