@@ -1,5 +1,6 @@
 """The node over DDS: a trial played into it comes out as the batch's, frames on the robot's time, no truth told."""
 
+import json
 import signal
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import pytest
 from rig import setpoints
 
 from sandbot_common import messages, node, topics
+from sandbot_common.robot import SANDBOT, Robot, to_mapping
 from sandbot_lab.robot import simulate
 from sandbot_lab.world import null_world
 
@@ -37,6 +39,31 @@ def lab(domain):
     process.terminate()
     # Taken down before it was up, it is ended by the signal itself.
     assert process.wait(30) in (0, -signal.SIGTERM)
+
+
+def test_the_robot_that_a_trial_tells_walks(lab, beside, heard):
+    trial, legs = (node.publisher(beside.node, topic) for topic in (topics.TRIAL, topics.LEG_SETPOINTS))
+    beside.until(lambda: trial.get_subscription_count() and legs.get_subscription_count() and heard["/bed/height"])
+    t_s, angles, rates = (values[:SETPOINTS] for values in setpoints(16.0))
+    rates[-1] = 0.0
+    states = heard["/leg_states"]
+
+    def walks_as(robot):
+        """One trial; the robot that was told last may not have been heard yet."""
+        states.clear()
+        t0_ns = beside.node.get_clock().now().nanoseconds
+        for t, angle, rate in zip(t_s, angles, rates, strict=True):
+            legs.publish(messages.joint_state(t0_ns + round(t * 1e9), topics.LEGS, angle, rate, np.zeros(6)))
+        beside.until(lambda: len(states) == SETPOINTS)
+        walked = simulate(null_world().walked_by(robot), 0.62, t_s, angles, rates, seed=5).leg_effort_n_m
+        return np.array([state.effort for state in states]) == pytest.approx(walked, abs=1e-6)
+
+    assert walks_as(SANDBOT)
+    big = Robot(leg_radius_m=0.05, mass_per_leg_kg=1.5)
+    trial.publish(messages.string(json.dumps({"robot": to_mapping(big)})))
+    beside.until(lambda: walks_as(big))
+    trial.publish(messages.string(json.dumps({"robot": {"leg_radius_m": 9999.0}})))
+    assert walks_as(big)
 
 
 def test_a_trial_over_dds_is_the_batch_trial(lab, beside, heard):

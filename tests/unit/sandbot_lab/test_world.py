@@ -76,3 +76,28 @@ def test_noise_scale_changes_nothing_else():
     loud = null_world().with_noise(2.0)
     assert loud.noise.scale == 2.0
     assert dataclasses.replace(loud, noise=null_world().noise) == null_world()
+
+
+def test_keys_of_earlier_versions_are_read_and_their_new_names_said(capsys):
+    old = {
+        "k_knots_n_m": [100.0, 110.0, 120.0],
+        "effects": {"disturbed_ground": {"k_l_n_m": 171.0}},
+        "robot": {"radius_m": 0.04, "mass_kg": 0.8, "swim_m_s": 0.03},
+    }
+    world = world_from_mapping(old, "w.yaml")
+    assert world.k_knots_n_per_m == (100.0, 110.0, 120.0)
+    assert world.effects["disturbed_ground"]["k_l_n_per_m"] == 171.0
+    assert (world.body.leg_radius_m, world.body.mass_per_leg_kg, world.swim_m_s) == (0.04, 0.8, 0.03)
+    assert capsys.readouterr().err.splitlines() == [
+        "w.yaml: k_knots_n_m is called k_knots_n_per_m since",
+        "w.yaml: k_l_n_m is called k_l_n_per_m since",
+        "w.yaml: radius_m is called leg_radius_m since",
+        "w.yaml: mass_kg is called mass_per_leg_kg since",
+        "w.yaml: robot: swim_m_s stands beside robot: since, as the ground's own",
+    ]
+
+
+def test_keys_of_this_version_say_nothing(capsys):
+    """Control."""
+    world_from_mapping({"k_knots_n_per_m": [100.0, 110.0, 120.0], "robot": {"leg_radius_m": 0.04}}, "w.yaml")
+    assert capsys.readouterr().err == ""

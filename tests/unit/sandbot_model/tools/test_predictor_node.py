@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from sandbot_common import messages, node, topics
+from sandbot_common.robot import Robot, to_mapping
 
 pytestmark = pytest.mark.ros
+
+BIG = Robot(leg_radius_m=0.05, leg_mount_rad=0.5)
 
 
 @pytest.fixture
@@ -46,3 +49,11 @@ def test_follows_a_trial(predictor, beside):
     assert speeds[-1].twist.twist.linear.x == pytest.approx(0.0355 * 16.0)
     assert means[-1].data == pytest.approx(0.2135, abs=5e-4)
     assert errors[-1].data == pytest.approx(0.25 - means[-1].data)
+
+    told = {"trial_id": "t", "omega_rad_s": 16.0, "leg_mount_rad": 0.5, "robot": to_mapping(BIG)}
+    trial.publish(messages.string(json.dumps(told)))
+
+    def walks_with_longer_legs():
+        return answered() and speeds[-1].twist.twist.linear.x == pytest.approx(BIG.leg_radius_m * 16.0)
+
+    beside.until(walks_with_longer_legs)

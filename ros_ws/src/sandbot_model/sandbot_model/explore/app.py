@@ -94,11 +94,14 @@ class Explorer:
 
     def __init__(
         self, session: Session, trials: Trials, data: Sequence[Path], title: str,
-        beside: Beside | None = None, options: Sequence[str] = (),
+        beside: Beside | None = None, options: Sequence[str] = (), robot_line: str = "",
     ) -> None:  # fmt: skip
-        """``options`` are words of the command line that ``compare`` needs to read the same (see ``to_yaml``)."""
+        """``options`` are words of the command line that ``compare`` needs to read the same (see ``to_yaml``).
+
+        ``robot_line`` says whose robot is used.
+        """
         self.session, self.trials, self.data, self.title = session, trials, tuple(data), title
-        self.beside, self.options = beside, tuple(options)
+        self.beside, self.options, self.robot_line = beside, tuple(options), robot_line
         self.bags = bags_of([path for path in data if path.exists()])
         self.known = provenance(trials, session.cells, lost_bags(self.bags, trials))
         self.job = Job()
@@ -110,6 +113,7 @@ class Explorer:
             f"{known.used} trials used, {len(known.excluded)} excluded; {len(cells)} conditions over "
             f"{len(cells.level_phi)} volume fractions"
         )
+        line += f"; {self.robot_line}" if self.robot_line else ""
         app = Dash(
             "sandbot_explorer",
             title=self.title,

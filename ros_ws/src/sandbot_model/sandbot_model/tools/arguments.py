@@ -89,6 +89,16 @@ def trials(args: argparse.Namespace) -> "tuple[Trials, str]":
     return found, f"robot: {source}"
 
 
+def check_setting(args: argparse.Namespace) -> None:
+    """Read what ``--robot`` and ``--cameras`` name, whatever DATA hold. Raises InputError."""
+    from sandbot_record.trials.setting import of_cameras
+
+    if args.robot is not None:
+        read_robot(args.robot)
+    if args.cameras is not None:
+        of_cameras(args.cameras)
+
+
 def of_robot(trials: "Trials", robot: Robot, where: str) -> "tuple[Trials, str]":
     """The trials as walked by this robot, named ``where``, and a line that says so. Raises InputError."""
     own, line = trials.robot, f"robot: {where}"

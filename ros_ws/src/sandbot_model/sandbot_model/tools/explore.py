@@ -56,8 +56,9 @@ def _explore(argv: Sequence[str]) -> None:
         raise InputError(f"--workers {args.workers}: at least one is needed")
     query = to_query(from_mapping(read_yaml(args.selection), str(args.selection))) if args.selection else ""
     title = args.title or args.data[0].resolve().stem
+    arguments.check_setting(args)
     try:
-        trials, _ = arguments.trials(args)
+        trials, robot_line = arguments.trials(args)
         cells = arguments.cells(args, trials)
     except InputError as error:
         # A name that is none is a slip of the command line; data that say nothing are for the page to tell.
@@ -68,10 +69,12 @@ def _explore(argv: Sequence[str]) -> None:
         print(f"explore: {error}", file=sys.stderr, flush=True)
         _serve(nothing.app(title, str(error)), args.port, "")
     else:
-        _explore_cells(args, trials, cells, title, query)
+        _explore_cells(args, trials, cells, title, query, robot_line)
 
 
-def _explore_cells(args: argparse.Namespace, trials: "Trials", cells: "Cells", title: str, query: str) -> None:
+def _explore_cells(
+    args: argparse.Namespace, trials: "Trials", cells: "Cells", title: str, query: str, robot_line: str
+) -> None:
     from sandbot_model.data.conditions import cells_of
     from sandbot_model.explore.app import Beside, Explorer
     from sandbot_model.explore.session import Session
@@ -87,12 +90,14 @@ def _explore_cells(args: argparse.Namespace, trials: "Trials", cells: "Cells", t
         if other is not None:
             beside = Beside(Session(other, workers, effect_files=args.effects_from), args.beside.resolve().stem)
         options = [word for path in args.effects_from for word in ("--effects-from", str(path))]
-        options += ["--penetrometer", str(args.penetrometer)] if args.penetrometer else []
-        explorer = Explorer(session, trials, args.data, title, beside, options)
+        for name in ("penetrometer", "robot", "cameras"):
+            if (path := getattr(args, name)) is not None:
+                options += [f"--{name}", str(path)]
+        explorer = Explorer(session, trials, args.data, title, beside, options, robot_line)
         # Fitted before the address is given, so that the page is there when it is asked for; what is wrong it will say.
         with suppress(InputError):
             session.ladder(from_query(query))
-        _serve(explorer.app().server, args.port, query)
+        _serve(explorer.app().server, args.port, query, robot_line)
 
 
 @contextmanager
@@ -118,7 +123,7 @@ def _gives_way() -> None:
     os.nice(NICE)
 
 
-def _serve(app: "Flask", port: int, query: str) -> None:
+def _serve(app: "Flask", port: int, query: str, said: str = "") -> None:
     from werkzeug.serving import make_server
 
     from sandbot_model.explore.loopback import HOST
@@ -130,7 +135,7 @@ def _serve(app: "Flask", port: int, query: str) -> None:
         raise InputError(f"--port {port}: {error.strerror}; another explorer may be running, try --port 0") from None
     port = listening.getsockname()[1]
     server = make_server(HOST, port, app, threaded=True, fd=listening.fileno())
-    print(f"explore: http://{HOST}:{port}/{query}  (Ctrl-C ends it)", flush=True)
+    print(f"explore: http://{HOST}:{port}/{query}  (Ctrl-C ends it)", *([said] if said else []), sep="\n", flush=True)
     server.serve_forever()
 
 
