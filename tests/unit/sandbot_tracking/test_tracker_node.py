@@ -1,0 +1,66 @@
+"""The tracker as a real process: a robot that /trial tells moves the plane in which its markers are."""
+
+import json
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from sandbot_bringup.config import config_folder
+from sandbot_common import messages, node, topics
+from sandbot_common.files import read_yaml
+from sandbot_common.robot import Robot, to_mapping
+from sandbot_lab.cameras import LabCamera
+
+pytestmark = pytest.mark.ros
+
+PERIOD_NS = 10_000_000
+X_M, Z_M = 0.3, 0.05
+HIGH = Robot(leg_radius_m=0.05, axle_height_m=Z_M)
+"""A robot whose axles are as high when it lies: the body has not risen, where SandBot's would have by 25 mm."""
+
+
+@pytest.fixture
+def tracker(domain):
+    process = subprocess.Popen(
+        [sys.executable, "-c", "from sandbot_tracking.tracker_node import main; raise SystemExit(main())"]
+    )
+    yield process
+    process.terminate()
+    assert process.wait(30) in (0, -signal.SIGTERM)
+
+
+def test_the_robot_that_a_trial_tells_is_tracked(tracker, beside):
+    sections = read_yaml(config_folder() / "cameras.yaml")
+    shown = ((topics.DORSAL_IMAGE, "dorsal"), (topics.LATERAL_IMAGE, "lateral"))
+    images = {name: node.publisher(beside.node, topic) for topic, name in shown}
+    frames = {name: LabCamera(name, sections[name], 3, HIGH).render(X_M, Z_M) for name in images}
+    trial, legs = (node.publisher(beside.node, topic) for topic in (topics.TRIAL, topics.LEG_STATES))
+    places = []
+    node.subscription(beside.node, topics.COM, lambda com: places.append(com.point.x))
+    beside.until(lambda: all(one.get_subscription_count() for one in (*images.values(), trial, legs)))
+    now_ns, zero = beside.node.get_clock().now().nanoseconds, np.zeros(6)
+    stamps = iter(range(now_ns, now_ns + 10**12, PERIOD_NS))
+
+    def seen_at(x_m):
+        places.clear()
+        stamp = next(stamps)
+        legs.publish(messages.joint_state(stamp, topics.LEGS, zero, zero, zero))
+        for name, publisher in images.items():
+            publisher.publish(messages.image(stamp, name, frames[name]))
+        beside.wait(lambda: places, 0.5)
+        assert tracker.poll() is None, "the tracker has gone"
+        return bool(places) and places[-1] == pytest.approx(x_m, abs=5e-4)
+
+    # A body that has risen by 25 mm is nearer to the camera: what it sees at the same place is further in.
+    camera_x, _, camera_z = sections["dorsal"]["position_m"]
+    top = sections["dorsal"]["plane"]["offset_m"]
+    risen = camera_x + (X_M - camera_x) * (camera_z - top - 0.025) / (camera_z - top)
+    beside.until(lambda: seen_at(risen))
+    trial.publish(messages.string(json.dumps({"robot": to_mapping(HIGH)})))
+    beside.until(lambda: seen_at(X_M))
+    for told in ({"leg_radius_m": 9999.0}, {}):
+        trial.publish(messages.string(json.dumps({"robot": told})))
+    beside.until(lambda: seen_at(risen))
