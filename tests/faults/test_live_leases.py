@@ -18,8 +18,8 @@ from sandbot_common import messages, node, topics
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
 OMEGA, RATE_HZ = 16.0, 200.0
-FASTEST_RAD = 5 * OMEGA / RATE_HZ
-"""No gait's fast phase turns a leg further than this in a period and a quarter."""
+FASTEST_RAD = 10 * 1.5 * OMEGA / RATE_HZ
+"""The fast phase of SGCS, one and a half times its mean rate, turns no leg further than this in ten periods."""
 LEGS_S, AIR_S, BUSY_S = 0.3, 0.55, 1.5
 
 

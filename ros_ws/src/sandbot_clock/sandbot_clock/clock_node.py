@@ -8,7 +8,7 @@ The legs stop by themselves, at the angles last sent, and /diagnostics says why,
 - whoever commands (a campaign) does not renew /operator/lease; what a person starts needs none, and ends by max_run_s;
 - the robot falls silent (/leg_states), if there is one;
 - a set-point is late by more than late_s, as in a process that was held up; what less is lost is regained by and by,
-  for from one set-point to the next no leg ever turns further than in a period and a quarter;
+  for from one set-point to the next no leg ever turns further than in ten periods;
 - the bed's air is on (/bed/blower > 0): then the clock does not start either.
 """
 
@@ -36,7 +36,8 @@ from sandbot_common.parameters import parameter, specs
 CUSTOM = "CUSTOM"
 # Long enough to hear whether a bed blows before legs move by themselves.
 _AUTOSTART_DELAY_S = 1.0
-_CATCH_UP = 1.25
+_CATCH_UP = 10
+"""Periods that one set-point makes up for at most; what passes in more slowly changes the gait (decision 16)."""
 # Real-time priorities of the schedule's thread and of the rest of the process.
 _SCHEDULE, _BESIDE = 20, 10
 _NO_TORQUE = np.zeros(len(topics.LEGS))
@@ -158,7 +159,7 @@ class ClockNode(Node):
             self._late_ns.append(now_ns - instant_ns)
             fault = self._fault(now_ns, instant_ns) or _overrun(instant_ns - schedule.start_ns, max_run_s)
             moment_ns = now_ns if fault else instant_ns
-            # The gait's own time goes on by little more than a period, however late this is: what was lost is regained.
+            # The gait's own time goes on by a few periods at most, however late this is: what was lost is regained.
             passed_ns = moment_ns - last_ns
             lost_ns += passed_ns - (0 if fault else min(passed_ns + lost_ns, most_ns))
             last_ns = moment_ns

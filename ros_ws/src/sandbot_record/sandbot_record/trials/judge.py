@@ -10,10 +10,10 @@ from sandbot_common import topics
 from sandbot_common.files import load_yaml
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 
-CLOCK_GAP_S = 0.25
-"""Set-points further apart than this are no gait: our own clock has stopped by then."""
+CLOCK_GAP = 10
+"""Periods that set-points may be apart: beyond, our clock lets the legs lag, and they meet the ground elsewhere."""
 LOST_SETPOINTS = 0.05
-"""Part of the set-points that may be missing: the clock regains their time, but the legs turn less evenly."""
+"""Part of the set-points that may be missing: the clock keeps the phase, but the legs turn less evenly."""
 ROBOT_GAP_S = 0.25
 FOLLOWED = 0.5
 """Part of the way told that the legs must turn; weak motors may fall behind, and that is physics."""
@@ -61,7 +61,7 @@ def _commands(bag: Bag, moving: Times) -> str:
     if not _has(bag, topics.LEG_SETPOINTS.name) or not steps.size:
         return ""
     worst = int(np.argmax(steps))
-    if steps[worst] > CLOCK_GAP_S * 1e9:
+    if steps[worst] > (CLOCK_GAP + 0.5) * np.median(steps):
         at_s = (moving[worst] - moving[0]) * 1e-9
         return f"clock: no set-point for {steps[worst] * 1e-9:.2f} s at t = {at_s:.2f} s"
     lost = int(np.sum(np.rint(steps / np.median(steps)) - 1))
