@@ -60,6 +60,13 @@ class Cells:
     """The robot that walked."""
     accuracy: Accuracy = USUAL
     """How well it was measured."""
+    batch_share: Floats | None = field(
+        default=None,
+        metadata={"doc": "(n, batches), share of a cell's trials in each batch; None: at most one is told"},
+    )
+    order: Floats | None = field(
+        default=None, metadata={"doc": "(n,), mean place in the campaign from -1/2 to 1/2; None: not told"}
+    )
 
     @property
     def observables(self) -> tuple[str, ...]:
@@ -108,8 +115,10 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     values[blurred, Observable.peak_speed] = np.nan
     values[swum_at_once(gait, omega, values), Observable.first_step] = np.nan
     stated = np.stack([trials.replicate, trials.speed_sd_m_s, trials.phi_sd])[:, usable]
-    cells = _gather(phi, omega, gait, values, stated, trials.accuracy or USUAL, excluded=int((~usable).sum()))
-    cells = replace(cells, robot=trials.robot or SANDBOT, accuracy=trials.accuracy or USUAL)
+    batch, order = np.asarray(trials.batch)[usable], np.asarray(trials.run_order, dtype=float)[usable]
+    accuracy = trials.accuracy or USUAL
+    cells = _gather(phi, omega, gait, values, stated, accuracy, batch, order, excluded=int((~usable).sum()))
+    cells = replace(cells, robot=trials.robot or SANDBOT, accuracy=accuracy)
     return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi))
 
 
@@ -151,6 +160,8 @@ def _gather(
     values: Floats,
     stated: Floats,
     accuracy: Accuracy,
+    batch: NDArray[np.str_],
+    order: Floats,
     excluded: int,
 ) -> Cells:
     """Cells of the usable trials."""
@@ -188,7 +199,24 @@ def _gather(
         own_scatter=error.own,
         trials=len(phi),
         excluded=excluded,
+        batch_share=_batch_share(batch, cells),
+        order=_place(order, cells),
     )
+
+
+def _batch_share(batch: NDArray[np.str_], cells: _Groups) -> Floats | None:
+    """Share of each cell's trials in each batch ``(groups, batches)``."""
+    names, index = np.unique(batch, return_inverse=True)
+    if len(names) < 2:
+        return None
+    return cells.means(np.asarray(index[:, None] == np.arange(len(names)), dtype=float))
+
+
+def _place(order: Floats, cells: _Groups) -> Floats | None:
+    """Mean place of each cell in the campaign ``(groups,)``, from -1/2 at its beginning to 1/2 at its end."""
+    if not np.isfinite(order).all() or not np.ptp(order) > 0:
+        return None
+    return cells.mean((order - order.min()) / np.ptp(order) - 0.5)
 
 
 def _at_level_phi(

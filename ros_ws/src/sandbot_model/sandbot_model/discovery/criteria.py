@@ -37,6 +37,16 @@ class Criteria:
     """Rise of the deviance up to which an effect at its usual strength may be there: two standard deviations."""
     telling_sd: float = 0.5
     """Expected gap, in standard deviations of one trial, from which more trials are worth while."""
+    bed_scatter: float = 0.007
+    """Prior of what k differs by from batch to batch, relative: the sd of a half-normal, a bed's 0.3 to 1 %."""
+    drift: float = 0.03
+    """The same of what k has grown by at the end of a campaign."""
+    lift_zero_m: float = 6e-4
+    """The same of the zero of the lift: one grain of poppy seed, evenly spread."""
+    speed_scale: float = 0.01
+    """The same of the scale along the track."""
+    shared: float = 6.0
+    """Gain in -2 ln likelihood from which batches are taken to differ."""
 
     def __post_init__(self) -> None:
         for field in fields(self):

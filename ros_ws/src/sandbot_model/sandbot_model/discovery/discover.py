@@ -22,6 +22,7 @@ from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.next_trials import NextTrial, excluding, next_trials
 from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
+from sandbot_model.discovery.sharing import reconsidered
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
 from sandbot_model.discovery.untested import repeats, untested
@@ -90,6 +91,7 @@ class Discovery:
             "stability": number(self.stability),
             "stages": [plain(stage) for stage in self.stages],
             "residual": None if self.residual is None else plain(self.residual),
+            "nuisances": self.fit.nuisances_to_dict(),
         }
 
     """Its name before."""
@@ -140,6 +142,9 @@ def discover(
     at_once = _of_another_robot(doubted) if doubted else untested(cells, criteria)
     search.run(0 if at_once else max_effects)
     verdict = at_once or judge(search.fits, criteria)
+    shared = None if at_once else reconsidered(search, verdict)
+    if shared is not None:
+        search.fits, verdict = shared.fits, shared.verdict
     if strange := strange_k(search.fits[()]):
         verdict = replace(verdict, because=f"{verdict.because}; {strange}")
     ladder = search.ladder(verdict)

@@ -7,7 +7,7 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.verdict import Verdict, passes, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import solve
+from sandbot_model.fitting.global_minimum import solve, solve_near
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.model import Model, model_of
@@ -73,8 +73,9 @@ class EffectSearch:
 
     def near(self, models: Sequence[Model], smaller: Fit) -> list[Fit]:
         """Models fitted near a fit that has less in it."""
-        points = self.fit_all(solve, [(model, self.cells, smaller.warm_start, True) for model in models])
-        return [fitted_at(model, self.cells, point) for model, point in zip(models, points, strict=True)]
+        shared = smaller.nuisances
+        points = self.fit_all(solve_near, [(model, self.cells, (smaller.warm_start,), shared) for model in models])
+        return [fitted_at(model, self.cells, point, shared) for model, point in zip(models, points, strict=True)]
 
     def fit(self, stage: str, sets: Sequence[Names], *, nearby: bool) -> None:
         """Fit sets, near their best smaller set or anywhere; the better of an earlier fit and this one is kept."""

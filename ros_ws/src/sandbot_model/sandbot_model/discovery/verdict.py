@@ -69,11 +69,11 @@ def _overdispersion(fit: Fit) -> float:
 
 
 def _parts(fit: Fit) -> Array:
-    """Deviance of every cell, then of the penetrometer's readings at every level."""
+    """Deviance of every cell, then of the penetrometer's readings at every level and of the nuisances' priors."""
     readings = fit.cells.pressed
     level = readings.level if readings is not None else np.zeros(0, dtype=np.int64)
     pressed = np.bincount(level, fit.state.pressed[0] ** 2, len(fit.level_phi))
-    return np.concatenate([fit.state.cell_deviance[0], pressed])
+    return np.concatenate([fit.state.cell_deviance[0], pressed, fit.state.shared[0] ** 2])
 
 
 def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:

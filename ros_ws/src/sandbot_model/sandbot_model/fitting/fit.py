@@ -15,6 +15,7 @@ from sandbot_model.fitting.goodness import Estimate, Fail, Goodness
 from sandbot_model.fitting.leave_one_out import CrossValidation, cross_validation
 from sandbot_model.fitting.levenberg_marquardt import bounds, full_jacobian
 from sandbot_model.fitting.likelihood import Problem, States
+from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.plain import data_frame, number, plain
 from sandbot_model.fitting.text import cm_s, html_table, probability, with_error
 from sandbot_model.physics.arrays import Array
@@ -42,6 +43,9 @@ class Fit:
     """Covariance of the same unknowns; 0 where the data do not determine one."""
     goodness: Goodness
     cross_validation: CrossValidation
+    nuisances: Nuisances | None = None
+    """What trials share, adjusted with the rest; ``shared`` is what was found."""
+    shared: tuple[Estimate, ...] = ()
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -67,7 +71,7 @@ class Fit:
     @property
     def k_stderr_n_per_m(self) -> Array:
         """Its standard error."""
-        return self.k_n_per_m * self.stderr[len(self.point.theta) :]
+        return self.k_n_per_m * self.stderr[len(self.point.theta) : len(self.point.theta) + len(self.point.ln_k)]
 
     @property
     def deviance(self) -> float:
@@ -97,7 +101,7 @@ class Fit:
     @cached_property
     def problem(self) -> Problem:
         """The likelihood that was maximised."""
-        return Problem(self.model, self.cells)
+        return Problem(self.model, self.cells, self.nuisances)
 
     @cached_property
     def state(self) -> States:
@@ -190,6 +194,16 @@ class Fit:
             "implausible": list(self.implausible),
             "fails": [plain(fail) for fail in self.fails],
         }
+
+    def nuisances_to_dict(self) -> list[dict[str, Any]]:
+        """What trials share as plain data; empty where nothing was taken for granted."""
+        if self.nuisances is None:
+            return []
+        every = zip(self.nuisances.names, self.nuisances.sd.tolist(), self.shared, strict=True)
+        return [
+            {"name": name, "prior_sd": sd, "value": number(value), "stderr": number(stderr)}
+            for name, sd, (value, stderr) in every
+        ]
 
     def to_frame(self) -> "DataFrame":
         """Parameters and k(φ) [SI]: one row each, with value, standard error and unit.
@@ -299,20 +313,24 @@ def fit(model: Model, cells: Cells, near: WarmStart | None = None) -> Fit:
     return fitted_at(model, cells, solve((model, cells, near, False)))
 
 
-def fitted_at(model: Model, cells: Cells, point: Point) -> Fit:
+def fitted_at(model: Model, cells: Cells, point: Point, nuisances: Nuisances | None = None) -> Fit:
     """The fit at a minimum found before, with its standard errors, tests and errors."""
-    problem = Problem(model, cells)
+    problem = Problem(model, cells, nuisances)
     state = _state(problem, point)
     jacobian = full_jacobian(problem, state)[0]
     stderr, covariance = _standard_errors(jacobian)
+    own = len(point.theta) + len(point.ln_k)
+    values = () if nuisances is None else (-state.shared[0] * nuisances.sd).tolist()
     return Fit(
         model=model,
         cells=cells,
         point=point,
-        stderr=stderr,
-        covariance=covariance,
+        stderr=stderr[:own],
+        covariance=covariance[:own, :own],
         goodness=goodness.goodness(problem, state),
         cross_validation=cross_validation(problem, state, jacobian),
+        nuisances=nuisances,
+        shared=tuple(Estimate(value, error) for value, error in zip(values, stderr[own:].tolist(), strict=True)),
     )
 
 

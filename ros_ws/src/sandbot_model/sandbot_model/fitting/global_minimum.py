@@ -9,6 +9,7 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.levenberg_marquardt import bounds, descend
 from sandbot_model.fitting.likelihood import Problem, States
+from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.scans import bounded, k_response, look_along_k, look_along_theta
 from sandbot_model.fitting.starts import Start, resample, starts
 from sandbot_model.physics.arrays import Array
@@ -65,6 +66,15 @@ def solve(task: tuple[Model, Cells, WarmStart | None, bool]) -> Point:
     model, cells, near, nearby = task
     problem = Problem(model, cells)
     state = nearby_state(problem, near) if nearby and near is not None else best_state(problem, near)
+    return Point(state.theta[0], state.ln_k[0], state.slope[0])
+
+
+def solve_near(task: tuple[Model, Cells, tuple[WarmStart, ...], Nuisances | None]) -> Point:
+    """The best minimum near any of these, with nuisances."""
+    model, cells, starts_at, nuisances = task
+    problem = Problem(model, cells, nuisances)
+    found = [nearby_state(problem, near) for near in starts_at]
+    state = min(found, key=lambda state: float(state.deviance[0]))
     return Point(state.theta[0], state.ln_k[0], state.slope[0])
 
 

@@ -10,6 +10,7 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.data.distributions import chi2_sf, f_sf
 from sandbot_model.fitting.levenberg_marquardt import bounds
 from sandbot_model.fitting.likelihood import Problem, States
+from sandbot_model.fitting.nuisances import effective
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
@@ -61,7 +62,8 @@ def goodness(problem: Problem, state: States) -> Goodness:
         dof=dof,
         bic=deviance + unknowns * float(np.log(values)),
         lack_of_fit_p=joint_p(chi2, dof, problem.cells),
-        lack_of_fit=p_by_observable(residual_z(problem, state), problem, unknowns) | p_of_readings(state),
+        lack_of_fit=p_by_observable(residual_z(problem, state), problem, unknowns + _shared_unknowns(problem, state))
+        | p_of_readings(state),
     )
 
 
@@ -115,7 +117,15 @@ def joint_p(chi2: float, dof: int, cells: Cells) -> float:
     return f_sf(chi2 / dof, dof, error_dof)
 
 
-def p_by_observable(z: Array, problem: Problem, unknowns: int) -> dict[str, float]:
+def _shared_unknowns(problem: Problem, state: States) -> float:
+    """Unknowns that the nuisances amount to."""
+    if problem.nuisances is None:
+        return 0
+    shift = problem.whitened(state.whiten, problem.nuisances)[0]
+    return effective(shift.reshape(-1, shift.shape[-1]) * problem.nuisances.sd)
+
+
+def p_by_observable(z: Array, problem: Problem, unknowns: float) -> dict[str, float]:
     """p of each observable on its own, charged with its share of the fitted unknowns."""
     measured = problem.measured.sum(axis=0)
     share = unknowns / max(int(measured.sum()), 1)

@@ -55,31 +55,32 @@ def leave_one_out(problem: Problem, state: States, jacobian: Array) -> LeaveOneO
     prediction moves far is fitted again without it. A cell is scored only if the other cells predict its speed at least
     as precisely as its own replicates measure it, and if leaving it out does not change whether it walks.
     """
-    theta, ln_k, speed_sd = _linear_step(problem, state, jacobian)
+    theta, ln_k, shared, speed_sd = _linear_step(problem, state, jacobian)
     precise = speed_sd < np.sqrt(problem.covariance[:, Observable.speed, Observable.speed])
     scored = precise & problem.away_from_switch(problem.widening(state.covariance[0]))
-    found = problem.each_by_its_own(theta, ln_k, state.slope)
+    found = problem.each_by_its_own(theta, ln_k, state.slope, shared)
     far = np.flatnonzero(scored & _moved_far(problem, state, found.predicted))
     if len(far):
         for cell in far:
             theta[cell], ln_k[cell] = _fit_without(problem, int(cell), state, theta[cell], ln_k[cell])
-        found = problem.each_by_its_own(theta, ln_k, state.slope)
+        found = problem.each_by_its_own(theta, ln_k, state.slope, shared)
     scored &= problem.away_from_switch(found.widening)
     scored &= found.walks == (state.footing.walking[0].mean(axis=1) > 0.5)
     residual = np.where(problem.measured, problem.cells.mean - found.predicted, np.nan)
     return LeaveOneOut(residual, scored, float(np.minimum(found.deviance, CV_MOST).sum()))
 
 
-def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Array, Array, Array]:
-    """θ ``(cells, parameters)`` and ln k ``(cells, levels)`` without each cell, and how well they predict its speed.
+def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Array, Array, Array | None, Array]:
+    """θ ``(cells, parameters)``, ln k ``(cells, levels)`` nuisances, without each cell, and its precision.
 
     Taking a cell's rows J_c, r_c out of the normal equations moves the minimum by -(JᵀJ - J_cᵀJ_c)⁻¹ J_cᵀ r_c. Where no
-    other cell determines its level's k, k is taken as known to ``K_PRIOR`` from the levels beside it. The third is the
+    other cell determines its level's k, k is taken as known to ``K_PRIOR`` from the levels beside it. The last is the
     standard deviation [m/s] of the predicted speed ``(cells,)``.
     """
     count, cells = state.theta.shape[1], len(problem.cells)
     prior = np.zeros(jacobian.shape[1])
-    prior[count:] = K_PRIOR**-2
+    unknowns = count + state.ln_k.shape[1]
+    prior[count:unknowns] = K_PRIOR**-2
     blocks = jacobian[: 4 * cells].reshape(cells, 4, -1)
     normal = jacobian.T @ jacobian + np.diag(prior) - np.einsum("cip,ciq->cpq", blocks, blocks)
     scale = np.sqrt(np.maximum(np.diag(jacobian.T @ jacobian) + prior, 1e-12))
@@ -88,10 +89,11 @@ def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Arra
     move = -np.einsum("cpq,ciq,ci->cp", inverse, blocks, state.residual[0])
     low, high = bounds(problem)
     theta = np.clip(state.theta + move[:, :count], low, high)
-    ln_k = state.ln_k + np.clip(move[:, count:], -3 * K_PRIOR, 3 * K_PRIOR)
+    ln_k = state.ln_k + np.clip(move[:, count:unknowns], -3 * K_PRIOR, 3 * K_PRIOR)
+    shared = None if problem.nuisances is None else move[:, unknowns:] - state.shared * problem.nuisances.sd
     # The first row of L turns whitened slopes into those of speed.
     slope = np.einsum("ci,cip->cp", np.linalg.inv(state.whiten[0])[:, Observable.speed, :], blocks)
-    return theta, ln_k, np.asarray(np.sqrt(np.einsum("cp,cpq,cq->c", slope, inverse, slope)))
+    return theta, ln_k, shared, np.asarray(np.sqrt(np.einsum("cp,cpq,cq->c", slope, inverse, slope)))
 
 
 def _moved_far(problem: Problem, state: States, predicted: Array) -> Bool:
@@ -103,7 +105,8 @@ def _moved_far(problem: Problem, state: States, predicted: Array) -> Bool:
 
 def _fit_without(problem: Problem, cell: int, state: States, theta: Array, ln_k: Array) -> tuple[Array, Array]:
     """θ and ln k that fit all cells but one, the better of what is found from the linear step and from the fit."""
-    fewer = Problem(problem.model, problem.cells.without(cell))
+    left = None if problem.nuisances is None else problem.nuisances.without(cell)
+    fewer = Problem(problem.model, problem.cells.without(cell), left)
     begin = fewer.states(np.stack([theta, state.theta[0]]), np.stack([ln_k, state.ln_k[0]]), state.slope)
     found = descend(fewer, begin, 2 * FIRST_ITERATIONS)
     best = int(found.deviance.argmin())

@@ -32,24 +32,37 @@ def descend(problem: Problem, states: States, iterations: int = ITERATIONS) -> S
 
 
 def full_jacobian(problem: Problem, states: States) -> Array:
-    """d(whitened prediction)/d(θ, ln k of every level), ``(rows, 4 cells + readings, parameters + levels)``."""
+    """d(whitened prediction)/d(θ, ln k of every level, nuisances): the rows of ``States.missed``, one column each."""
     local = problem.jacobian(states)
     cells, count, levels = problem.cells, states.theta.shape[1], states.ln_k.shape[1]
     full = np.zeros((len(local), len(cells), 4, count + levels))
     full[..., :count] = local[..., :count]
     each = np.arange(len(cells))
     full[:, each, :, count + cells.level] = np.moveaxis(local[..., count], 1, 0)
-    return np.concatenate([full.reshape(len(local), -1, count + levels), problem.pressed_jacobian(states)], axis=1)
+    full = np.concatenate([full.reshape(len(local), -1, count + levels), problem.pressed_jacobian(states)], axis=1)
+    if problem.nuisances is None:
+        return full
+    return _with_nuisances(full, problem.whitened(states.whiten, problem.nuisances), problem.nuisances.sd)
+
+
+def _with_nuisances(jacobian: Array, shift: Array, sd: Array) -> Array:
+    """A column for each nuisance, ``shift (rows, cells, 4, nuisances)``, and a row for its prior."""
+    rows, values, unknowns = jacobian.shape
+    wider = np.zeros((rows, values + len(sd), unknowns + len(sd)))
+    wider[:, :values, :unknowns] = jacobian
+    wider[:, : shift.shape[1] * shift.shape[2], unknowns:] = shift.reshape(rows, -1, len(sd))
+    wider[:, values:, unknowns:] = np.diag(1 / sd)
+    return wider
 
 
 def tangent_basis(problem: Problem, states: States) -> Array:
-    """Orthonormal columns ``(4 cells + readings, rank)`` that span the residuals a fit's own parameters can absorb."""
+    """Orthonormal columns ``(values, rank)`` that span the residuals a fit's own parameters can absorb."""
     basis, singular, _ = np.linalg.svd(full_jacobian(problem, states)[0], full_matrices=False)
     return np.asarray(basis[:, singular > 1e-9 * singular[0]])
 
 
 def project_out(values: Array, basis: Array) -> Array:
-    """``values (4 cells + readings, ...)`` with their component in the span of the basis removed."""
+    """``values (n, ...)`` with their component in the span of the basis removed."""
     return np.asarray(values - basis @ (basis.T @ values))
 
 
@@ -76,7 +89,8 @@ def _moved(problem: Problem, states: States, damping: Array) -> States:
     normal += np.eye(normal.shape[1]) * (damping[:, None, None] + held[:, :, None])
     step = np.linalg.solve(normal, np.where(held, 0.0, gradient / scale)[..., None])[..., 0] / scale
     theta = np.clip(states.theta + step[:, :count], low, high)
-    return problem.states(theta, states.ln_k + np.clip(step[:, count:], -0.2, 0.2), states.slope)
+    levels = states.ln_k.shape[1]
+    return problem.states(theta, states.ln_k + np.clip(step[:, count : count + levels], -0.2, 0.2), states.slope)
 
 
 def _put(states: States, at: Ints, some: States) -> States:

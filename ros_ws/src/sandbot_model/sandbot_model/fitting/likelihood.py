@@ -7,6 +7,8 @@ average over k(φ); with G nodes x_g, w_g of Gauss-Hermite quadrature and the sl
 
 Away from a switch the scatter is part of the pure error V_c0 already. Beside one, replicates walk and swim by chance:
 the mean says little, the mixture's variance says so, and one such cell can't decide a fit.
+
+What trials share (see ``nuisances``) is linear and Gaussian, adjusted at every point: u = argmin |r - Gu|² + |u/sd|².
 """
 
 from dataclasses import dataclass, replace
@@ -16,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sandbot_model.data.conditions import Cells
+from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.physics.arrays import Array, Bool, Ints
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import Observable
@@ -51,16 +54,19 @@ class States:
     cell_deviance: Array
     pressed: Array
     """Penetrometer readings minus model in standard deviations ``(rows, readings)``."""
+    shared: Array
+    """Minus the nuisances in units of their priors ``(rows, nuisances)``: a reading of 0 each."""
 
     @property
     def deviance(self) -> Array:
         """χ² plus what the mixture's wider variance costs, -2 ln likelihood up to a constant ``(rows,)``."""
-        return np.asarray(self.cell_deviance.sum(axis=1) + np.sum(self.pressed**2, axis=1))
+        prior = np.sum(self.pressed**2, axis=1) + np.sum(self.shared**2, axis=1)
+        return np.asarray(self.cell_deviance.sum(axis=1) + prior)
 
     @property
     def missed(self) -> Array:
-        """All whitened residuals, cells first, then readings, ``(rows, 4 cells + readings)``."""
-        return np.concatenate([self.residual.reshape(len(self.residual), -1), self.pressed], axis=1)
+        """All whitened residuals: cells, readings, priors, ``(rows, 4 cells + readings + nuisances)``."""
+        return np.concatenate([self.residual.reshape(len(self.residual), -1), self.pressed, self.shared], axis=1)
 
     def take(self, rows: Ints) -> "States":
         """Some of the rows."""
@@ -94,6 +100,7 @@ class Problem:
 
     model: Model
     cells: Cells
+    nuisances: Nuisances | None = None
 
     @cached_property
     def measured(self) -> Bool:
@@ -121,8 +128,8 @@ class Problem:
         """Replicates of a cell ``(cells,)``."""
         return np.asarray(self.cells.n.max(axis=1), dtype=float)
 
-    def states(self, theta: Array, ln_k: Array, slope: Array) -> States:
-        """Predict all cells and evaluate the likelihood."""
+    def states(self, theta: Array, ln_k: Array, slope: Array, shared: Array | None = None) -> States:
+        """Predict all cells and evaluate the likelihood; ``shared (rows, nuisances)`` as given, or where it fits best."""
         inputs, params = self._inputs(theta, ln_k, slope)
         shape = (len(theta), len(self.cells), len(NODES))
         footing = self.model.walker.footing(inputs, params)
@@ -131,13 +138,25 @@ class Problem:
         values = np.broadcast_to(values, (*shape, 4))
         predicted, _ = self._average(values)
         share = self._share_between_trials(inputs, params)
-        covariance, whiten, surprise = self._mixture(values, predicted, footing.walking, share)
+        replicates = self._independent(ln_k, slope)
+        covariance, whiten, surprise = self._mixture(values, predicted, footing.walking, share, replicates)
         gap = np.where(self.measured, self.cells.mean - predicted, 0.0)
         residual = np.einsum("rcij,rcj->rci", whiten, gap)
+        prior = np.zeros((len(theta), 0))
+        if self.nuisances is not None:
+            shift = self.whitened(whiten, self.nuisances)
+            shared = self.nuisances.adjusted(residual, shift) if shared is None else shared
+            predicted = predicted + np.einsum("cim,rm->rci", self.nuisances.slope, shared)
+            residual = residual - np.einsum("rcim,rm->rci", shift, shared)
+            prior = -shared / self.nuisances.sd
         deviance = np.sum(residual**2, axis=2) + surprise
         slope = np.broadcast_to(slope, ln_k.shape)
         pressed = self.pressed(theta, ln_k, slope)
-        return States(theta, ln_k, slope, footing, predicted, covariance, whiten, residual, deviance, pressed)
+        return States(theta, ln_k, slope, footing, predicted, covariance, whiten, residual, deviance, pressed, prior)
+
+    def whitened(self, whiten: Array, nuisances: Nuisances) -> Array:
+        """d(whitened prediction)/d(nuisances), ``(rows, cells, 4, nuisances)``."""
+        return np.asarray(whiten @ np.where(self.measured[..., None], nuisances.slope, 0.0))
 
     def pressed(self, theta: Array, ln_k: Array, slope: Array) -> Array:
         """Penetrometer readings minus model, in standard deviations ``(..., readings)``."""
@@ -206,7 +225,9 @@ class Problem:
         plain = np.ones_like(averaged)
         return np.stack([averaged, averaged, plain, plain], axis=-1)
 
-    def _mixture(self, values: Array, predicted: Array, walking: Bool, share: Array) -> tuple[Array, Array, Array]:
+    def _mixture(
+        self, values: Array, predicted: Array, walking: Bool, share: Array, replicates: Array
+    ) -> tuple[Array, Array, Array]:
         """Covariance, its whitening and ln |V_c|/|V_c0|: wider where the nodes of a cell both walk and swim."""
         rows = len(values)
         covariance = np.broadcast_to(self.covariance, (rows, *self.covariance.shape))
@@ -218,7 +239,7 @@ class Problem:
         covariance, whiten = covariance.copy(), whiten.copy()
         share = np.broadcast_to(share, (rows, len(self.cells), 4))[row, cell, None, :]
         deviation = share * (values[row, cell] - predicted[row, cell, None, :])
-        extra = np.einsum("g,sgi,sgj->sij", WEIGHTS, deviation, deviation) / self.replicates[cell, None, None]
+        extra = np.einsum("g,sgi,sgj->sij", WEIGHTS, deviation, deviation) / replicates[row, cell, None, None]
         both = self.measured[cell, :, None] & self.measured[cell, None, :]
         wider = covariance[row, cell] + np.where(both, extra, 0.0)
         root = np.linalg.cholesky(wider)
@@ -226,9 +247,9 @@ class Problem:
         surprise[row, cell] = 2 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1) - self.log_det[cell]
         return covariance, whiten, surprise
 
-    def each_by_its_own(self, theta: Array, ln_k: Array, slope: Array) -> OneByOne:
+    def each_by_its_own(self, theta: Array, ln_k: Array, slope: Array, shared: Array | None = None) -> OneByOne:
         """What is predicted for cell i with row i of θ ``(cells, parameters)`` and ln k ``(cells, levels)``."""
-        states = self.states(theta, ln_k, slope)
+        states = self.states(theta, ln_k, slope, shared)
         at = np.arange(len(self.cells))
         return OneByOne(
             states.predicted[at, at],
@@ -311,4 +332,21 @@ class Problem:
         )
         sigma_phi = np.hypot(cells.phi_scatter, self.model.walker.sigma_phi(inputs, params))
         sigma_k = np.maximum(np.abs(slope)[..., cells.level, None] * sigma_phi, LEAST_SPREAD * k)
+        if self._ln_k_scatter is not None:
+            sigma_k = np.hypot(sigma_k, self._ln_k_scatter[:, None] * k)
         return replace(inputs, k_n_per_m=np.maximum(k + sigma_k * NODES, 0.05 * k)), params
+
+    @cached_property
+    def _ln_k_scatter(self) -> Array | None:
+        """Standard deviation of ln k that a cell's replicates share ``(cells,)``; None: none."""
+        return None if self.nuisances is None or self._along_the_track else self.nuisances.ln_k_sd
+
+    def _independent(self, ln_k: Array, slope: Array) -> Array:
+        """Replicates in terms of which the nodes' scatter is that of the mean ``(rows, cells)``: n, down to 1 where all
+        of it is shared."""
+        shape = (len(ln_k), len(self.cells))
+        if self._ln_k_scatter is None:
+            return np.broadcast_to(self.replicates, shape)
+        relative = np.broadcast_to(np.abs(slope), ln_k.shape) / np.exp(ln_k) * self.cells.phi_scatter
+        own, shared = np.maximum(relative, LEAST_SPREAD)[:, self.cells.level] ** 2, self._ln_k_scatter**2
+        return np.asarray((own + shared) / (own / self.replicates + shared))

@@ -1,0 +1,230 @@
+"""A verdict that survives what trials share: offsets of the bed by batch, drift, a lift zero, a speed scale.
+
+The search is made without them. What it claims is then tried again beside nuisances with priors (``Criteria``), and so
+is a base model that was refused: an effect is claimed only if it still earns its place. σ_b is that about the larger
+set, so that a missing effect is not taken for a bed that scatters; offsets that follow φ, ω or the order are none.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from sandbot_model.discovery.criteria import Criteria
+from sandbot_model.discovery.effect_search import EffectSearch, Names
+from sandbot_model.discovery.verdict import Verdict, judge, sound, worth
+from sandbot_model.fitting.fit import Fit, fitted_at
+from sandbot_model.fitting.global_minimum import WarmStart, solve_near
+from sandbot_model.fitting.levenberg_marquardt import full_jacobian
+from sandbot_model.fitting.likelihood import WIDENED
+from sandbot_model.fitting.nuisances import Nuisances, scatter_of_batches, trend_p
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.observables import Observable
+
+LEADING = 6
+"""Larger sets that are tried again, the best."""
+MOST = 2.5
+"""Largest σ_b, in units of its prior."""
+STRUCTURE = 0.01
+"""p-value below which offsets follow something, and are no nuisance."""
+WIDER = 1.2
+"""Factor on a standard error from which a drift that does not show is told all the same."""
+ALONG = [Observable.speed, Observable.peak_speed, Observable.first_step]
+BATCH = "ln_k"
+"""Name of every batch's offset."""
+
+
+@dataclass(frozen=True)
+class Shared:
+    """A verdict and its fits beside what trials share."""
+
+    verdict: Verdict
+    fits: dict[Names, Fit]
+
+
+def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
+    """The verdict beside what trials share; None where the first one, ``plain``, stands.
+
+    Few effects are tried before many: the best of hundreds of pairs takes a share of any scatter for its own.
+    """
+    if plain.status == "adequate":
+        scatter = bed_scatter(search.fits[()], search.criteria)
+        return None if _nothing_shared(search, scatter) else _beside(search, plain, 0, scatter)
+    for size in range(1, 1 + max(map(len, search.fits))):
+        claimed = len(plain.effects) == size
+        scatter = bed_scatter(search.fits[plain.effects] if claimed else _best(search, size), search.criteria)
+        if claimed and _survives(search, plain.effects, scatter):
+            return None
+        if found := _beside(search, plain, size, scatter):
+            return found
+    return None
+
+
+def _best(search: EffectSearch, size: int) -> Fit:
+    some = [fit for names, fit in search.fits.items() if len(names) == size]
+    return min(filter(sound, some), key=lambda fit: fit.bic, default=search.fits[()])
+
+
+def _beside(search: EffectSearch, plain: Verdict, size: int, scatter: float) -> Shared | None:
+    """The verdict beside nuisances among sets of up to ``size`` effects; None where it is no better."""
+    calibration = plain.status != "adequate"
+    fits = _refitted(search, _leading(search, plain, size), scatter, calibration)
+    if judge(fits, search.criteria).status == "unexplained":
+        return None
+    fits |= _refitted(search, [names for names in search.fits if len(names) == 1], scatter, calibration)
+    verdict = judge(fits, search.criteria)
+    if verdict.status == "unexplained" or not _random(fits[verdict.effects]):
+        return None
+    if plain.status == "adequate" != verdict.status:
+        return None
+    return Shared(_told(verdict, plain, fits[verdict.effects], scatter, search.criteria), fits)
+
+
+def _nothing_shared(search: EffectSearch, scatter: float) -> bool:
+    """Whether an adequate model is the same beside a drift: it neither shows, nor could hide in what was fitted."""
+    if scatter or search.cells.order is None:
+        return not scatter
+    plain = search.fits[()]
+    beside = _refitted(search, [()], scatter, calibration=False)[()]
+    known = np.isfinite(plain.stderr)
+    wider = bool((beside.stderr[known] > WIDER * plain.stderr[known]).any())
+    return not wider and plain.deviance - beside.deviance < search.criteria.shared
+
+
+def _survives(search: EffectSearch, names: Names, scatter: float) -> bool:
+    """Whether every effect of a set earns its place beside the nuisances."""
+    parts = [part for part in combinations(names, len(names) - 1) if part in search.fits]
+    fits = _refitted(search, [names, *parts], scatter, calibration=True)
+    return all(worth(fits, names, part, search.criteria) for part in parts)
+
+
+def _leading(search: EffectSearch, plain: Verdict, most: int) -> list[Names]:
+    """The base model, the best sets of each size and those named, with all that is in them."""
+    found = {names for names in plain.alternatives if len(names) <= most}
+    for size in range(1, most + 1):
+        some = sorted((fit for names, fit in search.fits.items() if len(names) == size), key=lambda fit: fit.bic)
+        found |= {fit.effects for fit in some[:LEADING]}
+    parts = {part for names in found for size in range(len(names)) for part in combinations(names, size)}
+    return sorted((found | parts | {()}) & set(search.fits), key=len)
+
+
+def _refitted(search: EffectSearch, sets: Sequence[Names], scatter: float, calibration: bool) -> dict[Names, Fit]:
+    """Sets fitted before, with nuisances linear about those fits."""
+    before = [search.fits[names] for names in sets]
+    nuisances = [shared_by(fit, search.criteria, scatter, calibration) for fit in before]
+    tasks = [(fit.model, fit.cells, _starts(search, fit), own) for fit, own in zip(before, nuisances, strict=True)]
+    points = search.fit_all(solve_near, tasks)
+    return {
+        fit.effects: fitted_at(fit.model, fit.cells, point, own)
+        for fit, own, point in zip(before, nuisances, points, strict=True)
+    }
+
+
+def _starts(search: EffectSearch, fit: Fit) -> tuple[WarmStart, ...]:
+    """Where it was, and the best set with one effect less: with nuisances the effect may have nothing left to do."""
+    parts = combinations(fit.effects, len(fit.effects) - 1) if fit.effects else ()
+    smaller = [search.fits[part] for part in parts if part in search.fits]
+    best = sorted(smaller, key=lambda part: part.deviance)[:1]
+    return tuple(one.warm_start for one in (fit, *best))
+
+
+def shared_by(fit: Fit, criteria: Criteria, scatter: float, calibration: bool = True) -> Nuisances:
+    """Nuisances, linear about a fit without any; ``scatter`` is σ_b. Readings need ``calibration``."""
+    by_ln_k, share, order = _by_ln_k(fit), batch_share(fit), fit.cells.order
+    found: list[tuple[str, float, Array]] = []
+    if scatter:
+        found += [(BATCH, scatter, by_ln_k * one[:, None]) for one in share.T]
+    if order is not None:
+        found.append(("drift", criteria.drift, by_ln_k * order[:, None]))
+    if calibration:
+        lift, along = np.zeros((2, *by_ln_k.shape))
+        lift[:, Observable.lift] = 1.0
+        along[:, ALONG] = fit.predicted[:, ALONG]
+        if "lift" in fit.cells.observables:
+            found.append(("lift_zero_m", criteria.lift_zero_m, lift))
+        found.append(("speed_scale", criteria.speed_scale, along))
+    names, sd, slopes = zip(*found, strict=True)
+    own = scatter * np.sqrt(np.sum(share**2, axis=1))
+    return Nuisances(names, np.array(sd), np.stack(slopes, axis=-1), own)
+
+
+def batch_share(fit: Fit) -> Array:
+    """Share of each cell's trials in each batch; every cell is one of its own where no batches are told."""
+    told = fit.cells.batch_share
+    return np.eye(len(fit.cells)) if told is None else told
+
+
+def _by_ln_k(fit: Fit) -> Array:
+    """d(cell mean)/d ln k ``(cells, 4)``, 0 for cells that walk or swim by chance: a slope says nothing there."""
+    problem, state = fit.problem, fit.state
+    white = problem.jacobian(state)[0][..., -1]
+    slope = np.einsum("cij,cj->ci", np.linalg.inv(state.whiten[0]), white)
+    mixed = problem.widening(state.covariance[0]) >= WIDENED
+    return np.where(mixed[:, None], 0.0, slope)
+
+
+def bed_scatter(fit: Fit, criteria: Criteria) -> float:
+    """σ_b about a fit without nuisances, beside all others; 0 where batches need not differ."""
+    own, values = shared_by(fit, criteria, 1.0), fit.state.missed[0]
+    unit = np.zeros((len(values), len(own.sd)))
+    shift = fit.problem.whitened(fit.state.whiten, own)[0]
+    unit[: shift[..., 0].size] = shift.reshape(-1, len(own.sd)) * own.sd
+    batches = np.array([name == BATCH for name in own.names])
+    jacobian = full_jacobian(fit.problem, fit.state)[0]
+    tried = np.linspace(0.0, MOST * criteria.bed_scatter, 60)
+    scatter, gain = scatter_of_batches(
+        values, jacobian, unit[:, batches], unit[:, ~batches], tried, criteria.bed_scatter
+    )
+    return scatter if gain > criteria.shared else 0.0
+
+
+def _random(fit: Fit) -> bool:
+    """Whether the batches' offsets follow nothing."""
+    p = structure_p(fit)
+    return bool(np.isnan(p) or p >= STRUCTURE)
+
+
+def structure_p(fit: Fit) -> float:
+    """p-value of no trend of the batches' offsets over φ, ω (to second order) and run order; NaN without offsets."""
+    own, state = fit.nuisances, fit.state
+    if own is None or BATCH not in own.names:
+        return float("nan")
+    jacobian = full_jacobian(fit.problem, state)[0][: -len(own.sd)]
+    unknowns = jacobian.shape[1] - len(own.sd)
+    shift = jacobian[:, unknowns:]
+    residual = state.missed[0][: len(jacobian)] - shift @ (state.shared[0] * own.sd)
+    covariance = np.eye(len(jacobian)) + (shift * own.sd**2) @ shift.T
+    batches = np.array([name == BATCH for name in own.names])
+    return trend_p(residual, jacobian[:, :unknowns], covariance, shift[:, batches] @ _trends(fit))
+
+
+def _trends(fit: Fit) -> Array:
+    """Smooth functions of where and when a batch was ``(batches, t)``."""
+    share, cells = batch_share(fit), fit.cells
+    at = np.stack([cells.phi, cells.omega, *([] if cells.order is None else [cells.order])], axis=1)
+    at = (share / share.sum(axis=0)).T @ ((at - at.mean(axis=0)) / np.maximum(at.std(axis=0), 1e-12))
+    phi, omega = at[:, 0], at[:, 1]
+    trends = np.stack([*at.T, phi**2, omega**2, phi * omega], axis=1)
+    return np.asarray(trends - trends.mean(axis=0))
+
+
+def _told(verdict: Verdict, plain: Verdict, fit: Fit, scatter: float, criteria: Criteria) -> Verdict:
+    """The verdict with what it takes for granted, and what would be said otherwise."""
+    kind = "condition" if fit.cells.batch_share is None else "batch"
+    words = [f"k that scatters by {scatter:.2%} from {kind} to {kind} (prior {criteria.bed_scatter:.1%})"] * bool(
+        scatter
+    )
+    units = {"drift": ("a drift of k by", 1e2, "%"), "speed_scale": ("a speed scale off by", 1e2, "%")}
+    units["lift_zero_m"] = ("a lift zero off by", 1e3, "mm")
+    assert fit.nuisances is not None
+    for name, sd, (value, stderr) in zip(fit.nuisances.names, fit.nuisances.sd, fit.shared, strict=True):
+        if name in units and abs(value) > 2 * stderr:
+            what, scale, unit = units[name]
+            words.append(f"{what} {scale * value:.2g} ± {scale * stderr:.1g} {unit} (prior {scale * sd:.1g} {unit})")
+    taken = " and ".join(words) or "a drift that these data can't show"
+    named = f"{plain.status}: {' + '.join(plain.effects)}" if plain.effects else plain.status
+    because = f"{verdict.because}, granted {taken}"
+    if plain.status != verdict.status or plain.effects != verdict.effects:
+        because = f"{because}; without that the verdict would be {named}"
+    return Verdict(verdict.status, verdict.effects, verdict.alternatives, because)

@@ -1,0 +1,84 @@
+"""What trials share and no model is to blame for: offsets of k by batch, drift, and readings off their zero or scale.
+
+Each nuisance u_i is unknown beforehand to sd_i and moves the cell means by a known slope, so that
+
+    ȳ = y(θ, k) + Σ_i slope_i u_i + noise,   u_i ~ N(0, sd_i²)
+
+A batch shares one offset of ln k: a random effect, whose sd σ_b is estimated by restricted maximum likelihood (REML;
+Patterson & Thompson 1971, Biometrika 58, 545), linear about a fit.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sandbot_model.data.distributions import chi2_sf
+from sandbot_model.physics.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Nuisances:
+    """Names, prior standard deviations ``(m,)`` and d(cell mean)/d(nuisance) ``(cells, 4, m)``, SI units."""
+
+    names: tuple[str, ...]
+    sd: Array
+    slope: Array
+    ln_k_sd: Array
+    """Standard deviation of ln k that the replicates of a cell share ``(cells,)``."""
+
+    def adjusted(self, residual: Array, shift: Array) -> Array:
+        """Most likely values ``(rows, m)`` for whitened residuals ``(rows, cells, 4)`` and slopes ``(…, m)``."""
+        unit = shift.reshape(len(shift), -1, len(self.sd)) * self.sd
+        transposed = np.swapaxes(unit, 1, 2)
+        normal = transposed @ unit + np.eye(len(self.sd))
+        pull = transposed @ residual.reshape(len(residual), -1, 1)
+        return np.asarray(np.linalg.solve(normal, pull)[..., 0] * self.sd)
+
+    def without(self, cell: int) -> "Nuisances":
+        """The same for all cells but one."""
+        return Nuisances(
+            self.names, self.sd, np.delete(self.slope, cell, axis=0), np.delete(self.ln_k_sd, cell, axis=0)
+        )
+
+
+def scatter_of_batches(
+    residual: Array, jacobian: Array, batches: Array, others: Array, tried: Array, prior: float
+) -> tuple[float, float]:
+    """σ_b most likely a posteriori of those ``tried``, 0 first, and what it gains in -2 ln likelihood over none.
+
+    ``residual (n,)`` is whitened, ``jacobian (n, p)`` are the slopes of what was fitted, ``batches (n, b)`` those by
+    each batch's ln k and ``others (n, m)`` those by the other nuisances in units of their priors; ``prior`` is the sd of
+    a half-normal prior of σ_b. Of the contrasts free of all that was fitted, those that batches share have the
+    variances 1 + σ_b² s_i².
+    """
+    white = np.linalg.inv(np.linalg.cholesky(np.eye(len(residual)) + others @ others.T))
+    basis, singular, _ = np.linalg.svd(white @ jacobian)
+    contrasts = basis[:, np.count_nonzero(singular > 1e-9 * singular[0]) :].T @ white
+    axes, shares, _ = np.linalg.svd(contrasts @ batches, full_matrices=False)
+    missed = axes.T @ (contrasts @ residual)
+    variance = 1 + np.outer(tried, shares) ** 2
+    value = np.sum(np.log(variance) + missed**2 / variance, axis=1) + (tried / prior) ** 2
+    best = int(np.argmin(value))
+    return float(tried[best]), float(value[0] - value[best])
+
+
+def trend_p(residual: Array, jacobian: Array, covariance: Array, trends: Array) -> float:
+    """p-value of no trend left in residuals ``(n,)`` of this covariance; NaN where none could be told.
+
+    A score test: ``jacobian (n, p)`` are the slopes of what was fitted, ``trends (n, t)`` those of what may be there.
+    """
+    solved = np.linalg.solve(covariance, np.column_stack([jacobian, trends, residual]))
+    count = jacobian.shape[1]
+    fitted = np.linalg.pinv(jacobian.T @ solved[:, :count], rcond=1e-12, hermitian=True)
+    left = solved[:, count:] - solved[:, :count] @ (fitted @ (jacobian.T @ solved[:, count:]))
+    pull, information = trends.T @ left[:, -1], trends.T @ left[:, :-1]
+    variance, axes = np.linalg.eigh(information)
+    told = variance > 1e-6 * np.trace(trends.T @ solved[:, count:-1])
+    score = (axes.T @ pull)[told] ** 2 / variance[told]
+    return float(chi2_sf(score.sum(), len(score))) if len(score) else float("nan")
+
+
+def effective(unit: Array) -> float:
+    """Unknowns that nuisances amount to: Σ (1 - posterior/prior variance) for slopes ``(n, m)`` in prior units."""
+    information = unit.T @ unit
+    return float(np.trace(np.linalg.solve(information + np.eye(len(information)), information)))

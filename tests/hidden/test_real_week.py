@@ -1,0 +1,69 @@
+"""What a real week does to a bed and to readings is no effect, and an effect is not taken for it."""
+
+import pytest
+from worlds import BY_NAME, PHI, hidden
+
+from sandbot_lab.direct import direct_trials
+from sandbot_lab.week import Week
+from sandbot_lab.world import World
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.discover import discover
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_record.trials.table import Row, from_rows
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+OVERLAP = {"stance_overlap": {"eta": 0.1}}
+DISTURBED = {"disturbed_ground": {"k_l_n_per_m": 175.0, "s_c": 0.95}}
+
+
+def found(seed, batches="none", effects=None, told=True, order=None, **week):
+    """The verdict on a campaign; ``told`` says whether its table names the batches."""
+    world = World(effects=effects or {}, week=Week(**week))
+    rows = direct_trials(world, PHI, hidden.OMEGA, "UNIFORM", 3, seed, None, order, batches)
+    rows = [row if told else {**row, "batch": ""} for row in rows]
+    return discover(cells_of(from_rows([Row(**row) for row in rows])), catalogue(), max_effects=1)
+
+
+def test_a_bed_prepared_once_a_condition_is_no_effect():
+    """k scatters by 1 % from condition to condition, and the table does not say so."""
+    one = found(1, "condition", told=False, k_batch_sd=0.01)
+    assert one.verdict.status == "adequate"
+    assert "k that scatters by" in one.verdict.because
+
+
+def test_one_frequency_a_day_is_no_effect():
+    one = found(1, "omega", k_batch_sd=0.005)
+    assert one.verdict.status == "adequate"
+    delta_t = one.fit.parameters["delta_t_s"]
+    assert abs(delta_t.value - 0.4) < 2 * delta_t.stderr
+
+
+def test_a_lift_read_one_grain_too_high_is_no_effect():
+    one = found(3, lift_zero_m=1e-3)
+    assert one.verdict.status == "adequate"
+    assert "a lift zero off by" in one.verdict.because
+
+
+def test_a_drift_in_the_order_of_the_frequencies_is_in_the_standard_error():
+    delta_t = found(1, order="as_listed", k_drift=0.03).fit.parameters["delta_t_s"]
+    assert abs(delta_t.value - 0.4) < 2 * delta_t.stderr
+
+
+@pytest.mark.parametrize("effects", [OVERLAP, DISTURBED], ids=["stance_overlap", "disturbed_ground"])
+def test_an_effect_is_still_named(effects):
+    one = found(1, effects=effects)
+    assert (one.verdict.status, one.verdict.effects) == ("identified", tuple(effects))
+
+
+@pytest.mark.parametrize("effects", [OVERLAP, DISTURBED], ids=["stance_overlap", "disturbed_ground"])
+def test_an_effect_on_a_bed_that_scatters_is_named_or_in_the_set(effects):
+    one = found(1, "condition", effects, told=False, k_batch_sd=0.01)
+    assert tuple(effects) in one.verdict.alternatives
+
+
+@pytest.mark.parametrize(
+    "name", ["x_resonance(loss=0.3, omega_0_rad_s=12, width_rad_s=2)", "x_traction_loss(loss=0.2)"]
+)
+def test_a_world_outside_the_catalogue_is_no_bed_that_scatters(name):
+    one = discover(cells_of(BY_NAME[name].trials(1)), catalogue(), max_effects=1)
+    assert one.verdict.status == "unexplained"

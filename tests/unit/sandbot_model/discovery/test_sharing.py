@@ -1,0 +1,101 @@
+"""A verdict beside what trials share: a lift zero is no effect, an effect no lift zero; clean data stay as they are."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.criteria import DEFAULT
+from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.sharing import BATCH, bed_scatter, shared_by, structure_p
+from sandbot_model.fitting.fit import fit, fitted_at
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.observables import Observable
+from sandbot_record.trials.table import from_rows
+
+OVERLAP = {name: effect for name, effect in catalogue().items() if name == "stance_overlap"}
+
+
+def table(drawn, effects=(), *, lift_zero_m=0.0, batch="", seed=2):
+    rows = drawn(effects, seed=seed, levels=4, noise=0.4).rows()
+    return from_rows(
+        [
+            dataclasses.replace(row, lift_m=row.lift_m + lift_zero_m, batch=batch.format(row=row), run_order=i + 1.0)
+            for i, row in enumerate(rows)
+        ]
+    )
+
+
+def verdict(trials):
+    return discover(cells_of(trials), OVERLAP, max_effects=1)
+
+
+def test_a_lift_read_one_grain_too_high_is_no_overlap(drawn):
+    found = verdict(table(drawn, lift_zero_m=1e-3))
+    assert found.verdict.status == "adequate"
+    assert "a lift zero off by" in found.verdict.because
+    zero = next(one for one in found.to_dict()["nuisances"] if one["name"] == "lift_zero_m")
+    assert zero["value"] == pytest.approx(1e-3, abs=3 * zero["stderr"])
+    assert zero["prior_sd"] == DEFAULT.lift_zero_m
+
+
+def test_an_overlap_is_no_lift_zero(drawn):
+    found = verdict(table(drawn, ("stance_overlap",)))
+    assert (found.verdict.status, found.verdict.effects) == ("identified", ("stance_overlap",))
+    assert found.to_dict()["nuisances"] == []
+
+
+def test_a_bed_that_does_not_scatter_is_found_not_to(drawn):
+    plain = fit(model_of("simple", (), OVERLAP), cells_of(drawn(seed=3)))
+    assert bed_scatter(plain, DEFAULT) == 0.0
+
+
+def test_batches_and_order_of_a_table_are_those_of_its_cells(drawn):
+    cells = cells_of(table(drawn, batch="day{row.omega_rad_s:g}"))
+    assert cells.batch_share.shape == (len(cells), 7)
+    np.testing.assert_allclose(cells.batch_share.sum(axis=1), 1.0)
+    assert (cells.batch_share.max(axis=1) == 1.0).all()
+    blocks = cells_of(table(drawn, batch="block{row.replicate:g}"))
+    np.testing.assert_allclose(blocks.batch_share, 1 / 3)
+    assert (np.abs(cells.order) < 0.5).all()
+    assert cells.without(0).batch_share.shape == (len(cells) - 1, 7)
+
+
+@pytest.mark.parametrize("batch", ["", "only"])
+def test_one_batch_or_none_is_no_batch(drawn, batch):
+    assert cells_of(table(drawn, batch=batch)).batch_share is None
+
+
+def test_no_order_told_is_none_known(drawn):
+    assert cells_of(drawn(levels=2)).order is None
+
+
+def test_nuisances_move_what_they_are_said_to_move(drawn):
+    plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="day{row.omega_rad_s:g}")))
+    own = shared_by(plain, DEFAULT, 0.005)
+    assert own.names == (*[BATCH] * 7, "drift", "lift_zero_m", "speed_scale")
+    zero = own.slope[:, :, own.names.index("lift_zero_m")]
+    assert (zero[:, Observable.lift] == 1.0).all()
+    assert not np.delete(zero, Observable.lift, axis=1).any()
+    scale = own.slope[:, :, own.names.index("speed_scale")]
+    np.testing.assert_array_equal(scale[:, Observable.speed], plain.predicted[:, Observable.speed])
+    assert not scale[:, Observable.lift].any()
+    # All batches at once are a change of every ln k.
+    step = 1e-4
+    point = dataclasses.replace(plain.point, ln_k=plain.point.ln_k + step)
+    moved = fitted_at(plain.model, plain.cells, point).predicted - plain.predicted
+    clear = own.slope[:, Observable.lift, :7].any(axis=1)
+    assert clear.any()
+    np.testing.assert_allclose(moved[clear] / step, own.slope[clear, :, :7].sum(axis=-1), rtol=0.05, atol=2e-3)
+
+
+def test_offsets_that_grow_with_the_frequency_are_no_scatter(drawn):
+    plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="day{row.omega_rad_s:g}")))
+    own = shared_by(plain, DEFAULT, 0.005)
+    assert structure_p(fitted_at(plain.model, plain.cells, plain.point, own)) > 1e-3
+    trend = own.slope[:, :, :7] @ np.linspace(-0.2, 0.2, 7) ** 2
+    cells = dataclasses.replace(plain.cells, mean=plain.cells.mean + trend)
+    assert structure_p(fitted_at(plain.model, cells, plain.point, own)) < 1e-6
+    assert np.isnan(structure_p(plain))

@@ -1,0 +1,162 @@
+"""What trials share: offsets adjusted with their priors, their derivatives, σ_b by REML, trends told from scatter."""
+
+import numpy as np
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting.fit import fit, fitted_at
+from sandbot_model.fitting.global_minimum import solve_near
+from sandbot_model.fitting.levenberg_marquardt import full_jacobian
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.nuisances import Nuisances, effective, scatter_of_batches, trend_p
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.observables import Observable
+
+MODEL = model_of("simple", (), catalogue())
+POINT = np.array([[0.4, 0.02]]), np.log([[205.0, 215.0, 235.0]]), np.full((1, 3), 800.0)
+TRIED = np.linspace(0.0, 0.02, 60)
+PRIOR = 0.007
+
+
+@pytest.fixture(scope="module")
+def cells(drawn):
+    return cells_of(drawn(levels=3, omega=(6, 12, 18)))
+
+
+def lift_zero(cells, sd=1e-3, value=1.0, ln_k_sd=0.0):
+    slope = np.zeros((len(cells), 4, 1))
+    slope[:, Observable.lift] = value
+    return Nuisances(("lift_zero_m",), np.array([sd]), slope, np.full(len(cells), ln_k_sd))
+
+
+def drawn_offsets(seed, sigma, batches=40, each=4, unknowns=6):
+    """Whitened residuals of a linear fit whose batches are off by ``sigma``, its slopes, and those of the batches."""
+    rng = np.random.default_rng(seed)
+    jacobian = rng.normal(size=(batches * each, unknowns))
+    slopes = np.zeros((batches * each, batches))
+    slopes[np.arange(batches * each), np.repeat(np.arange(batches), each)] = 300.0 * rng.uniform(
+        0.5, 1.5, batches * each
+    )
+    values = rng.normal(size=batches * each) + slopes @ (sigma * rng.normal(size=batches))
+    return values - jacobian @ np.linalg.lstsq(jacobian, values, rcond=None)[0], jacobian, slopes
+
+
+def test_the_adjusted_deviance_is_that_of_the_wider_covariance(cells):
+    plain = Problem(MODEL, cells).states(*POINT)
+    problem = Problem(MODEL, cells, lift_zero(cells))
+    state = problem.states(*POINT)
+    unit = problem.whitened(state.whiten, problem.nuisances)[0].reshape(-1, 1) * 1e-3
+    r = plain.missed[0]
+    assert state.deviance[0] == pytest.approx(r @ np.linalg.solve(np.eye(len(r)) + unit @ unit.T, r))
+    assert state.deviance[0] < plain.deviance[0]
+
+
+def test_a_nuisance_that_moves_nothing_changes_nothing(cells):
+    plain = Problem(MODEL, cells).states(*POINT)
+    state = Problem(MODEL, cells, lift_zero(cells, value=0.0)).states(*POINT)
+    assert state.deviance == pytest.approx(plain.deviance)
+    np.testing.assert_array_equal(state.predicted, plain.predicted)
+
+
+def test_its_column_of_the_jacobian_is_that_of_finite_differences(cells):
+    problem = Problem(MODEL, cells, lift_zero(cells))
+    state = problem.states(*POINT)
+    here = -state.shared * problem.nuisances.sd
+    sides = [problem.states(*POINT, here + step).missed[0] for step in (1e-6, -1e-6)]
+    jacobian = full_jacobian(problem, state)[0]
+    assert jacobian.shape == (len(sides[0]), 2 + 3 + 1)
+    np.testing.assert_allclose(jacobian[:, -1], (sides[1] - sides[0]) / 2e-6, rtol=1e-4, atol=1e-6)
+
+
+def test_a_lift_read_too_high_is_found_and_a_right_one_is_not(drawn):
+    trials = drawn(levels=3, omega=(6, 12, 18))
+    for offset in (1e-3, 0.0):
+        trials.lift_m[:] += offset
+        cells = cells_of(trials)
+        own = lift_zero(cells)
+        point = solve_near((MODEL, cells, (fit(MODEL, cells).warm_start,), own))
+        value, stderr = fitted_at(MODEL, cells, point, own).shared[0]
+        assert abs(value - offset) < 3 * stderr < 6e-4
+        trials.lift_m[:] -= offset
+
+
+def test_a_shared_nuisance_widens_the_standard_errors(cells):
+    plain = fit(MODEL, cells)
+    beside = fitted_at(MODEL, cells, plain.point, lift_zero(cells))
+    assert beside.stderr.shape == plain.stderr.shape
+    wider = beside.stderr[np.isfinite(plain.stderr)] / plain.stderr[np.isfinite(plain.stderr)]
+    assert wider.min() > 1 - 1e-9
+    assert wider.max() > 1.01
+
+
+def test_a_bed_that_scatters_widens_a_cell_beside_the_switch_whatever_its_replicates(cells):
+    """There, and nowhere else, the offset decides whether all of them walk."""
+    critical = np.log(np.linspace(160.0, 190.0, 61))[:, None] + np.zeros(3)
+    at = np.repeat(POINT[0], 61, axis=0), critical, np.full((61, 3), 800.0)
+    still, rough = (Problem(MODEL, cells, lift_zero(cells, 1e-9, 0.0, sd)).states(*at) for sd in (0.0, 0.01))
+    speed = np.s_[..., Observable.speed, Observable.speed]
+    assert rough.covariance[speed].max() > 1.5 * still.covariance[speed].max()
+    clear = rough.footing.walking.all(axis=2)
+    np.testing.assert_allclose(rough.covariance[speed][clear], still.covariance[speed][clear])
+
+
+@pytest.mark.parametrize("sigma", [0.003, 0.01])
+def test_reml_finds_the_scatter_of_batches(sigma):
+    found = [scatter_of_batches(*drawn_offsets(seed, sigma), np.zeros((160, 0)), TRIED, 1.0) for seed in range(12)]
+    assert np.mean([one for one, _ in found]) == pytest.approx(sigma, rel=0.15)
+    assert min(gain for _, gain in found) > 6.0
+
+
+def test_batches_that_do_not_differ_are_found_equal():
+    found = [scatter_of_batches(*drawn_offsets(seed, 0.0), np.zeros((160, 0)), TRIED, PRIOR) for seed in range(20)]
+    assert np.median([one for one, _ in found]) <= TRIED[2]
+    assert max(gain for _, gain in found) < 6.0
+
+
+def test_what_another_nuisance_explains_is_no_scatter_of_batches():
+    residual, jacobian, slopes = drawn_offsets(3, 0.0)
+    common = slopes.sum(axis=1)[:, None]
+    off = residual + 0.01 * common[:, 0]
+    assert scatter_of_batches(off, jacobian, slopes, np.zeros((160, 0)), TRIED, PRIOR)[0] > 0.005
+    assert scatter_of_batches(off, jacobian, slopes, common * 0.02, TRIED, PRIOR)[0] < 0.002
+
+
+def test_the_scatter_is_that_of_the_restricted_likelihood_however_the_unknowns_are_written():
+    """-2 ln L = ln|K| + ln|JᵀK⁻¹J| + rᵀPr, worked out in full."""
+    residual, jacobian, slopes = drawn_offsets(1, 0.005)
+
+    def restricted(sigma):
+        wide = np.eye(160) + sigma**2 * slopes @ slopes.T
+        inner = jacobian.T @ np.linalg.solve(wide, jacobian)
+        pull = jacobian.T @ np.linalg.solve(wide, residual)
+        left = residual @ np.linalg.solve(wide, residual) - pull @ np.linalg.solve(inner, pull)
+        return np.linalg.slogdet(wide)[1] + np.linalg.slogdet(inner)[1] + left
+
+    turned = jacobian @ np.random.default_rng(5).normal(size=(6, 6))
+    for slopes_of_unknowns in (jacobian, turned):
+        sigma, gain = scatter_of_batches(residual, slopes_of_unknowns, slopes, np.zeros((160, 0)), TRIED, 1e3)
+        assert gain == pytest.approx(restricted(0.0) - restricted(sigma), rel=1e-6)
+        assert restricted(sigma) <= min(map(restricted, TRIED[10::10]))
+
+
+def test_offsets_that_follow_something_are_told_from_scatter():
+    where = np.linspace(-1.0, 1.0, 40)[:, None]
+    told = []
+    for seed in range(20):
+        residual, jacobian, slopes = drawn_offsets(seed, 0.005)
+        covariance = np.eye(160) + 0.005**2 * slopes @ slopes.T
+        told.append(trend_p(residual, jacobian, covariance, slopes @ where))
+        followed = residual + slopes @ (0.008 * where[:, 0])
+        assert trend_p(followed, jacobian, covariance, slopes @ where) < 1e-4
+    assert 0.25 < np.mean(told) < 0.75
+    assert np.mean(np.array(told) < 0.01) < 0.1
+
+
+def test_a_trend_that_the_fit_absorbs_tells_nothing():
+    residual, jacobian, _ = drawn_offsets(0, 0.0)
+    assert np.isnan(trend_p(residual, jacobian, np.eye(160), jacobian[:, :1]))
+
+
+def test_nuisances_amount_to_as_many_unknowns_as_the_data_determine():
+    assert effective(np.diag([1e3, 1e-3])) == pytest.approx(1.0, abs=1e-4)
