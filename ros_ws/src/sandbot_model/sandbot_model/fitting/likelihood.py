@@ -129,7 +129,7 @@ class Problem:
         return np.asarray(self.cells.n.max(axis=1), dtype=float)
 
     def states(self, theta: Array, ln_k: Array, slope: Array, shared: Array | None = None) -> States:
-        """Predict all cells and evaluate the likelihood; ``shared (rows, nuisances)`` as given, or where it fits best."""
+        """Predict all cells and evaluate the likelihood; ``shared (rows, nuisances)`` as given, or the best."""
         inputs, params = self._inputs(theta, ln_k, slope)
         shape = (len(theta), len(self.cells), len(NODES))
         footing = self.model.walker.footing(inputs, params)

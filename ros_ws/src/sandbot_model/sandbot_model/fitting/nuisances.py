@@ -47,8 +47,8 @@ def scatter_of_batches(
     """σ_b most likely a posteriori of those ``tried``, 0 first, and what it gains in -2 ln likelihood over none.
 
     ``residual (n,)`` is whitened, ``jacobian (n, p)`` are the slopes of what was fitted, ``batches (n, b)`` those by
-    each batch's ln k and ``others (n, m)`` those by the other nuisances in units of their priors; ``prior`` is the sd of
-    a half-normal prior of σ_b. Of the contrasts free of all that was fitted, those that batches share have the
+    each batch's ln k and ``others (n, m)`` those by the other nuisances in units of their priors; ``prior`` is the sd
+    of a half-normal prior of σ_b. Of the contrasts free of all that was fitted, those that batches share have the
     variances 1 + σ_b² s_i².
     """
     white = np.linalg.inv(np.linalg.cholesky(np.eye(len(residual)) + others @ others.T))
