@@ -8,7 +8,7 @@ import pytest
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.sharing import BATCH, bed_scatter, shared_by, structure_p
+from sandbot_model.discovery.sharing import BATCH, STRUCTURE, bed_scatter, shared_by, structure_p
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
@@ -94,8 +94,8 @@ def test_nuisances_move_what_they_are_said_to_move(drawn):
 def test_offsets_that_grow_with_the_frequency_are_no_scatter(drawn):
     plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="day{row.omega_rad_s:g}")))
     own = shared_by(plain, DEFAULT, 0.005)
-    assert structure_p(fitted_at(plain.model, plain.cells, plain.point, own)) > 1e-3
+    assert structure_p(fitted_at(plain.model, plain.cells, plain.point, own)) > STRUCTURE
     trend = own.slope[:, :, :7] @ np.linspace(-0.2, 0.2, 7) ** 2
     cells = dataclasses.replace(plain.cells, mean=plain.cells.mean + trend)
-    assert structure_p(fitted_at(plain.model, cells, plain.point, own)) < 1e-6
+    assert structure_p(fitted_at(plain.model, cells, plain.point, own)) < STRUCTURE
     assert np.isnan(structure_p(plain))

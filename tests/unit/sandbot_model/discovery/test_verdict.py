@@ -28,7 +28,7 @@ def made(*effects, deviance, p=0.5, one_cell=0.0, at_bounds=(), each=None, repli
         fails=(),
         level_phi=np.array([0.6]),
         cells=SimpleNamespace(pressed=None, pure_error_dof=np.full(4, replicates)),
-        state=SimpleNamespace(cell_deviance=parts[None], pressed=np.zeros((1, 0))),
+        state=SimpleNamespace(cell_deviance=parts[None], pressed=np.zeros((1, 0)), shared=np.zeros((1, 0))),
     )
 
 
