@@ -36,6 +36,7 @@ def test_a_lift_read_one_grain_too_high_is_no_overlap(drawn):
     found = verdict(table(drawn, lift_zero_m=1e-3))
     assert found.verdict.status == "adequate"
     assert "a lift zero off by" in found.verdict.because
+    assert "k that scatters" not in found.verdict.because
     zero = next(one for one in found.to_dict()["nuisances"] if one["name"] == "lift_zero_m")
     assert zero["value"] == pytest.approx(1e-3, abs=3 * zero["stderr"])
     assert zero["prior_sd"] == DEFAULT.lift_zero_m
@@ -89,6 +90,17 @@ def test_nuisances_move_what_they_are_said_to_move(drawn):
     clear = own.slope[:, Observable.lift, :7].any(axis=1)
     assert clear.any()
     np.testing.assert_allclose(moved[clear] / step, own.slope[clear, :, :7].sum(axis=-1), rtol=0.05, atol=2e-3)
+
+
+def test_the_offsets_of_all_batches_are_one_line_of_the_json(drawn):
+    plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="day{row.omega_rad_s:g}")))
+    beside = fitted_at(plain.model, plain.cells, plain.point, shared_by(plain, DEFAULT, 0.005))
+    batches, *others = beside.nuisances_to_dict()
+    assert (batches["name"], batches["count"], batches["prior_sd"], batches["stderr"]) == (BATCH, 7, 0.005, None)
+    offsets = [value for value, _ in beside.shared[:7]]
+    assert batches["value"] == pytest.approx(np.sqrt(np.mean(np.square(offsets))))
+    assert [one["name"] for one in others] == ["drift", "lift_zero_m", "speed_scale"]
+    assert plain.nuisances_to_dict() == []
 
 
 def test_offsets_that_grow_with_the_frequency_are_no_scatter(drawn):

@@ -46,7 +46,8 @@ class Shared:
 def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
     """The verdict beside what trials share; None where the first one, ``plain``, stands.
 
-    Few effects are tried before many: the best of hundreds of pairs takes a share of any scatter for its own.
+    Few effects are tried before many: the best of hundreds of pairs takes a share of any scatter for its own. Where
+    readings off their zero or scale are enough, the bed does not scatter.
     """
     if plain.status == "adequate":
         scatter = bed_scatter(search.fits[()], search.criteria)
@@ -56,9 +57,17 @@ def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
         scatter = bed_scatter(search.fits[plain.effects] if claimed else _best(search, size), search.criteria)
         if claimed and _survives(search, plain.effects, scatter):
             return None
-        if found := _beside(search, plain, size, scatter):
+        if found := _readings(search, plain, scatter) or _beside(search, plain, size, scatter):
             return found
     return None
+
+
+def _readings(search: EffectSearch, plain: Verdict, scatter: float) -> Shared | None:
+    """The base model alone beside readings off their zero or scale, where a bed that scatters need not be granted."""
+    if not scatter or judge(_refitted(search, [()], 0.0, calibration=True), search.criteria).status != "adequate":
+        return None
+    found = _beside(search, plain, 1, 0.0)
+    return found if found and found.verdict.status == "adequate" else None
 
 
 def _best(search: EffectSearch, size: int) -> Fit:

@@ -196,14 +196,23 @@ class Fit:
         }
 
     def nuisances_to_dict(self) -> list[dict[str, Any]]:
-        """What trials share as plain data; empty where nothing was taken for granted."""
+        """What trials share as plain data; empty where nothing was taken for granted.
+
+        Batches are one entry: how many there are, and the rms of their offsets.
+        """
         if self.nuisances is None:
             return []
-        every = zip(self.nuisances.names, self.nuisances.sd.tolist(), self.shared, strict=True)
-        return [
-            {"name": name, "prior_sd": sd, "value": number(value), "stderr": number(stderr)}
-            for name, sd, (value, stderr) in every
-        ]
+        found: dict[str, dict[str, Any]] = {}
+        for name, sd, (value, stderr) in zip(
+            self.nuisances.names, self.nuisances.sd.tolist(), self.shared, strict=True
+        ):
+            entry = {"name": name, "prior_sd": sd, "count": 1, "value": number(value), "stderr": number(stderr)}
+            if name in found:
+                count = found[name]["count"]
+                rms = float(np.sqrt((count * found[name]["value"] ** 2 + value**2) / (count + 1)))
+                entry |= {"count": count + 1, "value": rms, "stderr": None}
+            found[name] = entry
+        return list(found.values())
 
     def to_frame(self) -> "DataFrame":
         """Parameters and k(φ) [SI]: one row each, with value, standard error and unit.
