@@ -50,7 +50,7 @@ class Witness:
     def __init__(self, beside: Beside, *, robot_dies: bool) -> None:
         self.beside, self.moving, self.air, self.prepared = beside, False, False, False
         self.rest_ns = self.off_ns = 0
-        self.moved_s = 0.0
+        self.moved_s = self.blown_s = 0.0
         # The legs of a dead robot are its driver's affair; the commands still have to end.
         node.subscription(beside.node, topics.LEG_SETPOINTS if robot_dies else topics.LEG_STATES, self._on_legs)
         node.subscription(beside.node, topics.BED_BLOWER, lambda message: self._on_air(message.data > 0))
@@ -70,6 +70,8 @@ class Witness:
         self.moving = moving
 
     def _on_air(self, on: bool) -> None:
+        if on and not self.air:
+            self.blown_s = time.monotonic()
         if self.air and not on:
             self.off_ns = time.time_ns()
         self.air = on
@@ -86,7 +88,8 @@ class Witness:
 
     def at(self, moment: str) -> Callable[[], bool]:
         return {
-            "blowing": lambda: self.air,
+            # Not at the first word of it: one bed was frozen while it told us, before the lab had heard.
+            "blowing": lambda: self.air and time.monotonic() - self.blown_s > 0.2,
             "standing": lambda: self.prepared and not self.air,
             "walking": lambda: self.moving and time.monotonic() - self.moved_s > 0.5,
         }[moment]

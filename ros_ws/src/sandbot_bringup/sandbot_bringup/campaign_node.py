@@ -390,6 +390,10 @@ class Operator(Node):
         if self._recorder is not None and self._recorder.ended:
             # A full disk, say: what the legs do from now on is lost, so they stop.
             return f"the recorder ended: {self._recorder.why_ended}"
+        for sign in self._vital if self._recorder is not None else ():
+            # Who ends in order says so; nobody waits for his silence.
+            if (text := self._told.get(sign.who, (0, "", {}))[1]).startswith("ended: "):
+                return f"the {sign.who} {text}"
         silent = self._supervisor.silent(self._listening.now_s)
         return f"the {silent}" if silent else ""
 

@@ -1,0 +1,27 @@
+"""A sample of the matrix of faults; `make faults` runs all of it. How fast is in docs/faults.md."""
+
+import matrix
+import pytest
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(300)]
+
+BUSY_S = 5.0
+"""What a busy machine may take; that nothing goes on for ever is the claim here."""
+
+
+@pytest.mark.parametrize(
+    ("target", "fault", "moment", "why"),
+    [
+        ("campaign", "KILL", "walking", "whoever ran the trial is gone"),
+        ("tracker", "STOP", "walking", "tracker is silent"),
+        ("bed", "KILL", "blowing", "bed is silent"),
+    ],
+)
+def test_all_stops_and_the_bag_says_why(target, fault, moment, why, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "0")  # the cell sets its own; restored afterwards
+    *_, rest, off, bag, status, _, left = matrix.cell(target, fault, moment)
+    stopped = rest if moment == "walking" else off
+    assert float(stopped) <= BUSY_S
+    # On a busy machine clock or bed may be the first to miss the campaign's lease.
+    assert why in status or "/operator/lease" in status or "/leg_states" in status
+    assert (bag, left) == ("whole", "nothing")
