@@ -30,6 +30,8 @@ STRUCTURE = 0.01
 """p-value below which offsets follow something, and are no nuisance."""
 WIDER = 1.2
 """Factor on a standard error from which a drift that does not show is told all the same."""
+GAINED = 0.5
+"""Fall of the deviance that makes a fit better than another."""
 ALONG = [Observable.speed, Observable.peak_speed, Observable.first_step]
 BATCH = "ln_k"
 """Name of every batch's offset."""
@@ -83,6 +85,9 @@ def _beside(search: EffectSearch, plain: Verdict, size: int, scatter: float) -> 
         return None
     fits |= _refitted(search, [names for names in search.fits if len(names) == 1], scatter, calibration)
     verdict = judge(fits, search.criteria)
+    while verdict.effects and (lower := _smaller_from(fits, verdict.effects, search.criteria, scatter, calibration)):
+        fits |= lower
+        verdict = judge(fits, search.criteria)
     if verdict.status == "unexplained" or not _random(fits[verdict.effects]):
         return None
     if plain.status == "adequate" != verdict.status:
@@ -105,7 +110,27 @@ def _survives(search: EffectSearch, names: Names, scatter: float) -> bool:
     """Whether every effect of a set earns its place beside the nuisances."""
     parts = [part for part in combinations(names, len(names) - 1) if part in search.fits]
     fits = _refitted(search, [names, *parts], scatter, calibration=True)
+    fits |= _smaller_from(fits, names, search.criteria, scatter, calibration=True)
     return all(worth(fits, names, part, search.criteria) for part in parts)
+
+
+def _smaller_from(
+    fits: dict[Names, Fit], names: Names, criteria: Criteria, scatter: float, calibration: bool
+) -> dict[Names, Fit]:
+    """Sets with one effect less that fit better than so far.
+
+    They are tried near where the larger set has come to.
+    """
+    found = {}
+    for part in combinations(names, len(names) - 1):
+        if part in fits:
+            before = fits[part]
+            own = shared_by(before, criteria, scatter, calibration)
+            point = solve_near((before.model, before.cells, (fits[names].warm_start, before.warm_start), own))
+            again = fitted_at(before.model, before.cells, point, own)
+            if again.deviance < before.deviance - GAINED:
+                found[part] = again
+    return found
 
 
 def _leading(search: EffectSearch, plain: Verdict, most: int) -> list[Names]:
@@ -119,15 +144,23 @@ def _leading(search: EffectSearch, plain: Verdict, most: int) -> list[Names]:
 
 
 def _refitted(search: EffectSearch, sets: Sequence[Names], scatter: float, calibration: bool) -> dict[Names, Fit]:
-    """Sets fitted before, with nuisances linear about those fits."""
+    """Sets fitted before, with nuisances.
+
+    These are linear first about the fit without them, then about the one with: a model that was bent to fit has slopes
+    that are not its own.
+    """
     before = [search.fits[names] for names in sets]
-    nuisances = [shared_by(fit, search.criteria, scatter, calibration) for fit in before]
-    tasks = [(fit.model, fit.cells, _starts(search, fit), own) for fit, own in zip(before, nuisances, strict=True)]
-    points = search.fit_all(solve_near, tasks)
-    return {
-        fit.effects: fitted_at(fit.model, fit.cells, point, own)
-        for fit, own, point in zip(before, nuisances, points, strict=True)
-    }
+    starts = [_starts(search, fit) for fit in before]
+    for _ in range(2):
+        nuisances = [shared_by(fit, search.criteria, scatter, calibration) for fit in before]
+        tasks = [(fit.model, fit.cells, at, own) for fit, at, own in zip(before, starts, nuisances, strict=True)]
+        points = search.fit_all(solve_near, tasks)
+        before = [
+            fitted_at(fit.model, fit.cells, point, own)
+            for fit, own, point in zip(before, nuisances, points, strict=True)
+        ]
+        starts = [(fit.warm_start,) for fit in before]
+    return {fit.effects: fit for fit in before}
 
 
 def _starts(search: EffectSearch, fit: Fit) -> tuple[WarmStart, ...]:
