@@ -56,7 +56,7 @@ def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
         return None if _nothing_shared(search, scatter) else _beside(search, plain, 0, scatter)
     for size in range(1, 1 + max(map(len, search.fits))):
         claimed = len(plain.effects) == size
-        scatter = bed_scatter(search.fits[plain.effects] if claimed else _best(search, size), search.criteria)
+        scatter = _scatter_about(search, search.fits[plain.effects] if claimed else _best(search, size))
         if claimed and _survives(search, plain.effects, scatter):
             return None
         if found := _readings(search, plain, scatter) or _beside(search, plain, size, scatter):
@@ -70,6 +70,15 @@ def _readings(search: EffectSearch, plain: Verdict, scatter: float) -> Shared | 
         return None
     found = _beside(search, plain, 1, 0.0)
     return found if found and found.verdict.status == "adequate" else None
+
+
+def _scatter_about(search: EffectSearch, fit: Fit) -> float:
+    """σ_b about a set, and again about where it comes to once that much is granted."""
+    scatter = bed_scatter(fit, search.criteria)
+    if not scatter:
+        return 0.0
+    there = _refitted(search, [fit.effects], scatter, calibration=True)[fit.effects]
+    return bed_scatter(fitted_at(fit.model, fit.cells, there.point), search.criteria)
 
 
 def _best(search: EffectSearch, size: int) -> Fit:
