@@ -339,7 +339,7 @@ class Problem:
     @cached_property
     def _ln_k_scatter(self) -> Array | None:
         """Standard deviation of ln k that a cell's replicates share ``(cells,)``; None: none."""
-        return None if self.nuisances is None or self._along_the_track else self.nuisances.ln_k_sd
+        return None if self.nuisances is None else self.nuisances.ln_k_sd
 
     def _independent(self, ln_k: Array, slope: Array) -> Array:
         """Replicates in terms of which the nodes' scatter is that of the mean ``(rows, cells)``: n, down to 1 where all
