@@ -20,6 +20,9 @@ if [ -f "$_trackway/ros_ws/install/local_setup.bash" ]; then
     source "$_trackway/ros_ws/install/local_setup.bash"
 fi
 
+# Matrices here are small and fits run in several processes: threads of the linear algebra only wait for one another.
+export OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}"
+
 # Legs that move must not listen to a stranger's network: set this to SUBNET to leave the host.
 export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
 if [ -t 1 ]; then
