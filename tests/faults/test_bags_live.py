@@ -242,7 +242,7 @@ def frame_numbers(bag: Path) -> list[int]:
     return found
 
 
-@pytest.mark.parametrize("codec", ["rawvideo", "ffv1"])
+@pytest.mark.parametrize("codec", [pytest.param("rawvideo", marks=pytest.mark.whole), "ffv1"])
 def test_frames_in_a_video_are_all_there_and_outlive_a_kill(tmp_path, codec):
     video = ("--images", "video", "--video-codec", codec)
     names = ("/leg_states", IMAGES)

@@ -13,7 +13,7 @@ BUSY_S = 5.0
     ("target", "fault", "moment", "why"),
     [
         ("campaign", "KILL", "walking", "whoever ran the trial is gone"),
-        ("tracker", "STOP", "walking", "tracker is silent"),
+        pytest.param("tracker", "STOP", "walking", "tracker is silent", marks=pytest.mark.whole),
         ("bed", "KILL", "blowing", "bed is silent"),
     ],
 )
@@ -22,6 +22,8 @@ def test_all_stops_and_the_bag_says_why(target, fault, moment, why, monkeypatch)
     *_, rest, off, bag, status, _, left = matrix.cell(target, fault, moment)
     stopped = rest if moment == "walking" else off
     assert float(stopped) <= BUSY_S
-    # On a busy machine clock or bed may be the first to miss the campaign's lease.
-    assert why in status or "/operator/lease" in status or "/leg_states" in status
+    # On a busy machine clock or bed may be the first to miss the campaign's lease, or the clock itself be held up.
+    assert any(
+        reason in status for reason in (why, "/operator/lease", "/leg_states", "the clock's process was held up")
+    )
     assert (bag, left) == ("whole", "nothing")

@@ -10,7 +10,7 @@ from sandbot_model.physics.model import model_of
 
 IDENTIFIED = [
     "disturbed_ground(k_l_n_per_m=175, s_c=0.95)",
-    "exact_vertical_acceleration()",
+    pytest.param("exact_vertical_acceleration()", marks=pytest.mark.whole),
     "stance_overlap(eta=0.1)",
     "swimming_thrust(a_m_s2=0.32)",
     "slow_phase_speed(SGCS)",
@@ -63,7 +63,7 @@ def test_a_null_world_is_adequate(seed):
     ("name", "where"),
     [
         ("x_resonance(loss=0.3, omega_0_rad_s=12, width_rad_s=2)", "in a band about ω = 12 rad/s"),
-        ("x_traction_loss(loss=0.4)", "below φ = 0.63"),
+        pytest.param("x_traction_loss(loss=0.4)", "below φ = 0.63", marks=pytest.mark.whole),
     ],
 )
 def test_an_effect_outside_the_catalogue_is_not_identified_but_described(name, where):

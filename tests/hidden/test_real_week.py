@@ -31,6 +31,7 @@ def test_a_bed_prepared_once_a_condition_is_no_effect():
     assert "k that scatters by" in one.verdict.because
 
 
+@pytest.mark.whole
 def test_one_frequency_a_day_is_no_effect():
     one = found(1, "omega", k_batch_sd=0.005)
     assert one.verdict.status == "adequate"
@@ -49,13 +50,17 @@ def test_a_drift_in_the_order_of_the_frequencies_is_in_the_standard_error():
     assert abs(delta_t.value - 0.4) < 2 * delta_t.stderr
 
 
-@pytest.mark.parametrize("effects", [OVERLAP, DISTURBED], ids=["stance_overlap", "disturbed_ground"])
+@pytest.mark.parametrize(
+    "effects", [OVERLAP, pytest.param(DISTURBED, marks=pytest.mark.whole)], ids=["stance_overlap", "disturbed_ground"]
+)
 def test_an_effect_is_still_named(effects):
     one = found(1, effects=effects)
     assert (one.verdict.status, one.verdict.effects) == ("identified", tuple(effects))
 
 
-@pytest.mark.parametrize("effects", [OVERLAP, DISTURBED], ids=["stance_overlap", "disturbed_ground"])
+@pytest.mark.parametrize(
+    "effects", [OVERLAP, pytest.param(DISTURBED, marks=pytest.mark.whole)], ids=["stance_overlap", "disturbed_ground"]
+)
 def test_an_effect_on_a_bed_that_scatters_is_named_or_in_the_set(effects):
     one = found(1, "condition", effects, told=False, k_batch_sd=0.01)
     assert tuple(effects) in one.verdict.alternatives

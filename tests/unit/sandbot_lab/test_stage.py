@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 from rig import QUIET, setpoints
-from test_cameras import CAMERAS
+from test_cameras import CAMERAS as FILE
 
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.robot import START_X_M, simulate
 from sandbot_lab.stage import NANO, LiveTrial
 from sandbot_lab.world import null_world
 
+CAMERAS = {name: FILE[name] for name in ("dorsal", "lateral")}
 T0_NS = 1_700_000_000_123_456_789
 
 
