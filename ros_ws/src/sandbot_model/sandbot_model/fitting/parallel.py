@@ -62,7 +62,9 @@ def cluster(address: str, patience_s: float = PATIENCE_S) -> Iterator[Map]:
         asyncio.run(_answers(address, patience_s))
         client = Client(address, timeout=patience_s, set_as_default=False)
     except (OSError, OverflowError, ValueError) as error:
-        why = _line(error) or f"no answer within {patience_s:g} s"
+        # Dask's own time and ours end together; either may be the first to say so.
+        late = isinstance(error, TimeoutError) or "Timed out" in str(error)
+        why = f"no answer within {patience_s:g} s" if late else _line(error)
         raise InputError(f"--dask {address!r}: no Dask scheduler there ({why}); e.g. tcp://host:8786") from None
     with client:
         try:
