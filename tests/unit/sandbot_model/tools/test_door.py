@@ -12,7 +12,6 @@ import pytest
 import sandbot_model as sm
 from sandbot_model.tools import discover as command
 from sandbot_record.trials.csv_table import write_csv
-from sandbot_record.trials.frame import to_frame
 
 OVERLAP = {"stance_overlap": {"eta": 0.15}}
 
@@ -66,13 +65,13 @@ def test_the_door_says_what_the_command_says(trials, found, tmp_path, capsys):
 
 def test_a_frame_a_path_and_trials_are_the_same_data(trials, tmp_path):
     write_csv(trials, tmp_path / "table.csv")
-    tables = [trials, str(tmp_path / "table.csv"), [tmp_path / "table.csv"], to_frame(trials)]
+    tables = [trials, str(tmp_path / "table.csv"), [tmp_path / "table.csv"], trials.to_frame()]
     errors = [sm.compare(table).fit.rmse_m_s for table in tables]
     np.testing.assert_allclose(errors, errors[0], rtol=0, atol=1e-15)
 
 
 def test_a_frame_without_speed_is_refused_by_row_and_column(trials):
-    frame = to_frame(trials)
+    frame = trials.to_frame()
     with pytest.raises(sm.InputError, match=r"^data: row 1: column speed_m_s is missing"):
         sm.compare(frame.drop(columns=["speed_m_s"]))
     frame["phi"] = frame["phi"].astype(object)

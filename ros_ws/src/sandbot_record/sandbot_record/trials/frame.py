@@ -1,10 +1,9 @@
-"""The trials table to and from a pandas DataFrame; pandas is needed only by who has one."""
+"""The trials table from a pandas DataFrame; pandas is needed only by who has one."""
 
 from typing import TYPE_CHECKING, Any
 
-from sandbot_common.errors import InputError
 from sandbot_record.trials.csv_table import rows_of
-from sandbot_record.trials.table import COLUMNS, Trials, from_rows
+from sandbot_record.trials.table import Trials, from_rows
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -27,15 +26,6 @@ def from_frame(frame: "DataFrame", where: str = "data") -> Trials:
         for number, row in enumerate(frame.itertuples(index=False, name=None), start=2)
     )
     return from_rows(rows_of(header, lines, where))
-
-
-def to_frame(trials: Trials) -> "DataFrame":
-    """One row a trial; not measured is NaN. Raises InputError without pandas."""
-    try:
-        from pandas import DataFrame
-    except ImportError:
-        raise InputError("to_frame: pandas is not installed; pip install pandas") from None
-    return DataFrame({name: getattr(trials, name) for name in COLUMNS})
 
 
 def _text(value: Any) -> str:
