@@ -112,7 +112,7 @@ def test_hz_waits_for_a_topic_that_comes_later(start):
 
 
 def test_parameters(talker, ros2):
-    assert "  gain" in ros2("param", "list", "/talker").stdout.splitlines()
+    eventually(lambda: ros2("param", "list", "/talker"), "  gain")
     assert ros2("param", "get", "/talker", "gain").stdout == "Double value is: 0.5\n"
     assert ros2("param", "set", "/talker", "gain", "1.5").stdout == "Set parameter successful\n"
     assert ros2("param", "get", "--hide-type", "/talker", "gain").stdout == "1.5\n"

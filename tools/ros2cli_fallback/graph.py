@@ -19,6 +19,7 @@ QUIET_S = 2.0
 """Measured on two busy cores: up to 1.7 s pass between one node's being discovered and the next one's."""
 
 PATIENCE_S = 4.0
+LONGEST_S = 30.0
 ASK_AGAIN_S = 1.0
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"
 NamesAndTypes = list[tuple[str, list[str]]]
@@ -91,10 +92,21 @@ def absolute(name: str) -> str:
 
 
 def require_node(on: Node, name: str, patience_s: float = PATIENCE_S) -> str:
-    """The absolute name of a node that is there; Failure with the real ros2's words if it does not appear."""
-    wanted = absolute(name)
-    if await_some(lambda: True if wanted in full_names(on, True) else None, patience_s) is None:
-        raise Failure("Node not found")
+    """The absolute name of a node that is there; Failure with the real ros2's words if it does not appear.
+
+    Patience is counted from the last node that appeared, and does not end while one is half known, up to ``LONGEST_S``:
+    on a busy host discovery may take longer than any patience that a wrong name deserves.
+    """
+    wanted, seen = absolute(name), -1
+    now = time.monotonic()
+    limit, longest = now + patience_s, now + LONGEST_S
+    while wanted not in (names := full_names(on, True)):
+        now = time.monotonic()
+        if len(names) != seen or _half_known(on):
+            seen, limit = len(names), now + patience_s
+        if now > min(limit, longest) or not rclpy.ok():
+            raise Failure("Node not found")
+        time.sleep(0.02)
     return wanted
 
 
