@@ -67,11 +67,19 @@ def _half_known(on: Node) -> bool:
     return any(one.node_name == _UNKNOWN for one in on.get_publishers_info_by_topic("/rosout"))
 
 
-def await_some(look: Callable[[], T | None], patience_s: float = PATIENCE_S) -> T | None:
-    """What ``look`` finds, asked again until it is not None or patience ends."""
-    limit = time.monotonic() + patience_s
-    while (found := look()) is None and time.monotonic() < limit and rclpy.ok():
+def await_some(on: Node, look: Callable[[], T | None], patience_s: float = PATIENCE_S) -> T | None:
+    """What ``look`` finds, asked again until it is not None or patience ends.
+
+    Patience is counted from the last node that appeared, and does not end while one is half known, up to ``LONGEST_S``:
+    on a busy host discovery may take longer than any patience that a wrong name deserves.
+    """
+    seen, now = -1, time.monotonic()
+    limit, longest = now + patience_s, now + max(LONGEST_S, patience_s)
+    while (found := look()) is None and now < min(limit, longest) and rclpy.ok():
         time.sleep(0.02)
+        now, known = time.monotonic(), len(full_names(on, True))
+        if known != seen or _half_known(on):
+            seen, limit = known, now + patience_s
     return found
 
 
@@ -92,21 +100,10 @@ def absolute(name: str) -> str:
 
 
 def require_node(on: Node, name: str, patience_s: float = PATIENCE_S) -> str:
-    """The absolute name of a node that is there; Failure with the real ros2's words if it does not appear.
-
-    Patience is counted from the last node that appeared, and does not end while one is half known, up to ``LONGEST_S``:
-    on a busy host discovery may take longer than any patience that a wrong name deserves.
-    """
-    wanted, seen = absolute(name), -1
-    now = time.monotonic()
-    limit, longest = now + patience_s, now + LONGEST_S
-    while wanted not in (names := full_names(on, True)):
-        now = time.monotonic()
-        if len(names) != seen or _half_known(on):
-            seen, limit = len(names), now + patience_s
-        if now > min(limit, longest) or not rclpy.ok():
-            raise Failure("Node not found")
-        time.sleep(0.02)
+    """The absolute name of a node that is there; Failure with the real ros2's words if it does not appear."""
+    wanted = absolute(name)
+    if await_some(on, lambda: True if wanted in full_names(on, True) else None, patience_s) is None:
+        raise Failure("Node not found")
     return wanted
 
 

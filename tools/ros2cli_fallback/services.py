@@ -51,7 +51,7 @@ def listing(args: argparse.Namespace) -> int:
 def type_(args: argparse.Namespace) -> int:
     """The type alone; exit 1 where the service is unknown."""
     with graph.node() as node:
-        types = graph.await_some(lambda: dict(node.get_service_names_and_types()).get(args.service_name))
+        types = graph.await_some(node, lambda: dict(node.get_service_names_and_types()).get(args.service_name))
     print(*(types or ()), sep="\n", end="\n" if types else "")
     return 0 if types else 1
 
@@ -72,7 +72,7 @@ def call(args: argparse.Namespace) -> int:
         client = node.create_client(kind, args.service_name)
         if not client.service_is_ready():
             print("waiting for service to become available...")
-            graph.await_some(lambda: True if client.service_is_ready() else None, float("inf"))
+            graph.await_some(node, lambda: True if client.service_is_ready() else None, float("inf"))
         while True:
             began = time.monotonic()
             print(f"requester: making request: {request!r}\n")

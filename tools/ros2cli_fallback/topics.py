@@ -41,7 +41,7 @@ def listing(args: argparse.Namespace) -> int:
 def info(args: argparse.Namespace) -> int:
     """Type and how many publish and subscribe."""
     with graph.node() as node:
-        types = graph.await_some(lambda: _types(node, args.topic_name))
+        types = graph.await_some(node, lambda: _types(node, args.topic_name))
         if types is None:
             raise Failure(f"Unknown topic '{args.topic_name}'")
         # The first endpoint to be seen need not be the last.
@@ -55,7 +55,7 @@ def info(args: argparse.Namespace) -> int:
 def type_(args: argparse.Namespace) -> int:
     """The type alone; exit 1 where the topic is unknown."""
     with graph.node() as node:
-        types = graph.await_some(lambda: _types(node, args.topic_name))
+        types = graph.await_some(node, lambda: _types(node, args.topic_name))
     print(*(types or ()), sep="\n", end="\n" if types else "")
     return 0 if types else 1
 
@@ -149,7 +149,7 @@ def _one_type(topic: str, types: list[str]) -> str:
 def _echo_class(node: Node, args: argparse.Namespace) -> Any:
     if args.message_type is not None:
         return convert.interface(args.message_type, "msg")
-    types = graph.await_some(lambda: _types(node, args.topic_name))
+    types = graph.await_some(node, lambda: _types(node, args.topic_name))
     if types is None:
         print(f"WARNING: topic [{args.topic_name}] does not appear to be published yet")
         raise Failure("Could not determine the type for the passed topic")
@@ -157,10 +157,10 @@ def _echo_class(node: Node, args: argparse.Namespace) -> Any:
 
 
 def _await_class(node: Node, topic: str) -> Any:
-    types = graph.await_some(lambda: _types(node, topic), graph.QUIET_S)
+    types = graph.await_some(node, lambda: _types(node, topic), graph.QUIET_S)
     if types is None:
         print(f"WARNING: topic [{topic}] does not appear to be published yet")
-        types = graph.await_some(lambda: _types(node, topic), float("inf"))
+        types = graph.await_some(node, lambda: _types(node, topic), float("inf"))
     if types is None:
         raise KeyboardInterrupt
     return convert.interface(_one_type(topic, types), "msg")
