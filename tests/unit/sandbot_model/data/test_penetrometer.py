@@ -10,6 +10,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.data.penetrometer import D_R, Readings, at_levels, read_readings
 from sandbot_model.discovery.verdict import passes
 from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.jacobian import readings_jacobian
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 
@@ -57,7 +58,7 @@ def test_readings_show_the_law_of_force_that_trials_hide(drawn, name, force, tru
 def test_the_slope_of_the_readings_is_that_of_their_difference(drawn):
     state = fitted(drawn(seed=5), readings(K * DEPTH), ("cohesion",))
     problem, at = state.problem, state.state
-    slopes = problem.pressed_jacobian(at)[0]
+    slopes = readings_jacobian(problem, at)[0]
     for index in range(at.theta.shape[1]):
         theta = at.theta.copy()
         theta[0, index] += (step := 1e-4 * max(abs(theta[0, index]), 1e-3))

@@ -1,4 +1,4 @@
-"""What is left where nothing of the catalogue fits: planted → described, at its stage; not planted → not."""
+"""What the model misses where nothing of the catalogue fits: planted → described, at its stage; not planted → not."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,8 @@ from sandbot_model.data.conditions import cells_of, noise_floor
 from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.residual import _guesses, _score, _tried, suggest_formula
+from sandbot_model.discovery.residual import _score, _tried, suggest_formula
+from sandbot_model.discovery.score_test import guesses
 from sandbot_model.discovery.term_library import terms
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.parallel import workers
@@ -123,13 +124,13 @@ def test_a_users_effect_of_the_same_name_is_left_alone_and_workers_change_nothin
     first = formula_effect(suggest_formula(base, EFFECTS).formula)
     known = {**EFFECTS, "residual": first}
     better = fit(model_of("simple", ("residual",), known), cells, base.warm_start)
-    left = suggest_formula(better, known)
-    assert (left.name, left.effects) == ("residual_2", ("residual",))
-    assert left.options.endswith("--effects residual,residual_2")
-    assert left.sentence.startswith("on top of residual, ")
-    assert left.lack_of_fit_p > 5e-3
+    second = suggest_formula(better, known)
+    assert (second.name, second.effects) == ("residual_2", ("residual",))
+    assert second.options.endswith("--effects residual,residual_2")
+    assert second.sentence.startswith("on top of residual, ")
+    assert second.lack_of_fit_p > 5e-3
     with workers(2) as fit_all:
-        assert suggest_formula(better, known, fit_all=fit_all) == left
+        assert suggest_formula(better, known, fit_all=fit_all) == second
 
 
 def test_without_replicates_nothing_is_described(drawn):
@@ -139,13 +140,13 @@ def test_without_replicates_nothing_is_described(drawn):
 
 
 @pytest.mark.slow
-def test_the_score_foretells_what_the_fit_gains(drawn):
+def test_the_score_test_predicts_what_the_fit_gains(drawn):
     """A small effect: the first order is all there is."""
     formula = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.01..0.03"
     base = base_fit(drawn(seed=5, formulas=[formula]))
-    guesses = _guesses(base, "residual", terms(base), None, DEFAULT.term)
-    assert guesses
-    tried = _tried(base, guesses, EFFECTS, map, lambda _done, _total: None)
+    promising = guesses(base, "residual", terms(base), None, DEFAULT.term)
+    assert promising
+    tried = _tried(base, promising, EFFECTS, map, lambda _done, _total: None)
     gains = np.array([base.deviance - one.fit.deviance for one in tried])
     expected = np.array([one.guess.gain for one in tried])
     np.testing.assert_allclose(gains, expected, rtol=0.25)

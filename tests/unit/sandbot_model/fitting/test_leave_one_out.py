@@ -6,8 +6,8 @@ import pytest
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.global_minimum import nearby_state
+from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.leave_one_out import cross_validation, leave_one_out
-from sandbot_model.fitting.levenberg_marquardt import full_jacobian
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of

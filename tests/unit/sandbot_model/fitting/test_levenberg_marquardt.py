@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.fitting.levenberg_marquardt import bounds, descend, full_jacobian, project_out, tangent_basis
+from sandbot_model.fitting.jacobian import full_jacobian, project_out, tangent_basis
+from sandbot_model.fitting.levenberg_marquardt import bounds, descend
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
@@ -25,7 +26,7 @@ def test_it_ends_lower_where_the_gradient_is_nothing(problem, begin):
     end = descend(problem, begin)
     assert (end.deviance < begin.deviance).all()
     best = end.take(np.argsort(end.deviance)[:1])
-    jacobian, residual = full_jacobian(problem, best)[0], best.missed[0]
+    jacobian, residual = full_jacobian(problem, best)[0], best.all_residuals[0]
     slope = np.abs(jacobian.T @ residual) / np.linalg.norm(jacobian, axis=0).clip(1e-9)
     assert slope.max() < 0.3
 

@@ -6,7 +6,7 @@ import pytest
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
-from sandbot_model.fitting.levenberg_marquardt import full_jacobian
+from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances, effective, scatter_of_batches, trend_p
 from sandbot_model.physics.catalogue import catalogue
@@ -47,7 +47,7 @@ def test_the_adjusted_deviance_is_that_of_the_wider_covariance(cells):
     problem = Problem(MODEL, cells, lift_zero(cells))
     state = problem.states(*POINT)
     unit = problem.whitened(state.whiten, problem.nuisances)[0].reshape(-1, 1) * 1e-3
-    r = plain.missed[0]
+    r = plain.all_residuals[0]
     assert state.deviance[0] == pytest.approx(r @ np.linalg.solve(np.eye(len(r)) + unit @ unit.T, r))
     assert state.deviance[0] < plain.deviance[0]
 
@@ -63,7 +63,7 @@ def test_its_column_of_the_jacobian_is_that_of_finite_differences(cells):
     problem = Problem(MODEL, cells, lift_zero(cells))
     state = problem.states(*POINT)
     here = -state.shared * problem.nuisances.sd
-    sides = [problem.states(*POINT, here + step).missed[0] for step in (1e-6, -1e-6)]
+    sides = [problem.states(*POINT, here + step).all_residuals[0] for step in (1e-6, -1e-6)]
     jacobian = full_jacobian(problem, state)[0]
     assert jacobian.shape == (len(sides[0]), 2 + 3 + 1)
     np.testing.assert_allclose(jacobian[:, -1], (sides[1] - sides[0]) / 2e-6, rtol=1e-4, atol=1e-6)

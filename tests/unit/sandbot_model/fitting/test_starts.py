@@ -5,7 +5,7 @@ import pytest
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit
-from sandbot_model.fitting.starts import APART, MOST, profile, resample, search_box, starts
+from sandbot_model.fitting.starts import MIN_DISTANCE, MAX_STARTS, profile, resample, search_box, starts
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 
@@ -26,12 +26,12 @@ def _unit(model, theta):
 
 def test_they_are_in_range_apart_and_best_first(found):
     tried = starts(found.problem, found.point.slope, found.k_n_per_m)
-    assert 1 < len(tried) <= MOST
+    assert 1 < len(tried) <= MAX_STARTS
     assert [start.deviance for start in tried] == sorted(start.deviance for start in tried)
     units = [_unit(found.model, start.theta) for start in tried]
     assert all(((unit > -1e-9) & (unit < 1 + 1e-9)).all() for unit in units)
     gaps = [np.abs(one - other).max() for i, one in enumerate(units) for other in units[:i]]
-    assert min(gaps) > APART
+    assert min(gaps) > MIN_DISTANCE
 
 
 def test_a_point_given_is_tried_too(found):
@@ -41,7 +41,7 @@ def test_a_point_given_is_tried_too(found):
     tried = starts(found.problem, found.point.slope, found.k_n_per_m, also=point[None])
     assert tried[0].deviance <= without[0].deviance
     gaps = [np.abs(_unit(found.model, start.theta) - _unit(found.model, point)).max() for start in tried]
-    assert min(gaps) <= APART
+    assert min(gaps) <= MIN_DISTANCE
 
 
 def test_k_is_profiled_to_its_minimum(found):
@@ -54,7 +54,7 @@ def test_k_is_profiled_to_its_minimum(found):
 
 def test_without_an_effect_there_is_nothing_to_sample_once_more(found, drawn):
     more = resample(found.problem, found.point.theta, found.point.ln_k, found.point.slope)
-    assert 0 < len(more) <= MOST // 2
+    assert 0 < len(more) <= MAX_STARTS // 2
     assert all(abs(np.log(start.theta[0] / found.point.theta[0])) < 0.4 for start in more)
     base = fit(model_of("simple", (), EFFECTS), cells_of(drawn(levels=2)))
     assert resample(base.problem, base.point.theta, base.point.ln_k, base.point.slope) == []

@@ -11,7 +11,7 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import NAMES, usual_noise
 
-MOST = 6
+MAX_TRIALS = 6
 CONTENDERS = 6
 """Sets among which trials are to decide."""
 READINGS = 2
@@ -72,7 +72,7 @@ def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
     gaps = [{trial.condition: trial for trial in reversed(trials)} for trials in pairs]
     separated = np.zeros(len(pairs))
     chosen: list[NextTrial] = []
-    while len(chosen) < MOST and (best := _most_telling(gaps, separated, chosen)) is not None:
+    while len(chosen) < MAX_TRIALS and (best := _most_telling(gaps, separated, chosen)) is not None:
         chosen.append(best)
         separated += [_weight(gap.get(best.condition)) for gap in gaps]
     return sorted(chosen, key=lambda trial: -trial.expected_gap_sd)
@@ -109,7 +109,7 @@ def excluding(base: Fit, unseen: Sequence[Fit]) -> list[NextTrial]:
     each = [between(predicted, Predicted.by(other)) for other in unseen]
     best = _distinct([trials[0] for trials in each if trials])
     more = _distinct([*best, *(trial for trials in each for trial in trials[1:])])
-    return [*best, *(trial for trial in more if trial not in best)][:MOST]
+    return [*best, *(trial for trial in more if trial not in best)][:MAX_TRIALS]
 
 
 @dataclass(frozen=True, eq=False)

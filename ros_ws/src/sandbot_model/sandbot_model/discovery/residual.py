@@ -1,26 +1,22 @@
-"""Nothing in the catalogue fits: what is left, in the field's terms, as a formula to try.
+"""Nothing in the catalogue fits: what the model misses, in the field's terms, as a formula to try.
 
-Each term of a short library on each lever of the chain (``terms``) is judged by a score test (Rao 1948): to first
-order, how far would the deviance fall if it were added and all parameters of the fit adjusted? The most promising are
+Each term of a short library on each lever of the chain (``terms``) is judged by a score test. The most promising are
 fitted in earnest, the best is kept; then a second term on the same lever, if that is worth it. So every number reported
 is that of a fit to all observables, and the formula is the very effect that was fitted.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain, count
 
 import numpy as np
 
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.term_library import LEVERS, Lever, Term, terms
+from sandbot_model.discovery.score_test import Guess, guesses, unused_name
+from sandbot_model.discovery.term_library import terms
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve
-from sandbot_model.fitting.levenberg_marquardt import project_out, tangent_basis
-from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.parallel import Map, Progress
-from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.model import model_of
@@ -28,16 +24,10 @@ from sandbot_model.physics.model import model_of
 NAME = "residual"
 """What the formula is called, or residual_2 and so on where the user has one of that name."""
 MOST_TERMS = 2
-EACH = 3
-"""Terms of one lever that are fitted."""
-FREE = 0.5
+SPAN = 0.5
 """How far a fit may take what a term stands for; a score test far from the minimum predicts the sign at best."""
-HOPELESS = 0.2
-"""Share of the largest gain predicted below which a term is not fitted."""
-CLOSER = 4
+SEARCHED_GLOBALLY = 4
 """Levers whose best term gets a global search after a first look, and of the best lever all."""
-CLOSE = 0.98
-"""Correlation from which two terms say the same."""
 
 
 @dataclass(frozen=True)
@@ -75,36 +65,6 @@ class SuggestedFormula:
         return f"--effect '{self.formula}' --effects {','.join((*self.effects, self.name))}"
 
 
-@dataclass(frozen=True, eq=False)
-class _Guess:
-    """Terms on a lever, with coefficients to start from, and the gain expected of it."""
-
-    name: str
-    lever: Lever
-    terms: tuple[Term, ...]
-    coefficients: tuple[float, ...]
-    gain: float
-    direction: Array
-    per_number: float
-    """See ``Criteria.term``."""
-
-    def formula(self, least_change: float = 0.0) -> str:
-        """The effect. Coefficients may go to minus themselves or thrice as far, at least so far that what they stand
-        for changes by ``least_change``.
-        """
-        body = " + ".join(term.times(f"c{i}") for i, term in enumerate(self.terms))
-        ranges = ""
-        for i, (c, term) in enumerate(zip(self.coefficients, self.terms, strict=True)):
-            span = max(2 * abs(c), least_change / max(float(np.abs(term.values).max()), 1e-9))
-            ranges += f"; c{i} [1] in {c - span:.3g}..{c + span:.3g}"
-        return f"{self.name}: {self.lever.stage}: {self.lever.assignment(body)}{ranges}"
-
-    @property
-    def price(self) -> float:
-        """Gain in deviance that all numbers taken from the data, coefficients and thresholds, must bring."""
-        return self.per_number * (len(self.terms) + sum(term.switches for term in self.terms))
-
-
 def suggest_formula(
     fit: Fit,
     effects: Mapping[str, Effect],
@@ -114,14 +74,14 @@ def suggest_formula(
     progress: Progress = lambda _stage, _done, _total: None,
 ) -> SuggestedFormula | None:
     """The formula that repairs most of what this fit misses; None if no term of the library gains enough."""
-    library, name = terms(fit), _unused_name(NAME, effects)
+    library, name = terms(fit), unused_name(NAME, effects)
     best: _Tried | None = None
     rival: _Tried | None = None
     for number in range(1, MOST_TERMS + 1):
         found, so_far = (fit, None) if best is None else (best.fit, best.guess)
         tried = _tried(
             fit,
-            _guesses(found, name, library, so_far, criteria.term),
+            guesses(found, name, library, so_far, criteria.term),
             effects,
             fit_all,
             partial(progress, f"formula, term {number}"),
@@ -138,7 +98,7 @@ def suggest_formula(
 class _Tried:
     """A guess with the coefficients of its fit."""
 
-    guess: _Guess
+    guess: Guess
     fit: Fit
 
     @property
@@ -154,19 +114,19 @@ class _Tried:
 
 def _tried(
     fit: Fit,
-    guesses: Sequence[_Guess],
+    promising: Sequence[Guess],
     effects: Mapping[str, Effect],
     fit_all: Map,
     progress: Callable[[int, int], None],
 ) -> list[_Tried]:
     """All guesses fitted near this fit, the best of each lever once more anywhere; best first."""
 
-    def fitted(some: Sequence[_Guess], *, nearby: bool) -> list[_Tried]:
+    def fitted(some: Sequence[Guess], *, nearby: bool) -> list[_Tried]:
         models = [
             model_of(
                 fit.model.base,
                 (*fit.effects, guess.name),
-                {**effects, guess.name: formula_effect(guess.formula(FREE))},
+                {**effects, guess.name: formula_effect(guess.formula(SPAN))},
                 fit.model.robot,
             )
             for guess in some
@@ -181,90 +141,14 @@ def _tried(
         determined = [attempt for attempt in found if all(np.isfinite(attempt.errors))]
         return sorted(determined, key=lambda attempt: attempt.score)
 
-    near = fitted(guesses, nearby=True)
+    near = fitted(promising, nearby=True)
     best = {attempt.guess.lever: attempt.guess for attempt in reversed(near)}
-    leading = [attempt.guess for attempt in near if best[attempt.guess.lever] is attempt.guess][:CLOSER]
+    leading = [attempt.guess for attempt in near if best[attempt.guess.lever] is attempt.guess][:SEARCHED_GLOBALLY]
     leading += [attempt.guess for attempt in near if leading and attempt.guess.lever == leading[0].lever][1:]
     return sorted([*near, *fitted(leading, nearby=False)], key=lambda attempt: attempt.score)
 
 
-def _unused_name(name: str, names: Iterable[str]) -> str:
-    """The name, with a number if it is taken."""
-    taken = set(names)
-    numbered = (f"{name}_{number}" for number in count(2))
-    return next(candidate for candidate in chain([name], numbered) if candidate not in taken)
-
-
-def _guesses(found: Fit, name: str, library: Sequence[Term], so_far: _Guess | None, per_number: float) -> list[_Guess]:
-    """What to fit next: the best few terms of every lever, or of the one there is."""
-    basis = tangent_basis(found.problem, found.state)
-    residual = project_out(found.state.missed[0], basis)
-    guesses = []
-    for lever in LEVERS if so_far is None else (so_far.lever,):
-        slopes = _slopes(found, lever)
-        usable = [term for term in library if not (term.needs_depth and lever.stage == "clock")]
-        tried = [_guess(name, lever, term, slopes, residual, basis, so_far, per_number) for term in usable]
-        guesses += _distinct([guess for guess in tried if guess is not None], per_number)
-    most = max((guess.gain for guess in guesses), default=0.0)
-    return [guess for guess in guesses if guess.gain > HOPELESS * most]
-
-
-def _guess(
-    name: str,
-    lever: Lever,
-    term: Term,
-    slopes: Array,
-    residual: Array,
-    basis: Array,
-    so_far: _Guess | None,
-    per_number: float,
-) -> _Guess | None:
-    """One more term on a lever; None where the data say too little of it."""
-    column = np.zeros(len(residual))
-    column[: slopes.size] = (slopes * term.values[:, None]).ravel()
-    direction = project_out(column, basis)
-    length = float(direction @ direction)
-    if length < 1e-6 * float(column @ column) or length < 1.0:
-        return None
-    coefficient = float(residual @ direction) / length
-    before = ((), ()) if so_far is None else (so_far.terms, so_far.coefficients)
-    return _Guess(
-        name=name,
-        lever=lever,
-        terms=(*before[0], term),
-        coefficients=(*before[1], coefficient),
-        gain=length * coefficient**2,
-        direction=direction / np.sqrt(length),
-        per_number=per_number,
-    )
-
-
-def _distinct(guesses: Sequence[_Guess], per_number: float) -> list[_Guess]:
-    """The most promising that do not all say the same."""
-    # The plainest is always tried: what is the same everywhere moves the fit most, and is predicted worst.
-    chosen = [guess for guess in guesses if guess.gain > per_number and guess.terms[-1].expression == "1"]
-    for guess in sorted(guesses, key=lambda guess: guess.gain - guess.price, reverse=True):
-        if guess.gain > per_number and all(abs(float(guess.direction @ other.direction)) < CLOSE for other in chosen):
-            chosen.append(guess)
-        if len(chosen) > EACH:
-            break
-    return chosen
-
-
-def _slopes(found: Fit, lever: Lever) -> Array:
-    """d(whitened prediction)/d(relative change of the lever), ``(cells, 4)``."""
-    catalogue = found.model.catalogue
-    name = _unused_name("lever", catalogue)
-    change = formula_effect(f"{name}: {lever.stage}: {lever.assignment('c')}; c [1] in -1..1")
-    model = model_of(found.model.base, (*found.effects, name), {**catalogue, name: change}, found.model.robot)
-    at = model.names.index(f"{name}.c")
-    theta = np.insert(found.state.theta[0], at, 0.0)
-    problem = Problem(model, found.cells)
-    states = problem.states(theta[None], found.state.ln_k, found.state.slope)
-    return np.asarray(problem.jacobian(states)[0][..., at])
-
-
-def _score(fit: Fit, guess: _Guess | None) -> float:
+def _score(fit: Fit, guess: Guess | None) -> float:
     """Deviance, and what each number taken from the data must bring."""
     return fit.deviance + (guess.price if guess else 0.0)
 

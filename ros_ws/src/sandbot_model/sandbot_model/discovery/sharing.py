@@ -16,7 +16,7 @@ from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.verdict import Verdict, judge, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, solve_near
-from sandbot_model.fitting.levenberg_marquardt import full_jacobian
+from sandbot_model.fitting.jacobian import cell_jacobian, full_jacobian
 from sandbot_model.fitting.likelihood import WIDENED
 from sandbot_model.fitting.nuisances import Nuisances, scatter_of_batches, trend_p
 from sandbot_model.physics.arrays import Array
@@ -24,12 +24,12 @@ from sandbot_model.physics.observables import Observable
 
 LEADING = 6
 """Larger sets that are tried again, the best."""
-MOST = 2.5
+MAX_SCATTER = 2.5
 """Largest σ_b, in units of its prior."""
 STRUCTURE = 0.01
 """p-value below which offsets follow something, and are no nuisance."""
 WIDER = 1.2
-"""Factor on a standard error from which a drift that does not show is told all the same."""
+"""Factor on a standard error from which a drift that does not show is stated all the same."""
 GAINED = 0.5
 """Fall of the deviance that makes a fit better than another."""
 ALONG = [Observable.speed, Observable.peak_speed, Observable.first_step]
@@ -101,7 +101,7 @@ def _beside(search: EffectSearch, plain: Verdict, size: int, scatter: float) -> 
         return None
     if plain.status == "adequate" != verdict.status:
         return None
-    return Shared(_told(verdict, plain, fits[verdict.effects], scatter, search.criteria), fits)
+    return Shared(_with_nuisances(verdict, plain, fits[verdict.effects], scatter, search.criteria), fits)
 
 
 def _nothing_shared(search: EffectSearch, scatter: float) -> bool:
@@ -136,9 +136,9 @@ def _smaller_from(
             before = fits[part]
             own = shared_by(before, criteria, scatter, calibration)
             point = solve_near((before.model, before.cells, (fits[names].warm_start, before.warm_start), own))
-            again = fitted_at(before.model, before.cells, point, own)
-            if again.deviance < before.deviance - GAINED:
-                found[part] = again
+            better = fitted_at(before.model, before.cells, point, own)
+            if better.deviance < before.deviance - GAINED:
+                found[part] = better
     return found
 
 
@@ -177,7 +177,7 @@ def _starts(search: EffectSearch, fit: Fit) -> tuple[WarmStart, ...]:
     parts = combinations(fit.effects, len(fit.effects) - 1) if fit.effects else ()
     smaller = [search.fits[part] for part in parts if part in search.fits]
     best = sorted(smaller, key=lambda part: part.deviance)[:1]
-    return tuple(one.warm_start for one in (fit, *best))
+    return tuple(found.warm_start for found in (fit, *best))
 
 
 def shared_by(fit: Fit, criteria: Criteria, scatter: float, calibration: bool = True) -> Nuisances:
@@ -185,7 +185,7 @@ def shared_by(fit: Fit, criteria: Criteria, scatter: float, calibration: bool = 
     by_ln_k, share, order = _by_ln_k(fit), batch_share(fit), fit.cells.order
     found: list[tuple[str, float, Array]] = []
     if scatter:
-        found += [(BATCH, scatter, by_ln_k * one[:, None]) for one in share.T]
+        found += [(BATCH, scatter, by_ln_k * batch[:, None]) for batch in share.T]
     if order is not None:
         found.append(("drift", criteria.drift, by_ln_k * order[:, None]))
     if calibration:
@@ -201,15 +201,15 @@ def shared_by(fit: Fit, criteria: Criteria, scatter: float, calibration: bool = 
 
 
 def batch_share(fit: Fit) -> Array:
-    """Share of each cell's trials in each batch; every cell is one of its own where no batches are told."""
-    told = fit.cells.batch_share
-    return np.eye(len(fit.cells)) if told is None else told
+    """Share of each cell's trials in each batch; every cell is one of its own where no batches are given."""
+    given = fit.cells.batch_share
+    return np.eye(len(fit.cells)) if given is None else given
 
 
 def _by_ln_k(fit: Fit) -> Array:
     """d(cell mean)/d ln k ``(cells, 4)``, 0 for cells that walk or swim by chance: a slope says nothing there."""
     problem, state = fit.problem, fit.state
-    white = problem.jacobian(state)[0][..., -1]
+    white = cell_jacobian(problem, state)[0][..., -1]
     slope = np.einsum("cij,cj->ci", np.linalg.inv(state.whiten[0]), white)
     mixed = problem.widening(state.covariance[0]) >= WIDENED
     return np.where(mixed[:, None], 0.0, slope)
@@ -217,13 +217,13 @@ def _by_ln_k(fit: Fit) -> Array:
 
 def bed_scatter(fit: Fit, criteria: Criteria) -> float:
     """σ_b about a fit without nuisances, beside all others; 0 where batches need not differ."""
-    own, values = shared_by(fit, criteria, 1.0), fit.state.missed[0]
+    own, values = shared_by(fit, criteria, 1.0), fit.state.all_residuals[0]
     unit = np.zeros((len(values), len(own.sd)))
     shift = fit.problem.whitened(fit.state.whiten, own)[0]
     unit[: shift[..., 0].size] = shift.reshape(-1, len(own.sd)) * own.sd
     batches = np.array([name == BATCH for name in own.names])
     jacobian = full_jacobian(fit.problem, fit.state)[0]
-    tried = np.linspace(0.0, MOST * criteria.bed_scatter, 60)
+    tried = np.linspace(0.0, MAX_SCATTER * criteria.bed_scatter, 60)
     scatter, gain = scatter_of_batches(
         values, jacobian, unit[:, batches], unit[:, ~batches], tried, criteria.bed_scatter
     )
@@ -244,7 +244,7 @@ def structure_p(fit: Fit) -> float:
     jacobian = full_jacobian(fit.problem, state)[0][: -len(own.sd)]
     unknowns = jacobian.shape[1] - len(own.sd)
     shift = jacobian[:, unknowns:]
-    residual = state.missed[0][: len(jacobian)] - shift @ (state.shared[0] * own.sd)
+    residual = state.all_residuals[0][: len(jacobian)] - shift @ (state.shared[0] * own.sd)
     covariance = np.eye(len(jacobian)) + (shift * own.sd**2) @ shift.T
     batches = np.array([name == BATCH for name in own.names])
     return trend_p(residual, jacobian[:, :unknowns], covariance, shift[:, batches] @ _trends(fit))
@@ -260,7 +260,7 @@ def _trends(fit: Fit) -> Array:
     return np.asarray(trends - trends.mean(axis=0))
 
 
-def _told(verdict: Verdict, plain: Verdict, fit: Fit, scatter: float, criteria: Criteria) -> Verdict:
+def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, scatter: float, criteria: Criteria) -> Verdict:
     """The verdict with what it takes for granted, and what would be said otherwise."""
     kind = "condition" if fit.cells.batch_share is None else "batch"
     words = [f"k that scatters by {scatter:.2%} from {kind} to {kind} (prior {criteria.bed_scatter:.1%})"] * bool(

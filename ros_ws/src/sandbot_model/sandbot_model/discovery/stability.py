@@ -14,7 +14,7 @@ import numpy as np
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.verdict import claim
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.levenberg_marquardt import project_out, tangent_basis
+from sandbot_model.fitting.jacobian import project_out, tangent_basis
 from sandbot_model.physics.arrays import Array
 
 DRAWS = 400
@@ -24,7 +24,7 @@ def win_shares(
     fits: Sequence[Fit], rng: np.random.Generator, draws: int = DRAWS, criteria: Criteria = DEFAULT
 ) -> list[float]:
     """Share of draws in which each set has the least BIC, plus the claim for every effect in it, of all given."""
-    noise = rng.normal(size=(fits[0].state.missed.size, draws))
+    noise = rng.normal(size=(fits[0].state.all_residuals.size, draws))
     scores = np.stack([_bic(fit, noise) + claim(fit, criteria) * len(fit.effects) for fit in fits])
     winners = scores.argmin(axis=0)
     return [float(np.mean(winners == index)) for index in range(len(fits))]
@@ -38,6 +38,6 @@ def _bic(fit: Fit, noise: Array) -> Array:
     turn = state.whiten[0] @ np.linalg.inv(problem.whiten)
     moved = np.einsum("cij,cjd->cid", turn, noise[: 4 * cells].reshape(cells, 4, -1))
     moved = np.where(problem.measured[:, :, None], moved, 0.0).reshape(4 * cells, -1)
-    residual = state.missed[0][:, None] + np.concatenate([moved, noise[4 * cells :]])
+    residual = state.all_residuals[0][:, None] + np.concatenate([moved, noise[4 * cells :]])
     remaining = project_out(residual, tangent_basis(problem, state))
     return np.asarray(np.sum(remaining**2, axis=0) + fit.bic - fit.goodness.chi2)

@@ -8,10 +8,11 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.levenberg_marquardt import bounds, descend
-from sandbot_model.fitting.likelihood import Problem, States
+from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.scans import bounded, k_response, look_along_k, look_along_theta
 from sandbot_model.fitting.starts import Start, resample, starts
+from sandbot_model.fitting.states import States
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.geometry import critical_k_n_per_m
 from sandbot_model.physics.model import Model

@@ -9,8 +9,9 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.data.distributions import chi2_sf, f_sf
 from sandbot_model.fitting.levenberg_marquardt import bounds
-from sandbot_model.fitting.likelihood import Problem, States
+from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import effective
+from sandbot_model.fitting.states import States
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
@@ -52,7 +53,7 @@ def goodness(problem: Problem, state: States) -> Goodness:
     """Errors and tests of a fitted state (one row)."""
     values = int(problem.measured.sum()) + state.pressed.shape[1]
     unknowns = state.theta.shape[1] + state.ln_k.shape[1]
-    gap, chi2, deviance = residual(problem, state), float(np.sum(state.missed**2)), float(state.deviance[0])
+    gap, chi2, deviance = residual(problem, state), float(np.sum(state.all_residuals**2)), float(state.deviance[0])
     clear = problem.away_from_switch(problem.widening(state.covariance[0]))
     dof = values - unknowns
     return Goodness(

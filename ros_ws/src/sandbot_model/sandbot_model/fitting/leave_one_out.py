@@ -9,7 +9,8 @@ import numpy as np
 from sandbot_model.fitting.global_minimum import FIRST_ITERATIONS, HOPELESS
 from sandbot_model.fitting.goodness import rms
 from sandbot_model.fitting.levenberg_marquardt import bounds, descend
-from sandbot_model.fitting.likelihood import Problem, States
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.states import States
 from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.observables import Observable
 
@@ -58,12 +59,12 @@ def leave_one_out(problem: Problem, state: States, jacobian: Array) -> LeaveOneO
     theta, ln_k, shared, speed_sd = _linear_step(problem, state, jacobian)
     precise = speed_sd < np.sqrt(problem.covariance[:, Observable.speed, Observable.speed])
     scored = precise & problem.away_from_switch(problem.widening(state.covariance[0]))
-    found = problem.each_by_its_own(theta, ln_k, state.slope, shared)
+    found = problem.cell_by_cell(theta, ln_k, state.slope, shared)
     far = np.flatnonzero(scored & _moved_far(problem, state, found.predicted))
     if len(far):
         for cell in far:
             theta[cell], ln_k[cell] = _fit_without(problem, int(cell), state, theta[cell], ln_k[cell])
-        found = problem.each_by_its_own(theta, ln_k, state.slope, shared)
+        found = problem.cell_by_cell(theta, ln_k, state.slope, shared)
     scored &= problem.away_from_switch(found.widening)
     scored &= found.walks == (state.footing.walking[0].mean(axis=1) > 0.5)
     residual = np.where(problem.measured, problem.cells.mean - found.predicted, np.nan)
@@ -105,8 +106,8 @@ def _moved_far(problem: Problem, state: States, predicted: Array) -> Bool:
 
 def _fit_without(problem: Problem, cell: int, state: States, theta: Array, ln_k: Array) -> tuple[Array, Array]:
     """θ and ln k that fit all cells but one, the better of what is found from the linear step and from the fit."""
-    left = None if problem.nuisances is None else problem.nuisances.without(cell)
-    fewer = Problem(problem.model, problem.cells.without(cell), left)
+    nuisances = None if problem.nuisances is None else problem.nuisances.without(cell)
+    fewer = Problem(problem.model, problem.cells.without(cell), nuisances)
     begin = fewer.states(np.stack([theta, state.theta[0]]), np.stack([ln_k, state.ln_k[0]]), state.slope)
     found = descend(fewer, begin, 2 * FIRST_ITERATIONS)
     best = int(found.deviance.argmin())

@@ -2,13 +2,15 @@
 
 import numpy as np
 
-from sandbot_model.fitting.likelihood import Problem, States
+from sandbot_model.fitting.jacobian import full_jacobian
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.states import States
 from sandbot_model.physics.arrays import Array, Ints
 
 ITERATIONS = 30
-ENOUGH = 1e-2
+TOLERANCE = 1e-2
 """The descent ends with a step that lowers the deviance by less than this."""
-STIFFEST = 1e5
+MAX_DAMPING = 1e5
 """Damping beyond which a row is no longer improved."""
 
 
@@ -27,43 +29,8 @@ def descend(problem: Problem, states: States, iterations: int = ITERATIONS) -> S
         better = gain > 0
         states = _put(states, at, here.where(better, trial))
         damping[at] = np.where(better, np.maximum(damping[at] / 10, 1e-9), damping[at] * 10)
-        active[at] = np.where(better, gain > ENOUGH, damping[at] < STIFFEST)
+        active[at] = np.where(better, gain > TOLERANCE, damping[at] < MAX_DAMPING)
     return states
-
-
-def full_jacobian(problem: Problem, states: States) -> Array:
-    """d(whitened prediction)/d(θ, ln k of every level, nuisances): the rows of ``States.missed``, one column each."""
-    local = problem.jacobian(states)
-    cells, count, levels = problem.cells, states.theta.shape[1], states.ln_k.shape[1]
-    full = np.zeros((len(local), len(cells), 4, count + levels))
-    full[..., :count] = local[..., :count]
-    each = np.arange(len(cells))
-    full[:, each, :, count + cells.level] = np.moveaxis(local[..., count], 1, 0)
-    full = np.concatenate([full.reshape(len(local), -1, count + levels), problem.pressed_jacobian(states)], axis=1)
-    if problem.nuisances is None:
-        return full
-    return _with_nuisances(full, problem.whitened(states.whiten, problem.nuisances), problem.nuisances.sd)
-
-
-def _with_nuisances(jacobian: Array, shift: Array, sd: Array) -> Array:
-    """A column for each nuisance, ``shift (rows, cells, 4, nuisances)``, and a row for its prior."""
-    rows, values, unknowns = jacobian.shape
-    wider = np.zeros((rows, values + len(sd), unknowns + len(sd)))
-    wider[:, :values, :unknowns] = jacobian
-    wider[:, : shift.shape[1] * shift.shape[2], unknowns:] = shift.reshape(rows, -1, len(sd))
-    wider[:, values:, unknowns:] = np.diag(1 / sd)
-    return wider
-
-
-def tangent_basis(problem: Problem, states: States) -> Array:
-    """Orthonormal columns ``(values, rank)`` that span the residuals a fit's own parameters can absorb."""
-    basis, singular, _ = np.linalg.svd(full_jacobian(problem, states)[0], full_matrices=False)
-    return np.asarray(basis[:, singular > 1e-9 * singular[0]])
-
-
-def project_out(values: Array, basis: Array) -> Array:
-    """``values (n, ...)`` with their component in the span of the basis removed."""
-    return np.asarray(values - basis @ (basis.T @ values))
 
 
 def bounds(problem: Problem) -> tuple[Array, Array]:
@@ -78,7 +45,7 @@ def _moved(problem: Problem, states: States, damping: Array) -> States:
     count = states.theta.shape[1]
     jacobian = full_jacobian(problem, states)
     transposed = np.swapaxes(jacobian, 1, 2)
-    gradient = (transposed @ states.missed[..., None])[..., 0]
+    gradient = (transposed @ states.all_residuals[..., None])[..., 0]
     normal = transposed @ jacobian
     scale = np.maximum(np.sqrt(np.diagonal(normal, axis1=1, axis2=2)), 1e-9)
     down, up = gradient[:, :count] < 0, gradient[:, :count] > 0

@@ -70,11 +70,11 @@ def trend_p(residual: Array, jacobian: Array, covariance: Array, trends: Array) 
     solved = np.linalg.solve(covariance, np.column_stack([jacobian, trends, residual]))
     count = jacobian.shape[1]
     fitted = np.linalg.pinv(jacobian.T @ solved[:, :count], rcond=1e-12, hermitian=True)
-    left = solved[:, count:] - solved[:, :count] @ (fitted @ (jacobian.T @ solved[:, count:]))
-    pull, information = trends.T @ left[:, -1], trends.T @ left[:, :-1]
+    adjusted = solved[:, count:] - solved[:, :count] @ (fitted @ (jacobian.T @ solved[:, count:]))
+    pull, information = trends.T @ adjusted[:, -1], trends.T @ adjusted[:, :-1]
     variance, axes = np.linalg.eigh(information)
-    told = variance > 1e-6 * np.trace(trends.T @ solved[:, count:-1])
-    score = (axes.T @ pull)[told] ** 2 / variance[told]
+    determined = variance > 1e-6 * np.trace(trends.T @ solved[:, count:-1])
+    score = (axes.T @ pull)[determined] ** 2 / variance[determined]
     return float(chi2_sf(score.sum(), len(score))) if len(score) else float("nan")
 
 

@@ -2,8 +2,10 @@
 
 import numpy as np
 
-from sandbot_model.fitting.levenberg_marquardt import ENOUGH, bounds
-from sandbot_model.fitting.likelihood import Problem, States
+from sandbot_model.fitting.jacobian import cell_jacobian
+from sandbot_model.fitting.levenberg_marquardt import TOLERANCE, bounds
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.states import States
 from sandbot_model.physics.arrays import Array, Ints
 
 SHIFTS = np.concatenate([[0.0], -(s := np.array([1, 2.5, 5, 9, 15, 25, 40]) * 1e-3), s])
@@ -23,7 +25,7 @@ def look_along_k(problem: Problem, state: States) -> States:
     value = np.add.reduceat(tried.cell_deviance, _level_starts(problem), axis=1)
     if (readings := problem.cells.pressed) is not None:
         np.add.at(value.T, readings.level, tried.pressed.T**2)
-    best = np.where(value.min(axis=0) < value[0] - ENOUGH, value.argmin(axis=0), 0)
+    best = np.where(value.min(axis=0) < value[0] - TOLERANCE, value.argmin(axis=0), 0)
     if not best.any():
         return state
     moved = problem.states(state.theta, ln_k[best, np.arange(len(best))][None], state.slope)
@@ -45,7 +47,7 @@ def look_along_theta(problem: Problem, state: States) -> States:
             state.slope[0],
         )
         best = np.argmin(tried.deviance)
-        if tried.deviance[best] < state.deviance[0] - ENOUGH:
+        if tried.deviance[best] < state.deviance[0] - TOLERANCE:
             state = tried.take(np.array([best]))
     return state
 
@@ -53,7 +55,7 @@ def look_along_theta(problem: Problem, state: States) -> States:
 def k_response(problem: Problem, state: States) -> Array:
     """Response of k to the shared parameters: d ln k/dθ ``(parameters, levels)`` that changes a level's cells least, to
     first order. One row."""
-    local = np.moveaxis(problem.jacobian(state)[0], -1, 0)
+    local = np.moveaxis(cell_jacobian(problem, state)[0], -1, 0)
     own, others = local[-1], local[:-1]
     first = _level_starts(problem)
     pull = np.add.reduceat(np.sum(own * others, axis=-1), first, axis=-1)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sandbot_model.fitting.likelihood import NODES, WEIGHTS, Problem
+from sandbot_model.fitting.averaging import NODES, WEIGHTS
+from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.geometry import critical_k_n_per_m
 from sandbot_model.physics.model import Model
@@ -23,9 +24,9 @@ K_GRID = 48
 K_RANGE = (0.55, 4.0)
 """k over mg/(2R - h): from ground that never carries the robot by a linear law, to ground as hard as it matters."""
 CHUNK = 8
-APART = 0.15
+MIN_DISTANCE = 0.15
 """Starts closer than this in every parameter, as part of its plausible range, count as the same."""
-MOST = 12
+MAX_STARTS = 12
 """Starts from which a descent begins."""
 NEAR_DELTA_T = 1.45
 """Factor either side of the Δt found within which a second sample is drawn."""
@@ -52,7 +53,7 @@ def starts(problem: Problem, slope: Array, k_curve: Array, also: Array | None = 
     unit = _samples(model)
     if also is not None:
         unit = np.concatenate([_unit(model, also), unit])
-    return _distinct(model, _try(problem, unit, slope, k_curve, k_grid), MOST)
+    return _distinct(model, _try(problem, unit, slope, k_curve, k_grid), MAX_STARTS)
 
 
 def resample(problem: Problem, theta: Array, ln_k: Array, slope: Array) -> list[Start]:
@@ -72,13 +73,13 @@ def resample(problem: Problem, theta: Array, ln_k: Array, slope: Array) -> list[
     unit[:, clock] += np.log(NEAR_DELTA_T) * (2 * sample[:, -1] - 1) / (high - low)[clock]
     k = np.exp(ln_k)
     k_grid = _closer(k, critical_k_n_per_m(model.robot) * np.geomspace(*K_RANGE, K_GRID))
-    return _distinct(model, _try(problem, unit, slope, k, k_grid), MOST // 2)
+    return _distinct(model, _try(problem, unit, slope, k, k_grid), MAX_STARTS // 2)
 
 
 def _distinct(model: Model, tried: "_Tried", most: int) -> list[Start]:
     chosen: list[int] = []
     for index in np.argsort(tried.deviance):
-        if all(np.abs(tried.unit[index] - tried.unit[other]).max() > APART for other in chosen):
+        if all(np.abs(tried.unit[index] - tried.unit[other]).max() > MIN_DISTANCE for other in chosen):
             chosen.append(int(index))
         if len(chosen) == most:
             break

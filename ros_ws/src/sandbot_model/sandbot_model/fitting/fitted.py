@@ -1,0 +1,192 @@
+"""What a fit has found, and what follows from it: errors, misses, predictions and how precise they are."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sandbot_model.data.conditions import Cells
+from sandbot_model.fitting import goodness
+from sandbot_model.fitting.global_minimum import Point, WarmStart
+from sandbot_model.fitting.goodness import Estimate, Fail, Goodness
+from sandbot_model.fitting.leave_one_out import CrossValidation
+from sandbot_model.fitting.levenberg_marquardt import bounds
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.nuisances import Nuisances
+from sandbot_model.fitting.states import States
+from sandbot_model.fitting.uncertainty import propagated
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.model import Model
+from sandbot_model.physics.walking import KCurve, Prediction
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fitted:
+    """A model at the minimum of its deviance. Arrays over cells have length n, the last axis is ``Observable``.
+
+    What follows from these fields is computed when it is asked for, and is not pickled.
+    """
+
+    model: Model
+    cells: Cells
+    point: Point
+    stderr: Array
+    """Standard errors of the shared parameters, then of every level's ln k; NaN where the data do not determine one."""
+    covariance: Array
+    """Covariance of the same unknowns; 0 where the data do not determine one."""
+    goodness: Goodness
+    cross_validation: CrossValidation
+    nuisances: Nuisances | None = None
+    """What trials share, adjusted with the rest; ``shared`` is what was found."""
+    shared: tuple[Estimate, ...] = ()
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Identifiers of the effects on top of the base model."""
+        return self.model.identifiers
+
+    @cached_property
+    def parameters(self) -> Mapping[str, Estimate]:
+        """The shared parameters."""
+        named = zip(self.model.names, self.point.theta, self.stderr, strict=False)
+        return {name: Estimate(float(value), float(error)) for name, value, error in named}
+
+    @property
+    def level_phi(self) -> Array:
+        """Volume fraction of every level."""
+        return self.cells.level_phi
+
+    @cached_property
+    def k_n_per_m(self) -> Array:
+        """Stiffness of the ground at every level."""
+        return np.asarray(np.exp(self.point.ln_k))
+
+    @property
+    def k_stderr_n_per_m(self) -> Array:
+        """Its standard error."""
+        return self.k_n_per_m * self.stderr[len(self.point.theta) : len(self.point.theta) + len(self.point.ln_k)]
+
+    @property
+    def deviance(self) -> float:
+        """See ``Goodness``."""
+        return self.goodness.deviance
+
+    @property
+    def bic(self) -> float:
+        """See ``Goodness``."""
+        return self.goodness.bic
+
+    @property
+    def lack_of_fit_p(self) -> float:
+        """See ``Goodness``."""
+        return self.goodness.lack_of_fit_p
+
+    @property
+    def rmse_m_s(self) -> float:
+        """Error of mean speed in sample."""
+        return self.goodness.rmse["speed"]
+
+    @property
+    def cv_rmse_m_s(self) -> float:
+        """Error of mean speed out of sample."""
+        return self.cross_validation.rmse["speed"]
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The likelihood that was maximised."""
+        return Problem(self.model, self.cells, self.nuisances)
+
+    @cached_property
+    def state(self) -> States:
+        """The likelihood at the fitted parameters, one row."""
+        return state_at(self.problem, self.point)
+
+    @property
+    def predicted(self) -> Array:
+        """Cell means by the model ``(n, 4)``."""
+        return np.asarray(self.state.predicted[0])
+
+    @cached_property
+    def residual_z(self) -> Array:
+        """Measured minus model in standard errors ``(n, 4)``; NaN where not measured."""
+        return goodness.residual_z(self.problem, self.state)
+
+    @cached_property
+    def fails(self) -> tuple[Fail, ...]:
+        """The cell means that are missed, the worst first."""
+        return goodness.fails(self.cells, goodness.residual(self.problem, self.state), self.residual_z)
+
+    @cached_property
+    def at_bounds(self) -> tuple[str, ...]:
+        """Parameters pressed against the end of their search range."""
+        return goodness.at_bounds(self.problem, self.point.theta)
+
+    @cached_property
+    def implausible(self) -> tuple[str, ...]:
+        """Parameters more than three standard errors outside their plausible range."""
+        return goodness.implausible(self.model, self.parameters)
+
+    @property
+    def warm_start(self) -> WarmStart:
+        """What a larger model may start from."""
+        values = {name: estimate.value for name, estimate in self.parameters.items()}
+        return WarmStart(self.k_n_per_m, values, self.deviance)
+
+    def predict(self, phi: ArrayLike, omega: ArrayLike, slow_phase_ratio: ArrayLike | None = None) -> Prediction:
+        """The observables at other conditions; k is interpolated between levels and held beyond them.
+
+        ``slow_phase_ratio`` is β of the gait, by default that of the trials.
+        """
+        return self._predict(self.point.theta, self.point.ln_k, phi, omega, slow_phase_ratio)
+
+    def uncertainty(self, phi: ArrayLike, omega: ArrayLike, slow_phase_ratio: ArrayLike | None = None) -> Array:
+        """Standard deviation ``(..., 4)`` of what ``predict`` says, because θ and k are not known exactly.
+
+        See ``uncertainty.propagated``: it shows a switch that is near.
+        """
+        found = self._propagated(lambda theta, k: self._predict(theta, k, phi, omega, slow_phase_ratio).observables)
+        shape = np.broadcast_shapes(
+            np.shape(phi), np.shape(omega), () if slow_phase_ratio is None else np.shape(slow_phase_ratio)
+        )
+        return np.asarray(np.broadcast_to(found, (*shape, 4)))
+
+    def press(self, phi: Array, depth_m: Array) -> tuple[Array, Array]:
+        """Force [N] on a leg pressed into virgin ground (see ``penetrometer``) and its standard deviation, ``(n,)``."""
+
+        def force(theta: Array, ln_k: Array) -> Array:
+            return self.problem.press(theta, np.interp(phi, self.level_phi, np.exp(ln_k)), phi, depth_m)
+
+        return force(self.point.theta, self.point.ln_k), self._propagated(force)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    def _propagated(self, predict: Callable[[Array, Array], Array]) -> Array:
+        """Standard deviation of ``predict(θ, ln k)``, see ``uncertainty``."""
+        low, high = bounds(self.problem)
+        count = len(low)
+
+        def inside(unknowns: Array) -> Array:
+            return predict(np.clip(unknowns[:count], low, high), unknowns[count:])
+
+        return propagated(inside, np.concatenate([self.point.theta, self.point.ln_k]), self.covariance)
+
+    def _predict(
+        self, theta: Array, ln_k: Array, phi: ArrayLike, omega: ArrayLike, slow_phase_ratio: ArrayLike | None
+    ) -> Prediction:
+        at, k = np.asarray(phi, dtype=float), np.exp(ln_k)
+        cells = self.cells
+        beta = cells.slow_phase_ratio[0] if slow_phase_ratio is None else slow_phase_ratio
+        curve = KCurve(self.level_phi, k)
+        inputs, params = self.model.inputs(theta, curve(at), omega, at, beta, curve)
+        shape = np.broadcast_shapes(np.shape(at), np.shape(omega), np.shape(beta))
+        found = self.model.walker.predict(inputs, params)
+        return Prediction(*(np.broadcast_to(values, shape) for values in vars(found).values()))
+
+
+def state_at(problem: Problem, point: Point) -> States:
+    """The likelihood at a point, one row."""
+    return problem.states(point.theta[None], point.ln_k[None], point.slope[None])

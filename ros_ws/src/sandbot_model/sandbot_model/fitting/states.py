@@ -1,0 +1,55 @@
+"""The likelihood evaluated at several points of the search at once."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sandbot_model.physics.arrays import Array, Bool, Ints
+from sandbot_model.physics.walking import Footing
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """Predictions and likelihood at several points of the search at once; the first axis of every array is the point
+    (row)."""
+
+    theta: Array
+    ln_k: Array
+    slope: Array
+    footing: Footing
+    predicted: Array
+    covariance: Array
+    whiten: Array
+    residual: Array
+    cell_deviance: Array
+    pressed: Array
+    """Penetrometer readings minus model in standard deviations ``(rows, readings)``."""
+    shared: Array
+    """Minus the nuisances in units of their priors ``(rows, nuisances)``: a reading of 0 each."""
+
+    @property
+    def deviance(self) -> Array:
+        """χ² plus what the mixture's wider variance costs, -2 ln likelihood up to a constant ``(rows,)``."""
+        prior = np.sum(self.pressed**2, axis=1) + np.sum(self.shared**2, axis=1)
+        return np.asarray(self.cell_deviance.sum(axis=1) + prior)
+
+    @property
+    def all_residuals(self) -> Array:
+        """All whitened residuals: cells, readings, priors, ``(rows, 4 cells + readings + nuisances)``."""
+        return np.concatenate([self.residual.reshape(len(self.residual), -1), self.pressed, self.shared], axis=1)
+
+    def take(self, rows: Ints) -> "States":
+        """Some of the rows."""
+        arrays = {name: value[rows] for name, value in vars(self).items() if name != "footing"}
+        return States(footing=Footing(*(value[rows] for value in vars(self.footing).values())), **arrays)
+
+    def where(self, better: Bool, other: "States") -> "States":
+        """Rows of ``other`` where ``better (rows,)``, else of these."""
+
+        def pick(mine: Any, its: Any) -> Any:
+            return np.where(better.reshape(-1, *(1,) * (mine.ndim - 1)), its, mine)
+
+        arrays = {n: pick(v, getattr(other, n)) for n, v in vars(self).items() if n != "footing"}
+        feet = [pick(m, i) for m, i in zip(vars(self.footing).values(), vars(other.footing).values(), strict=True)]
+        return States(footing=Footing(*feet), **arrays)
