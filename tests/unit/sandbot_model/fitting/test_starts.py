@@ -5,7 +5,7 @@ import pytest
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit
-from sandbot_model.fitting.starts import MIN_DISTANCE, MAX_STARTS, profile, resample, search_box, starts
+from sandbot_model.fitting.starts import MAX_STARTS, MIN_DISTANCE, profile, resample, search_box, starts
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 
