@@ -77,7 +77,7 @@ def seal(folder: CampaignFolder, world: World) -> None:
 
 def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
     """Prepare the bed, let the robot run before both cameras, track it, and write the bag; returns its path."""
-    plan, world = setup.plan, setup.world.walked_by(setup.robot).at(trial.occasion)
+    plan, world = setup.plan.of(trial), setup.world.walked_by(setup.robot).at(trial.occasion)
     bed = LabBed(seed=trial.seed)
     bag = TrialBag(start_ns)
     bag.announce(trial_message(plan, trial, setup.robot, start_ns))
@@ -96,7 +96,7 @@ def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
         tracker.legs(float(t), angle)
     _film(setup, trial, as_seen(trace, world.week, trial.occasion), tracker, cameras, bag)
     path = setup.folder.bag(trial)
-    files = {**setup.files, "campaign.yaml": to_yaml(plan)}
+    files = {**setup.files, "campaign.yaml": to_yaml(setup.plan)}
     bag.write(path, trial_metadata(plan, trial, setup.robot, start_ns, "simulated", "ok"), files)
     return path
 

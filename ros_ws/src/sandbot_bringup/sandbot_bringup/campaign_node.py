@@ -10,9 +10,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
 from rclpy.client import Client
@@ -20,22 +19,21 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
-from tqdm import tqdm
 
-from sandbot_bringup.config import robot_of
+from sandbot_bringup.desk import Desk
 from sandbot_bringup.folder import CampaignFolder, frames_kept
+from sandbot_bringup.hold import Held, Hold
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
 from sandbot_bringup.recorder_process import RecorderProcess
 from sandbot_bringup.supervision import Listening, Sign, Supervisor, status_values
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import Health, Stop, ask, names_of, publisher, stop_signals, subscription, use_shared_memory
+from sandbot_common.node import Health, Stop, ask, names_of, publisher, subscription
 from sandbot_common.robot import Robot
 from sandbot_record.trials.from_bags import row_from_bag
-from sandbot_record.trials.table import OK
+from sandbot_record.trials.table import OK, Row
 
 DISCOVERY_S = 20.0
 """Nodes that just started need this long at most to be seen on a busy machine."""
@@ -82,52 +80,16 @@ class CampaignEnds(InputError):
     """Nothing more can be run, or somebody stopped it by hand; what was finished is kept."""
 
 
-def run_live(
-    plan: Plan,
-    folder: CampaignFolder,
-    files: Mapping[str, str],
-    trials: Sequence[PlannedTrial],
-    *,
-    redo: bool = False,
-    silence_s: float = SILENCE_S,
-) -> Sequence[tuple[str, str]]:
-    """Run every trial that has no bag yet; returns the failed ones with their reasons. ``redo``: those once more.
-    ``silence_s``: a node that is silent for longer ends the trial under way.
-
-    The nodes must be running (``ros2 launch sandbot_bringup trackway.launch.py``); InputError where they are not.
-    On Ctrl-C, kill or a closed terminal legs and air are stopped and the bag under way is closed and set aside.
-    """
-    use_shared_memory(frames=False)
-    failed: dict[str, str] = {}
-    with stop_signals() as stop:
-        # ROS's own handlers would end the context before the legs are stopped.
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        try:
-            operator = Operator(plan, robot_of(files), stop, silence_s)
-            operator.find_nodes()
-            folder.adopt(plan, files)
-            attachments = [folder.plan_file, *(folder.path / name for name in files)]
-            todo = folder.missing(trials)
-            for again in (False, True) if redo else (False,):
-                todo = [trial for trial in todo if not again or trial.trial_id in failed]
-                for trial in tqdm(todo, unit="trial", desc="again" if again else "campaign"):
-                    failed.pop(trial.trial_id, None)
-                    try:
-                        operator.run(trial, folder, attachments)
-                    except TrialFailed as error:
-                        failed[trial.trial_id] = str(error)
-                        tqdm.write(f"{trial.trial_id}: failed: {error}")
-        finally:
-            rclpy.try_shutdown()
-    return list(failed.items())
-
-
 class Operator(Node):
     """Does what a person at the trackway does, through the same services and parameters."""
+
+    desk: Desk
+    """Set once there is a folder to keep what is asked for."""
 
     def __init__(self, plan: Plan, robot: Robot, stop: Stop, silence_s: float = SILENCE_S) -> None:
         super().__init__("campaign")
         self._plan, self._robot, self._stop, self._silence_s = plan, robot, stop, silence_s
+        self.hold = Hold()
         self._executor = EventsExecutor()
         self._executor.add_node(self)
         self._trial = publisher(self, topics.TRIAL)
@@ -188,8 +150,20 @@ class Operator(Node):
         # By now another campaign would have been heard. From here on clock and bed obey nobody but this one.
         self._lease = publisher(self, topics.OPERATOR_LEASE)
 
-    def run(self, trial: PlannedTrial, folder: CampaignFolder, attachments: Sequence[Path]) -> None:
-        """One trial from bed preparation to the closed bag; TrialFailed with the reason otherwise."""
+    def await_go(self) -> None:
+        """While the campaign is held, wait for the operator: without a limit, for nothing moves and nothing blows."""
+        self.hold.between_trials()
+        if not self.hold.why:
+            return
+        self.desk.enter("")
+        self._spin_until(lambda: not self.hold.why or self._ending, math.inf)
+        self._end_if_asked()
+
+    def run(self, trial: PlannedTrial, folder: CampaignFolder, attachments: Sequence[Path]) -> Row:
+        """One trial from bed preparation to the closed bag, and its row of the table.
+
+        TrialFailed with the reason otherwise, Held where a person stopped it.
+        """
         # Recorded aside and renamed when complete and judged: a bag in trials/ is always a whole trial.
         aside = folder.aside(trial.trial_id)
         self._gate(folder)
@@ -197,16 +171,19 @@ class Operator(Node):
         self._set_up(trial)
         self._commanding = True
         images = frames_kept(self._plan, trial)
+        self.desk.enter("starting the recorder")
         recorder = RecorderProcess(aside, images, attachments)
         try:
             self._begin_recording(recorder, trial)
             self._prepare_bed()
             if images != "none":
                 self._film()
+            self.desk.enter("standing")
             self._wait(lambda: False, self._plan.standing_s)
+            self.desk.enter("walking")
             self._walk(self._plan.duration_s(trial.omega_rad_s))
             ended = OK
-        except (TrialFailed, CampaignEnds) as error:
+        except (TrialFailed, CampaignEnds, Held) as error:
             ended = str(error)
             raise
         finally:
@@ -214,13 +191,15 @@ class Operator(Node):
                 self._make_safe()
             self._recorder, self._commanding, self._running = None, False, ""
             self._supervisor.watch(now_s=0.0)
+            self.desk.enter("closing the bag")
             self._end_recording(recorder, ended)
         if recorder.code != 0:
             raise TrialFailed(f"the recorder ended with exit code {recorder.code}; its bag is {aside}")
         # The same judge as that of the table: what it would not call ok is no finished trial.
-        if (status := row_from_bag(aside).status) != OK:
-            raise TrialFailed(f"{status}; its bag is kept in {aside}")
+        if (row := row_from_bag(aside)).status != OK:
+            raise TrialFailed(f"{row.status}; its bag is kept in {aside}")
         aside.rename(folder.bag(trial))
+        return row
 
     def _gate(self, folder: CampaignFolder) -> None:
         """All that a trial needs is there, once, and alive; CampaignEnds with what is not."""
@@ -242,10 +221,11 @@ class Operator(Node):
 
     def _set_up(self, trial: PlannedTrial) -> None:
         self._phi, self._bed_stage, self._motion_start_ns = None, "", None
-        gait = self._plan.clock_gait
+        plan = self._plan.of(trial)
+        gait = plan.clock_gait
         self._set("clock", "omega_rad_s", trial.omega_rad_s)
-        self._set("clock", "gait", self._plan.gait)
-        if self._plan.gait == "CUSTOM":
+        self._set("clock", "gait", plan.gait)
+        if plan.gait == "CUSTOM":
             for name in ("theta_s_rad", "theta_0_rad", "duty"):
                 self._set("clock", name, getattr(gait, name))
         self._set("clock", "rate_hz", self._plan.setpoint_rate_hz)
@@ -270,7 +250,7 @@ class Operator(Node):
         self._vital.append(Sign("recorder", "", self._silence_s))
         self._watch()
         # Only now: a bag begins with the state of its own trial.
-        self._trial.publish(messages.string(trial_message(self._plan, trial, self._robot, time.time_ns())))
+        self._trial.publish(messages.string(trial_message(self._plan.of(trial), trial, self._robot, time.time_ns())))
 
     def _end_recording(self, recorder: RecorderProcess, ended: str) -> None:
         recorder.tell(ended)
@@ -278,6 +258,7 @@ class Operator(Node):
             recorder.kill()
 
     def _prepare_bed(self) -> None:
+        self.desk.enter("preparing the bed")
         self._call("/bed/prepare")
         begun: list[str] = []
 
@@ -288,7 +269,7 @@ class Operator(Node):
 
         done = self._wait(over, BED_S)
         if self._bed_stage == "idle":
-            raise CampaignEnds(f"{self._bed_text}; start the campaign again to go on")
+            self._stopped_by_hand(self._bed_text)
         if not done or self._phi is None:
             raise TrialFailed(f"the bed was not prepared: {self._bed_text or f'no end within {BED_S:g} s'}")
 
@@ -331,14 +312,25 @@ class Operator(Node):
     def _explain_rest(self) -> None:
         """Legs came to rest in the middle: a fault ends the trial, a hand on the stop the campaign."""
         self._commanding = False
-        self._spin_until(lambda: self._told["clock"][0] > 1, EXPLAIN_S)
+        self._spin_until(lambda: self._told["clock"][0] > 1 or self.hold.now, EXPLAIN_S)
+        if self.hold.now:
+            raise Held(self.hold.why)
         silent = self._supervisor.silent(self._listening.now_s)
         level, text, _ = self._told["clock"]
         if level > 1:
             raise TrialFailed(f"the clock: {text}")
         if silent:
             raise TrialFailed(f"the {silent}")
-        raise CampaignEnds("the legs were stopped by hand; start the campaign again to go on")
+        self._stopped_by_hand("the legs were stopped by hand")
+
+    def _stopped_by_hand(self, what: str) -> NoReturn:
+        """Somebody stopped legs or air, and perhaps has not told us yet: nothing goes on unless he says so."""
+        self._spin_until(lambda: self.hold.now, EXPLAIN_S)
+        if not self.hold.now and not self.desk.attended:
+            raise CampaignEnds(f"{what}; start the campaign again to go on")
+        if not self.hold.now:
+            self.hold.stop(what)
+        raise Held(self.hold.why)
 
     def _who_publishes(self, topic: topics.Topic) -> list[str]:
         return names_of(self.get_publishers_info_by_topic(topic.name))
@@ -375,16 +367,25 @@ class Operator(Node):
         """Whether the condition came to hold; raises as soon as there is no point in waiting any longer."""
 
         def wrong() -> bool:
-            return self._stop.asked or bool(self._health.refused) or bool(self._fault())
+            return self._ending or self.hold.now or bool(self._fault())
 
         self._spin_until(lambda: condition() or wrong(), timeout_s)
+        self._end_if_asked()
+        if self.hold.now:
+            raise Held(self.hold.why)
+        if fault := self._fault():
+            raise TrialFailed(fault)
+        return condition()
+
+    @property
+    def _ending(self) -> bool:
+        return self._stop.asked or bool(self._health.refused)
+
+    def _end_if_asked(self) -> None:
         if self._stop.asked:
             raise KeyboardInterrupt
         if self._health.refused:
             raise CampaignEnds(self._health.refused)
-        if fault := self._fault():
-            raise TrialFailed(fault)
-        return condition()
 
     def _fault(self) -> str:
         if self._recorder is not None and self._recorder.ended:

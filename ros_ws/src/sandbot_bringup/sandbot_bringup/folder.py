@@ -31,6 +31,11 @@ class CampaignFolder:
         return self.path / "trials"
 
     @property
+    def journal(self) -> Path:
+        """What happened in live runs, and what the operator changed."""
+        return self.path / "journal.jsonl"
+
+    @property
     def truth(self) -> Path:
         """The virtual lab's sealed world; analysis never looks here."""
         return self.path / "truth" / "world.yaml"

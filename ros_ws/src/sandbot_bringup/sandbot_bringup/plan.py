@@ -42,6 +42,7 @@ class ExtraTrials:
     omega_rad_s: float = parameter(doc="leg frequency", unit="rad/s", low=0.5, high=OMEGA_HIGH)
     replicates: int = parameter(3, doc="trials of this condition", low=1, high=1000)
     round: int = parameter(1, doc="conditions of one round are run together, after those before", low=1, high=1000)
+    gait: str = parameter("", doc="clock signal; empty: the plan's", choices=("", *PRESETS))
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,10 @@ class Plan:
         """The pulse protocol's parameters."""
         return from_mapping(ProtocolParameters, self.bed, f"plan {self.name}: bed")
 
+    def of(self, trial: "PlannedTrial") -> "Plan":
+        """The plan as it holds for ``trial``, which may have a gait of its own."""
+        return dataclasses.replace(self, gait=trial.gait, gait_parameters={}) if trial.gait else self
+
     def duration_s(self, omega_rad_s: float) -> float:
         """How long the legs turn in a trial at ``omega_rad_s``."""
         return max(self.min_duration_s, self.periods * 2 * math.pi / omega_rad_s)
@@ -111,6 +116,8 @@ class PlannedTrial:
     """Its place in the campaign, from 1."""
     occasion: Occasion = FIRST
     """The same for the virtual lab."""
+    gait: str = ""
+    """Its own clock signal; empty: the plan's."""
 
 
 def read_plan(path: Path) -> Plan:
@@ -155,7 +162,7 @@ def trials_of(plan: Plan) -> list[PlannedTrial]:
     grid = [(phi, omega, plan.replicates) for phi in plan.phi for omega in plan.omega_rad_s]
     sentinel = sentinel_of(plan.phi, plan.omega_rad_s)
     more = (len(grid) * plan.replicates - 1) // plan.sentinel if plan.sentinel else 0
-    done: Counter[tuple[float, float]] = Counter()
+    done: Counter[tuple[float, float, str]] = Counter()
     replicates = [_replicates(plan, done, *condition) for condition in grid]
     sentinels = _replicates(plan, done, *sentinel, more)
     blocks = _blocks(plan, replicates, 0, grid.index((*sentinel, plan.replicates)))
@@ -170,20 +177,21 @@ def trials_of(plan: Plan) -> list[PlannedTrial]:
 
 
 def _replicates(
-    plan: Plan, done: Counter[tuple[float, float]], phi: float, omega: float, count: int
+    plan: Plan, done: Counter[tuple[float, float, str]], phi: float, omega: float, count: int, gait: str = ""
 ) -> list[PlannedTrial]:
     # A condition that is listed again counts on, so that no two trials share a name.
-    first = done[phi, omega] + 1
-    done[phi, omega] += count
-    return [_planned(plan, phi, omega, number) for number in range(first, first + count)]
+    first = done[phi, omega, gait] + 1
+    done[phi, omega, gait] += count
+    return [_planned(plan, phi, omega, number, gait) for number in range(first, first + count)]
 
 
-def _rounds(plan: Plan) -> dict[int, list[tuple[float, float, int]]]:
+def _rounds(plan: Plan) -> dict[int, list[tuple[float, float, int, str]]]:
     """The conditions beside the grid, by the round in which they are run."""
     extras = [from_mapping(ExtraTrials, extra, plan.name) for extra in plan.extra_trials]
-    rounds: dict[int, list[tuple[float, float, int]]] = {number: [] for number in sorted({one.round for one in extras})}
+    rounds: dict[int, list[tuple[float, float, int, str]]] = {one: [] for one in sorted({one.round for one in extras})}
     for one in extras:
-        rounds[one.round].append((one.phi, one.omega_rad_s, one.replicates))
+        own = "" if one.gait == plan.gait else one.gait
+        rounds[one.round].append((one.phi, one.omega_rad_s, one.replicates, own))
     return rounds
 
 
@@ -225,6 +233,19 @@ def with_next_trials(plan: Plan, path: Path) -> Plan:
     return dataclasses.replace(plan, extra_trials=(*plan.extra_trials, *extras))
 
 
+def with_condition(plan: Plan, condition: Mapping[str, Any], where: str) -> Plan:
+    """The plan with one condition more (an ``ExtraTrials`` but for ``round``), run after all that is in it.
+
+    InputError, opened by ``where``, for one that the plan's bed can't be prepared for.
+    """
+    extra = from_mapping(ExtraTrials, condition, where)
+    plan.bed_protocol.check_target(extra.phi)
+    asked = {"phi": extra.phi, "omega_rad_s": extra.omega_rad_s, "replicates": extra.replicates}
+    own = {"gait": extra.gait} if extra.gait not in ("", plan.gait) else {}
+    later = {"round": max(_rounds(plan)) + 1} if plan.extra_trials else {}
+    return dataclasses.replace(plan, extra_trials=(*plan.extra_trials, {**asked, **own, **later}))
+
+
 def _conditions(proposed: Iterable[Any], replicates: int, where: str) -> Iterable[dict[str, Any]]:
     # One bag measures every observable, so proposals that differ only in the observable are one condition.
     seen: dict[tuple[float, float], int] = {}
@@ -239,7 +260,7 @@ def _conditions(proposed: Iterable[Any], replicates: int, where: str) -> Iterabl
         yield {"phi": phi, "omega_rad_s": omega, "replicates": count}
 
 
-def _planned(plan: Plan, phi: float, omega: float, replicate: int) -> PlannedTrial:
-    trial_id = f"phi{phi:.4f}_w{omega:06.3f}_r{replicate:02d}"
+def _planned(plan: Plan, phi: float, omega: float, replicate: int, gait: str) -> PlannedTrial:
+    trial_id = f"phi{phi:.4f}_w{omega:06.3f}" + (f"_{gait}" if gait else "") + f"_r{replicate:02d}"
     sequence = np.random.SeedSequence([plan.seed, zlib.crc32(trial_id.encode())])
-    return PlannedTrial(trial_id, phi, omega, replicate, int(sequence.generate_state(1)[0] >> 1))
+    return PlannedTrial(trial_id, phi, omega, replicate, int(sequence.generate_state(1)[0] >> 1), gait=gait)

@@ -37,13 +37,16 @@ def command(argv: Sequence[str]) -> int:
         failures = _batch(plan, folder, files, trials, options)
     else:
         # The live runner starts ROS; batch and dry runs must not.
-        from sandbot_bringup.campaign_node import SILENCE_BOUNDS_S, SILENCE_S, run_live
+        from sandbot_bringup.campaign_node import SILENCE_BOUNDS_S, SILENCE_S
+        from sandbot_bringup.live import run_live
 
         silence_s = SILENCE_S if options.silence is None else options.silence
         low_s, high_s = SILENCE_BOUNDS_S
         if not low_s <= silence_s <= high_s:
             raise InputError(f"--silence: {silence_s:g} is not from {low_s:g} to {high_s:g} s")
-        failures = run_live(plan, folder, files, trials, redo=bool(options.redo), silence_s=silence_s)
+        queue = run_live(plan, folder, files, redo=bool(options.redo), silence_s=silence_s)
+        # Its plan may have grown.
+        trials, failures = trials_of(queue.plan), list(queue.failed.items())
     return _finish(folder, trials, failures)
 
 
@@ -147,8 +150,9 @@ def _finish(folder: CampaignFolder, trials: Sequence[PlannedTrial], failures: Se
 
     for trial_id, reason in failures:
         print(f"{trial_id}: failed: {reason}")
-    if len(failures) == len(trials):
+    finished = len(trials) - len(folder.missing(trials))
+    if not finished:
         return 1
     report = table.make(folder.path)
-    print(f"{folder.path}: {len(trials) - len(failures)} of {len(trials)} trials, table in {report}")
+    print(f"{folder.path}: {finished} of {len(trials)} trials, table in {report}")
     return 1 if failures else 0

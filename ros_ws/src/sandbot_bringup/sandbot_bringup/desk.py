@@ -1,0 +1,145 @@
+"""The operator's desk of a running campaign: stop, pause, go; skip, repeat, add. What is asked is answered and kept.
+
+stop, pause and go are services (std_srvs/Trigger), so that anything can call them. What needs more words comes as JSON
+on campaign/command: ``{"id": "...", "do": "skip", "trial_id": "..."}``, ``repeat`` likewise, or ``{"do": "add", "phi":
+0.605, "omega_rad_s": 12, "replicates": 2, "gait": "UNIFORM"}``; campaign/status answers by ``id``.
+"""
+
+import json
+import math
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from sandbot_bringup.hold import Hold
+from sandbot_bringup.journal import Journal
+from sandbot_bringup.plan import Plan
+from sandbot_bringup.queue import Queue
+from sandbot_common import messages, topics
+from sandbot_common.errors import InputError
+from sandbot_common.files import parse_json
+from sandbot_common.node import publisher, subscription
+
+STATUS_S = 1.0
+_ANSWERS, _TAIL = 20, 60
+"""Answers and events kept in the status."""
+
+
+class Desk:
+    """Publishes campaign/status at every change and once a second; ``keep_plan`` stores a plan that has grown."""
+
+    def __init__(
+        self,
+        node: Node,
+        folder: Path,
+        queue: Queue,
+        hold: Hold,
+        journal: Journal,
+        keep_plan: Callable[[Plan], None],
+    ) -> None:
+        self.queue, self.hold = queue, hold
+        self._node, self._folder, self._journal, self._keep_plan = node, folder, journal, keep_plan
+        self._stage = ""
+        self._answers: dict[str, dict[str, Any]] = {}
+        self._status = publisher(node, topics.CAMPAIGN_STATUS)
+        subscription(node, topics.CAMPAIGN_COMMAND, self._on_command)
+        for name, answer in (("stop", self._stop), ("pause", self._pause), ("go", self._go)):
+            node.create_service(Trigger, f"campaign/{name}", _trigger(answer))
+        node.create_timer(STATUS_S, self.say)
+        self.say()
+
+    @property
+    def attended(self) -> bool:
+        """Whether somebody is there who could say go."""
+        return bool(self._node.count_publishers(topics.CAMPAIGN_COMMAND.name))
+
+    def note(self, do: str, *, who: str = "campaign", **what: object) -> None:
+        """Write down what happened, and tell."""
+        self._journal.add(who, do, **what)
+        self.say()
+
+    def enter(self, stage: str) -> None:
+        """What the trial under way is doing now; empty where none is."""
+        self._stage = stage
+        self.say()
+
+    def say(self) -> None:
+        """Publish the status."""
+        self._status.publish(messages.string(json.dumps(self._content(), ensure_ascii=False, allow_nan=False)))
+
+    def _content(self) -> Mapping[str, Any]:
+        left_s = self.queue.left_s()
+        return {
+            "campaign": self.queue.plan.name,
+            "folder": str(self._folder),
+            "gait": self.queue.plan.gait_name,
+            "state": self.hold.state,
+            "why": self.hold.why,
+            "stage": self._stage,
+            "left_s": round(left_s, 1) if math.isfinite(left_s) else None,
+            "queue": self.queue.rows(),
+            "free_bytes": shutil.disk_usage(self._folder).free,
+            "answers": self._answers,
+            "events": self._journal.events[-_TAIL:],
+        }
+
+    def _stop(self) -> tuple[bool, str]:
+        said = self.hold.stop("stopped by the operator")
+        self.note("hold", who="operator", reason=self.hold.why)
+        return True, said
+
+    def _pause(self) -> tuple[bool, str]:
+        said = self.hold.pause()
+        self.note("pause", who="operator")
+        return True, said
+
+    def _go(self) -> tuple[bool, str]:
+        done, said = self.hold.go()
+        if done:
+            self.note("go", who="operator")
+        return done, said
+
+    def _on_command(self, message: String) -> None:
+        asked: Any = None
+        try:
+            asked = parse_json(message.data, topics.CAMPAIGN_COMMAND.name)
+            answer = {"success": True, "message": self._obey(asked)}
+        except InputError as error:
+            answer = {"success": False, "message": str(error)}
+        if isinstance(asked, Mapping):
+            self._answers[str(asked.get("id", ""))] = answer
+            self._answers = dict(list(self._answers.items())[-_ANSWERS:])
+        self.say()
+
+    def _obey(self, asked: Any) -> str:
+        if not isinstance(asked, Mapping):
+            raise InputError(f"campaign/command: a mapping with the key do is needed, got {asked!r}")
+        what = {key: value for key, value in asked.items() if key not in ("id", "do")}
+        before = self.queue.plan
+        match asked.get("do"):
+            case "skip" | "repeat" as do if list(what) == ["trial_id"]:
+                said = getattr(self.queue, do)(str(what["trial_id"]))
+            case "add" as do:
+                said = self.queue.add(what)
+            case other:
+                raise InputError(
+                    f"campaign/command: {other!r} with {sorted(what)} is no order: skip or repeat with trial_id, or "
+                    "add with phi, omega_rad_s, replicates and gait"
+                )
+        if self.queue.plan != before:
+            self._keep_plan(self.queue.plan)
+        self._journal.add("operator", do, **what, followed=said)
+        return str(said)
+
+
+def _trigger(answer: Callable[[], tuple[bool, str]]) -> Callable[[Any, Any], Any]:
+    def on_request(_: Any, response: Any) -> Any:
+        response.success, response.message = answer()
+        return response
+
+    return on_request

@@ -1,0 +1,49 @@
+"""Whether a campaign may go on: pure. Once held it stays so until somebody says go; nothing resumes unasked."""
+
+from dataclasses import dataclass
+
+
+class Held(RuntimeError):
+    """The trial under way was stopped by a person; it is neither ok nor failed, and will be run again."""
+
+
+@dataclass
+class Hold:
+    """``now``: the trial under way must end at once. ``pausing``: the campaign is to be held once it has ended."""
+
+    why: str = ""
+    """Why it is held; empty while it is not."""
+    now: bool = False
+    pausing: bool = False
+
+    @property
+    def state(self) -> str:
+        """running, pausing (held after this trial), stopping (held as soon as all is at rest) or held."""
+        return "stopping" if self.now else "held" if self.why else "pausing" if self.pausing else "running"
+
+    def stop(self, why: str) -> str:
+        """End the trial under way and hold; returns what is going to happen."""
+        self.why, self.now, self.pausing = why, True, False
+        return "the campaign is held until go"
+
+    def pause(self) -> str:
+        """Hold after the trial under way; returns what is going to happen."""
+        if self.why:
+            return f"held already: {self.why}"
+        self.pausing = True
+        return "the campaign is held after this trial, until go"
+
+    def between_trials(self) -> None:
+        """Nothing is under way: what was asked for takes effect."""
+        self.now = False
+        if self.pausing:
+            self.why, self.pausing = "paused by the operator", False
+
+    def go(self) -> tuple[bool, str]:
+        """Go on; whether that was possible, and what it means."""
+        if self.now:
+            return False, "the trial under way is still being stopped"
+        if not (self.why or self.pausing):
+            return True, "the campaign was running"
+        self.why, self.pausing = "", False
+        return True, "the campaign goes on"

@@ -1,0 +1,58 @@
+"""``journal.jsonl`` of a campaign: what happened and who asked for it, one JSON object a line, only ever appended."""
+
+import json
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from sandbot_common.errors import InputError
+
+Event = Mapping[str, Any]
+"""``at`` (ISO 8601, UTC), ``who`` (operator or campaign), ``do`` (of ``KINDS``), and what belongs to it."""
+KINDS = ("begin", "hold", "pause", "go", "skip", "repeat", "add", "start", "done", "failed", "stopped", "end")
+
+
+class Journal:
+    """``earlier``: the events of the runs before this one; ``events``: those of this run, in order."""
+
+    def __init__(self, path: Path, now_s: Callable[[], float]) -> None:
+        """``now_s``: seconds since 1970. InputError where the file is no journal."""
+        self._path, self._now_s = path, now_s
+        _end_torn_line(path)
+        self.earlier = read_journal(path)
+        self.events: list[Event] = []
+
+    def add(self, who: str, do: str, **what: object) -> None:
+        """Write an event down. ValueError for one that ``read_journal`` would refuse."""
+        if do not in KINDS:
+            raise ValueError(f"{do!r} is no event; known: {', '.join(KINDS)}")
+        at = datetime.fromtimestamp(self._now_s(), UTC).isoformat(timespec="milliseconds")
+        event = {"at": at, "who": who, "do": do, **what}
+        with self._path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(event, ensure_ascii=False, allow_nan=False) + "\n")
+        self.events.append(event)
+
+
+def read_journal(path: Path) -> list[Event]:
+    """The events of a journal, none where there is no file. InputError with the line that is none."""
+    if not path.exists():
+        return []
+    events = []
+    # Not splitlines: a reason may hold other characters that end a line.
+    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").split("\n")[:-1], start=1):
+        try:
+            event = json.loads(line)
+            known = event["do"] in KINDS
+        except (ValueError, KeyError, TypeError):
+            known = False
+        if not known:
+            raise InputError(f"{path}: line {number} is no event of a campaign: {line[:80]!r}")
+        events.append(event)
+    return events
+
+
+def _end_torn_line(path: Path) -> None:
+    """Remove what a kill left of the last line: it would spoil the one that comes next."""
+    if path.exists() and not (content := path.read_bytes()).endswith(b"\n"):
+        path.write_bytes(content[: content.rfind(b"\n") + 1])

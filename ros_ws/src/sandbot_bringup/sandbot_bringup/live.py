@@ -1,0 +1,135 @@
+"""A campaign over the real nodes: the queue, trial by trial, at the operator's word."""
+
+import math
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+from tqdm import tqdm
+
+from sandbot_bringup.campaign_node import SILENCE_S, Operator, TrialFailed
+from sandbot_bringup.config import robot_of
+from sandbot_bringup.desk import Desk
+from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.hold import Held
+from sandbot_bringup.journal import Journal
+from sandbot_bringup.plan import Plan, PlannedTrial, trials_of
+from sandbot_bringup.queue import Queue
+from sandbot_common.node import stop_signals, use_shared_memory
+from sandbot_record.trials.table import Row
+
+HELD = "held: {}; to go on: ros2 service call /campaign/go std_srvs/srv/Trigger, or the console"
+
+
+def run_live(
+    plan: Plan,
+    folder: CampaignFolder,
+    files: Mapping[str, str],
+    *,
+    redo: bool = False,
+    silence_s: float = SILENCE_S,
+) -> Queue:
+    """Run every trial that has no bag yet, and what the operator adds meanwhile; returns the queue as it was left.
+
+    ``redo``: what failed once more. ``silence_s``: a node that is silent for longer ends the trial under way. The
+    nodes must be running (``ros2 launch sandbot_bringup trackway.launch.py``); InputError where they are not.
+    On Ctrl-C, kill or a closed terminal legs and air are stopped and the bag under way is closed and set aside.
+    """
+    use_shared_memory(frames=False)
+    with stop_signals() as stop:
+        # ROS's own handlers would end the context before the legs are stopped.
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            operator = Operator(plan, robot_of(files), stop, silence_s)
+            operator.find_nodes()
+            folder.adopt(plan, files)
+            campaign = _Campaign(operator, plan, folder, files)
+            campaign.run_all()
+            if redo and campaign.repeat_failed():
+                campaign.run_all()
+        finally:
+            rclpy.try_shutdown()
+    return campaign.queue
+
+
+class _Campaign:
+    """The queue and all that is kept of it."""
+
+    def __init__(self, operator: Operator, plan: Plan, folder: CampaignFolder, files: Mapping[str, str]) -> None:
+        self._operator, self._folder = operator, folder
+        self._attachments: list[Path] = [folder.plan_file, *(folder.path / name for name in files)]
+        journal = Journal(folder.journal, time.time)
+        waiting = {trial.trial_id for trial in folder.missing(trials_of(plan))}
+        finished = {trial.trial_id for trial in trials_of(plan)} - waiting
+        self.queue = Queue(plan, finished, journal.earlier)
+        self._desk = operator.desk = Desk(
+            operator, folder.path, self.queue, operator.hold, journal, lambda grown: folder.adopt(grown, files)
+        )
+        self._desk.note("begin", trials=len(self.queue.entries), finished=len(finished))
+
+    def run_all(self) -> None:
+        """Until nothing waits. However it ends, the journal says so."""
+        reason = "interrupted"
+        bar: Any = tqdm(unit="trial", desc="campaign")
+        try:
+            with bar:
+                while self._one(bar):
+                    bar.refresh()
+            reason = "nothing waits"
+        except Exception as error:
+            reason = str(error)
+            raise
+        finally:
+            with suppress(OSError):  # a full disk, say
+                self._desk.note("end", reason=reason)
+
+    def repeat_failed(self) -> bool:
+        """Queue what failed once more; whether there was anything."""
+        failed = list(self.queue.failed)
+        for trial_id in failed:
+            self._desk.note("repeat", trial_id=trial_id, reason=self.queue.failed[trial_id])
+            self.queue.repeat(trial_id)
+        return bool(failed)
+
+    def _one(self, bar: Any) -> bool:
+        """The next trial, once the campaign is not held; whether there was one."""
+        hold = self._operator.hold
+        hold.between_trials()
+        if hold.why:
+            bar.write(HELD.format(hold.why))
+        self._operator.await_go()
+        trial = self.queue.next()
+        if trial is None:
+            return False
+        bar.total = bar.n + self.queue.waiting
+        self._run(trial, bar)
+        return True
+
+    def _run(self, trial: PlannedTrial, bar: Any) -> None:
+        name, begun_s = trial.trial_id, time.monotonic()
+        self.queue.begin(name)
+        self._desk.note("start", trial_id=name)
+        try:
+            row = self._operator.run(trial, self._folder, self._attachments)
+        except Held as error:
+            self.queue.put_back(name, str(error))
+            self._desk.note("stopped", trial_id=name, reason=str(error))
+        except TrialFailed as error:
+            self.queue.fail(name, str(error))
+            self._desk.note("failed", trial_id=name, reason=str(error))
+            bar.write(f"{name}: failed: {error}")
+        else:
+            seconds, measured = round(time.monotonic() - begun_s, 2), _measured(row)
+            self.queue.finish(name, seconds, measured)
+            self._desk.note("done", trial_id=name, seconds=seconds, measured=measured)
+            bar.update()
+
+
+def _measured(row: Row) -> Mapping[str, float]:
+    """What the page shows of a finished trial; what was not measured is left out."""
+    values = {name: float(getattr(row, name)) for name in ("phi", "speed_m_s", "speed_sd_m_s", "lift_m")}
+    return {name: value for name, value in values.items() if math.isfinite(value)}

@@ -1,0 +1,181 @@
+"""A campaign's queue: what is done, under way and to come, and what the operator changed of it. Pure.
+
+What was measured stays: a finished trial is neither skipped nor replaced; repeating it adds a replicate.
+"""
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from statistics import median
+from typing import Any
+
+from sandbot_bringup.journal import Event
+from sandbot_bringup.plan import Plan, PlannedTrial, trials_of, with_condition
+from sandbot_common.errors import InputError
+
+
+class State(StrEnum):
+    """What became of a trial so far."""
+
+    WAITING = "waiting"
+    RUNNING = "running"
+    DONE = "done"
+    FAILED = "failed"
+    SKIPPED = "skipped"
+
+
+@dataclass
+class Entry:
+    """One trial in the queue; ``turn`` is its place among those that wait."""
+
+    trial: PlannedTrial
+    turn: int
+    state: State = State.WAITING
+    reason: str = ""
+    """Why it failed, was stopped or is skipped; of one that waits again, why it did before."""
+    seconds: float = math.nan
+    """How long it took, bed and all."""
+    measured: Mapping[str, Any] = field(default_factory=dict)
+    """phi, speed_m_s and lift_m of a finished trial, as far as they were measured."""
+
+
+class Queue:
+    """The trials of a plan in the order they are run. Every change by the operator raises InputError where it can't be.
+
+    ``finished``: the trials that have a bag. ``events``: a journal's; what was skipped stays so when a campaign is
+    resumed, what failed is run again.
+    """
+
+    def __init__(self, plan: Plan, finished: Collection[str], events: Iterable[Event] = ()) -> None:
+        self.plan = plan
+        self.entries: dict[str, Entry] = {}
+        self._take_in(plan)
+        for event in events:
+            if (entry := self.entries.get(str(event.get("trial_id")))) is not None:
+                self._recall(entry, event)
+        for entry in self.entries.values():
+            entry.state = State.DONE if entry.trial.trial_id in finished else entry.state
+            if entry.state is State.DONE and entry.trial.trial_id not in finished:
+                entry.state, entry.measured = State.WAITING, {}
+
+    def _take_in(self, plan: Plan) -> list[str]:
+        new = [one for one in trials_of(plan) if one.trial_id not in self.entries]
+        first = self._last_turn + 1
+        for turn, trial in enumerate(sorted(new, key=lambda one: one.run_order), start=first):
+            self.entries[trial.trial_id] = Entry(trial, turn)
+        self.plan = plan
+        return [trial.trial_id for trial in new]
+
+    @property
+    def _last_turn(self) -> int:
+        return max((entry.turn for entry in self.entries.values()), default=0)
+
+    def _recall(self, entry: Entry, event: Event) -> None:
+        match event["do"]:
+            case "skip":
+                entry.state, entry.reason = State.SKIPPED, "skipped by the operator"
+            case "repeat":
+                entry.state = State.WAITING
+            case "failed" | "stopped":
+                entry.reason = str(event.get("reason", ""))
+            case "done":
+                entry.state, entry.reason = State.DONE, ""
+                entry.seconds = float(event.get("seconds", math.nan))
+                entry.measured = event.get("measured", {})
+
+    def next(self) -> PlannedTrial | None:
+        """The trial whose turn it is; None where nothing waits."""
+        waiting = [entry for entry in self.entries.values() if entry.state is State.WAITING]
+        return min(waiting, key=lambda entry: entry.turn).trial if waiting else None
+
+    @property
+    def waiting(self) -> int:
+        """How many trials wait."""
+        return sum(entry.state is State.WAITING for entry in self.entries.values())
+
+    def begin(self, trial_id: str) -> None:
+        """A trial is under way."""
+        self.entries[trial_id].state = State.RUNNING
+
+    def finish(self, trial_id: str, seconds: float, measured: Mapping[str, Any]) -> None:
+        """It has its bag."""
+        entry = self.entries[trial_id]
+        entry.state, entry.reason, entry.seconds, entry.measured = State.DONE, "", seconds, measured
+
+    def fail(self, trial_id: str, reason: str) -> None:
+        """It is not ok."""
+        self.entries[trial_id].state, self.entries[trial_id].reason = State.FAILED, reason
+
+    def put_back(self, trial_id: str, reason: str) -> None:
+        """It was stopped by hand: still its turn."""
+        self.entries[trial_id].state, self.entries[trial_id].reason = State.WAITING, reason
+
+    def skip(self, trial_id: str) -> str:
+        """Leave out a trial that waits or failed; what follows from it."""
+        entry = self._entry(trial_id)
+        if entry.state in (State.RUNNING, State.DONE):
+            raise InputError(f"{trial_id} is {entry.state}; only a trial that waits or failed can be skipped")
+        entry.state, entry.reason = State.SKIPPED, "skipped by the operator"
+        return f"{trial_id} is skipped"
+
+    def repeat(self, trial_id: str) -> str:
+        """Run what failed or was skipped at the end of the queue, or add a replicate of what is done."""
+        entry = self._entry(trial_id)
+        trial = entry.trial
+        if entry.state is State.DONE:
+            condition = {"phi": trial.phi, "omega_rad_s": trial.omega_rad_s, "replicates": 1, "gait": trial.gait}
+            return self.add(condition)
+        if entry.state not in (State.FAILED, State.SKIPPED):
+            raise InputError(f"{trial_id} is {entry.state}; only a trial that is over can be repeated")
+        entry.state, entry.turn = State.WAITING, self._last_turn + 1
+        return f"{trial_id} is run again, at the end"
+
+    def add(self, condition: Mapping[str, Any]) -> str:
+        """Trials of one more condition (phi, omega_rad_s, replicates, gait) at the end of the queue."""
+        new = self._take_in(with_condition(self.plan, condition, "add"))
+        return f"{', '.join(new)} added, at the end"
+
+    def _entry(self, trial_id: str) -> Entry:
+        if trial_id not in self.entries:
+            raise InputError(f"there is no trial {trial_id!r} in this campaign")
+        return self.entries[trial_id]
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Reasons by trial."""
+        return {name: one.reason for name, one in self.entries.items() if one.state is State.FAILED}
+
+    def left_s(self) -> float:
+        """Seconds until nothing waits: trials like those that are done, as long as these took; NaN before the first.
+
+        What a trial takes besides its walk (bed, recorder) is the median over those that are done.
+        """
+        done = [entry for entry in self.entries.values() if math.isfinite(entry.seconds)]
+        if not done:
+            return math.nan
+        besides_s = median(entry.seconds - self._walk_s(entry) for entry in done)
+        to_come = [one for one in self.entries.values() if one.state in (State.WAITING, State.RUNNING)]
+        return sum(self._walk_s(entry) + besides_s for entry in to_come)
+
+    def _walk_s(self, entry: Entry) -> float:
+        return self.plan.duration_s(entry.trial.omega_rad_s) + self.plan.standing_s
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The queue as plain values for JSON, in order of turn."""
+        return [_row(entry) for entry in sorted(self.entries.values(), key=lambda entry: entry.turn)]
+
+
+def _row(entry: Entry) -> dict[str, Any]:
+    trial = entry.trial
+    return {
+        "trial_id": trial.trial_id,
+        "phi": trial.phi,
+        "omega_rad_s": trial.omega_rad_s,
+        "gait": trial.gait,
+        "replicate": trial.replicate,
+        "state": entry.state.value,
+        "reason": entry.reason,
+        "seconds": round(entry.seconds, 1) if math.isfinite(entry.seconds) else None,
+        "measured": dict(entry.measured),
+    }
