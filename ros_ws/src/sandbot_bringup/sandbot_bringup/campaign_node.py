@@ -21,7 +21,7 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from std_srvs.srv import SetBool, Trigger
 
-from sandbot_bringup.desk import Desk
+from sandbot_bringup.desk_node import Desk
 from sandbot_bringup.folder import CampaignFolder, frames_kept
 from sandbot_bringup.hold import Held, Hold
 from sandbot_bringup.plan import Plan, PlannedTrial

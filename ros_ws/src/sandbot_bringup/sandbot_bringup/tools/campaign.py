@@ -38,7 +38,7 @@ def command(argv: Sequence[str]) -> int:
     else:
         # The live runner starts ROS; batch and dry runs must not.
         from sandbot_bringup.campaign_node import SILENCE_BOUNDS_S, SILENCE_S
-        from sandbot_bringup.live import run_live
+        from sandbot_bringup.live_node import run_live
 
         silence_s = SILENCE_S if options.silence is None else options.silence
         low_s, high_s = SILENCE_BOUNDS_S

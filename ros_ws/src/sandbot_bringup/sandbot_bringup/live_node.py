@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from sandbot_bringup.campaign_node import SILENCE_S, Operator, TrialFailed
 from sandbot_bringup.config import robot_of
-from sandbot_bringup.desk import Desk
+from sandbot_bringup.desk_node import Desk
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.hold import Held
 from sandbot_bringup.journal import Journal
