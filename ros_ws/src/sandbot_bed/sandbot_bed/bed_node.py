@@ -105,8 +105,8 @@ class BedNode(Node):
         self._legs_moved_s = self._status_s = -math.inf
         self._step_s = math.inf
         self._reported = ""
-        self.create_service(Trigger, "/bed/prepare", self._on_prepare)
-        self.create_service(Trigger, "/bed/abort", self._on_abort)
+        self.create_service(Trigger, "bed/prepare", self._on_prepare)
+        self.create_service(Trigger, "bed/abort", self._on_abort)
         self.create_timer(1 / settings.rate_hz, self._step)
 
     def close(self) -> None:

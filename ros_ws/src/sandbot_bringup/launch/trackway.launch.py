@@ -32,6 +32,7 @@ def start(context: LaunchContext, table: nodes.NodeTable) -> list[Node]:
             package=entry.package,
             executable=entry.executable,
             name=entry.name,
+            namespace=entry.namespace or None,
             parameters=[entry.parameters] if entry.parameters else None,
             output="screen",
             additional_env={END_WITH_PARENT: "1"},

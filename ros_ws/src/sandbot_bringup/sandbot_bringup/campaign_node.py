@@ -59,6 +59,7 @@ _REQUIRED = ("clock", "bed", "tracker")
 _CAMERAS = ("lab", "dorsal_camera", "lateral_camera")
 """Required once they have been heard: a robot or camera of another maker need not tell its health."""
 
+PAUSE_IMAGES = "/recorder/pause_images"
 _UNNAMED = "_NODE_NAME_UNKNOWN_"
 _START_THEM = "start the nodes with: ros2 launch sandbot_bringup trackway.launch.py"
 
@@ -116,12 +117,12 @@ class Operator(Node):
         subscription(self, topics.DIAGNOSTICS, self._on_diagnostics)
         self._health = Health(self, lambda: {"trial": self._running}, sole=True)
         self._triggers = {
-            name: self.create_client(Trigger, name)
+            name: self.create_client(Trigger, topics.relative(name))
             for name in ("/clock/home", "/clock/start", "/clock/stop", "/bed/prepare", "/bed/abort", "/lab/reset")
         }
-        self._pause_images = self.create_client(SetBool, "/recorder/pause_images")
+        self._pause_images = self.create_client(SetBool, topics.relative(PAUSE_IMAGES))
         self._setters = {
-            node: self.create_client(SetParameters, f"/{node}/set_parameters") for node in ("clock", "bed", "lab")
+            node: self.create_client(SetParameters, f"{node}/set_parameters") for node in ("clock", "bed", "lab")
         }
         self._has_lab = False
         self._recorder: RecorderProcess | None = None
@@ -131,9 +132,9 @@ class Operator(Node):
         for name in ("/clock/start", "/bed/prepare"):
             if not self._wait(self._triggers[name].service_is_ready, DISCOVERY_S):
                 raise InputError(f"no node offers {name}; {_START_THEM}")
-        for topic in (topics.LEG_STATES.name, topics.COM.name):
+        for topic in (topics.LEG_STATES, topics.COM):
             if not self._wait(partial(self._is_published, topic), DISCOVERY_S):
-                raise InputError(f"no node publishes {topic}; {_START_THEM}")
+                raise InputError(f"no node publishes {topic.name}; {_START_THEM}")
         # Seeing its service is not enough: a preparation fails at once while the bed has not heard its height sensor.
         if not self._wait(lambda: math.isfinite(self._bed_height_m), DISCOVERY_S):
             raise InputError(f"the bed node has no reading on {topics.BED_HEIGHT.name}; {_START_THEM}")
@@ -172,7 +173,7 @@ class Operator(Node):
         self._commanding = True
         images = frames_kept(self._plan, trial)
         self.desk.enter("starting the recorder")
-        recorder = RecorderProcess(aside, images, attachments)
+        recorder = RecorderProcess(aside, images, attachments, self.get_namespace())
         try:
             self._begin_recording(recorder, trial)
             self._prepare_bed()
@@ -276,8 +277,8 @@ class Operator(Node):
     def _film(self) -> None:
         """Keep frames from here on; those of the bed's preparation would only fill the disk."""
         if not self._wait(self._pause_images.service_is_ready, CALL_S):
-            raise TrialFailed(f"the recorder does not offer {self._pause_images.srv_name}")
-        self._ask(self._pause_images, SetBool.Request(data=False), self._pause_images.srv_name)
+            raise TrialFailed(f"the recorder does not offer {PAUSE_IMAGES}")
+        self._ask(self._pause_images, SetBool.Request(data=False), PAUSE_IMAGES)
 
     def _walk(self, duration_s: float) -> None:
         self._call("/clock/start")
@@ -333,10 +334,10 @@ class Operator(Node):
         raise Held(self.hold.why)
 
     def _who_publishes(self, topic: topics.Topic) -> list[str]:
-        return names_of(self.get_publishers_info_by_topic(topic.name))
+        return names_of(self.get_publishers_info_by_topic(topic.relative))
 
-    def _is_published(self, topic: str) -> bool:
-        return bool(self.count_publishers(topic))
+    def _is_published(self, topic: topics.Topic) -> bool:
+        return bool(self.count_publishers(topic.relative))
 
     def _make_safe(self) -> None:
         """Ask clock and bed to stop; should they not hear it, the lease they no longer get does."""

@@ -50,12 +50,12 @@ class ConsoleNode(Node):
         self._lock = threading.Lock()
         self._state = Console({topic.name: topic.latched for topic in SHOWN})
         self._pictures: dict[str, bytes] = {}
-        self._triggers = {name: self.create_client(Trigger, name) for name in ACTIONS.values()}
+        self._triggers = {name: self.create_client(Trigger, topics.relative(name)) for name in ACTIONS.values()}
         self._closing = threading.Event()
         self._server = serve(self, self._settings.port, self._closing)
         for topic in SHOWN:
             kind = messages.message_class(topic.type)
-            self.create_subscription(kind, topic.name, self._listener(topic), _watching(topic), raw=True)
+            self.create_subscription(kind, topic.relative, self._listener(topic), _watching(topic), raw=True)
         self.get_logger().info(f"console: http://{HOST}:{self._server.port}/")
 
     def snapshot(self) -> Mapping[str, Any]:

@@ -56,7 +56,7 @@ class Desk:
     @property
     def attended(self) -> bool:
         """Whether somebody is there who could say go."""
-        return bool(self._node.count_publishers(topics.CAMPAIGN_COMMAND.name))
+        return bool(self._node.count_publishers(topics.CAMPAIGN_COMMAND.relative))
 
     def note(self, do: str, *, who: str = "campaign", **what: object) -> None:
         """Write down what happened, and tell."""

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -32,17 +32,19 @@ def run_live(
     *,
     redo: bool = False,
     silence_s: float = SILENCE_S,
+    ros_arguments: Sequence[str] = (),
 ) -> Queue:
     """Run every trial that has no bag yet, and what the operator adds meanwhile; returns the queue as it was left.
 
-    ``redo``: what failed once more. ``silence_s``: a node that is silent for longer ends the trial under way. The
-    nodes must be running (``ros2 launch sandbot_bringup trackway.launch.py``); InputError where they are not.
+    ``redo``: what failed once more. ``silence_s``: a node that is silent for longer ends the trial under way.
+    ``ros_arguments``: as for any node, ``--ros-args -r __ns:=/robot1`` say. The nodes must be running
+    (``ros2 launch sandbot_bringup trackway.launch.py``); InputError where they are not.
     On Ctrl-C, kill or a closed terminal legs and air are stopped and the bag under way is closed and set aside.
     """
     use_shared_memory(frames=False)
     with stop_signals() as stop:
         # ROS's own handlers would end the context before the legs are stopped.
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=[plan.name, *ros_arguments], signal_handler_options=SignalHandlerOptions.NO)
         try:
             operator = Operator(plan, robot_of(files), stop, silence_s)
             operator.find_nodes()

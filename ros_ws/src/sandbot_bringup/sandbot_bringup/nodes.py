@@ -23,10 +23,14 @@ LAUNCH_FILE = "trackway.launch.py"
 CONFIG = "config"
 """``${config}`` is the folder of the node table."""
 
+NAMESPACE = "namespace"
+"""The launch argument that puts every node, topic and service into a ROS namespace."""
+
 LAB = "lab"
 """The launch argument that chooses between the virtual lab (true) and the hardware (false)."""
 
 _TRUE, _FALSE = "true", "false"
+_SPACE = re.compile(r"(/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*)?")
 _PUT_IN = re.compile(r"\$\{(\w+)\}")
 
 
@@ -58,10 +62,13 @@ class NodeEntry:
     only_if: str = parameter("", doc="launch argument that must be true as well; empty: none")
     required: bool = parameter(True, doc="everything stops when this process ends")
     parameters: dict[str, Any] = parameter({}, doc="ROS parameters; ${argument} stands for its value")
+    namespace: str = parameter("", doc="ROS namespace; empty: that of the launch argument `namespace`, or none")
 
     def ros_arguments(self) -> list[str]:
         """The command line that gives a node its name and parameters."""
         arguments = ["--ros-args", "-r", f"__node:={self.name}"]
+        if self.namespace:
+            arguments += ["-r", f"__ns:={self.namespace}"]
         for key, value in self.parameters.items():
             arguments += ["-p", f"{key}:={_flow(value)}"]
         return arguments
@@ -128,9 +135,14 @@ def selected(table: NodeTable, given: Mapping[str, str]) -> tuple[NodeEntry, ...
             nodes[node][key] = _plain(value)
         else:
             values[name] = _chosen(table, name, value)
+    space = _namespace(values.get(NAMESPACE, ""))
     unwanted = "hardware" if values[LAB] == _TRUE else "lab"
     return tuple(
-        dataclasses.replace(entry, parameters={k: _put_in(v, values) for k, v in nodes[entry.name].items()})
+        dataclasses.replace(
+            entry,
+            namespace=entry.namespace or space,
+            parameters={k: _put_in(v, values) for k, v in nodes[entry.name].items()},
+        )
         for entry in table.nodes
         if entry.wanted != unwanted and (not entry.only_if or values[entry.only_if] == _TRUE)
     )
@@ -149,6 +161,13 @@ def _chosen(table: NodeTable, name: str, value: str) -> Any:
     if type(given) is not wanted and not (wanted is float and type(given) is int):
         raise InputError(f"launch argument {name}: {value!r} is not of type {wanted.__name__}")
     return wanted(given)
+
+
+def _namespace(text: str) -> str:
+    """With its leading slash; empty where there is none."""
+    if not _SPACE.fullmatch(text):
+        raise InputError(f"launch argument {NAMESPACE}: {text!r} is not a ROS namespace such as robot1")
+    return text and "/" + text.removeprefix("/")
 
 
 def _arguments(content: Any, path: Path) -> dict[str, LaunchArgument]:

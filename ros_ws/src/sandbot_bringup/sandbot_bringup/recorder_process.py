@@ -17,13 +17,14 @@ _ENCODED = {topics.DORSAL_JPEG, topics.LATERAL_JPEG}
 class RecorderProcess:
     """Records until it is told how the trial ended, or until this process is gone: its standard input ends then."""
 
-    def __init__(self, bag: Path, images: str, attachments: Sequence[Path]) -> None:
-        """``images``: none, jpeg, video or raw."""
+    def __init__(self, bag: Path, images: str, attachments: Sequence[Path], namespace: str = "/") -> None:
+        """``images``: none, jpeg, video or raw. ``namespace``: that of the trackway."""
         bag.parent.mkdir(parents=True, exist_ok=True)
         left_out = _ENCODED if images != "none" else _ENCODED | _FRAMES
         names = [topic.name for topic in topics.ALL if topic not in left_out]
         command = [sys.executable, "-m", "sandbot_record.tools.record", *names, "--images", images, "--pause-images"]
         command += ["--fresh", "--end-with-stdin", "--out", str(bag), "--attach", *map(str, attachments)]
+        command += ["--ros-args", "-r", f"__ns:={namespace}"]
         # A session of its own: Ctrl-C and a closed terminal reach us first, and the legs are stopped while it records.
         self._process = subprocess.Popen(
             command,

@@ -94,9 +94,9 @@ class ClockNode(Node):
         self._published = self._missed = 0
         self._real_time = False
         self._health = node.Health(self, self._figures, sole=True)
-        self.create_service(Trigger, "/clock/start", self._on_start)
-        self.create_service(Trigger, "/clock/stop", self._on_stop)
-        self.create_service(Trigger, "/clock/home", self._on_home)
+        self.create_service(Trigger, "clock/start", self._on_start)
+        self.create_service(Trigger, "clock/stop", self._on_stop)
+        self.create_service(Trigger, "clock/home", self._on_home)
         if self._settings.current.autostart:
             self._autostart = self.create_timer(_AUTOSTART_DELAY_S, self._start_once)
 
@@ -115,7 +115,7 @@ class ClockNode(Node):
         self._stopping.clear()
         schedule = Schedule(time.monotonic_ns(), wanted.rate_hz)
         self._robot = Lease(wanted.robot_s, schedule.start_ns / NANO)
-        self._robot_there = bool(self.count_publishers(topics.LEG_STATES.name))
+        self._robot_there = bool(self.count_publishers(topics.LEG_STATES.relative))
         held = self._legs or PhaseClock(wanted.gait_used, wanted.omega_rad_s)
         self._legs, self._missed = held.started(schedule.start_ns / NANO), 0
         to_ros_ns = self.get_clock().now().nanoseconds - schedule.start_ns
@@ -132,7 +132,7 @@ class ClockNode(Node):
             return "the clock is running already"
         if self._air_on:
             return f"the bed's air is on (/bed/blower is {self._blower:g}); legs move only when it is 0"
-        names = node.names_of(self.get_publishers_info_by_topic(topics.LEG_SETPOINTS.name))
+        names = node.names_of(self.get_publishers_info_by_topic(topics.LEG_SETPOINTS.relative))
         if len(names) > 1:
             return f"{' and '.join(names)} both publish {topics.LEG_SETPOINTS.name}; one commander at a time"
         return self._command.begin(wanted.lease_s)

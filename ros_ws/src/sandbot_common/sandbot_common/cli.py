@@ -23,6 +23,15 @@ class Parser(argparse.ArgumentParser):
         raise InputError(f"{message} (see {self.prog} --help)")
 
 
+def with_ros(parser: argparse.ArgumentParser, argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
+    """Our own options, and what begins with --ros-args, which is ROS's own to read."""
+    cut = list(argv).index("--ros-args") if "--ros-args" in argv else len(argv)
+    options, unknown = parser.parse_known_args(argv[:cut])
+    if unknown:
+        raise InputError(f"unknown option {unknown[0]} (see {parser.prog} --help)")
+    return options, list(argv[cut:])
+
+
 def output(text: str) -> Path:
     """A file to write, as an argparse type. What can't be one is refused before the work begins."""
     try:

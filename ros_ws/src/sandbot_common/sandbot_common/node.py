@@ -55,7 +55,7 @@ def qos(topic: topics.Topic, *, best_effort: bool = False) -> QoSProfile:
 
 def publisher(node: Node, topic: topics.Topic) -> Publisher:
     """A publisher on a trackway topic."""
-    return node.create_publisher(messages.message_class(topic.type), topic.name, qos(topic))
+    return node.create_publisher(messages.message_class(topic.type), topic.relative, qos(topic))
 
 
 def subscription(
@@ -66,12 +66,12 @@ def subscription(
     ``best_effort`` hears publishers of either reliability, but what is lost on the way is not sent again.
     """
     delivery = qos(topic, best_effort=best_effort)
-    return node.create_subscription(messages.message_class(topic.type), topic.name, callback, delivery, raw=raw)
+    return node.create_subscription(messages.message_class(topic.type), topic.relative, callback, delivery, raw=raw)
 
 
 def reliabilities(node: Node, topic: topics.Topic) -> list[bool]:
     """Whether each publisher of a topic is reliable, as far as the graph is known."""
-    found = node.get_publishers_info_by_topic(topic.name)
+    found = node.get_publishers_info_by_topic(topic.relative)
     return [one.qos_profile.reliability != ReliabilityPolicy.BEST_EFFORT for one in found]
 
 
@@ -149,7 +149,7 @@ class Command:
     def begin(self, limit_s: float) -> str:
         """Why nothing may begin; an empty string where it may, from now on under this lease or by hand."""
         self._lease.limit_s = limit_s
-        holders = names_of(self._node.get_publishers_info_by_topic(topics.OPERATOR_LEASE.name))
+        holders = names_of(self._node.get_publishers_info_by_topic(topics.OPERATOR_LEASE.relative))
         self._leased = bool(holders)
         if len(holders) > 1:
             return f"{' and '.join(holders)} both command the trackway (/operator/lease); one at a time"

@@ -1,4 +1,8 @@
-"""Every topic of the trackway: name, type, and how it is delivered (design: SI units, REP-103)."""
+"""Every topic of the trackway: name, type, and how it is delivered (design: SI units, REP-103).
+
+Names are those of bags, and of a trackway without a namespace. Nodes ask for them by ``relative``, so that in a
+namespace (``-r __ns:=/robot1``) a whole trackway is on its own: topics, services, health and lease.
+"""
 
 from dataclasses import dataclass
 
@@ -17,6 +21,16 @@ class Topic:
     type: str
     latched: bool = False
     depth: int = 50
+
+    @property
+    def relative(self) -> str:
+        """The name within the namespace of the node that asks."""
+        return relative(self.name)
+
+
+def relative(name: str) -> str:
+    """The name of a topic or service within the namespace of the node that asks for it."""
+    return name.removeprefix("/")
 
 
 LEG_SETPOINTS = Topic("/leg_setpoints", "sensor_msgs/msg/JointState", depth=2000)

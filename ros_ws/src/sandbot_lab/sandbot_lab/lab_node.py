@@ -94,7 +94,7 @@ class LabNode(Node):
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         node.subscription(self, topics.TRIAL, self._on_trial)
-        self.create_service(Trigger, "/lab/reset", self._on_reset)
+        self.create_service(Trigger, "lab/reset", self._on_reset)
         self.create_timer(1.0 / HEIGHT_RATE_HZ, self._publish_height)
         self.create_timer(1.0 / WATCH_RATE_HZ, self._watch)
         self.create_timer(1.0 / IDLE_RATE_HZ, self._publish_idle)

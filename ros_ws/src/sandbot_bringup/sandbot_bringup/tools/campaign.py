@@ -21,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def command(argv: Sequence[str]) -> int:
     """Run, resume, extend or only describe a campaign."""
-    options = _parser().parse_args(argv)
+    options, ros_arguments = cli.with_ros(_parser(), argv)
     if options.config_folder:
         print(config_folder())
         return 0
@@ -31,6 +31,8 @@ def command(argv: Sequence[str]) -> int:
     if options.dry_run:
         print(describe(plan, trials))
         return 0
+    if options.batch and ros_arguments:
+        raise InputError("--ros-args: --batch runs without ROS; leave one of the two out")
     if options.redo:
         _set_failed_aside(folder)
     if options.batch:
@@ -44,7 +46,7 @@ def command(argv: Sequence[str]) -> int:
         low_s, high_s = SILENCE_BOUNDS_S
         if not low_s <= silence_s <= high_s:
             raise InputError(f"--silence: {silence_s:g} is not from {low_s:g} to {high_s:g} s")
-        queue = run_live(plan, folder, files, redo=bool(options.redo), silence_s=silence_s)
+        queue = run_live(plan, folder, files, redo=bool(options.redo), silence_s=silence_s, ros_arguments=ros_arguments)
         # Its plan may have grown.
         trials, failures = trials_of(queue.plan), list(queue.failed.items())
     return _finish(folder, trials, failures)

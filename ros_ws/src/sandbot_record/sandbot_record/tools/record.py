@@ -36,8 +36,8 @@ def _keep_memory() -> None:
 
 def _record(argv: Sequence[str]) -> int:
     _keep_memory()
-    options, ros_arguments = _parser().parse_known_args(argv)
-    _check(options, ros_arguments)
+    options, ros_arguments = cli.with_ros(_parser(), argv)
+    _check(options)
     selection = Selection(
         tuple(dict.fromkeys(options.topics)),
         options.all,
@@ -117,9 +117,7 @@ def _content(path: Path) -> bytes:
         raise InputError(f"--attach: {path}: {error.strerror}") from None
 
 
-def _check(options: argparse.Namespace, ros_arguments: Sequence[str]) -> None:
-    if ros_arguments and ros_arguments[0] != "--ros-args":
-        raise InputError(f"unknown option {ros_arguments[0]} (see record --help)")
+def _check(options: argparse.Namespace) -> None:
     if not (options.topics or options.all or options.regex):
         raise InputError("nothing to record: give topics, --all or --regex")
     for name in ("regex", "exclude"):

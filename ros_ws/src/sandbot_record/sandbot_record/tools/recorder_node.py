@@ -156,6 +156,8 @@ class Recorder(Node):
 
     def __init__(self, selection: Selection, recording: Recording, say: Callable[[str], None] = print) -> None:
         super().__init__("recorder")
+        # In a namespace: what is in it, by the names it has there, so that bags of any trackway look alike.
+        self._space = self.get_namespace().rstrip("/")
         self._selection, self._recording, self._say = selection, recording, say
         self._trial, self._start_ns = b"", time.time_ns()
         self.done = False
@@ -165,10 +167,10 @@ class Recorder(Node):
         self._left_out: set[str] = set()
         self._quiet_looks = 0
         self._announced = False
-        self.create_service(Trigger, "/recorder/start", self._on_start)
-        self.create_service(Trigger, "/recorder/stop", self._on_stop)
-        self.create_service(SetBool, "/recorder/pause", self._on_pause)
-        self.create_service(SetBool, "/recorder/pause_images", self._on_pause_images)
+        self.create_service(Trigger, "recorder/start", self._on_start)
+        self.create_service(Trigger, "recorder/stop", self._on_stop)
+        self.create_service(SetBool, "recorder/pause", self._on_pause)
+        self.create_service(SetBool, "recorder/pause_images", self._on_pause_images)
         self._health = Health(self, self._figures)
         for name in (*selection.names, NOTE.name):
             if name in _KNOWN:
@@ -212,14 +214,16 @@ class Recorder(Node):
             rclpy.try_shutdown(context=self.context)
             return
         new = False
-        for name, types in self.get_topic_names_and_types():
-            if self._selection(name) or name in self._by_name:
+        for full_name, types in self.get_topic_names_and_types():
+            name = full_name.removeprefix(self._space)
+            ours = full_name == self._space + name
+            if ours and (self._selection(name) or name in self._by_name):
                 new |= self._look_at(name, types)
         self._announce(new)
 
     def _look_at(self, name: str, types: Sequence[str]) -> bool:
         """Subscribe if need be; whether anything changed or is not matched yet."""
-        publishers = self.get_publishers_info_by_topic(name)
+        publishers = self.get_publishers_info_by_topic(self._space + name)
         if len(types) > 1:
             self._refuse(name, f"it has several types: {', '.join(types)}")
             return False
@@ -265,7 +269,7 @@ class Recorder(Node):
         self._recording.add_topic(name, type_name, qos=offered)
         check_for_type_support(kind)
         with self.handle:
-            handle = _rclpy.Subscription(self.handle, kind, name, profile.get_c_qos_profile())
+            handle = _rclpy.Subscription(self.handle, kind, self._space + name, profile.get_c_qos_profile())
         source = _Source(name, type_name, kind, handle, transient, reliable, _loss_event(handle), len(publishers))
         self._by_name[name] = source
         self._receiver.add(source)

@@ -29,9 +29,7 @@ def _replay(argv: Sequence[str]) -> int:
     parser.add_argument("--delay", type=float, default=1.0, metavar="S", help="wait for subscribers to find us")
     parser.add_argument("--decode-jpeg", action="store_true", help="publish JPEG frames as raw images")
     parser.add_argument("--with-commands", action="store_true", help="command legs and air also on a live trackway")
-    options, ros_arguments = parser.parse_known_args(argv)
-    if ros_arguments and ros_arguments[0] != "--ros-args":
-        raise InputError(f"unknown option {ros_arguments[0]} (see replay --help)")
+    options, ros_arguments = cli.with_ros(parser, argv)
     if not 0 <= options.delay < 1e6:
         raise InputError(f"--delay: {options.delay} is not a number of seconds from 0 up")
     timeline = Timeline(Bag.open(options.bag), options.topics, decode_jpeg=options.decode_jpeg)

@@ -69,7 +69,7 @@ class Replay(Node):
         self._lock = threading.Lock()
         self._changed, self._stop = threading.Event(), threading.Event()
         self._outlets = {
-            name: self.create_publisher(_class(info), options.remap.get(name, name), _qos(info))
+            name: self.create_publisher(_class(info), options.remap.get(name, topics.relative(name)), _qos(info))
             for name, info in player.timeline.topics.items()
         }
         if not options.commands:
@@ -78,8 +78,8 @@ class Replay(Node):
         self._clock_due_ns = 0
         self._late_ns: list[int] = []
         self.published = self.missing = 0
-        self.create_service(SetBool, "/replay/pause", self._on_pause)
-        self.create_service(Trigger, "/replay/restart", self._on_restart)
+        self.create_service(SetBool, "replay/pause", self._on_pause)
+        self.create_service(Trigger, "replay/restart", self._on_restart)
         self.declare_parameter("rate", player.rate, ParameterDescriptor(description="bag seconds a second, above 0"))
         self.declare_parameter(
             "position_s", 0.0, ParameterDescriptor(description="set it to seek [s after the first message]")
@@ -91,14 +91,16 @@ class Replay(Node):
 
     def _refuse_live(self) -> None:
         """Raise InputError where commands would reach a running robot or bed, or compete with another commander."""
-        commands = [name for name in _COMMANDS if name in {outlet.topic_name for outlet in self._outlets.values()}]
+        names = [outlet.topic_name for outlet in self._outlets.values()]
+        commands = [name for name in names if name.endswith(_COMMANDS)]
+        # Of whatever trackway they command: /robot1/bed/blower is obeyed by the bed that reports /robot1/bed/height.
+        spaces = {name.removesuffix(command) for name in commands for command in _COMMANDS if name.endswith(command)}
+        watched = [space + name for space in sorted(spaces) for name in (*_COMMANDS, *_REPORTS)]
         deadline = time.monotonic() + max(self._options.delay_s, _LOOK_S) if commands else 0.0
         while time.monotonic() < deadline:
-            for name in (*_COMMANDS, *_REPORTS):
-                others = [
-                    other for other in names_of(self.get_publishers_info_by_topic(name)) if other != self.get_name()
-                ]
-                if others:
+            for name in watched:
+                others = names_of(self.get_publishers_info_by_topic(name))
+                if any(other != self.get_name() for other in others):
                     raise InputError(
                         f"the trackway is live ({name} is published), and legs or air would obey the bag's "
                         f"{' and '.join(commands)}; leave them out with --topics, or insist with --with-commands"
