@@ -11,7 +11,9 @@ from sandbot_bringup.config import config_folder, files_of
 from sandbot_bringup.nodes import read_table, selected
 from sandbot_bringup.plan import Plan, plan_of, trials_of
 from sandbot_bringup.provenance import trial_message
+from sandbot_bringup.trial_bag import TrialBag
 from sandbot_clock.gait import leg_angles
+from sandbot_common import topics
 from sandbot_common.accuracy import SECTION, accuracy_from_mapping
 from sandbot_common.errors import InputError
 from sandbot_common.files import dump_yaml, read_yaml
@@ -23,6 +25,7 @@ from sandbot_lab.world import World, world_from_mapping
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.walking import Inputs, KCurve, Walker
+from sandbot_record.bags.reader import Bag
 from sandbot_record.trials.table import Row, from_rows
 from sandbot_tracking.calibration import cameras_from_mapping
 from sandbot_tracking.live import View
@@ -33,10 +36,10 @@ ROBOTS = ("robot.yaml", "sgcs_robot.yaml")
 WORLDS = ("pilot_world.yaml", "outside_world.yaml", "sgcs_world.yaml")
 PLANS = ("demo.yaml", "li09.yaml", "pilot.yaml", "pilot_next.yaml", "sgcs.yaml")
 CAMERAS = read_yaml(CONFIG / "cameras.yaml")
-FEELS_THE_ROBOT = ("finite_depth", "leg_slip", "exact_leg_arc", "cohesion")
+FEELS_THE_ROBOT = ("finite_depth", "leg_slip", "exact_leg_arc", "cohesion", "bed_slope")
 """Effects in which all of a robot shows; on ground so weak that the tip of the leg is inside it."""
-ON_TRACKING = {"leg_mount_rad", "axle_distance_m"}
-"""Keys that say how the robot is seen: the analysis of a table does not need them."""
+ON_TRACKING = {"leg_mount_rad", "axle_distance_m", "leg_order"}
+"""Keys that say how the robot is seen or driven: the analysis of a table does not need them."""
 
 
 def every_value(*files):
@@ -54,8 +57,8 @@ def walked(robot):
     """What the lab makes of a robot: its path, and its markers in the picture."""
     world = World(effects={name: {} for name in FEELS_THE_ROBOT}, robot=robot, k_knots_n_per_m=(122.0, 128.0, 135.0))
     t_s = np.arange(0.0, 1.5, 0.005)
-    setpoints = leg_angles(Plan("p", (0.6,), (8.0,), gait="UNIFORM").clock_gait, 8.0, t_s)
-    trace = simulate(world, 0.6, t_s, *setpoints, 1)
+    gait = Plan("p", (0.6,), (8.0,), gait="UNIFORM").clock_gait
+    trace = simulate(world, 0.6, t_s, *leg_angles(gait, 8.0, t_s, robot.legs_per_tripod), 1)
     markers = LabCamera("lateral", CAMERAS["lateral"], 1, robot).markers(*(np.zeros(1),) * 3)
     return trace.x_m, trace.z_m, *markers
 
@@ -69,11 +72,28 @@ def predicted(robot):
     return (walker.predict(inputs, params).observables,)
 
 
+def names_recorded(robot, path):
+    """The names of the legs in the bag of a trial."""
+    bag = TrialBag(1, robot.leg_order)
+    bag.legs(topics.LEG_STATES, np.zeros(1), *(np.zeros((1, len(robot.leg_order))),) * 3)
+    bag.write(path, {}, {})
+    (message,) = Bag.open(path).messages([topics.LEG_STATES.name])
+    return tuple(message.decode().name)
+
+
 @every_value(*ROBOTS)
-def test_a_robot_is_obeyed_by_the_lab_and_the_model(file, path):
+def test_a_robot_is_obeyed_by_the_lab_and_the_model(file, path, tmp_path):
     content = read_yaml(CONFIG / file)
-    as_it_is, otherwise = (robot_from_mapping(one, file) for one in (content, changed(content, path)))
-    assert not same(walked(as_it_is), walked(otherwise))
+    otherwise = changed(content, path)
+    if path == ("legs_per_tripod",):
+        with pytest.raises(InputError, match="leg_order: 6 names for two tripods of 4"):
+            robot_from_mapping(otherwise, file)
+        otherwise["leg_order"] = [*content["leg_order"], "spare_left", "spare_right"]
+    as_it_is, otherwise = (robot_from_mapping(one, file) for one in (content, otherwise))
+    if path == ("leg_order",):
+        assert names_recorded(as_it_is, tmp_path / "a") != names_recorded(otherwise, tmp_path / "b")
+    else:
+        assert not same(walked(as_it_is), walked(otherwise))
     assert same(predicted(as_it_is), predicted(otherwise)) == (path[0] in ON_TRACKING)
     assert same(walked(as_it_is), walked(robot_from_mapping(content, file)))
 

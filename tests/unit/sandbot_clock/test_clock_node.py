@@ -1,5 +1,6 @@
 """The clock node as a real process over DDS."""
 
+import json
 import subprocess
 import sys
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from sandbot_common import messages, node, topics
+from sandbot_common.robot import Robot, to_mapping
 
 pytestmark = pytest.mark.ros
 
@@ -22,7 +24,7 @@ def clock(domain):
 def test_runs_on_schedule_stops_at_rest_and_heeds_the_air(clock, beside):
     setpoints = []
     node.subscription(beside.node, topics.LEG_SETPOINTS, setpoints.append)
-    blower = node.publisher(beside.node, topics.BED_BLOWER)
+    blower, trial = (node.publisher(beside.node, topic) for topic in (topics.BED_BLOWER, topics.TRIAL))
     assert beside.call("/clock/start").success
     beside.until(lambda: len(setpoints) > 100)
     assert beside.call("/clock/start").message == "was running"  # the answer to the first may have been lost
@@ -37,11 +39,25 @@ def test_runs_on_schedule_stops_at_rest_and_heeds_the_air(clock, beside):
     assert np.all(np.diff(angles, axis=0) >= 0)
     assert all(len(message.effort) == 6 for message in setpoints)
 
-    beside.until(lambda: blower.get_subscription_count() == 1)
+    beside.until(lambda: blower.get_subscription_count() == trial.get_subscription_count() == 1)
     setpoints.clear()
     assert beside.call("/clock/start").success
     beside.until(lambda: setpoints)
     np.testing.assert_allclose(setpoints[0].position, angles[-1])  # goes on from where it held
+
+    four = Robot(legs_per_tripod=2, leg_order=("left_front", "right_rear", "left_rear", "right_front"))
+    trial.publish(messages.string(json.dumps({"robot": to_mapping(four)})))
+    assert list(setpoints[-1].name) == list(topics.LEGS)  # legs do not change their names while they run
+
+    def of_four():
+        """Whether a new start moves the trial's robot; it may not have been heard yet."""
+        beside.call("/clock/stop")
+        setpoints.clear()
+        assert beside.call("/clock/start").success
+        beside.until(lambda: setpoints)
+        return tuple(setpoints[-1].name) == four.leg_order and len(setpoints[-1].position) == 4
+
+    beside.until(of_four)
     blower.publish(messages.float64(0.4))
     beside.until(lambda: not any(setpoints[-1].velocity))
     answer = beside.call("/clock/start")

@@ -56,6 +56,13 @@ def test_shapes_follow_the_times():
     assert leg_angles(PRESETS["SGCS"], 8.0, np.zeros((2, 3)))[0].shape == (2, 3, 6)
 
 
+def test_tripods_have_as_many_legs_as_the_robot():
+    three = leg_angles(PRESETS["SGCS"], 8.0, np.linspace(0, 1, 9))
+    two = leg_angles(PRESETS["SGCS"], 8.0, np.linspace(0, 1, 9), tripod=2)
+    for less, whole in zip(two, three, strict=True):
+        np.testing.assert_array_equal(less, whole[:, [0, 1, 3, 4]])
+
+
 @given(GAITS, OMEGAS, st.floats(0, 100))
 def test_a_period_is_a_turn_and_tripods_are_half_a_period_apart(gait, omega, t):
     period = 2 * math.pi / omega

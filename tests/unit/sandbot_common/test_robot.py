@@ -1,5 +1,6 @@
 """robot.yaml: what is written is read back; a key that would be ignored or misread is refused in one line."""
 
+import json
 import math
 
 import pytest
@@ -28,6 +29,11 @@ from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, robot_f
         ({"axle_height_m": 0.08}, "axle_height_m: 0.08 is not below 0.071"),
         ({"leg_radius_m": 0.01}, "axle_height_m: 0.025 is not below 0.02"),
         ({"stiffness_depth_m": 0.2}, "stiffness_depth_m: 0.2 is not below 0.1"),
+        ({"legs_per_tripod": 2}, "leg_order: 6 names for two tripods of 2 (legs_per_tripod); 4 are needed"),
+        ({"legs_per_tripod": 5}, "legs_per_tripod: 5 is outside [1, 4]"),
+        ({"leg_order": ["a", "b"]}, "leg_order: 2 names for two tripods of 3"),
+        ({"leg_order": ["a", "b", "c", "d", "e", "a"]}, "each leg needs a name of its own"),
+        ({"leg_order": "abcdef"}, "leg_order: 'abcdef' is not a list"),
         (["leg_radius_m"], "expected a mapping"),
     ],
 )
@@ -39,10 +45,17 @@ def test_what_cannot_be_a_robot_is_refused_with_the_remedy(content, words):
     assert "\n" not in str(refusal.value)
 
 
-@given(st.floats(0.03, 0.5), st.floats(0.0, 0.059), st.floats(0.005, 100.0), st.floats(-math.pi, math.pi))
-def test_round_trip(radius, height, mass, mount):
-    robot = Robot(leg_radius_m=radius, axle_height_m=height, mass_per_leg_kg=mass, leg_mount_rad=mount)
-    assert robot_from_mapping(to_mapping(robot), "r") == robot
+@given(
+    st.floats(0.03, 0.5),
+    st.floats(0.0, 0.059),
+    st.floats(0.005, 100.0),
+    st.floats(-math.pi, math.pi),
+    st.integers(1, 4),
+)
+def test_round_trip(radius, height, mass, mount, tripod):
+    legs = {"legs_per_tripod": tripod, "leg_order": tuple(f"joint_{leg}" for leg in range(2 * tripod))}
+    robot = Robot(leg_radius_m=radius, axle_height_m=height, mass_per_leg_kg=mass, leg_mount_rad=mount, **legs)
+    assert robot_from_mapping(json.loads(json.dumps(to_mapping(robot))), "r") == robot
     assert (difference(robot, SANDBOT) == "") == (robot == SANDBOT)
 
 
@@ -50,7 +63,11 @@ def test_what_the_file_leaves_out_is_sandbots(tmp_path):
     (tmp_path / "robot.yaml").write_text("leg_radius_m: 0.05\n", encoding="utf-8")
     assert read_robot(tmp_path / "robot.yaml") == Robot(leg_radius_m=0.05)
     assert difference(Robot(leg_radius_m=0.05), SANDBOT) == "leg_radius_m 0.05 and 0.0355"
+    two = Robot(legs_per_tripod=1, leg_order=("left", "right"))
+    assert difference(two, SANDBOT).startswith("legs_per_tripod 1 and 3, leg_order [left, right] and [front_left, ")
 
 
-def test_every_key_tells_its_unit():
-    assert all(spec.name.endswith(("_m", "_kg", "_rad", "_m_s2")) and spec.unit for spec in specs(Robot))
+def test_every_measure_tells_its_unit():
+    measures = [spec for spec in specs(Robot) if spec.type is float]
+    assert len(measures) == len(specs(Robot)) - 2
+    assert all(spec.name.endswith(("_m", "_kg", "_rad", "_m_s2")) and spec.unit for spec in measures)

@@ -53,13 +53,15 @@ def test_the_robot_that_a_trial_tells_walks(lab, beside, heard):
         states.clear()
         t0_ns = beside.node.get_clock().now().nanoseconds
         for t, angle, rate in zip(t_s, angles, rates, strict=True):
-            legs.publish(messages.joint_state(t0_ns + round(t * 1e9), topics.LEGS, angle, rate, np.zeros(6)))
+            legs.publish(messages.joint_state(t0_ns + round(t * 1e9), robot.leg_order, angle, rate, np.zeros(6)))
         beside.until(lambda: len(states) == SETPOINTS)
+        if [tuple(state.name) for state in states] != [robot.leg_order] * SETPOINTS:
+            return False
         walked = simulate(null_world().walked_by(robot), 0.62, t_s, angles, rates, seed=5).leg_effort_n_m
         return np.array([state.effort for state in states]) == pytest.approx(walked, abs=1e-6)
 
     assert walks_as(SANDBOT)
-    big = Robot(leg_radius_m=0.05, mass_per_leg_kg=1.5)
+    big = Robot(leg_radius_m=0.05, mass_per_leg_kg=1.5, leg_order=(*topics.LEGS[3:], *topics.LEGS[:3]))
     trial.publish(messages.string(json.dumps({"robot": to_mapping(big)})))
     beside.until(lambda: walks_as(big))
     trial.publish(messages.string(json.dumps({"robot": {"leg_radius_m": 9999.0}})))

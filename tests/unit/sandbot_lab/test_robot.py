@@ -1,12 +1,16 @@
 """The mechanism, against physics.md section 2 where every effect is off, and against each effect's own signature."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rig import QUIET, R, expected, read, setpoints, trial, with_effect
 
+from sandbot_clock.gait import PRESETS, leg_angles
 from sandbot_common.errors import InputError
+from sandbot_common.robot import Robot
 from sandbot_lab.effects import EFFECTS
 from sandbot_lab.robot import LabRobot, simulate
 from sandbot_lab.world import World, null_world, sgcs_world
@@ -112,6 +116,26 @@ def test_sgcs_walks_at_the_slow_phase_rate():
             seen = read(world, phi, omega, gait="SGCS")
             assert (seen.speed_m_s, seen.peak_speed_m_s) == pytest.approx((speed, peak), rel=0.01)
             assert seen.lift_m == pytest.approx(lift, rel=0.02)
+
+
+def test_legs_of_a_tripod_share_the_load():
+    """Each carries the same on the level, however many; uphill the whole robot's weight pulls on what they hold."""
+
+    def climbed(tripod, **effects):
+        legs = Robot(legs_per_tripod=tripod, leg_order=tuple(f"leg_{i}" for i in range(2 * tripod)))
+        world = replace(null_world(), effects=effects).walked_by(legs).with_noise(0.0)
+        t_s = setpoints(14.0)[0]
+        return simulate(world, 0.62, t_s, *leg_angles(PRESETS["UNIFORM"], 14.0, t_s, tripod), seed=5)
+
+    two, three, four = (climbed(tripod) for tripod in (2, 3, 4))
+    assert two.leg_angle_rad.shape == (len(two.t_s), 4)
+    np.testing.assert_allclose(two.x_m, three.x_m, rtol=1e-12)
+    np.testing.assert_allclose(four.x_m, three.x_m, rtol=1e-12)
+    uphill = [climbed(tripod, bed_slope={"chi_deg": 1.5}).x_m[-1] for tripod in (2, 3, 4)]
+    lost = two.x_m[-1] - np.array(uphill)
+    assert lost[0] < lost[1] < lost[2]
+    with pytest.raises(InputError, match="expected"):
+        simulate(null_world(), 0.62, two.t_s, two.leg_angle_rad, two.leg_rate_rad_s, seed=5)
 
 
 def test_live_equals_batch():

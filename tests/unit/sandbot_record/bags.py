@@ -54,12 +54,14 @@ def trial_bag(
     kept=lambda topic, t_s: True,
     more=(),
     files=(),
+    legs=None,
 ) -> Path:
     """A trial of constant speed: 0.3 s at rest, then 4 s of legs turning at OMEGA; lift is |sin| of 10 mm.
 
     ``kept(topic, t_s)``: which messages stay, t = 0 where legs start; ``more``: (topic, t_s, message) beside them;
-    ``files``: text by name, attached.
+    ``files``: text by name, attached; ``legs``: places and names of the joints, in the order they are recorded in.
     """
+    joints = dict(enumerate(topics.LEGS)) if legs is None else legs
     given: list[tuple[int, topics.Topic, bytes]] = []
 
     def add(topic, t_ns, message):
@@ -81,8 +83,9 @@ def trial_bag(
     for index in range(860):
         t_ns = T0 + index * 5_000_000
         t_s = max(0.0, (t_ns - start) * 1e-9)
-        angles = OMEGA * t_s - math.pi / 2 + np.array([0, 0, 0, 1, 1, 1]) * math.pi
-        add(topics.LEG_STATES, t_ns, messages.joint_state(t_ns, topics.LEGS, angles, angles * 0 + OMEGA, angles * 0))
+        angles = (OMEGA * t_s - math.pi / 2 + np.array([0, 0, 0, 1, 1, 1]) * math.pi)[list(joints)]
+        rest = np.zeros(len(angles))
+        add(topics.LEG_STATES, t_ns, messages.joint_state(t_ns, list(joints.values()), angles, rest + OMEGA, rest))
     for topic, t_s, message in more:
         given.append((start + round(t_s * 1e9), topic, to_cdr(message)))
     with BagWriter(path) as writer:

@@ -79,13 +79,13 @@ def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
     """Prepare the bed, let the robot run before both cameras, track it, and write the bag; returns its path."""
     plan, world = setup.plan.of(trial), setup.world.walked_by(setup.robot).at(trial.occasion)
     bed = LabBed(seed=trial.seed)
-    bag = TrialBag(start_ns)
+    bag = TrialBag(start_ns, world.body.leg_order)
     bag.announce(trial_message(plan, trial, setup.robot, start_ns))
     prepared = prepare(plan.bed_protocol, bed, trial.phi, bed.advance, BED_STEP_S, observe=bag.bed)
     bag.legs_start(prepared.duration_s + plan.standing_s)
 
     t_s = np.arange(round(plan.duration_s(trial.omega_rad_s) * plan.setpoint_rate_hz) + 1) / plan.setpoint_rate_hz
-    angles, rates = leg_angles(plan.clock_gait, trial.omega_rad_s, t_s)
+    angles, rates = leg_angles(plan.clock_gait, trial.omega_rad_s, t_s, world.body.legs_per_tripod)
     trace = simulate(world, bed.phi - world.week.phi_zero, t_s, angles, rates, seed=trial.seed)
     bag.legs(topics.LEG_SETPOINTS, t_s, angles, rates, np.zeros_like(angles))
     bag.legs(topics.LEG_STATES, t_s, trace.leg_angle_rad, trace.leg_rate_rad_s, trace.leg_effort_n_m)

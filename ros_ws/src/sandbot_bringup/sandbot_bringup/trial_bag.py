@@ -1,6 +1,6 @@
 """The messages of one batch trial, gathered on the trial's own time and written in order of time."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +32,8 @@ _INFO = {"dorsal": topics.DORSAL_INFO, "lateral": topics.LATERAL_INFO}
 class TrialBag:
     """Bed time runs from the wall-clock instant ``start_ns``, trial time from the start of the legs."""
 
-    def __init__(self, start_ns: int) -> None:
-        self._start_ns = start_ns
+    def __init__(self, start_ns: int, leg_order: Sequence[str] = topics.LEGS) -> None:
+        self._start_ns, self._leg_order = start_ns, leg_order
         self._zero_ns = start_ns
         self._messages: list[tuple[int, Topic, bytes]] = []
         self._stage: tuple[Stage, int] | None = None
@@ -54,10 +54,10 @@ class TrialBag:
         self.add(topics.SYNC_LED, self._zero_ns, messages.header(self._zero_ns, "sync_led"))
 
     def legs(self, topic: Topic, t_s: Floats, angles: Floats, rates: Floats, efforts: Floats) -> None:
-        """Joint states of shape (n, 6)."""
+        """Joint states of shape (n, legs)."""
         for t, angle, rate, effort in zip(t_s, angles, rates, efforts, strict=True):
             stamp = self._at(t)
-            self.add(topic, stamp, messages.joint_state(stamp, topics.LEGS, angle, rate, effort))
+            self.add(topic, stamp, messages.joint_state(stamp, self._leg_order, angle, rate, effort))
 
     def frame(self, camera: str, t_s: float, pixels: NDArray[np.uint8], kept: str) -> None:
         """One frame: ``kept`` raw, as jpeg, in a video beside the messages, or none at all."""

@@ -18,20 +18,22 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from rclpy.node import Node
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from sandbot_clock.gait import PRESETS, Gait
 from sandbot_clock.phase_clock import PhaseClock
 from sandbot_clock.schedule import NANO, Schedule, keep
 from sandbot_common import messages, node, topics
+from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
 from sandbot_common.parameters import parameter, specs
+from sandbot_common.robot import SANDBOT, read_robot, robot_of_trial
 
 CUSTOM = "CUSTOM"
 # Long enough to hear whether a bed blows before legs move by themselves.
@@ -40,7 +42,6 @@ _CATCH_UP = 10
 """Periods that one set-point makes up for at most; what passes in more slowly changes the gait (decision 16)."""
 # Real-time priorities of the schedule's thread and of the rest of the process.
 _SCHEDULE, _BESIDE = 20, 10
-_NO_TORQUE = np.zeros(len(topics.LEGS))
 
 
 def _of_gait(name: str) -> Any:
@@ -64,6 +65,7 @@ class ClockParameters:
     max_run_s: float = parameter(30.0, unit="s", doc="longest run; a campaign sets its trial's", low=0.1, high=20000)
     lease_s: float = parameter(0.25, unit="s", doc="an /operator/lease later than this stops", low=0.02, high=1.0)
     robot_s: float = parameter(0.25, unit="s", doc="/leg_states silent for longer stop the legs", low=0.02, high=1.0)
+    robot: str = parameter("", doc="robot file; empty: SandBot, or the robot that /trial tells")
     late_s: float = parameter(0.1, unit="s", doc="a set-point later than this stops the legs", low=0.005, high=0.25)
 
     @property
@@ -79,10 +81,13 @@ class ClockNode(Node):
 
     def __init__(self) -> None:
         super().__init__("clock")
-        self._settings = node.Parameters(self, ClockParameters)
+        self._settings = node.Parameters(self, ClockParameters, self._check)
+        file = self._settings.current.robot
+        self._robot_used = read_robot(file) if file else SANDBOT
         self._setpoints = node.publisher(self, topics.LEG_SETPOINTS)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         node.subscription(self, topics.LEG_STATES, self._on_states, raw=True)
+        node.subscription(self, topics.TRIAL, self._on_trial)
         self._command = node.Command(self, self._settings.current.lease_s)
         self._robot, self._robot_there = Lease(self._settings.current.robot_s), False
         self._blower: float | None = None
@@ -117,6 +122,7 @@ class ClockNode(Node):
         self._robot = Lease(wanted.robot_s, schedule.start_ns / NANO)
         self._robot_there = bool(self.count_publishers(topics.LEG_STATES.relative))
         held = self._legs or PhaseClock(wanted.gait_used, wanted.omega_rad_s)
+        held = replace(held, tripod=self._robot_used.legs_per_tripod)
         self._legs, self._missed = held.started(schedule.start_ns / NANO), 0
         to_ros_ns = self.get_clock().now().nanoseconds - schedule.start_ns
         self._thread = threading.Thread(
@@ -152,6 +158,8 @@ class ClockNode(Node):
         """Publish until stopped; a fault holds the legs where the last set-point left them."""
         most_ns = math.ceil(_CATCH_UP * NANO / schedule.rate_hz)
         last_ns, lost_ns, fault = schedule.start_ns, 0, ""
+        legs = self._robot_used.leg_order
+        no_torque = np.zeros(len(legs))
 
         def duty(instant_ns: int) -> bool:
             nonlocal last_ns, lost_ns, fault
@@ -169,7 +177,7 @@ class ClockNode(Node):
             position, velocity = clock.at(gait_s)
             self._running = not stopping
             stamp_ns = moment_ns + to_ros_ns
-            self._setpoints.publish(messages.joint_state(stamp_ns, topics.LEGS, position, velocity, _NO_TORQUE))
+            self._setpoints.publish(messages.joint_state(stamp_ns, legs, position, velocity, no_torque))
             self._published += 1
             return not stopping
 
@@ -215,6 +223,17 @@ class ClockNode(Node):
     def _on_states(self, _: bytes) -> None:
         self._robot_there = True
         self._robot.renew(time.monotonic())
+
+    def _on_trial(self, message: String) -> None:
+        """The trial's robot has its legs named from the next start on."""
+        try:
+            self._robot_used = robot_of_trial(message.data) or self._robot_used
+        except InputError as error:
+            self.get_logger().error(str(error))
+
+    def _check(self, new: ClockParameters) -> None:
+        if new.robot != self._settings.current.robot:
+            raise InputError("clock parameters: robot is fixed when the node starts")
 
     def _start_once(self) -> None:
         self._autostart.cancel()

@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import check as check_parameter
 from sandbot_common.parameters import parameter, specs
-from sandbot_common.topics import LEGS
+from sandbot_common.robot import SANDBOT
 
 Floats = NDArray[np.float64]
 
 TURN = 2 * math.pi
-TRIPOD = len(LEGS) // 2
-"""Legs in a tripod; the first three of LEGS are tripod A, the rest tripod B."""
+TRIPOD = SANDBOT.legs_per_tripod
+"""Legs in a tripod: the first of every array are those of tripod A, the rest tripod B's."""
 TRIPOD_B_LAG = 0.5
 """Tripod B runs this many turns behind tripod A."""
 
@@ -102,24 +102,24 @@ def phase_of_angle(gait: Gait, angle_rad: ArrayLike) -> Floats:
     return np.asarray(whole + np.where(within < gait.theta_s_rad, slow, fast), dtype=np.float64)
 
 
-def leg_angles(gait: Gait, omega_rad_s: float, t_s: ArrayLike) -> tuple[Floats, Floats]:
-    """Leg angles [rad] and rates [rad/s], each of shape ``(*t_s.shape, 6)`` in the order of ``topics.LEGS``.
+def leg_angles(gait: Gait, omega_rad_s: float, t_s: ArrayLike, tripod: int = TRIPOD) -> tuple[Floats, Floats]:
+    """Leg angles [rad] and rates [rad/s], each ``(*t_s.shape, 2 tripod)`` in the order of ``Robot.leg_order``.
 
     At t = 0 tripod A starts its slow phase and tripod B is half a turn of phase behind. Angles grow without wrapping.
     Raises InputError if ω is negative or not finite.
     """
     turns_per_s = check_omega(omega_rad_s) / TURN
     phase_a = turns_per_s * np.asarray(t_s, dtype=np.float64)
-    return tripod_angles(gait, phase_a, phase_a - TRIPOD_B_LAG, turns_per_s, turns_per_s)
+    return tripod_angles(gait, phase_a, phase_a - TRIPOD_B_LAG, turns_per_s, turns_per_s, tripod)
 
 
 def tripod_angles(
-    gait: Gait, phase_a: Floats, phase_b: Floats, pace_a: ArrayLike, pace_b: ArrayLike
+    gait: Gait, phase_a: Floats, phase_b: Floats, pace_a: ArrayLike, pace_b: ArrayLike, tripod: int = TRIPOD
 ) -> tuple[Floats, Floats]:
-    """Angles [rad] and rates [rad/s] of six legs from two tripod phases [turns] and their paces [turns/s]."""
+    """Angles [rad] and rates [rad/s] of all legs from two tripods' phases [turns] and paces [turns/s]."""
     angle, slope = angle_of_phase(gait, np.stack([phase_a, phase_b], axis=-1))
     pace = np.stack(np.broadcast_arrays(pace_a, pace_b, phase_a)[:2], axis=-1)
-    return np.repeat(angle, TRIPOD, axis=-1), np.repeat(slope * pace, TRIPOD, axis=-1)
+    return np.repeat(angle, tripod, axis=-1), np.repeat(slope * pace, tripod, axis=-1)
 
 
 def check_omega(omega_rad_s: float) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sandbot_clock.gait import (
+    TRIPOD,
     TRIPOD_B_LAG,
     TURN,
     Floats,
@@ -37,14 +38,16 @@ class PhaseClock:
     t0_s: float = 0.0
     phase_a: float = 0.0
     lead_b: float = 0.0
+    tripod: int = TRIPOD
+    """Legs of a tripod."""
 
     def __post_init__(self) -> None:
         check_omega(self.omega_rad_s)
 
     def at(self, t_s: ArrayLike) -> tuple[Floats, Floats]:
-        """Leg angles [rad] and rates [rad/s] at times t_s >= t0_s, each ``(*t_s.shape, 6)``; rates 0 when stopped."""
+        """Leg angles [rad] and rates [rad/s] at times t_s >= t0_s, ``(*t_s.shape, 2 tripod)``; rates 0 when stopped."""
         phase_a, phase_b, pace_a, pace_b = self._phases(t_s)
-        return tripod_angles(self.gait, phase_a, phase_b, pace_a, pace_b)
+        return tripod_angles(self.gait, phase_a, phase_b, pace_a, pace_b, self.tripod)
 
     def started(self, t_s: float) -> "PhaseClock":
         """Running from ``t_s`` on, from the angles it holds."""

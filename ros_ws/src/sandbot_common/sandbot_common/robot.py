@@ -12,14 +12,17 @@ from typing import Any
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_yaml, read_yaml
 from sandbot_common.parameters import from_mapping, parameter, specs
+from sandbot_common.topics import LEGS
 
 FILE = "robot.yaml"
 """Its name in a campaign's folder and among a bag's attachments."""
+MAX_TRIPOD = 4
+"""Most legs of a tripod."""
 
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot on c-legs, three a tripod; SandBot (Li09) by default. Numbers that don't go together: InputError."""
+    """A robot on c-legs in two tripods; SandBot (Li09) by default. Numbers that don't go together: InputError."""
 
     leg_radius_m: float = parameter(0.0355, unit="m", doc="c-leg radius R", low=0.005, high=0.5)
     axle_height_m: float = parameter(0.025, unit="m", doc="axle height h above the flat belly", low=0.0, high=1.0)
@@ -43,6 +46,10 @@ class Robot:
         0.039, unit="m", doc="depth d_r at which force laws are tied to the stiffness k", low=0.001, high=0.5
     )
     bed_depth_m: float = parameter(0.10, unit="m", doc="depth of the bed D", low=0.01, high=10.0)
+    legs_per_tripod: int = parameter(3, doc="legs that step together and share the load N", low=1, high=MAX_TRIPOD)
+    leg_order: tuple[str, ...] = parameter(
+        LEGS, doc="joint names in the order of every array of legs: tripod A's, then tripod B's, half a period later"
+    )
 
     def __post_init__(self) -> None:
         """What no single bound sees."""
@@ -53,6 +60,13 @@ class Robot:
         ):
             if getattr(self, name) >= high:
                 raise InputError(f"{name}: {getattr(self, name):g} is not below {high:g}, {what}")
+        if len(self.leg_order) != 2 * self.legs_per_tripod:
+            raise InputError(
+                f"leg_order: {len(self.leg_order)} names for two tripods of {self.legs_per_tripod} (legs_per_tripod); "
+                f"{2 * self.legs_per_tripod} are needed"
+            )
+        if not all(self.leg_order) or len(set(self.leg_order)) != len(self.leg_order):
+            raise InputError(f"leg_order: {', '.join(map(repr, self.leg_order))}: each leg needs a name of its own")
 
 
 SANDBOT = Robot()
@@ -91,15 +105,19 @@ def robot_from_mapping(mapping: Any, where: str) -> Robot:
         raise InputError(str(error) if str(error).startswith(where) else f"{where}: {error}") from None
 
 
-def to_mapping(robot: Robot) -> dict[str, float]:
-    """What ``robot_from_mapping`` reads back."""
-    return dataclasses.asdict(robot)
+def to_mapping(robot: Robot) -> dict[str, Any]:
+    """What ``robot_from_mapping`` reads back, as plain data."""
+    return dataclasses.asdict(robot) | {"leg_order": list(robot.leg_order)}
 
 
 def difference(one: Robot, other: Robot) -> str:
     """In what two robots differ, "leg_radius_m 0.05 and 0.0355, …"; empty if in nothing."""
     pairs = ((spec.name, getattr(one, spec.name), getattr(other, spec.name)) for spec in specs(Robot))
-    return ", ".join(f"{name} {left:g} and {right:g}" for name, left, right in pairs if left != right)
+    return ", ".join(f"{name} {_text(left)} and {_text(right)}" for name, left, right in pairs if left != right)
+
+
+def _text(value: Any) -> str:
+    return f"[{', '.join(value)}]" if isinstance(value, tuple) else f"{value:g}"
 
 
 _CONVERSIONS = {
@@ -112,7 +130,7 @@ _CONVERSIONS = {
 
 def _in_its_unit(key: str) -> str:
     """What a key that is right but for its unit should have been; empty for any other."""
-    bases = {re.sub("_(m_s2|kg|rad|m)$", "", spec.name): spec.name for spec in specs(Robot)}
+    bases = {re.sub("_(m_s2|kg|rad|m)$", "", spec.name): spec.name for spec in specs(Robot) if spec.unit}
     if key in bases:
         return f"say {bases[key]}: every key tells its unit"
     for suffix, (unit, conversion) in _CONVERSIONS.items():

@@ -7,7 +7,7 @@ namespace (``-r __ns:=/robot1``) a whole trackway is on its own: topics, service
 from dataclasses import dataclass
 
 LEGS = ("front_left", "middle_right", "rear_left", "front_right", "middle_left", "rear_right")
-"""Joint names in the order of every six-leg array: tripod A first, then tripod B, half a period later."""
+"""SandBot's joint names in the order of every array of legs: tripod A first, then tripod B (``Robot.leg_order``)."""
 
 FRAME = "trackway"
 """x along the track, z up from the undisturbed surface."""

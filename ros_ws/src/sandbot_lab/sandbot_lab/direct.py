@@ -86,7 +86,7 @@ def direct_trials(
         if not 0.0 < omega < 1000.0:
             raise InputError(f"omega_rad_s: {omega} is outside (0, 1000) rad/s")
         t_s = np.arange(ceil(max(SHORTEST_S, PERIODS * 2 * pi / omega) * RATE_HZ) + 1) / RATE_HZ
-        angles, rates = leg_angles(shape, omega, t_s)
+        angles, rates = leg_angles(shape, omega, t_s, world.body.legs_per_tripod)
         for level in phis:
             for replicate in range(replicates):
                 # Independent of the order and number of the other trials.

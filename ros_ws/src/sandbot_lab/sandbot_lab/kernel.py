@@ -1,4 +1,4 @@
-"""The time step: six leg angles in, the body carried along.
+"""The time step: all leg angles in, the body carried along.
 
 The body rests (or slides, or swims) with its belly on the surface while legs sweep down. In each small step the
 earliest of three things is located and done: the ground *takes hold* of a sweeping tripod, a sweeping tripod *passes
@@ -37,26 +37,30 @@ def wrapped(angle: float) -> float:
 
 @jit
 def tripod_angle(p: Any, s: Any, tripod: int) -> float:
-    """Mean centre angle of a tripod's three legs."""
-    first = 3 * tripod
-    return float((s.angle[first] + s.angle[first + 1] + s.angle[first + 2]) / 3.0 + p.mount)
+    """Mean centre angle of a tripod's legs."""
+    total = 0.0
+    for leg in range(tripod * p.tripod, (tripod + 1) * p.tripod):
+        total += s.angle[leg]
+    return float(total / p.tripod + p.mount)
 
 
 @jit
-def tripod_rate(s: Any, tripod: int) -> float:
-    """Mean rate of a tripod's three legs."""
-    first = 3 * tripod
-    return float((s.rate[first] + s.rate[first + 1] + s.rate[first + 2]) / 3.0)
+def tripod_rate(p: Any, s: Any, tripod: int) -> float:
+    """Mean rate of a tripod's legs."""
+    total = 0.0
+    for leg in range(tripod * p.tripod, (tripod + 1) * p.tripod):
+        total += s.rate[leg]
+    return float(total / p.tripod)
 
 
 @jit
 def margin(p: Any, s: Any, tripod: int, fraction: float, dt: float) -> float:
     """Force of the ground less the load it must bear, when a fraction of the step dt has passed."""
-    theta = wrapped(tripod_angle(p, s, tripod) + fraction * dt * tripod_rate(s, tripod))
-    rate = tripod_rate(s, tripod)
+    theta = wrapped(tripod_angle(p, s, tripod) + fraction * dt * tripod_rate(p, s, tripod))
+    rate = tripod_rate(p, s, tripod)
     x, z = s.x + s.v * fraction * dt, s.z
     if s.mode == HOLD:
-        held = wrapped(tripod_angle(p, s, s.tripod) + fraction * dt * tripod_rate(s, s.tripod))
+        held = wrapped(tripod_angle(p, s, s.tripod) + fraction * dt * tripod_rate(p, s, s.tripod))
         x, z = held_x(p, s, held), s.centre_z + p.radius * cos(held)
     return force(p, s, theta, rate, x, z, s.t + fraction * dt, s.sweep_k[tripod]) - load(p, s, theta, rate)
 
@@ -65,7 +69,7 @@ def margin(p: Any, s: Any, tripod: int, fraction: float, dt: float) -> float:
 def grip_time(p: Any, s: Any, tripod: int, dt: float) -> float:
     """When within dt the ground takes hold of a searching tripod; beyond dt if it does not."""
     start = wrapped(tripod_angle(p, s, tripod))
-    rate = tripod_rate(s, tripod)
+    rate = tripod_rate(p, s, tripod)
     if s.sweep[tripod] != SEARCHING or rate <= 0.0 or start >= 0.0:
         return 2.0 * dt
     # Not beyond the lowest point: there the sweep is over.
@@ -87,7 +91,7 @@ def grip_time(p: Any, s: Any, tripod: int, dt: float) -> float:
 @jit
 def bottom_time(p: Any, s: Any, tripod: int, dt: float) -> float:
     """When within dt a searching tripod passes its lowest point; beyond dt if it does not."""
-    theta, rate = wrapped(tripod_angle(p, s, tripod)), tripod_rate(s, tripod)
+    theta, rate = wrapped(tripod_angle(p, s, tripod)), tripod_rate(p, s, tripod)
     if s.sweep[tripod] != SEARCHING or rate <= 0.0 or theta > JUST_PAST:
         return 2.0 * dt
     return max(-theta, 0.0) / rate
@@ -96,7 +100,7 @@ def bottom_time(p: Any, s: Any, tripod: int, dt: float) -> float:
 @jit
 def touchdown_time(p: Any, s: Any, dt: float) -> float:
     """When within dt the held body is down again; beyond dt if it is not."""
-    theta, rate = wrapped(tripod_angle(p, s, s.tripod)), tripod_rate(s, s.tripod)
+    theta, rate = wrapped(tripod_angle(p, s, s.tripod)), tripod_rate(p, s, s.tripod)
     if s.mode != HOLD or rate == 0.0:
         return 2.0 * dt
     to_go = s.release_angle - theta if rate > 0.0 else s.release_angle + theta
@@ -106,15 +110,15 @@ def touchdown_time(p: Any, s: Any, dt: float) -> float:
 @jit
 def move(p: Any, s: Any, dt: float) -> None:
     """Carry legs and body on by dt, within which nothing happens."""
-    for leg in range(6):
+    for leg in range(2 * p.tripod):
         s.angle[leg] += s.rate[leg] * dt
-        s.turned += s.rate[leg] * dt / 6.0
+        s.turned += s.rate[leg] * dt / (2 * p.tripod)
     s.t += dt
-    moving = abs(tripod_rate(s, 0)) + abs(tripod_rate(s, 1)) > 1e-9
+    moving = abs(tripod_rate(p, s, 0)) + abs(tripod_rate(p, s, 1)) > 1e-9
     if moving:
         s.drift += p.speed_offset * dt
     if s.mode == HOLD:
-        theta, rate = wrapped(tripod_angle(p, s, s.tripod)), tripod_rate(s, s.tripod)
+        theta, rate = wrapped(tripod_angle(p, s, s.tripod)), tripod_rate(p, s, s.tripod)
         s.x, s.z = held_x(p, s, theta), s.centre_z + p.radius * cos(theta)
         s.v = held_speed(p, s, theta, rate)
     elif s.mode == SWIM:
@@ -130,7 +134,7 @@ def move(p: Any, s: Any, dt: float) -> None:
 @jit
 def take_hold(p: Any, s: Any, tripod: int) -> None:
     """The tripod's leg centres stand still in the ground from now on."""
-    theta, rate = wrapped(tripod_angle(p, s, tripod)), tripod_rate(s, tripod)
+    theta, rate = wrapped(tripod_angle(p, s, tripod)), tripod_rate(p, s, tripod)
     depth = p.radius * (1.0 + cos(theta)) - s.z
     foot_x = s.x - p.radius * sin(theta)
     if s.steps > 0:
@@ -156,7 +160,7 @@ def pass_bottom(p: Any, s: Any, tripod: int) -> None:
     s.sweep[tripod] = DONE
     if s.mode == HOLD:  # the other tripod carries the body
         return
-    mean_rate = 0.5 * (tripod_rate(s, 0) + tripod_rate(s, 1))
+    mean_rate = 0.5 * (tripod_rate(p, s, 0) + tripod_rate(p, s, 1))
     s.stroke_rate = pi / (s.t - s.bottom_t) if s.bottom_t > 0.0 else mean_rate
     s.bottom_t = s.t
     disturb(s, s.x, s.t)
@@ -224,28 +228,28 @@ def advance(p: Any, s: Any, t: float, angles: Any, rates: Any) -> None:
     """Carry the state on to time t, where the set-points are ``angles`` and ``rates``; the first call only sets out."""
     if not s.started:
         s.started, s.t = True, t
-        for leg in range(6):
+        for leg in range(2 * p.tripod):
             s.angle[leg] = angles[leg]
     else:
         span = t - s.t
         steps = max(ceil(span / SUB_STEP - 1e-6), 1)
         if span > 0.0:
-            for leg in range(6):
+            for leg in range(2 * p.tripod):
                 rate = (angles[leg] - s.set_angle[leg]) / span
                 s.rate[leg] = rate * saturation(p, rate)
             for _ in range(steps):
                 sub_step(p, s, span / steps)
             s.t = t
-    for leg in range(6):
+    for leg in range(2 * p.tripod):
         s.set_angle[leg] = angles[leg]
         s.rate[leg] = rates[leg] * saturation(p, rates[leg])
 
 
 @jit
 def observe(p: Any, s: Any, out: Any) -> None:
-    """Write what can be seen of the state into out: x, z, v_x, mode, tripod, then angle, rate, effort of six legs."""
+    """Write what can be seen of the state into out: x, z, v_x, mode, tripod, then angle, rate, effort of all legs."""
     first_step = p.first_step_offset * min(s.turned / pi, 1.0)
-    moving = abs(tripod_rate(s, 0)) + abs(tripod_rate(s, 1)) > 1e-9
+    moving = abs(tripod_rate(p, s, 0)) + abs(tripod_rate(p, s, 1)) > 1e-9
     out[0] = s.x + s.drift + first_step
     out[1] = s.z
     out[2] = s.v + (p.speed_offset if moving else 0.0)
@@ -256,15 +260,15 @@ def observe(p: Any, s: Any, out: Any) -> None:
         lowest = cos(s.release_angle)
         if lowest < 1.0:
             out[1] += p.lift_offset * (cos(theta) - lowest) / (1.0 - lowest)
-    for leg in range(6):
-        out[5 + leg], out[11 + leg] = s.angle[leg], s.rate[leg]
-        out[17 + leg] = effort(p, s, leg // 3)
+    for leg in range(2 * p.tripod):
+        out[5 + leg], out[5 + 2 * p.tripod + leg] = s.angle[leg], s.rate[leg]
+        out[5 + 4 * p.tripod + leg] = effort(p, s, leg // p.tripod)
 
 
 @jit
 def effort(p: Any, s: Any, tripod: int) -> float:
     """Torque [N m] at the axle of one leg: ground force at its horizontal lever; legs in the air turn freely."""
-    theta, rate = wrapped(tripod_angle(p, s, tripod)), tripod_rate(s, tripod)
+    theta, rate = wrapped(tripod_angle(p, s, tripod)), tripod_rate(p, s, tripod)
     if s.mode == HOLD and s.tripod == tripod:
         return float(-load(p, s, theta, 0.0) * p.radius * sin(theta))
     if s.sweep[tripod] == SEARCHING and -0.5 * pi <= theta < 0.0:
@@ -274,7 +278,7 @@ def effort(p: Any, s: Any, tripod: int) -> float:
 
 @jit
 def run(physics: Any, state: Any, t: Any, angles: Any, rates: Any, out: Any) -> None:
-    """Carry records of shape (1,) through set-points t (n,), angles and rates (n, 6); observe into out (n, 23).
+    """Carry records of shape (1,) through set-points t (n,), angles and rates (n, legs); observe into (n, 5 + 3 legs).
 
     One row at a time or all at once: the state is the same afterwards.
     """

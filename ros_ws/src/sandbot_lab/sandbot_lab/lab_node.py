@@ -80,7 +80,7 @@ class LabNode(Node):
         self._bed, self._bed_ns = LabBed(current.seed), self._now_ns()
         self._trial: LiveTrial | None = None
         self._standing = True
-        self._held = np.zeros(len(topics.LEGS))
+        self._held = np.zeros(len(self._order))
         self._legs, self._air = Lease(current.legs_lease_s), Lease(current.air_lease_s)
         self._legs_lapsed, self._blower = False, 0.0
         self._idle = self._idle_cameras()
@@ -116,6 +116,11 @@ class LabNode(Node):
             calibration(sections[name], f"{file}: {name}")
         return {name: sections[name] for name in CAMERAS}
 
+    @property
+    def _order(self) -> tuple[str, ...]:
+        """Names of the robot's legs, in order."""
+        return self._world.body.leg_order
+
     def _idle_cameras(self) -> dict[str, LabCamera]:
         seed = self._settings.current.trial_seed
         return {name: LabCamera(name, self._sections[name], seed, self._world.body) for name in CAMERAS}
@@ -143,7 +148,7 @@ class LabNode(Node):
             self._legs.renew(time.monotonic())
 
     def _obey(self, message: JointState) -> None:
-        t_ns, angles, rates = messages.nanoseconds(message.header.stamp), *_legs(message)
+        t_ns, angles, rates = messages.nanoseconds(message.header.stamp), *_legs(message, self._order)
         moving = bool(np.any(rates))
         if self._legs_lapsed:
             # Nothing goes on by itself: late commands of before the silence are no start.
@@ -174,7 +179,7 @@ class LabNode(Node):
     def _advance(self, trial: LiveTrial, t_ns: int, angles: Any, rates: Any) -> None:
         state = trial.advance(t_ns, angles, rates)
         legs = state.leg_angle_rad, state.leg_rate_rad_s, state.leg_effort_n_m
-        self._states.publish(messages.joint_state(t_ns, topics.LEGS, *legs))
+        self._states.publish(messages.joint_state(t_ns, self._order, *legs))
         for name, stamp_ns, pixels in trial.frames():
             self._publish_frame(name, stamp_ns, pixels)
 
@@ -195,7 +200,7 @@ class LabNode(Node):
         if not self._standing and self._legs.late(time.monotonic()):
             self._legs_lapsed = self._standing = True
             if self._trial is not None:
-                self._advance(self._trial, self._now_ns(), self._held, np.zeros(len(topics.LEGS)))
+                self._advance(self._trial, self._now_ns(), self._held, np.zeros_like(self._held))
             self._alarm(f"legs stopped: no set-point for {self._legs.limit_s:g} s")
 
     def _alarm(self, text: str) -> None:
@@ -263,11 +268,11 @@ def camera_info(camera: Calibration) -> CameraInfo:
     return messages.camera_info(0, "", (camera.width, camera.height), matrix, camera.distortion)
 
 
-def _legs(message: JointState) -> tuple[Any, Any]:
-    """Angles and rates (6,) in the order of LEGS, by name; NaN (refused later) where one is missing."""
+def _legs(message: JointState, order: Sequence[str]) -> tuple[Any, Any]:
+    """Angles and rates (legs,) in this order, by name; NaN (refused later) where one is missing."""
     place = {name: index for index, name in enumerate(message.name)}
-    angles, rates = np.full(len(topics.LEGS), np.nan), np.full(len(topics.LEGS), np.nan)
-    for leg, name in enumerate(topics.LEGS):
+    angles, rates = np.full((2, len(order)), np.nan)
+    for leg, name in enumerate(order):
         index = place.get(name, len(message.position))
         if index < len(message.position) and index < len(message.velocity):
             angles[leg], rates[leg] = message.position[index], message.velocity[index]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common.robot import MAX_TRIPOD
 from sandbot_lab.effects import EFFECTS
 from sandbot_lab.jit import fingerprint
 from sandbot_lab.world import World
@@ -40,6 +41,7 @@ _NUMBERS = (*_ROBOT, "swim", "phi", "k", "delta_t")
 PHYSICS = np.dtype(
     [
         *((name, "f8") for name in _NUMBERS),
+        ("tripod", "i8"),  # legs of each
         ("k_sweep", "f8", (SWEEPS,)),  # stiffness met by each sweep, N/m
         ("k_disturbed", "f8"),
         ("s_c", "f8"),
@@ -54,10 +56,10 @@ STATE = np.dtype(
     [
         ("t", "f8"),
         ("started", "?"),
-        ("set_angle", "f8", (6,)),  # last set-point
-        ("angle", "f8", (6,)),  # where the legs really are
-        ("rate", "f8", (6,)),
-        ("turned", "f8"),  # mean rotation of the six legs since the start
+        ("set_angle", "f8", (2 * MAX_TRIPOD,)),  # last set-point
+        ("angle", "f8", (2 * MAX_TRIPOD,)),  # where the legs really are
+        ("rate", "f8", (2 * MAX_TRIPOD,)),
+        ("turned", "f8"),  # mean rotation of all legs since the start
         ("x", "f8"),  # axle, by the mechanism alone
         ("z", "f8"),
         ("v", "f8"),
@@ -94,7 +96,7 @@ def physics_record(world: World, phi: float, seed: int) -> NDArray[Any]:
     for name, of_robot in _ROBOT.items():
         record[name] = getattr(world.body, of_robot)
     record["swim"], record["phi"], record["k"] = world.swim_m_s, phi, world.stiffness_n_per_m(phi)
-    record["delta_t"] = world.delta_t_s
+    record["delta_t"], record["tripod"] = world.delta_t_s, world.body.legs_per_tripod
     for name, values in world.effects.items():
         record[name] = True
         for key, value in values.items():

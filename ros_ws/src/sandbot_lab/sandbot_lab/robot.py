@@ -17,15 +17,13 @@ from sandbot_lab.week import Occasion, Week
 from sandbot_lab.world import World
 
 Floats = NDArray[np.float64]
-LEGS = 6
 START_X_M = 0.15
 PHI_LOW, PHI_HIGH = 0.5, 0.7
-_OBSERVED = 5 + 3 * LEGS
 
 
 @dataclass(frozen=True)
 class BodyState:
-    """The robot at one moment; frame `trackway`, leg arrays of shape (6,)."""
+    """The robot at one moment; frame `trackway`, leg arrays of shape (legs,)."""
 
     t_s: float
     x_m: float
@@ -41,7 +39,7 @@ class BodyState:
 
 @dataclass(frozen=True)
 class Trace:
-    """A whole trial: arrays (n,) over time, leg arrays (n, 6); frame `trackway`, z of the axles above the surface."""
+    """A whole trial: arrays (n,) over time, leg arrays (n, legs); frame `trackway`, z: axles above the surface."""
 
     t_s: Floats
     x_m: Floats
@@ -64,16 +62,17 @@ class LabRobot:
         """Raises InputError for a volume fraction no grain bed has."""
         self._physics = physics_record(world, checked_phi(phi), seed)
         self._state = fresh_state(world, start_x_m)
-        self._rows = np.zeros((1, _OBSERVED))
+        self._legs = len(world.body.leg_order)
+        self._rows = np.zeros((1, 5 + 3 * self._legs))
         self._t = -np.inf
 
     def advance(self, t_s: float, angles_rad: ArrayLike, rates_rad_s: ArrayLike) -> BodyState:
-        """The body at ``t_s``, where the legs' set-points are ``angles`` and ``rates`` (6,) [rad, rad/s].
+        """The body at ``t_s``, where the legs' set-points are ``angles`` and ``rates`` (legs,) [rad, rad/s].
 
         The first call is where the legs set out from. Raises InputError if time runs backwards or a value isn't finite.
         """
         angles, rates = (np.ascontiguousarray(legs, np.float64) for legs in (angles_rad, rates_rad_s))
-        _check_legs(np.array([self._t, t_s]), angles[None], rates[None])
+        _check_legs(np.array([self._t, t_s]), angles[None], rates[None], self._legs)
         kernel.run(self._physics, self._state, np.array([t_s], np.float64), angles[None], rates[None], self._rows)
         self._t = float(t_s)
         row = self._rows[0]
@@ -83,9 +82,7 @@ class LabRobot:
             z_m=float(row[1]),
             v_x_m_s=float(row[2]),
             pitch_rad=0.0,
-            leg_angle_rad=row[5:11].copy(),
-            leg_rate_rad_s=row[11:17].copy(),
-            leg_effort_n_m=row[17:23].copy(),
+            **_of_legs(row.copy()),
             mode=int(row[3]),
         )
 
@@ -99,16 +96,17 @@ def simulate(
     seed: int,
     start_x_m: float = START_X_M,
 ) -> Trace:
-    """A whole trial from set-points t (n,), angles and rates (n, 6). Equal to `LabRobot.advance` row by row.
+    """A whole trial from set-points t (n,), angles and rates (n, legs). Equal to `LabRobot.advance` row by row.
 
     Raises InputError on shapes that don't fit, time that does not rise, values that aren't finite.
     """
     times = np.ascontiguousarray(t_s, np.float64)
     angles, rates = np.ascontiguousarray(angles_rad, np.float64), np.ascontiguousarray(rates_rad_s, np.float64)
-    if times.ndim != 1 or times.size == 0 or angles.shape != (times.size, LEGS):
-        raise InputError(f"set-points: t_s {times.shape}, angles {angles.shape}: expected (n,) and (n, {LEGS})")
-    _check_legs(times, angles, rates)
-    rows: NDArray[Any] = np.zeros((times.size, _OBSERVED))
+    legs = len(world.body.leg_order)
+    if times.ndim != 1 or times.size == 0 or angles.shape != (times.size, legs):
+        raise InputError(f"set-points: t_s {times.shape}, angles {angles.shape}: expected (n,) and (n, {legs})")
+    _check_legs(times, angles, rates, legs)
+    rows: NDArray[Any] = np.zeros((times.size, 5 + 3 * legs))
     kernel.run(physics_record(world, checked_phi(phi), seed), fresh_state(world, start_x_m), times, angles, rates, rows)
     return Trace(
         t_s=times,
@@ -116,9 +114,7 @@ def simulate(
         z_m=rows[:, 1],
         v_x_m_s=rows[:, 2],
         pitch_rad=np.zeros(times.size),
-        leg_angle_rad=rows[:, 5:11],
-        leg_rate_rad_s=rows[:, 11:17],
-        leg_effort_n_m=rows[:, 17:23],
+        **_of_legs(rows),
         mode=rows[:, 3].astype(np.int8),
         tripod=rows[:, 4].astype(np.int8),
     )
@@ -138,9 +134,14 @@ def checked_phi(phi: float) -> float:
     return float(phi)
 
 
-def _check_legs(t_s: Floats, angles: Floats, rates: Floats) -> None:
-    if angles.shape != rates.shape or angles.shape[-1] != LEGS:
-        raise InputError(f"set-points: angles {angles.shape}, rates {rates.shape}: expected {LEGS} legs in both")
+def _of_legs(row: Floats) -> dict[str, Floats]:
+    angle, rate, effort = np.split(row[..., 5:], 3, axis=-1)
+    return {"leg_angle_rad": angle, "leg_rate_rad_s": rate, "leg_effort_n_m": effort}
+
+
+def _check_legs(t_s: Floats, angles: Floats, rates: Floats, legs: int) -> None:
+    if angles.shape != rates.shape or angles.shape[-1] != legs:
+        raise InputError(f"set-points: angles {angles.shape}, rates {rates.shape}: expected {legs} legs in both")
     if not np.isfinite(t_s[-1]) or not (np.diff(t_s) > 0).all():
         raise InputError(f"set-points: time must be finite and rise, got {t_s[-1]} after {t_s[0]}")
     if not (np.isfinite(angles).all() and np.isfinite(rates).all()):

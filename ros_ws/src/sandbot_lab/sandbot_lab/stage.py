@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common.topics import LEGS
 from sandbot_lab.cameras import Frame, LabCamera
 from sandbot_lab.robot import START_X_M, BodyState, LabRobot
 from sandbot_lab.week import FIRST, Occasion
@@ -103,5 +104,5 @@ def warm_up(cameras: Mapping[str, Mapping[str, Any]]) -> None:
     """Compile what a live trial runs (seconds, once a machine), so that no leg waits for it."""
     trial = LiveTrial(null_world(), 0.6, 0, START_X_M, cameras, 0)
     for t_ns in (0, 10_000_000):
-        trial.advance(t_ns, np.zeros(6), np.zeros(6))
+        trial.advance(t_ns, np.zeros(len(LEGS)), np.zeros(len(LEGS)))
         list(trial.frames())

@@ -63,7 +63,7 @@ def advance_gain(p: Any, depth: float, rate: float) -> float:
     if p.cable_drag:
         gain *= 1.0 - p.cable_drag_f_c_n / traction
     if p.bed_slope:
-        gain *= 1.0 - 3.0 * p.mass * p.gravity * sin(p.bed_slope_chi_deg * pi / 180.0) / traction
+        gain *= 1.0 - p.tripod * p.mass * p.gravity * sin(p.bed_slope_chi_deg * pi / 180.0) / traction
     return max(gain, 0.0)
 
 

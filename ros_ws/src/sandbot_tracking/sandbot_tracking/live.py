@@ -96,7 +96,7 @@ class LiveTracker:
 
     def __init__(self, cameras: Mapping[str, Camera], robot: Robot = SANDBOT, tolerance_s: float = 0.0) -> None:
         """``tolerance_s``: how far apart [s] two views of one instant may be; 0: half a dorsal frame period."""
-        self._dimensions = robot
+        self.dimensions = robot
         self._cameras = {name: cameras[name] for name in ("dorsal", "lateral") if name in cameras}
         self.views = {name: View(camera) for name, camera in self._cameras.items()}
         tolerance_s = tolerance_s or 0.5 / cameras["dorsal"].frame_rate_hz
@@ -109,7 +109,7 @@ class LiveTracker:
 
     def _begin(self, start_ns: int) -> None:
         """A trial: the robot has been carried back to the start, so its marks are looked for anew."""
-        self.tracker = OfflineTracker(self._cameras, self._dimensions, keep=False)
+        self.tracker = OfflineTracker(self._cameras, self.dimensions, keep=False)
         self._start_ns = start_ns
         self._means = PeriodMeans()
         self._waiting: deque[tuple[int, Sample]] = deque(maxlen=HELD)
@@ -119,8 +119,10 @@ class LiveTracker:
 
     def track(self, robot: Robot) -> None:
         """The robot on the trackway from now on."""
-        if robot != self._dimensions:
-            self._dimensions = robot
+        if robot != self.dimensions:
+            if robot.leg_order != self.dimensions.leg_order:
+                self._legs.clear()
+            self.dimensions = robot
             self._begin(self._start_ns)
 
     def led(self, edge_ns: int) -> list[tuple[int, Sample]]:
@@ -131,7 +133,7 @@ class LiveTracker:
         return self._placed()
 
     def legs(self, t_ns: int, angles: Floats, received_ns: int) -> None:
-        """Leg angles (6,) [rad] at a robot time, received at a time of the host's clock."""
+        """Leg angles (legs,) [rad] at a robot time, received at a time of the host's clock."""
         self._robot = t_ns, received_ns
         self._legs.append((t_ns, angles))
         while not 0 <= t_ns - self._legs[0][0] <= LEGS_KEPT_NS:

@@ -179,7 +179,7 @@ class OfflineTracker:
         return {"dorsal": self._body.counts} | ({"lateral": self._axles.counts} if self._axles else {})
 
     def legs(self, t_s: float, angle_rad: Floats) -> None:
-        """Leg angles (6,) [rad]: they give the clock frequency the speed is locked to."""
+        """Leg angles (legs,) [rad]: they give the clock frequency the speed is locked to."""
         self.clock.update(t_s, angle_rad)
 
     def update(self, t_s: float, dorsal_frame: Frame | None, lateral_frame: Frame | None) -> Sample:

@@ -138,8 +138,9 @@ class TrackerNode(Node):
 
     def _legs(self, state: Any) -> None:
         given = dict(zip(state.name, state.position, strict=False))
-        if all(leg in given for leg in topics.LEGS):
-            angles = np.array([given[leg] for leg in topics.LEGS])
+        order = self._live.dimensions.leg_order
+        if all(leg in given for leg in order):
+            angles = np.array([given[leg] for leg in order])
             self._live.legs(messages.nanoseconds(state.header.stamp), angles, self._now_ns())
             self._say([])
 

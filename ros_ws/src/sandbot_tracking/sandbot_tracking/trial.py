@@ -2,7 +2,7 @@
 
 Definitions: docs/architecture.md. Time is read from the measured leg angles, as legs may turn slower than commanded. A
 *step* ends at a *handover*: both tripods are equally far from straight below, one past it, the other
-before it. From one to the next the mean of the six unwrapped angles grows by exactly π, whatever the gait.
+before it. From one to the next the mean of all unwrapped angles grows by exactly π, whatever the gait.
 
 Steady steps are laid over one another (fold.py), each between its own two rest positions, so steps of slightly
 different length do not smear. ``peak_speed_m_s`` is then the steepest slope and ``lift_m`` the highest point of the
@@ -85,7 +85,7 @@ def summarise(
     """The observables of a trial whose clock started at ``start_s``.
 
     t_s, com_x_m, front_z_m, rear_z_m: (n,), metres in the trackway frame, NaN where a landmark is missing;
-    leg_t_s (m,) and leg_angle (m, 6) [rad], wrapped or not, of the shafts. ``robot`` gives what must be added to
+    leg_t_s (m,) and leg_angle (m, legs) [rad], wrapped or not, of the shafts. ``robot`` gives what must be added to
     them (``leg_mount_rad``), and the axles' height where none was seen at rest.
     Raises InputError if shapes do not fit or time does not grow.
     """
@@ -143,7 +143,7 @@ def handovers(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> tuple
     """
     t, angle = np.asarray(leg_t_s, dtype=float), np.asarray(leg_angle, dtype=float)
     if angle.ndim != 2 or len(angle) != t.size:
-        raise InputError(f"leg angles of shape {angle.shape} with {t.size} times: (n, 6) is needed")
+        raise InputError(f"leg angles of shape {angle.shape} with {t.size} times: (n, legs) is needed")
     keep = np.isfinite(t) & np.isfinite(angle).all(axis=1)
     t, angle = t[keep], angle[keep]
     if t.size < 2 or t[-1] <= start_s:
@@ -164,8 +164,8 @@ def handovers(leg_t_s: ArrayLike, leg_angle: ArrayLike, start_s: float) -> tuple
 
 
 def _to_handover(angle: Floats) -> float:
-    """How far the mean angle is before the handover nearest to leg angles (6,), [-π/2, π/2): the first step's begin."""
-    tripods = np.angle(np.exp(1j * angle).reshape(2, 3).sum(axis=1))
+    """How far [-π/2, π/2) the mean angle is before the nearest handover, the first step's begin; leg angles (legs,)."""
+    tripods = np.angle(np.exp(1j * angle).reshape(2, -1).sum(axis=1))
     return float((-tripods.sum() + np.pi) % (2 * np.pi) - np.pi) / 2
 
 

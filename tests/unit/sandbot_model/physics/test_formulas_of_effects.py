@@ -39,7 +39,7 @@ DERIVED = {
 }
 OF_ROBOT = {
     "R": "leg_radius_m", "h": "axle_height_m", "w": "leg_width_m", "m": "mass_per_leg_kg", "g": "gravity_m_s2",
-    "D": "bed_depth_m", "d_r": "stiffness_depth_m", "Delta_xi": "arc_excess_rad",
+    "D": "bed_depth_m", "N": "legs_per_tripod", "d_r": "stiffness_depth_m", "Delta_xi": "arc_excess_rad",
 }  # fmt: skip
 SET_BY = {"v": "kept", "F_z": "extra_force", "a_z": "lift_ratio"}
 """What ``apply`` sets where the formula speaks of what follows from it."""

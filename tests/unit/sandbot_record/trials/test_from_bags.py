@@ -1,12 +1,14 @@
 import math
 import os
 import shutil
+from dataclasses import replace
 
 import bags
 import pytest
 
 from sandbot_common import topics
 from sandbot_common.errors import InputError
+from sandbot_common.robot import Robot, to_mapping
 from sandbot_record.bags.writer import BagWriter
 from sandbot_record.tools import info as info_tool
 from sandbot_record.tools import table as table_tool
@@ -58,6 +60,29 @@ def test_the_leg_mount_of_the_robot_is_minded(tmp_path):
     """Shaft angles half a radian behind the legs: this body, which never rests, has that much less time to a step."""
     bag = bags.trial_bag(tmp_path / "b", speed=0.2, plan=bags.PLAN | {"leg_mount_rad": 0.5})
     assert table.row_from_bag(bag).first_step_m == pytest.approx(0.2 * (math.pi - 0.5) / 8, rel=0.02)
+
+
+def test_legs_are_found_by_name_in_whatever_order_they_were_recorded(tmp_path):
+    own = table.row_from_bag(bags.trial_bag(tmp_path / "own"))
+    order = [3, 0, 4, 1, 5, 2]
+    shuffled = bags.trial_bag(tmp_path / "shuffled", legs={leg: topics.LEGS[leg] for leg in order})
+    assert replace(table.row_from_bag(shuffled), trial_id=own.trial_id) == own
+    # Taken as they come, legs of both tripods would count as one.
+    wrong = bags.trial_bag(tmp_path / "wrong", legs={leg: name for leg, name in zip(order, topics.LEGS, strict=True)})
+    assert replace(table.row_from_bag(wrong), trial_id=own.trial_id) != own
+
+
+def test_legs_have_the_names_that_the_robot_gives_them(tmp_path):
+    named = {leg: f"joint_{leg}" for leg in range(6)}
+    unknown = table.row_from_bag(bags.trial_bag(tmp_path / "a", legs=named))
+    assert "/leg_states: no leg 'front_left' (leg_order of the robot) among joint_0, " in unknown.status
+    plan = bags.PLAN | {"robot": to_mapping(Robot(leg_order=tuple(named.values())))}
+    assert table.row_from_bag(bags.trial_bag(tmp_path / "b", legs=named, plan=plan)).status == "ok"
+    # A robot of four legs: what else has a name there is no leg.
+    four = {"legs_per_tripod": 2, "leg_order": ("joint_0", "joint_1", "joint_3", "joint_4")}
+    plan = bags.PLAN | {"robot": to_mapping(Robot(**four))}
+    fewer = table.row_from_bag(bags.trial_bag(tmp_path / "c", legs=named, plan=plan))
+    assert fewer.first_step_m == pytest.approx(table.row_from_bag(tmp_path / "b").first_step_m)
 
 
 @pytest.mark.parametrize("value", ["east", None, [1]])

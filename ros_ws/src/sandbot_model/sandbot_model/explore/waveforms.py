@@ -2,9 +2,10 @@
 model's waveform, and the tracked video where its frames were kept.
 """
 
+import math
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.legs import leg_mount_rad
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM, Observable
@@ -24,6 +26,8 @@ from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials.film_strip import Strip, film_strip
 from sandbot_record.trials.from_bags import plan_of, start_ns
+from sandbot_record.trials.legs import leg_columns
+from sandbot_record.trials.setting import of_bag
 from sandbot_record.trials.table import Trials
 
 NEAR_OMEGA = 5e-3
@@ -40,8 +44,8 @@ class Waveform:
     time_s: Floats = field(metadata={"shape": "(n,)", "unit": "s"})
     speed_m_s: Floats = field(metadata={"shape": "(n,)", "unit": "m/s", "doc": "NaN where a marker was lost"})
     leg_time_s: Floats = field(metadata={"shape": "(m,)", "unit": "s", "doc": "empty without leg states"})
-    leg_angle_rad: Floats = field(metadata={"shape": "(m, 6)", "unit": "rad", "doc": "of the c-legs' centres"})
-    leg_rate_rad_s: Floats = field(metadata={"shape": "(m, 6)", "unit": "rad/s"})
+    leg_angle_rad: Floats = field(metadata={"shape": "(m, legs)", "unit": "rad", "doc": "of the c-legs' centres"})
+    leg_rate_rad_s: Floats = field(metadata={"shape": "(m, legs)", "unit": "rad/s"})
 
 
 def files_of(bag: Path) -> dict[str, Path]:
@@ -83,11 +87,12 @@ def _read_one(trial_id: str, path: Path) -> Waveform:
     start = _start_ns(bag, int(speed.stamp_ns[0]))
     every = max(1, len(speed.log_time_ns) // MAX_POINTS)
     time = (speed.stamp_ns - start) / 1e9
-    legs = np.empty(0), np.empty((0, len(topics.LEGS))), np.empty((0, len(topics.LEGS)))
+    robot = _robot(bag)
+    legs = np.empty(0), *np.empty((2, 0, len(robot.leg_order)))
     if topics.LEG_STATES.name in bag.topics:
-        states = bag.columns(topics.LEG_STATES.name, "position", "velocity", *FIELD_STAMP)
+        states = leg_columns(bag, topics.LEG_STATES.name, robot.leg_order, "position", "velocity", *FIELD_STAMP)
         sparse = slice(None, None, max(1, len(states.log_time_ns) // MAX_POINTS))
-        angles = states["position"][sparse] + _leg_mount_rad(bag)
+        angles = states["position"][sparse] + robot.leg_mount_rad
         legs = (states.stamp_ns[sparse] - start) / 1e9, angles, states["velocity"][sparse]
     return Waveform(trial_id, time[::every], speed["twist.twist.linear.x"][::every], *legs)
 
@@ -100,12 +105,14 @@ def _start_ns(bag: Bag, otherwise: int) -> int:
         return otherwise
 
 
-def _leg_mount_rad(bag: Bag) -> float:
-    """What the trial's robot adds to shaft angles, if it is known."""
+def _robot(bag: Bag) -> Robot:
+    """The trial's robot, SandBot where the bag tells none."""
     try:
-        return leg_mount_rad(plan_of(bag), topics.TRIAL.name)
+        plan = plan_of(bag)
+        robot = of_bag(bag, plan, math.nan).robot
+        return robot or replace(SANDBOT, leg_mount_rad=leg_mount_rad(plan, topics.TRIAL.name))
     except InputError:
-        return 0.0
+        return SANDBOT
 
 
 def modelled(waveform: Waveform, fit: Fit, cell: int) -> Floats:

@@ -14,9 +14,12 @@ from typing import TYPE_CHECKING, Any
 from sandbot_common.cli import Parser, output
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_text, writing
-from sandbot_common.robot import Robot, difference, read_robot
+from sandbot_common.robot import Robot, difference, read_robot, to_mapping
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ
 from sandbot_model.physics.walking import BASES
+
+OF_LEGS = ("leg_mount_rad", "legs_per_tripod", "leg_order")
+"""Keys of a robot by which bags were read: another file can't change them afterwards."""
 
 if TYPE_CHECKING:
     from sandbot_model.data.conditions import Cells
@@ -103,11 +106,12 @@ def of_robot(trials: "Trials", robot: Robot, where: str) -> "tuple[Trials, str]"
     """The trials as walked by this robot, named ``where``, and a line that says so. Raises InputError."""
     own, line = trials.robot, f"robot: {where}"
     if own is not None and own != robot:
-        if own.leg_mount_rad != robot.leg_mount_rad:
-            raise InputError(
-                f"{where}: leg_mount_rad: {robot.leg_mount_rad:g}, but the first steps in DATA were read with "
-                f"{own.leg_mount_rad:g}; say that here, too"
-            )
+        for name in OF_LEGS:
+            given, read = to_mapping(robot)[name], to_mapping(own)[name]
+            if given != read:
+                raise InputError(
+                    f"{where}: {name}: {given}, but the first steps in DATA were read with {read}; say that here, too"
+                )
         line += f" in place of the bags' own ({difference(robot, own)})"
     return replace(trials, robot=robot), line
 

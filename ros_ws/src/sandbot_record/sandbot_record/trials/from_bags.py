@@ -20,19 +20,20 @@ from sandbot_common import files, topics
 from sandbot_common.accuracy import Accuracy
 from sandbot_common.errors import InputError
 from sandbot_common.legs import leg_mount_rad
-from sandbot_common.robot import SANDBOT, Robot
+from sandbot_common.robot import SANDBOT, Robot, robot_from_mapping
 from sandbot_common.workers import pool
 from sandbot_record.bags import reader
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials import judge
 from sandbot_record.trials.csv_table import read_csv, write_csv
+from sandbot_record.trials.legs import leg_columns
 from sandbot_record.trials.setting import Setting, of_bag, of_campaign, shared
 from sandbot_record.trials.table import OK, Floats, Row, Trials, from_rows
 from sandbot_tracking.trial import TrialSummary, summarise
 
 TRIALS_CSV = "trials.csv"
 CACHE = ".table-cache.json"
-RECIPE = "6"
+RECIPE = "7"
 """Part of the cache key: raise it when rows are made otherwise."""
 
 _POINT = ("point.x", "point.y", "point.z")
@@ -233,7 +234,7 @@ def _summary(bag: Bag, robot: Robot) -> tuple[TrialSummary, float]:
     zero_ns = start_ns(bag)
     com, front, rear = _landmarks(bag)
     frames = np.unique(np.concatenate([com[0], front[0], rear[0]]))
-    legs = bag.columns(topics.LEG_STATES.name, "position", *FIELD_STAMP)
+    legs = leg_columns(bag, topics.LEG_STATES.name, robot.leg_order, "position", *FIELD_STAMP)
     leg_ns, first = np.unique(legs.stamp_ns, return_index=True)
     summary = summarise(
         (frames - zero_ns) * 1e-9,
@@ -346,6 +347,6 @@ def _from_json(content: list[dict[str, Any]]) -> Measured:
     setting: dict[str, Any]
     row, setting = ({name: math.nan if value is None else value for name, value in part.items()} for part in content)
     robot, accuracy = setting["robot"], setting["accuracy"]
-    setting["robot"] = Robot(**robot) if isinstance(robot, dict) else None
+    setting["robot"] = robot_from_mapping(robot, CACHE) if isinstance(robot, dict) else None
     setting["accuracy"] = Accuracy(**accuracy) if isinstance(accuracy, dict) else None
     return Row(**row), Setting(**setting)

@@ -12,7 +12,7 @@ class BedSlope(Effect):
     identifier = "bed_slope"
     stage = "balance"
     formula = (
-        "g -> g*cos(chi); s -> s*e; peak -> peak*e; e = max(1 - 3*m*g*sin(chi)/F_x, 0); "
+        "g -> g*cos(chi); s -> s*e; peak -> peak*e; e = max(1 - N*m*g*sin(chi)/F_x, 0); "
         "F_x = 1.5*alpha_x*w*d^2; alpha_x = 146e3 [N/m^3]"
     )
     source = "statics on an incline"
@@ -26,7 +26,7 @@ class BedSlope(Effect):
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""
         robot = chain.robot
-        downhill = 3 * robot.mass_per_leg_kg * robot.gravity_m_s2 * np.sin(p["chi_rad"])
+        downhill = robot.legs_per_tripod * robot.mass_per_leg_kg * robot.gravity_m_s2 * np.sin(p["chi_rad"])
         chain.gravity = chain.gravity * np.cos(p["chi_rad"])
         grip = np.maximum(1 - downhill / horizontal_force(chain), 0.0)
         chain.step, chain.peak_ratio = chain.step * grip, chain.peak_ratio * grip

@@ -1,0 +1,25 @@
+"""Legs of a bag by name: whoever recorded it may have listed them in another order than the robot's own."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from sandbot_common.errors import InputError
+from sandbot_record.bags.reader import Bag, Columns
+
+
+def leg_columns(bag: Bag, topic: str, order: Sequence[str], *names: str) -> Columns:
+    """Fields of joint states; those of one value a joint as ``(n, legs)`` in the order of the robot's legs.
+
+    Joints that are no leg are left out; messages without names have the legs in that order. Raises InputError naming
+    the leg that is not there.
+    """
+    columns = bag.columns(topic, *names)
+    message = next(bag.messages([topic]), None)
+    recorded = [] if message is None else [str(name) for name in message.decode().name]
+    if not recorded or recorded == list(order):
+        return columns
+    if missing := [name for name in order if name not in recorded]:
+        raise InputError(f"{topic}: no leg {missing[0]!r} (leg_order of the robot) among {', '.join(recorded)}")
+    at = [recorded.index(name) for name in order]
+    fields = {name: value[:, at] if value.ndim == 2 else value for name, value in columns.fields.items()}
+    return replace(columns, fields=fields)
