@@ -20,6 +20,9 @@ if [ -f "$_trackway/ros_ws/install/local_setup.bash" ]; then
     source "$_trackway/ros_ws/install/local_setup.bash"
 fi
 
+# Tools such as rosdep ask which ROS this is.
+export ROS_DISTRO="${ROS_DISTRO:-jazzy}" ROS_VERSION=2 ROS_PYTHON_VERSION=3
+
 # Matrices here are small and fits run in several processes: threads of the linear algebra only wait for one another.
 export OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}"
 

@@ -32,6 +32,7 @@ setup(
         "werkzeug",
         "opencv-python-headless",
     ],
+    extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=True,
     maintainer="trackway maintainers",
     maintainer_email="maintainers@trackway.example",

@@ -12,6 +12,7 @@ setup(
     ],
     python_requires=">=3.11",
     install_requires=["sandbot_common", "numpy"],
+    extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=True,
     maintainer="trackway maintainers",
     maintainer_email="maintainers@trackway.example",

@@ -25,6 +25,7 @@ setup(
         "asteval",
     ],
     extras_require={
+        "test": ["pytest", "hypothesis"],
         "explore": ["dash", "flask", "werkzeug"],
         "cluster": ["dask", "distributed", "cloudpickle"],
         "frames": ["pandas"],

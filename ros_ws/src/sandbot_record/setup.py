@@ -22,7 +22,7 @@ setup(
         "zstandard",
         "opencv-python-headless",
     ],
-    extras_require={"frames": ["pandas"]},
+    extras_require={"test": ["pytest", "hypothesis"], "frames": ["pandas"]},
     zip_safe=True,
     maintainer="trackway maintainers",
     maintainer_email="maintainers@trackway.example",

@@ -12,7 +12,7 @@ setup(
     ],
     python_requires=">=3.11",
     install_requires=["sandbot_common", "numpy", "scipy", "numba", "opencv-python-headless", "pyyaml"],
-    extras_require={"frames": ["pandas"]},
+    extras_require={"test": ["pytest", "hypothesis"], "frames": ["pandas"]},
     zip_safe=True,
     maintainer="trackway maintainers",
     maintainer_email="maintainers@trackway.example",

@@ -7,6 +7,7 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from sandbot_bringup import nodes
+from sandbot_common.errors import InputError
 
 
 class Recorded:
@@ -34,10 +35,10 @@ def launch_file(monkeypatch):
     return module
 
 
-def started(launch_file, **given):
+def started(launch_file, *typed, **given):
     (description,) = launch_file.generate_launch_description().args
     function = description[-1].kwargs
-    context = SimpleNamespace(launch_configurations={"ros_namespace": "", **given})
+    context = SimpleNamespace(launch_configurations={"ros_namespace": "", **given}, argv=list(typed))
     return {one.kwargs["name"]: one.kwargs for one in function["function"](context, *function["args"])}
 
 
@@ -49,10 +50,34 @@ def test_it_declares_the_table_s_arguments(launch_file):
 
 
 def test_it_starts_what_the_table_says(launch_file):
-    made = started(launch_file, lab="true", **{"bed.pulse_off_s": "0.3"})
+    made = started(launch_file, lab="true", **{"bed.pulse_off_s": "0.7"})
     assert made["clock"]["package"] == "sandbot_clock"
     assert made["clock"]["on_exit"]
     assert not made["predictor"]["on_exit"]
-    assert made["bed"]["parameters"][0]["pulse_off_s"] == 0.3
+    assert made["bed"]["parameters"][0]["pulse_off_s"] == 0.7
     assert "lab" in made
     assert "lab" not in started(launch_file, lab="false")
+
+
+@pytest.mark.parametrize(
+    ("typed", "complaint"),
+    [
+        ("phii:=0.6", "unknown launch argument 'phii'"),
+        ("bed.lease_z:=1", "launch arguments of bed: unknown key 'lease_z', did you mean 'lease_s'?"),
+        ("bed.lease_s:=99", r"lease_s: 99 is outside \[0.1, 2\] s"),
+        ("lab=false", "malformed launch argument 'lab=false'"),
+    ],
+)
+def test_what_was_typed_wrong_is_refused_in_one_line(launch_file, monkeypatch, typed, complaint):
+    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "sandbot_bringup", nodes.LAUNCH_FILE, typed])
+    with pytest.raises(InputError, match=complaint) as error:
+        started(launch_file, typed)
+    assert "\n" not in str(error.value)
+    # Included in a launch file of somebody else's, what was typed is for that file.
+    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "theirs", "all.launch.py", typed])
+    assert "clock" in started(launch_file, typed)
+
+
+def test_a_namespace_is_everybody_s(launch_file):
+    assert {one["namespace"] for one in started(launch_file, namespace="robot1").values()} == {"/robot1"}
+    assert {one["namespace"] for one in started(launch_file).values()} == {None}

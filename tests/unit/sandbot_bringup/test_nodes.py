@@ -82,6 +82,32 @@ def test_any_parameter_of_any_node_can_be_set(tmp_path):
     assert nodes.selected(made, {})[0].parameters == {"x": 1}
 
 
+def test_parameters_given_are_of_the_types_the_node_declares():
+    own = nodes.read_table(nodes.table_path())
+    given = {"bed.pulse_off_s": "1", "dorsal_camera.video": "2", "clock.use_sim_time": "true"}
+    made = {node.name: node.parameters for node in nodes.selected(own, given | {"lab": "false"})}
+    assert repr(made["bed"]["pulse_off_s"]) == "1.0"  # ROS takes an integer for no float
+    assert made["dorsal_camera"]["video"] == "2"
+    assert made["clock"] == {"use_sim_time": True}
+    for node in own.nodes:
+        with pytest.raises(InputError, match=f"launch arguments of {node.name}: unknown key 'nope'"):
+            nodes.selected(own, {f"{node.name}.nope": "1"})
+
+
+@pytest.mark.parametrize("space", ["robot1", "/robot1", "lab/robot_1"])
+def test_a_namespace_is_given_to_every_node(tmp_path, space):
+    arguments = {"namespace": {"default": "", "doc": "x"}}
+    made = nodes.selected(table(tmp_path, [entry("a"), entry("b")], arguments), {"namespace": space})
+    assert [one.ros_arguments()[3:] for one in made] == [["-r", f"__ns:=/{space.removeprefix('/')}"]] * 2
+
+
+@pytest.mark.parametrize("space", ["1robot", "robot 1", "/", "a//b", "a/", "ro-bot"])
+def test_what_is_no_namespace_is_refused(tmp_path, space):
+    arguments = {"namespace": {"default": "", "doc": "x"}}
+    with pytest.raises(InputError, match="is not a ROS namespace such as robot1"):
+        nodes.selected(table(tmp_path, [entry("a")], arguments), {"namespace": space})
+
+
 def test_ros_arguments_carry_name_and_parameters():
     node = nodes.NodeEntry("p", "e", "n", parameters={"a": 1, "b": "1", "c": True, "d": [0.5, 2.0], "e": "x y"})
     assert node.ros_arguments() == [

@@ -1,5 +1,8 @@
 """Start the trackway: ``ros2 launch sandbot_bringup trackway.launch.py [name:=value ...]`` (config/nodes.yaml)."""
 
+import sys
+from pathlib import Path
+
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch_ros.actions import Node
 
@@ -27,6 +30,9 @@ def start(context: LaunchContext, table: nodes.NodeTable) -> list[Node]:
     """One action a node; when a required one ends, everything stops."""
     # Besides the declared arguments, launch keeps every other name:=value it was given, such as bed.pulse_off_s.
     given = {name: value for name, value in context.launch_configurations.items() if _ours(name, table)}
+    if any(Path(word).name == nodes.LAUNCH_FILE for word in sys.argv):
+        # Typed for this file and no other: a name that launch would keep without a word is refused.
+        given |= nodes.parse_arguments(context.argv)
     return [
         Node(
             package=entry.package,

@@ -8,6 +8,7 @@ import dataclasses
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from ament_index_python.packages import get_package_share_directory
 
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
-from sandbot_common.parameters import from_mapping, parameter
+from sandbot_common.parameters import from_mapping, parameter, specs
 
 PACKAGE = "sandbot_bringup"
 LAUNCH_FILE = "trackway.launch.py"
@@ -28,6 +29,9 @@ NAMESPACE = "namespace"
 
 LAB = "lab"
 """The launch argument that chooses between the virtual lab (true) and the hardware (false)."""
+
+_EVERY_NODES = ("use_sim_time", "qos_overrides.", "start_type_description_service")
+"""Parameters that ROS gives to every node."""
 
 _TRUE, _FALSE = "true", "false"
 _SPACE = re.compile(r"(/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*)?")
@@ -62,6 +66,9 @@ class NodeEntry:
     only_if: str = parameter("", doc="launch argument that must be true as well; empty: none")
     required: bool = parameter(True, doc="everything stops when this process ends")
     parameters: dict[str, Any] = parameter({}, doc="ROS parameters; ${argument} stands for its value")
+    settings: str = parameter(
+        "", doc="module:class of its parameters, by which given ones are checked; empty: by the node"
+    )
     namespace: str = parameter("", doc="ROS namespace; empty: that of the launch argument `namespace`, or none")
 
     def ros_arguments(self) -> list[str]:
@@ -124,17 +131,18 @@ def selected(table: NodeTable, given: Mapping[str, str]) -> tuple[NodeEntry, ...
     """The nodes wanted under these launch arguments, with their parameters.
 
     A name is a launch argument of the table or ``node.parameter``, which sets one parameter of one node. Raises
-    InputError for an unknown name or a value that is not a choice.
+    InputError for an unknown name, a parameter that the node does not have, or a value that does not fit.
     """
     values: dict[str, Any] = {CONFIG: str(Path(table.where).parent)}
     values |= {name: argument.default for name, argument in table.arguments.items()}
-    nodes = {node.name: dict(node.parameters) for node in table.nodes}
+    own: dict[str, dict[str, str]] = {node.name: {} for node in table.nodes}
     for name, value in given.items():
         node, _, key = name.partition(".")
-        if key and node in nodes:
-            nodes[node][key] = _plain(value)
+        if key and node in own:
+            own[node][key] = value
         else:
             values[name] = _chosen(table, name, value)
+    nodes = {node.name: {**node.parameters, **_checked(node, own[node.name])} for node in table.nodes}
     space = _namespace(values.get(NAMESPACE, ""))
     unwanted = "hardware" if values[LAB] == _TRUE else "lab"
     return tuple(
@@ -161,6 +169,19 @@ def _chosen(table: NodeTable, name: str, value: str) -> Any:
     if type(given) is not wanted and not (wanted is float and type(given) is int):
         raise InputError(f"launch argument {name}: {value!r} is not of type {wanted.__name__}")
     return wanted(given)
+
+
+def _checked(node: NodeEntry, given: Mapping[str, str]) -> dict[str, Any]:
+    """The parameters given to a node, of the types that it declares."""
+    plain = {name: _plain(text) for name, text in given.items()}
+    if not node.settings or not given:
+        return plain
+    module, _, name = node.settings.partition(":")
+    cls = getattr(import_module(module), name)
+    text = {spec.name for spec in specs(cls) if spec.type is str}
+    ours = {key: given[key] if key in text else plain[key] for key in plain if not key.startswith(_EVERY_NODES)}
+    made = from_mapping(cls, ours, f"launch arguments of {node.name}")
+    return plain | {key: getattr(made, key) for key in ours}
 
 
 def _namespace(text: str) -> str:

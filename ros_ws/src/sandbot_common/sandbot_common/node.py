@@ -26,6 +26,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
+from rclpy.utilities import remove_ros_args
 
 from sandbot_common import cli, messages, topics
 from sandbot_common.errors import InputError
@@ -234,6 +235,8 @@ def run(
             about = sys.modules[make.__module__].__doc__ or ""
             print(usage(os.path.basename(sys.argv[0]), about, parameters))
             return 0
+        if unknown := remove_ros_args(["", *arguments])[1:]:
+            raise InputError(f"unknown argument {unknown[0]!r}; parameters are set with --ros-args -p NAME:=VALUE")
         use_shared_memory(frames=frames)
         # Our own signals: ROS's handlers end the context at once, and close() could no longer publish "air off".
         with stop_signals() as stop:
