@@ -23,7 +23,7 @@ from sandbot_model.data.regime import swum_at_once
 from sandbot_model.fitting.fit import Fit, fit
 from sandbot_model.fitting.global_minimum import WarmStart
 from sandbot_model.physics.catalogue import catalogue
-from sandbot_model.physics.gait import peak_is_resolved, slow_phase_ratio
+from sandbot_model.physics.gait import clock, peak_is_resolved
 from sandbot_model.physics.model import Model, model_of
 from sandbot_model.physics.observables import COLUMNS, Observable, usual_noise
 from sandbot_model.physics.walking import KCurve
@@ -73,7 +73,7 @@ class Table:
         """The observables of every condition ``(..., m, 4)`` at θ ``(..., parameters)`` and k ``(..., m)``."""
         curve = KCurve(self.level_phi, k[self._first] if k.ndim == 1 else np.linspace(170, 220, len(self.level_phi)))
         phi = self.level_phi[self.level]
-        inputs, params = model.inputs(theta, k, self.omega, phi, slow_phase_ratio(self.gait), curve)
+        inputs, params = model.inputs(theta, k, self.omega, phi, clock([self.gait])[0], curve)
         return np.broadcast_to(
             model.walker.predict(inputs, params).observables,
             (*np.broadcast_shapes(k.shape, theta.shape[:-1], phi.shape), 4),
@@ -111,7 +111,7 @@ class LmfitFit:
         curve = KCurve(table.level_phi, self.k)
 
         def speed(phi: Floats, omega: Floats) -> Floats:
-            inputs, params = self.model.inputs(self.theta, curve(phi), omega, phi, slow_phase_ratio(table.gait), curve)
+            inputs, params = self.model.inputs(self.theta, curve(phi), omega, phi, clock([table.gait])[0], curve)
             return np.asarray(self.model.walker.predict(inputs, params).speed_m_s)
 
         return speed

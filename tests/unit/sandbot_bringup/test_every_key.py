@@ -33,7 +33,7 @@ from sandbot_tracking.offline import OfflineTracker
 
 CONFIG = config_folder()
 ROBOTS = ("robot.yaml", "sgcs_robot.yaml")
-WORLDS = ("pilot_world.yaml", "outside_world.yaml", "sgcs_world.yaml")
+WORLDS = ("pilot_world.yaml", "outside_world.yaml", "sgcs_world.yaml", "li09_world.yaml")
 PLANS = ("demo.yaml", "li09.yaml", "pilot.yaml", "pilot_next.yaml", "sgcs.yaml")
 CAMERAS = read_yaml(CONFIG / "cameras.yaml")
 FEELS_THE_ROBOT = ("finite_depth", "leg_slip", "exact_leg_arc", "cohesion", "bed_slope")
@@ -106,11 +106,11 @@ def test_robot_files_name_every_key(file):
 
 def measured(content, file):
     """Trials in a world, by the gait and the robot that its campaign has; φ between all knots."""
-    slow = file.startswith("sgcs")
+    slow = file.startswith(("sgcs", "li09"))
     world = world_from_mapping(content, file)
     if slow:
         world = world.walked_by(read_robot(CONFIG / "sgcs_robot.yaml"))
-    omega = (4.0, 10.0, 24.0) if slow else (8.0, 16.0, 20.0, 24.0, 30.0)
+    omega = (4.0, 10.0, 20.0, 24.0) if slow else (8.0, 16.0, 20.0, 24.0, 30.0)
     rows = direct_trials(world, (0.585, 0.603, 0.625), omega, "SGCS" if slow else "UNIFORM", 1, 3)
     columns = ("phi", "speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m")
     return [np.array([row[name] for row in rows]) for name in columns]

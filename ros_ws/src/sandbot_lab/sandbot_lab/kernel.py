@@ -12,17 +12,19 @@ from sandbot_lab.ground import disturb, force
 from sandbot_lab.jit import jit
 from sandbot_lab.stance import (
     advance_gain,
-    coasting_loss,
+    coasting_deceleration,
     held_speed,
     held_x,
     load,
     saturation,
     stop_angle,
     swimming_speed,
+    touchdown_speed,
 )
 
 SUB_STEP = 0.5e-3  # longest step [s]
 BISECTIONS = 24
+ROUNDING_S = 1e-12
 JUST_PAST = 1e-9  # rounding may carry a leg this far past its lowest point before that is noticed [rad]
 REST, HOLD, SWIM = 0, 1, 2
 IDLE, SEARCHING, DONE = 0, 1, 2  # a tripod's sweep
@@ -125,9 +127,9 @@ def move(p: Any, s: Any, dt: float) -> None:
         s.v = swimming_speed(p, s.stroke_rate) if moving else 0.0
         s.x += s.v * dt
     elif p.belly_coast and s.v > 0.0:
-        slower = max(s.v - coasting_loss(p, dt), 0.0)
-        # Until it stops, not until the step ends.
-        s.x += 0.5 * (s.v + slower) * min(dt, dt * s.v / coasting_loss(p, dt))
+        moving_s = min(dt, s.v / coasting_deceleration(p))  # until it stops, not until the step ends
+        slower = s.v - coasting_deceleration(p) * moving_s
+        s.x += 0.5 * (s.v + slower) * moving_s
         s.v = slower
 
 
@@ -175,8 +177,7 @@ def come_down(p: Any, s: Any) -> None:
     """The belly is on the surface again."""
     s.mode = REST
     s.z = p.height
-    if not p.belly_coast:
-        s.v = 0.0
+    s.v = touchdown_speed(p, s, wrapped(tripod_angle(p, s, s.tripod))) if p.belly_coast else 0.0
 
 
 @jit
@@ -224,6 +225,39 @@ def sub_step(p: Any, s: Any, dt: float) -> None:
 
 
 @jit
+def switch_time(mean: float, before: float, after: float, span: float) -> float:
+    """When within span a leg's rate changes from one set-point's to the next one's, that it come to the mean.
+
+    0 where no such moment is: the leg then turns at the mean rate.
+    """
+    if before == after:
+        return 0.0
+    at = (mean - after) / (before - after) * span
+    return at if 0.0 < at < span else 0.0
+
+
+@jit
+def turn(p: Any, s: Any, span: float, angles: Any, rates: Any) -> None:
+    """Carry the state on by span to the next set-point; a clock that changes from slow to fast does so at a moment."""
+    done = 0.0
+    while done < span - ROUNDING_S:
+        until = span
+        for leg in range(2 * p.tripod):
+            mean = (angles[leg] - s.set_angle[leg]) / span
+            at = switch_time(mean, s.set_rate[leg], rates[leg], span)
+            rate = mean
+            if at > 0.0:
+                rate = rates[leg] if done >= at - ROUNDING_S else s.set_rate[leg]
+                if done < at - ROUNDING_S:
+                    until = min(until, at)
+            s.rate[leg] = rate * saturation(p, rate)
+        steps = max(ceil((until - done) / SUB_STEP - 1e-6), 1)
+        for _ in range(steps):
+            sub_step(p, s, (until - done) / steps)
+        done = until
+
+
+@jit
 def advance(p: Any, s: Any, t: float, angles: Any, rates: Any) -> None:
     """Carry the state on to time t, where the set-points are ``angles`` and ``rates``; the first call only sets out."""
     if not s.started:
@@ -232,16 +266,11 @@ def advance(p: Any, s: Any, t: float, angles: Any, rates: Any) -> None:
             s.angle[leg] = angles[leg]
     else:
         span = t - s.t
-        steps = max(ceil(span / SUB_STEP - 1e-6), 1)
         if span > 0.0:
-            for leg in range(2 * p.tripod):
-                rate = (angles[leg] - s.set_angle[leg]) / span
-                s.rate[leg] = rate * saturation(p, rate)
-            for _ in range(steps):
-                sub_step(p, s, span / steps)
+            turn(p, s, span, angles, rates)
             s.t = t
     for leg in range(2 * p.tripod):
-        s.set_angle[leg] = angles[leg]
+        s.set_angle[leg], s.set_rate[leg] = angles[leg], rates[leg]
         s.rate[leg] = rates[leg] * saturation(p, rates[leg])
 
 

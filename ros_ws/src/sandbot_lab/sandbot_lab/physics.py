@@ -57,6 +57,7 @@ STATE = np.dtype(
         ("t", "f8"),
         ("started", "?"),
         ("set_angle", "f8", (2 * MAX_TRIPOD,)),  # last set-point
+        ("set_rate", "f8", (2 * MAX_TRIPOD,)),
         ("angle", "f8", (2 * MAX_TRIPOD,)),  # where the legs really are
         ("rate", "f8", (2 * MAX_TRIPOD,)),
         ("turned", "f8"),  # mean rotation of all legs since the start

@@ -111,6 +111,17 @@ def held_speed(p: Any, s: Any, theta: float, rate: float) -> float:
 
 
 @jit
+def touchdown_speed(p: Any, s: Any, theta: float) -> float:
+    """Forward speed with which the belly meets the ground: by the leg's mean rate in the hold.
+
+    A clock that begins its swing just there does not throw the body ahead: the ground needs time to speed it up.
+    """
+    if s.t <= s.grip_t:
+        return 0.0
+    return held_speed(p, s, theta, (theta - s.grip_angle) / (s.t - s.grip_t))
+
+
+@jit
 def swimming_speed(p: Any, stroke_rate: float) -> float:
     """Forward speed where the ground never holds; stroke_rate is the mean leg rate."""
     if p.swimming_thrust and stroke_rate > 0.0:
@@ -127,6 +138,6 @@ def saturation(p: Any, rate: float) -> float:
 
 
 @jit
-def coasting_loss(p: Any, dt: float) -> float:
-    """Speed a sliding belly loses in dt."""
-    return float(p.belly_coast_mu_b * p.gravity * dt)
+def coasting_deceleration(p: Any) -> float:
+    """What friction takes from the speed of a sliding belly [m/s2]."""
+    return float(p.belly_coast_mu_b * p.gravity)

@@ -5,15 +5,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sandbot_common.robot import Robot
 from sandbot_model.physics.effect import STAGES
 from sandbot_model.physics.effects import CATALOGUE
+from sandbot_model.physics.gait import clock
 from sandbot_model.physics.walking import Inputs, KCurve, Walker
 
 OMEGA = np.array([4.0, 12.0, 20.0, 30.0])
 K = np.array([172.0, 190.0, 205.0, 225.0])[:, None]
-INPUTS = Inputs(
-    K, OMEGA, 0.4, 0.62, 0.02, 0.389, k_of_phi=KCurve(np.array([0.58, 0.6, 0.633]), np.array([170.0, 205, 220]))
-)
+CURVE = KCurve(np.array([0.58, 0.6, 0.633]), np.array([170.0, 205, 220]))
+SGCS = clock(["SGCS"])[0]
+INPUTS = Inputs(K, OMEGA, 0.4, 0.62, 0.02, SGCS, CURVE)
 BASE = Walker().predict(INPUTS).observables
 SPREAD_ONLY = {"phi_nonuniformity"}
 """Acts on the average over φ, not on a single prediction."""
@@ -68,6 +70,21 @@ def test_slow_phase_speed_vanishes_for_uniform_rotation():
         Walker().predict(uniform).observables,
         atol=1e-12,
     )
+
+
+@pytest.mark.parametrize(("mount", "cut"), [(0.5, True), (0.0, False)])
+def test_a_step_is_no_longer_than_the_chord_of_the_slow_phase(mount, cut):
+    """SGCS centred under the axle is slow for 0.55 rad to either side; as mounted on SandBot, for 1.05 rad before."""
+    effect = next(one for one in CATALOGUE if one.identifier == "slow_phase_speed")
+    walker = Walker((effect,), Robot(leg_mount_rad=mount))
+    strong = Inputs(np.array([185.0, 220.0, 240.0]), 16.0, 0.18, 0.62, 0.02, SGCS)
+    steps = walker.predict(strong, [{"rho": 1.0}]).step_m / walker.robot.leg_radius_m
+    chord = 2 * np.sin(0.55)
+    assert steps[0] < 0.95 * chord  # the balance decides, at the slow rate
+    assert (np.abs(steps[1:] / chord - 1) < 1e-6).all() if cut else (steps[1:] > 1.05 * chord).all()
+    # Ground that holds a leg at the swing's rate, too, takes hold before.
+    hard = Inputs(300.0, 16.0, 0.18, 0.62, 0.02, SGCS)
+    assert float(walker.predict(hard, [{"rho": 1.0}]).step_m) > 1.1 * chord * walker.robot.leg_radius_m
 
 
 @settings(max_examples=40)

@@ -19,6 +19,7 @@ from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.effects.resistive_force_theory import A00, A10, B01, B11, B_11
+from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.typeset import mathml, statements
 from sandbot_model.physics.walking import Inputs, KCurve, Walker
@@ -29,6 +30,7 @@ DEPTH = np.linspace(2e-3, deepest_m(SANDBOT) - 1e-3, 12)
 CURVE = KCurve(np.array([0.56, 0.6, 0.65]), np.array([160.0, 205.0, 230.0]))
 OF_CHAIN = {
     "k": "k", "omega": "omega", "phi": "phi", "Delta_t": "delta_t", "v_swim": "v_swim", "beta": "slow_phase_ratio",
+    "beta_swing": "swing_ratio", "d_slow": "slow_begin",
     "d": "depth", "s_0": "chord", "s": "step", "a": "advance", "z": "penetration", "sigma": "sigma_phi", "F": "force",
     "Delta_v": "delta_v", "m_a": "added_mass", "g": "gravity", "v": "speed", "peak": "peak_ratio", "K": "k_of_phi",
 }  # fmt: skip
@@ -141,7 +143,7 @@ def compare(effect, shares, *, first=False, phi=0.61):
         for one, share in zip(effect.parameters, shares, strict=False)
     }
     spy = Spy(effect)
-    inputs = Inputs(np.array([[190.0], [215.0]]), 13.0, 0.4, phi, 0.02, 0.389, CURVE)
+    inputs = Inputs(np.array([[190.0], [215.0]]), 13.0, 0.4, phi, 0.02, clock(["SGCS"])[0], CURVE)
     Walker((spy,)).chain(inputs, [p], DEPTH, first_step=first)
     said, words = statements(effect.formula)
     names = Names(effect, spy.before, p)

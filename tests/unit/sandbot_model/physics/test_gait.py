@@ -29,7 +29,7 @@ def test_a_custom_gait_of_a_plan_is_the_models_too():
     assert Plan("ours", (0.6,), (8.0,), gait="HGCS").gait_name == "HGCS"
     assert slow_phase_ratio(plan.gait_name) == slow_phase_ratio("HGCS")
     assert peak_is_resolved(plan.gait_name, 30.0) == peak_is_resolved("HGCS", 30.0)
-    assert cells_with(plan.gait_name).slow_phase_ratio == pytest.approx(slow_phase_ratio("HGCS"))
+    assert cells_with(plan.gait_name).clock.slow_ratio == pytest.approx(slow_phase_ratio("HGCS"))
     assert assumption([plan.gait_name, "UNIFORM"]) == ""
 
 

@@ -5,10 +5,12 @@ import pytest
 
 from sandbot_common.errors import InputError
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.gait import clock
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.walking import Inputs, KCurve
 
 EFFECTS = catalogue()
+SGCS = clock(["SGCS"])[0]
 
 
 def test_parameters_and_names_go_together():
@@ -37,8 +39,8 @@ def test_inputs_are_the_parameters_at_conditions():
     curve = KCurve(np.array([0.58, 0.63]), np.array([170.0, 220.0]))
     theta = np.array([[0.4, 0.02, 0.1], [0.5, 0.03, 0.2]])
     omega = np.array([4.0, 8.0, 12.0])
-    inputs, params = model.inputs(theta[:, None, :], 200.0, omega, 0.61, 0.389, curve)
+    inputs, params = model.inputs(theta[:, None, :], 200.0, omega, 0.61, SGCS, curve)
     found = model.walker.predict(inputs, params).observables
     assert found.shape == (2, 3, 4)
-    one = Inputs(200.0, omega, 0.5, 0.61, 0.03, 0.389, curve)
+    one = Inputs(200.0, omega, 0.5, 0.61, 0.03, SGCS, curve)
     np.testing.assert_array_equal(found[1], model.walker.predict(one, [{"eta": 0.2}]).observables)

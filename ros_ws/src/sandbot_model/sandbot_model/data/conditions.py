@@ -17,7 +17,7 @@ from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error
 from sandbot_model.data.regime import swum_at_once, walks
 from sandbot_model.data.stated_error import stated_variance, with_stated
-from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, peak_is_resolved, slow_phase_ratio
+from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, Clock, clock, peak_is_resolved
 from sandbot_model.physics.observables import NAMES, Observable, shared_variance, usual_noise
 from sandbot_record.trials.table import Trials
 
@@ -33,7 +33,7 @@ class Cells:
     phi: Floats = field(metadata={"shape": "(n,)", "doc": "mean measured volume fraction"})
     omega: Floats = field(metadata={"shape": "(n,)", "unit": "rad/s"})
     gait: tuple[str, ...] = field(metadata={"shape": "(n,)"})
-    slow_phase_ratio: Floats = field(metadata={"shape": "(n,)", "doc": "β of the gait"})
+    clock: Clock = field(metadata={"shape": "(n,)", "doc": "how legs turn in the gait"})
     level: Ints = field(metadata={"shape": "(n,)", "doc": "index into level_phi"})
     level_phi: Floats = field(metadata={"shape": "(levels,)", "doc": "mean volume fraction of a level"})
     n: Ints = field(metadata={"shape": "(n, 4)", "doc": "replicates in which the observable was measured"})
@@ -184,7 +184,7 @@ def _gather(
         phi=cell_phi,
         omega=cells.mean(omega),
         gait=names,
-        slow_phase_ratio=np.array([slow_phase_ratio(name) for name in names]),
+        clock=clock(names),
         level=keys[0],
         level_phi=level_phi,
         phi_reliability=rho,

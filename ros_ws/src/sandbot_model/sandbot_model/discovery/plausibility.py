@@ -93,7 +93,7 @@ def _pushed(cells: Cells, mean: Floats, step: Array) -> bool:
 
 def _radius_by_peak(cells: Cells, mean: Floats) -> Array:
     """R = v_peak/(βω): all legs on the ground turn at the slow phase's rate. NaN for gaits of uneven pace."""
-    even = cells.slow_phase_ratio == 1.0
+    even = cells.clock.slow_ratio == 1.0
     return np.where(even, mean[:, Observable.peak_speed] / cells.omega, np.nan)
 
 

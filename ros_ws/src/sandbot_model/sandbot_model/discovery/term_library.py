@@ -80,7 +80,7 @@ def terms(fit: Fit) -> list[Term]:
     """The library for these cells, at the depths of this fit."""
     cells, robot = fit.cells, fit.model.robot
     omega, phi = cells.omega, cells.level_phi[cells.level]
-    depth = np.nan_to_num(fit.predict(phi, omega, cells.slow_phase_ratio).depth_m, nan=deepest_m(robot))
+    depth = np.nan_to_num(fit.predict(phi, omega, cells.clock).depth_m, nan=deepest_m(robot))
     radius, delta_t = robot.leg_radius_m, fit.parameters["delta_t_s"].value
     froude = radius * omega**2 / robot.gravity_m_s2
     return [

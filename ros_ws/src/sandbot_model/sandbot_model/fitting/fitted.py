@@ -19,6 +19,7 @@ from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.states import States
 from sandbot_model.fitting.uncertainty import propagated
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.walking import KCurve, Prediction
 
@@ -135,22 +136,20 @@ class Fitted:
         values = {name: estimate.value for name, estimate in self.parameters.items()}
         return WarmStart(self.k_n_per_m, values, self.deviance)
 
-    def predict(self, phi: ArrayLike, omega: ArrayLike, slow_phase_ratio: ArrayLike | None = None) -> Prediction:
+    def predict(self, phi: ArrayLike, omega: ArrayLike, clock: Clock | None = None) -> Prediction:
         """The observables at other conditions; k is interpolated between levels and held beyond them.
 
-        ``slow_phase_ratio`` is β of the gait, by default that of the trials.
+        ``clock`` is how legs turn (``gait.clock``), by default as in the first of the trials.
         """
-        return self._predict(self.point.theta, self.point.ln_k, phi, omega, slow_phase_ratio)
+        return self._predict(self.point.theta, self.point.ln_k, phi, omega, clock)
 
-    def uncertainty(self, phi: ArrayLike, omega: ArrayLike, slow_phase_ratio: ArrayLike | None = None) -> Array:
+    def uncertainty(self, phi: ArrayLike, omega: ArrayLike, clock: Clock | None = None) -> Array:
         """Standard deviation ``(..., 4)`` of what ``predict`` says, because θ and k are not known exactly.
 
         See ``uncertainty.propagated``: it shows a switch that is near.
         """
-        found = self._propagated(lambda theta, k: self._predict(theta, k, phi, omega, slow_phase_ratio).observables)
-        shape = np.broadcast_shapes(
-            np.shape(phi), np.shape(omega), () if slow_phase_ratio is None else np.shape(slow_phase_ratio)
-        )
+        found = self._propagated(lambda theta, k: self._predict(theta, k, phi, omega, clock).observables)
+        shape = np.broadcast_shapes(np.shape(phi), np.shape(omega), () if clock is None else np.shape(clock.slow_ratio))
         return np.asarray(np.broadcast_to(found, (*shape, 4)))
 
     def press(self, phi: Array, depth_m: Array) -> tuple[Array, Array]:
@@ -174,15 +173,13 @@ class Fitted:
 
         return propagated(inside, np.concatenate([self.point.theta, self.point.ln_k]), self.covariance)
 
-    def _predict(
-        self, theta: Array, ln_k: Array, phi: ArrayLike, omega: ArrayLike, slow_phase_ratio: ArrayLike | None
-    ) -> Prediction:
+    def _predict(self, theta: Array, ln_k: Array, phi: ArrayLike, omega: ArrayLike, clock: Clock | None) -> Prediction:
         at, k = np.asarray(phi, dtype=float), np.exp(ln_k)
         cells = self.cells
-        beta = cells.slow_phase_ratio[0] if slow_phase_ratio is None else slow_phase_ratio
+        clock = cells.clock[0] if clock is None else clock
         curve = KCurve(self.level_phi, k)
-        inputs, params = self.model.inputs(theta, curve(at), omega, at, beta, curve)
-        shape = np.broadcast_shapes(np.shape(at), np.shape(omega), np.shape(beta))
+        inputs, params = self.model.inputs(theta, curve(at), omega, at, clock, curve)
+        shape = np.broadcast_shapes(np.shape(at), np.shape(omega), np.shape(clock.slow_ratio))
         found = self.model.walker.predict(inputs, params)
         return Prediction(*(np.broadcast_to(values, shape) for values in vars(found).values()))
 

@@ -177,7 +177,7 @@ class Problem:
             k,
             cells.omega[:, None],
             cells.level_phi[cells.level][:, None],
-            cells.slow_phase_ratio[:, None],
+            cells.clock[:, None],
             KCurve(cells.level_phi, level_k, inner=3),
         )
         sigma_phi = np.hypot(cells.phi_scatter, self.model.walker.sigma_phi(inputs, params))

@@ -8,13 +8,14 @@ is known:
     q(t) = |(1 - t) r_0 + t r_1|²,   t* = (S_00 - S_01)/(S_00 - 2 S_01 + S_11) in [0, 1]
 """
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
 from sandbot_model.fitting.averaging import NODES, WEIGHTS
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.geometry import critical_k_n_per_m
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import Observable
@@ -142,15 +143,15 @@ def _pressed_table(problem: Problem, theta: Array, k_grid: Array, slope: Array) 
 def _table(problem: Problem, theta: Array, k_grid: Array, slope: Array, k_curve: Array) -> Array:
     """Predictions ``(cells, m, k, 4)``; levels share them unless an effect depends on φ."""
     cells, model = problem.cells, problem.model
-    clock = np.stack([cells.omega, cells.slow_phase_ratio])
-    conditions, index = np.unique(clock, axis=1, return_inverse=True)
-    omega, slow_phase_ratio = conditions
+    turning = np.stack([cells.omega, *astuple(cells.clock)])
+    conditions, index = np.unique(turning, axis=1, return_inverse=True)
+    omega, *clock = conditions
     inputs, params = model.inputs(
         theta[:, None, None, None, :],
         k_grid[:, None],
         omega,
         cells.level_phi[:, None, None],
-        slow_phase_ratio,
+        Clock(*clock),
         KCurve(cells.level_phi, k_curve),
     )
     values = model.walker.predict(inputs, params).observables

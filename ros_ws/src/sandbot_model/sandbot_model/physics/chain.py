@@ -35,6 +35,8 @@ class Chain:
     delta_t: Array = field(metadata={"unit": "s", "doc": "time in which the body is brought to leg speed"})
     v_swim: Array = field(metadata={"unit": "m/s", "doc": "speed where the ground never holds"})
     slow_phase_ratio: Array = field(metadata={"unit": "1", "doc": "β of the gait: leg rate in the slow phase over ω"})
+    swing_ratio: Array = field(metadata={"unit": "1", "doc": "leg rate in the fast phase over ω"})
+    slow_begin: Array = field(metadata={"unit": "m", "doc": "depth of the legs at which their slow phase begins"})
     first_step: bool = field(metadata={"doc": "virgin ground, standing start"})
     k_of_phi: Callable[[Array], Array] = field(metadata={"doc": "the fitted stiffness at another volume fraction"})
     one_leg: bool = field(default=False, kw_only=True, metadata={"doc": "one leg is pressed alone, nothing walks"})

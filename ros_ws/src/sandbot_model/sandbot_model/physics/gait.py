@@ -1,9 +1,13 @@
 """What the model needs to know of a gait: how fast the leg turns while it stands (physics §1, Li09 clock signal)."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, dataclass
+from typing import Any
 
 import numpy as np
+
+from sandbot_model.physics.arrays import Array
 
 GAITS = {"SGCS": (1.1, -0.5, 0.45), "HGCS": (0.85, 0.13, 0.56), "UNIFORM": (np.pi, 0.0, 0.5)}
 """θ_s, θ_0 [rad] and d_c of the clock signal. The name of a custom one contains them: CUSTOM(θ_s θ_0 d_c)."""
@@ -36,16 +40,42 @@ def assumption(gaits: Iterable[str]) -> str:
     return f"gait {', '.join(unknown)}: the clock signal of {ASSUMED} is assumed" if unknown else ""
 
 
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """How legs turn, of arrays of one shape."""
+
+    slow_ratio: Array
+    """β = θ_s/(2π d_c): leg rate in the slow phase over the mean rate."""
+    swing_ratio: Array
+    """(2π - θ_s)/(2π(1 - d_c)), that of the fast phase."""
+    slow_begin_rad: Array
+    """θ_0 - θ_s/2, the shaft angle at which the slow phase begins."""
+
+    def __getitem__(self, index: Any) -> "Clock":
+        """The same of some of the elements, as an array is indexed."""
+        return Clock(*(values[index] for values in astuple(self)))
+
+
+EVEN = Clock(np.ones(()), np.ones(()), np.full((), -np.pi / 2))
+"""Legs that turn at one rate."""
+
+
+def clock(gaits: Sequence[str]) -> Clock:
+    """How legs turn in gaits by their names, ``(n,)``; as in the assumed gait where the name does not tell."""
+    theta_s, theta_0, duty = np.array([clock_signal(gait) or GAITS[ASSUMED] for gait in gaits]).T
+    turn = 2 * np.pi
+    return Clock(theta_s / (turn * duty), (turn - theta_s) / (turn * (1 - duty)), theta_0 - theta_s / 2)
+
+
 def slow_phase_ratio(gait: str) -> float:
-    """β = θ_s/(2π d_c): leg rate in the slow phase over the mean rate; of the assumed gait where none is given."""
-    theta_s, _, duty = clock_signal(gait) or GAITS[ASSUMED]
-    return theta_s / (2 * np.pi * duty)
+    """β of a gait by its name."""
+    return float(clock([gait]).slow_ratio[0])
 
 
 def fastest_phase_ratio(gait: str) -> float:
     """Largest leg rate of a cycle over the mean rate: that of the slow or of the fast phase."""
-    theta_s, _, duty = clock_signal(gait) or GAITS[ASSUMED]
-    return max(theta_s / (2 * np.pi * duty), (2 * np.pi - theta_s) / (2 * np.pi * (1 - duty)))
+    turns = clock([gait])
+    return float(max(turns.slow_ratio[0], turns.swing_ratio[0]))
 
 
 def peak_is_resolved(gait: str, omega: float, frame_rate_hz: float = USUAL_FRAME_RATE_HZ) -> bool:

@@ -16,6 +16,11 @@ def critical_k_n_per_m(robot: Robot) -> float:
     return robot.mass_per_leg_kg * robot.gravity_m_s2 / deepest_m(robot)
 
 
+def depth_at(robot: Robot, angle_rad: Array) -> Array:
+    """Depth [m] of a leg's lowest point at this angle of its centre (0: straight below), the belly on the surface."""
+    return np.asarray(robot.leg_radius_m * (1 + np.cos(angle_rad)) - robot.axle_height_m)
+
+
 def chord(robot: Robot, depth: Array) -> Array:
     """Step length s = 2√(R² - (d + h - R)²) [m] (Li09); 2R where the leg holds above its centre, 0 at 2R - h."""
     above = np.maximum(depth + robot.axle_height_m - robot.leg_radius_m, 0.0)

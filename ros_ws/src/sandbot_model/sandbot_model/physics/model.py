@@ -11,6 +11,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect, Parameter
+from sandbot_model.physics.gait import EVEN, Clock
 from sandbot_model.physics.walking import BASES, V_SWIM_M_S, Inputs, KCurve, Params, Walker
 
 BASE_PARAMETERS = (
@@ -80,7 +81,7 @@ class Model:
         k_n_per_m: ArrayLike,
         omega_rad_s: ArrayLike,
         phi: ArrayLike,
-        slow_phase_ratio: ArrayLike = 1.0,
+        clock: Clock = EVEN,
         k_of_phi: KCurve | None = None,
     ) -> tuple[Inputs, Params]:
         """What the walker predicts from: conditions, and shared parameters ``theta (..., parameters)``.
@@ -88,7 +89,7 @@ class Model:
         The leading axes of θ broadcast against the conditions.
         """
         delta_t, v_swim, params = self.arguments(theta)
-        return Inputs(k_n_per_m, omega_rad_s, delta_t, phi, v_swim, slow_phase_ratio, k_of_phi), params
+        return Inputs(k_n_per_m, omega_rad_s, delta_t, phi, v_swim, clock, k_of_phi), params
 
 
 def model_of(

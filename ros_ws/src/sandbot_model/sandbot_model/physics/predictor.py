@@ -14,7 +14,7 @@ from sandbot_common.parameters import parameter
 from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, robot_from_mapping
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.catalogue import catalogue
-from sandbot_model.physics.gait import slow_phase_ratio
+from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import stance_angle, step_from_lift
 from sandbot_model.physics.model import Model, model_of
 from sandbot_model.physics.walking import BASES, KCurve
@@ -84,9 +84,7 @@ class Predictor:
 
     def _solve(self, phi: float, omega: float, gait: str) -> tuple[float, float]:
         curve = KCurve(self.phi, self.k_n_per_m)
-        inputs, params = self.model.inputs(
-            self.theta, curve(np.asarray(phi)), omega, phi, slow_phase_ratio(gait), curve
-        )
+        inputs, params = self.model.inputs(self.theta, curve(np.asarray(phi)), omega, phi, clock([gait])[0], curve)
         found = self.model.walker.predict(inputs, params)
         if not bool(found.walking):
             return float(found.speed_m_s), 0.0

@@ -20,7 +20,8 @@ from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect
-from sandbot_model.physics.geometry import deepest_m
+from sandbot_model.physics.gait import EVEN, Clock
+from sandbot_model.physics.geometry import deepest_m, depth_at
 from sandbot_model.physics.stages import through
 
 BASES: dict[str, tuple[str, ...]] = {
@@ -36,6 +37,7 @@ DEPTHS = 40
 """Depths at which the margin is tried. Ground that holds over less than their spacing (2 mm at the surface, 0.7 mm
 where legs stand) may be missed: a hump of some mN that a sinking body's inertia carries it through."""
 POLISH = 3
+JUMP_M = 1e-9
 
 Params = Sequence[Mapping[str, ArrayLike]]
 """Values of the parameters, one mapping an effect."""
@@ -68,7 +70,7 @@ class Inputs:
     delta_t_s: ArrayLike
     phi: ArrayLike = np.nan
     v_swim_m_s: ArrayLike = V_SWIM_M_S
-    slow_phase_ratio: ArrayLike = 1.0
+    clock: Clock = EVEN
     k_of_phi: Callable[[Array], Array] | None = None
     """The stiffness at another volume fraction, for effects that ask for it; by default the same everywhere."""
 
@@ -161,7 +163,9 @@ class Walker:
             phi=_column(inputs.phi),
             delta_t=_column(inputs.delta_t_s),
             v_swim=_column(inputs.v_swim_m_s),
-            slow_phase_ratio=_column(inputs.slow_phase_ratio),
+            slow_phase_ratio=_column(inputs.clock.slow_ratio),
+            swing_ratio=_column(inputs.clock.swing_ratio),
+            slow_begin=self._slow_begin_m(inputs.clock)[..., None],
             first_step=first_step,
             k_of_phi=inputs.k_of_phi or (lambda _phi: k),
             one_leg=one_leg,
@@ -178,7 +182,7 @@ class Walker:
         return _flat(self.chain(inputs, params, np.array([0.01]), first_step=False).sigma_phi)
 
     def _first_crossing(self, inputs: Inputs, params: Params, *, first_step: bool) -> tuple[Array, Bool]:
-        grid = _depth_grid(deepest_m(self.robot))
+        grid = self._depths(inputs.clock)
         margin = self.chain(inputs, params, grid, first_step=first_step).margin
         holds = margin >= 0
         walking = holds.any(axis=-1)
@@ -199,17 +203,30 @@ class Walker:
         depth = _secant(low, high, margin_low, margin_high)
         return np.where(walking, depth, deepest_m(self.robot)), np.asarray(walking)
 
+    def _depths(self, clock: Clock) -> Array:
+        """Depths at which the margin is tried, among them both sides of its jumps."""
+        grid = _depth_grid(deepest_m(self.robot))
+        if not any(effect.clocked for effect in self.effects):
+            return grid
+        jumps = np.unique(self._slow_begin_m(clock)[clock.swing_ratio != clock.slow_ratio])
+        return np.sort(np.concatenate([grid, jumps, jumps - JUMP_M]))
 
-def _secant(low: Array, high: Array, margin_low: Array, margin_high: Array) -> Array:
-    rise = margin_high - margin_low
-    share = np.divide(-margin_low, rise, out=np.full_like(rise, 0.5), where=rise > 0)
-    return low + np.clip(share, 0.0, 1.0) * (high - low)
+    def _slow_begin_m(self, clock: Clock) -> Array:
+        """Depth at which the slow phase begins [m]; the deepest where that is not on the way down."""
+        angle = np.asarray(clock.slow_begin_rad) + self.robot.leg_mount_rad
+        return np.clip(depth_at(self.robot, np.minimum(angle, 0.0)), 0.0, deepest_m(self.robot))
 
 
 def _depth_grid(deepest_m: float) -> Array:
     """Depths from the surface to 2R - h, closer together where the step shrinks fast."""
     u = np.linspace(0.0, 1.0, DEPTHS)
     return deepest_m * u * (2 - u)
+
+
+def _secant(low: Array, high: Array, margin_low: Array, margin_high: Array) -> Array:
+    rise = margin_high - margin_low
+    share = np.divide(-margin_low, rise, out=np.full_like(rise, 0.5), where=rise > 0)
+    return low + np.clip(share, 0.0, 1.0) * (high - low)
 
 
 def _column(value: ArrayLike) -> Array:

@@ -38,7 +38,7 @@ def forces(fit: Fit, omega_rad_s: float) -> Forces:
         fit.k_n_per_m[level],
         omega_rad_s,
         cells.level_phi[level],
-        cells.slow_phase_ratio[first],
+        cells.clock[first],
         KCurve(fit.level_phi, fit.k_n_per_m),
     )
     depth = np.linspace(0.0, deepest_m(fit.model.robot), DEPTH_POINTS)

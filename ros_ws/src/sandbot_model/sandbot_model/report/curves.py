@@ -27,7 +27,7 @@ def speed_curves(fit: Fit, omega_rad_s: Floats) -> Floats:
     """Mean speed of each band [m/s], (n_bands, m)."""
     cells = fit.cells
     rows = [
-        fit.predict(np.full_like(omega_rad_s, band.phi), omega_rad_s, cells.slow_phase_ratio[band.cells[0]]).speed_m_s
+        fit.predict(np.full_like(omega_rad_s, band.phi), omega_rad_s, cells.clock[band.cells[0]]).speed_m_s
         for band in bands(cells)
     ]
     return np.array(rows)

@@ -70,8 +70,8 @@ class Step:
         cells, omega = self.fit.cells, self.omega_rad_s[::BAND_EVERY]
         rows = bands(cells)
         phi = np.array([[band.phi] for band in rows])
-        beta = np.array([[cells.slow_phase_ratio[band.cells[0]]] for band in rows])
-        half = BAND_SDS * self.fit.uncertainty(phi, omega, beta)[..., Observable.speed]
+        clock = cells.clock[[band.cells[0] for band in rows]][:, None]
+        half = BAND_SDS * self.fit.uncertainty(phi, omega, clock)[..., Observable.speed]
         middle = self.speed_m_s[:, ::BAND_EVERY]
         usual = np.median(half, axis=1, keepdims=True)
         lowest, highest = (end(self.speed_m_s, axis=1, keepdims=True) for end in (np.min, np.max))
