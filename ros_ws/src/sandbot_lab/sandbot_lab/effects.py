@@ -41,7 +41,7 @@ EFFECTS: dict[str, Effect] = {
     "disturbed_ground": Effect(
         "a foot leaves a weaker stretch at its place; a later foot that overlaps it finds strength k_l (Li09)",
         (
-            P("k_l_n_per_m", 175.0, 150.0, 200.0, "N/m", "stiffness of disturbed ground"),
+            P("k_l_n_per_m", 175.0, 150.0, 250.0, "N/m", "stiffness of disturbed ground"),
             P("s_c", 0.95, 0.7, 1.2, "R", "distance between footholds below which they begin to overlap"),
         ),
     ),
