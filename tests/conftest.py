@@ -47,7 +47,7 @@ def own_domain(first: int) -> Iterator[int]:
             return
 
 
-@pytest.fixture(name="own_domain")
+@pytest.fixture(name="own_domain", scope="session")
 def _own_domain() -> Callable[[int], AbstractContextManager[int]]:
     return own_domain
 
@@ -103,6 +103,12 @@ class Beside:
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.try_shutdown()
+
+
+@pytest.fixture(scope="session")
+def beside_on() -> Callable[[int], Beside]:
+    """Makes ROS nodes in a domain; whoever does so closes them."""
+    return Beside
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ import sys
 import urllib.request
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import psutil
@@ -18,7 +17,6 @@ import pytest
 import yaml
 from selenium import webdriver
 from selenium.common.exceptions import TimeoutException
-from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
@@ -55,11 +53,6 @@ class Brittle(Effect):
 TORN = "phi0.6000_w08.000_r01"
 BOOST = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
 PATIENCE_S = 60
-CHROMIUM = (
-    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--window-size=1400,1400",
-    # Whatever is asked of a host that is not this one fails.
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
-)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -128,16 +121,8 @@ def campaign(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def chromium(folder):
-    options = webdriver.ChromeOptions()
-    for argument in CHROMIUM:
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    options.add_experimental_option("prefs", {"download.default_directory": str(folder)})
-    service = Service("/usr/bin/chromedriver") if Path("/usr/bin/chromedriver").exists() else Service()
-    driver = webdriver.Chrome(options=options, service=service)
-    yield driver
-    driver.quit()
+def downloads(folder):
+    return folder
 
 
 class Page:

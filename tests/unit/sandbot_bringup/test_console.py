@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandbot_bringup.console import Arrivals, Console, Series, Throttle
+from sandbot_bringup.console import Arrivals, Console, Packing, RecorderRate, Series, Throttle
 from sandbot_bringup.console_page import app, serve
 from sandbot_common.errors import InputError
 
@@ -57,43 +57,131 @@ def test_health_goes_from_waiting_over_ok_to_silent():
     assert health["rate_hz"] == pytest.approx(100, rel=0.02)
     late = arrivals.health(19.0, False)
     assert (late["state"], late["age_s"], late["rate_hz"]) == ("silent", 5.0, 0.0)
+    assert arrivals.health(19.0, False, math.inf)["state"] == "quiet"
     assert arrivals.health(19.0, True)["state"] == "held"
 
 
+def test_normal_silence_is_quiet_and_only_what_ought_to_be_heard_is_silent():
+    made = Console({name: False for name in ("/speed", "/bed/height", "/lift")})
+    for name in made.latched:
+        made.heard(name, 10.0)
+
+    def states(now_s):
+        topics = made.snapshot(now_s)["topics"]
+        return [topics[name]["state"] for name in ("/speed", "/bed/height", "/lift")]
+
+    assert states(11.0) == ["ok", "ok", "ok"]
+    assert states(20.0) == ["quiet", "silent", "quiet"]
+    made.set_node("clock", 0, "ok", {"running": "True"}, 20.0)
+    assert states(21.0) == ["quiet", "silent", "quiet"]  # the walk has only begun
+    made.set_node("clock", 0, "ok", {"running": "True"}, 23.0)
+    assert states(23.0) == ["silent", "silent", "quiet"]
+    made.set_node("clock", 0, "ok", {"running": "False"}, 24.0)
+    assert states(30.0) == ["quiet", "silent", "quiet"]
+
+
+def test_another_trial_begins_with_nothing_measured():
+    made = console()
+    made.set_trial('{"trial_id": "a", "start": "1"}')
+    made.values["lift_m"] = 0.01
+    made.measured.add(1.0, 0.1)
+    made.set_bed({"stage": "settle", "phi": "0.6", "height_m": "0.1", "pulses": "3"})
+    made.set_trial('{"trial_id": "a", "start": "1"}')  # told once more
+    assert made.snapshot(2.0)["values"] == {"lift_m": 0.01}
+    made.set_trial('{"trial_id": "a", "start": "2"}')  # repeated
+    shown = made.snapshot(2.0)
+    assert shown["values"] == {}
+    assert shown["speed"]["measured"]["t_s"] == []
+    assert shown["packing"]["points"] == []
+
+
+def test_the_bed_packs_a_point_a_pulse_and_begins_anew_with_the_next_preparation():
+    packing = Packing()
+    told = [
+        ("fluidise", 0, "nan", 0.099), ("settle", 0, "nan", 0.1),
+        ("pulse", 1, 0.58, 0.1), ("pulse", 1, 0.58, 0.1004), ("settle", 1, 0.58, 0.0999),
+        ("pulse", 2, 0.583, 0.0995),
+        ("ready", 2, 0.585, 0.0992), ("ready", 2, 0.585, 0.099),
+    ]  # fmt: skip
+    for stage, pulses, phi, height in told:
+        packing.add({"stage": stage, "pulses": str(pulses), "phi": str(phi), "height_m": str(height)})
+    assert [(p["pulses"], p["phi"], p["height_m"]) for p in packing.points] == [
+        (0, 0.58, 0.1),
+        (1, 0.583, 0.0995),
+        (2, 0.585, 0.0992),
+    ]
+    packing.add({"stage": "fluidise", "pulses": "0", "phi": "nan", "height_m": "0.1"})
+    assert packing.points == []
+
+
+def test_target_and_tolerance_are_those_of_the_bed():
+    made = console()
+    assert made.snapshot(0.0)["packing"] == {"points": [], "target_phi": None, "tolerance": None}
+    made.set_bed({"stage": "idle", "target_phi": "0.605"})
+    made.set_node("bed", 0, "ok", {"tolerance": "0.001"}, 0.0)
+    assert made.snapshot(0.0)["packing"] == {"points": [], "target_phi": 0.605, "tolerance": 0.001}
+
+
+def test_how_long_the_disk_lasts():
+    rate = RecorderRate()
+    assert rate.figures(1e9) == {"rate_bytes_s": None, "left_s": None}
+    for step in range(11):
+        rate.add(1e6 * step, 0.2 * step)
+    assert rate.figures(200 * 2**20 + 50e6) == {"rate_bytes_s": 5_000_000, "left_s": 10}
+    assert rate.figures(1e6)["left_s"] == 0
+    rate.add(10.0, 2.2)  # another bag
+    assert rate.figures(1e9)["rate_bytes_s"] is None
+
+
 @pytest.mark.parametrize(
-    ("blower", "rates", "state"),
+    ("name", "level", "text", "age_s", "state"),
     [
-        (None, None, "unknown"),
-        (0.0, None, "unknown"),
-        (0.0, [0.0] * 6, "free"),
-        (0.0, [0.0, 3.0], "legs"),
-        (0.4, [0.0], "air"),
-        (0.4, None, "air"),
-        (NAN, [0.0], "air"),
-        (0.4, [1.0], "broken"),
-        (0.4, [NAN], "broken"),
+        ("bed", 0, "ok", 1.0, "ok"),
+        ("tracker", 1, "late", 1.0, "warning"),
+        ("clock", 2, "stopped", 1.0, "error"),
+        ("clock", 0, "ok", 5.0, "silent"),
+        ("clock", 2, "ended: SIGTERM", 5.0, "gone"),
+        ("recorder", 0, "ok", 5.0, "gone"),
     ],
 )
-def test_interlock(blower, rates, state):
+def test_what_nodes_say_of_themselves(name, level, text, age_s, state):
     made = console()
-    if blower is not None:
-        made.values["blower"] = blower
-    if rates is not None:
-        made.set_legs(rates)
-    assert made.interlock["state"] == state
+    made.set_node(name, level, text, {}, 10.0)
+    assert made.snapshot(10.0 + age_s)["nodes"][name]["state"] == state
+
+
+def test_timing_and_recorder_are_shown_only_while_they_are_told():
+    made = console()
+    made.set_node("tracker", 0, "ok", {"latency_ms_median": "8.10", "missed_deadlines": "2"}, 10.0)
+    made.set_node("recorder", 0, "ok", {"written": "5", "lost": "0", "bytes": "9", "free_bytes": "1e9"}, 10.0)
+    shown = made.snapshot(10.1)
+    assert shown["timing"] == {"exposure to speed, median": "8.10 ms", "frames too late": "2"}
+    assert (shown["recorder"]["written"], shown["recorder"]["lost"]) == (5.0, 0.0)
+    later = made.snapshot(20.0)
+    assert (later["timing"], later["recorder"]) == ({}, {})
+
+
+def test_a_curve_is_kept_under_the_phi_that_was_meant():
+    made = console()
+    made.set_trial('{"trial_id": "a", "phi_target": 0.605}')
+    made.set_curve('{"phi": 0.6048, "omega_rad_s": [1.0], "speed_m_s": [0.1]}')
+    made.set_curve("no curve")
+    assert list(made.snapshot(0.0)["curves"]) == ["0.6050"]
+    made.set_trial('{"trial_id": "a", "phi_target": 0.605, "campaign": "another"}')
+    assert made.snapshot(0.0)["curves"] == {}
 
 
 def test_a_snapshot_is_json_without_nan():
     made = console()
+    made.set_trial('{"trial_id": "a", "omega_rad_s": 8.0}')
     made.heard("/speed", 1.0)
     made.measured.add(1.0, NAN)
     made.values["lift_m"] = NAN
-    made.set_trial('{"trial_id": "a", "omega_rad_s": 8.0}')
-    made.new_picture("dorsal")
+    made.new_picture("dorsal", ("com",))
     snapshot = json.loads(json.dumps(made.snapshot(1.5), allow_nan=False))
     assert snapshot["values"] == {"lift_m": None}
     assert snapshot["trial"]["omega_rad_s"] == 8.0
-    assert snapshot["pictures"] == {"dorsal": 1}
+    assert snapshot["pictures"] == {"dorsal": {"number": 1, "seen": ["com"]}}
 
 
 @pytest.mark.parametrize("text", ["by hand", "[1]", ""])
@@ -114,6 +202,8 @@ def test_throttle_lets_through_once_a_period():
 
 
 class Fake:
+    actions = ("go", "prepare")
+
     def __init__(self):
         self.called = []
 
@@ -123,8 +213,17 @@ class Fake:
     def picture(self, camera):
         return b"jpeg" if camera == "dorsal" else None
 
-    def call(self, service):
-        self.called.append(service)
+    def stop(self):
+        return self.call("stop")
+
+    def acknowledge(self):
+        return self.call("acknowledge")
+
+    def order(self, what):
+        return self.call(what)
+
+    def call(self, what):
+        self.called.append(what)
         return True, "done"
 
 
@@ -141,28 +240,44 @@ def client(fake):
 
 
 def test_page_library_stream_and_pictures_come_from_this_host(client):
-    page = client.get("/").get_data(as_text=True)
+    page = "".join(
+        client.get(f"/{name}").get_data(as_text=True) for name in ("", "console.js", "console.css", "base.css")
+    )
     assert "http://" not in page
     assert "https://" not in page
+    assert client.get("/console_page.py").status_code == 404
     assert b"plotly" in client.get("/plotly.js").data[:2000].lower()
     assert client.get("/stream").get_data(as_text=True) == 'data: {"a": 1}\n\n'
     assert client.get("/camera/dorsal.jpg").data == b"jpeg"
     assert client.get("/camera/lateral.jpg").status_code == 404
 
 
-def test_buttons_call_their_services(client, fake):
-    for action in ("prepare", "abort", "start", "stop"):
-        answer = client.post(f"/call/{action}", headers={"X-Trackway": "1"})
-        assert answer.json == {"success": True, "message": "done"}
-    assert fake.called == ["/bed/prepare", "/bed/abort", "/clock/start", "/clock/stop"]
+OWN = {"X-Trackway": "1"}
 
 
-def test_nobody_else_presses_the_buttons(client, fake):
-    assert client.post("/call/start").status_code == 403
-    rebound = {"Host": "evil.example:8060", "X-Trackway": "1"}
-    assert client.post("/call/start", headers=rebound).status_code == 403
-    assert client.post("/call/explode", headers={"X-Trackway": "1"}).status_code == 404
-    assert client.get("/call/start", headers={"X-Trackway": "1"}).status_code == 405
+def test_what_the_operator_asks_for_is_done(client, fake):
+    for path in ("stop", "acknowledge", "call/go", "call/prepare"):
+        assert client.post(f"/{path}", headers=OWN).json == {"success": True, "message": "done"}
+    order = {"do": "skip", "trial_id": "a"}
+    assert client.post("/order", headers=OWN, json=order).json["success"]
+    assert fake.called == ["stop", "acknowledge", "go", "prepare", order]
+
+
+@pytest.mark.parametrize("path", ["stop", "acknowledge", "call/go", "order"])
+def test_nobody_else_is_obeyed(client, fake, path):
+    assert client.post(f"/{path}", json={}).status_code == 403
+    rebound = {"Host": "evil.example:8060", **OWN}
+    assert client.post(f"/{path}", headers=rebound, json={}).status_code == 403
+    assert client.get(f"/{path}", headers=OWN).status_code in (404, 405)
+    assert fake.called == []
+
+
+@pytest.mark.parametrize(
+    ("body", "kind"), [("[1]", "application/json"), ("{", "application/json"), ("a=1", "text/plain")]
+)
+def test_an_order_that_is_none_is_refused(client, fake, body, kind):
+    assert client.post("/order", headers=OWN, data=body, content_type=kind).status_code in (400, 415)
+    assert client.post("/call/explode", headers=OWN).status_code == 404
     assert fake.called == []
 
 

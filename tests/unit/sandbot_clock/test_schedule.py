@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandbot_clock.schedule import NANO, Schedule, keep
+from sandbot_clock.schedule import NANO, Schedule, keep, missed_warning
 
 
 class Time:
@@ -66,3 +66,9 @@ def test_odd_rates(rate_hz):
     instants, missed = kept(Time(0), rate_hz, 100)
     assert missed == 0
     assert instants[-1] == pytest.approx(99 * NANO / rate_hz, abs=1)
+
+
+@pytest.mark.parametrize(("missed", "kept", "said"), [(0, 0, ""), (0, 500, ""), (5, 495, ""), (6, 494, "6 of 500")])
+def test_missed_deadlines_are_a_warning_above_one_in_a_hundred(missed, kept, said):
+    assert missed_warning(missed, kept).startswith(said)
+    assert bool(missed_warning(missed, kept)) == bool(said)

@@ -195,6 +195,7 @@ class BedNode(Node):
             "stage": command.stage.value,
             "blower": command.blower,
             "phi": command.phi,
+            "tolerance": self._settings.current.tolerance,
             "height_m": command.height_m,
         }
 

@@ -1,14 +1,17 @@
-"""What the console page shows, and nothing of how it is heard or served: latest values and short histories. Pure.
+"""What the console page shows, and nothing of how it is heard or served: the state of the running trackway. Pure.
 
-Times are seconds of one steady clock, passed in. The node feeds it; ``snapshot`` is what the page draws.
+Times are seconds of one steady clock, passed in. The node feeds it; ``snapshot`` is what the page draws. Of the trial
+under way only: what the one before it measured goes when /trial tells of another.
 """
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from sandbot_bringup.safety import Safety
+from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
 
@@ -17,15 +20,22 @@ HISTORY_S = 10.0
 
 RATE_WINDOW_S = 2.0
 SILENT_S = 2.0
-"""A topic that was heard and then is not for this long is called silent."""
+"""A topic that ought to be heard and is not for this long is called silent."""
+RESERVE_BYTES = 200 << 20
+"""The recorder stops when so little is free."""
+LOG_LINES = 200
 
-ACTIONS: Mapping[str, str] = {
-    "prepare": "/bed/prepare",
-    "abort": "/bed/abort",
-    "start": "/clock/start",
-    "stop": "/clock/stop",
-}
-"""What the page's buttons call: std_srvs/Trigger services."""
+ALWAYS = {topics.BED_HEIGHT.name, topics.BED_BLOWER.name, topics.BED_STATUS.name, topics.DIAGNOSTICS.name}
+WALKING = {
+    topic.name
+    for topic in (
+        topics.LEG_SETPOINTS, topics.LEG_STATES, topics.SPEED, topics.COM, topics.FRONT_AXLE, topics.REAR_AXLE,
+    )
+}  # fmt: skip
+"""What is heard while legs move. Of all other topics silence means nothing."""
+PASSING = {"recorder", "campaign"}
+"""Nodes that come and go."""
+BUSY = ("fluidise", "ramp_down", "settle", "pulse")
 
 
 class Series:
@@ -43,6 +53,10 @@ class Series:
         while t_s - self._points[0][0] > self._history_s:
             self._points.popleft()
 
+    def clear(self) -> None:
+        """A new trial."""
+        self._points.clear()
+
     @property
     def latest_s(self) -> float:
         """The last time stamp, minus infinity where there is none."""
@@ -52,7 +66,7 @@ class Series:
         """Times before ``zero_s`` [s, not positive] and values; not measured (NaN) is None, a gap in the plot."""
         return {
             "t_s": [round(t_s - zero_s, 4) for t_s, _ in self._points],
-            "value": [value if math.isfinite(value) else None for _, value in self._points],
+            "value": [round(value, 5) if math.isfinite(value) else None for _, value in self._points],
         }
 
 
@@ -69,15 +83,20 @@ class Arrivals:
         self._times.append(now_s)
         self._forget(now_s)
 
-    def health(self, now_s: float, latched: bool) -> dict[str, Any]:
-        """``state`` (waiting, ok, silent; held for a latched one that has come), ``rate_hz`` and ``age_s``."""
+    def health(self, now_s: float, latched: bool, expected_since_s: float = -math.inf) -> dict[str, Any]:
+        """``state``, ``rate_hz`` and ``age_s``.
+
+        State: waiting for the first one; ok; held for a latched one that has come; else silent where messages are
+        expected (since ``expected_since_s``, infinite: they are not), and quiet where not.
+        """
         if not math.isfinite(self._first_s):
             return {"state": "waiting", "rate_hz": 0.0, "age_s": None}
         self._forget(now_s)
         age_s = now_s - self._times[-1]
         heard = max(min(RATE_WINDOW_S, now_s - self._first_s), 0.5)
         recent = sum(1 for t_s in self._times if now_s - t_s <= RATE_WINDOW_S)
-        state = "held" if latched else "ok" if age_s <= SILENT_S else "silent"
+        missed = min(age_s, now_s - expected_since_s) > SILENT_S
+        state = "held" if latched else "ok" if age_s <= SILENT_S else "silent" if missed else "quiet"
         return {"state": state, "rate_hz": round(recent / heard, 1), "age_s": round(age_s, 1)}
 
     def _forget(self, now_s: float) -> None:
@@ -87,18 +106,91 @@ class Arrivals:
 
 
 @dataclass
+class Packing:
+    """φ and height of the bed against pulses, in the preparation under way or the last one."""
+
+    points: list[dict[str, float]] = field(default_factory=list)
+    _busy: bool = False
+
+    def add(self, values: Mapping[str, str]) -> None:
+        """What /bed/status says. A point is there when φ has been measured after a pulse (or after fluidising)."""
+        busy = values.get("stage") in BUSY
+        if busy and not self._busy:
+            self.points.clear()
+        self._busy = busy
+        figures = {key: _number(values.get(key)) for key in ("pulses", "refluidised", "phi", "phi_sd", "height_m")}
+        if not math.isfinite(figures["phi"] + figures["height_m"]):
+            return
+        if values.get("stage") == "pulse":
+            figures["pulses"] -= 1  # the one that is given now came after φ
+        point = {key: value for key, value in figures.items() if math.isfinite(value)}
+        last = self.points[-1] if self.points else {}
+        if any(point.get(key) != last.get(key) for key in ("refluidised", "phi")):
+            self.points.append(point)
+
+
+@dataclass
+class NodeHealth:
+    """What a node last said of itself on /diagnostics."""
+
+    level: int
+    text: str
+    values: Mapping[str, str]
+    heard_s: float
+
+    def shown(self, name: str, now_s: float) -> dict[str, Any]:
+        """Its state: ok, warning, error, gone (it said so, or comes and goes) or silent."""
+        silent = now_s - self.heard_s > SILENT_S
+        gone = silent and (name in PASSING or self.text.startswith("ended"))
+        state = "gone" if gone else "silent" if silent else ("ok", "warning", "error", "error")[min(self.level, 3)]
+        return {"state": state, "text": self.text, "age_s": round(now_s - self.heard_s, 1)}
+
+
+class RecorderRate:
+    """Bytes a second over the last two seconds, and how long the disk lasts at that."""
+
+    def __init__(self) -> None:
+        self._sizes: deque[tuple[float, float]] = deque()
+
+    def add(self, size_bytes: float, now_s: float) -> None:
+        """The bag's size; a smaller one is another bag."""
+        if self._sizes and size_bytes < self._sizes[-1][1]:
+            self._sizes.clear()
+        self._sizes.append((now_s, size_bytes))
+        while now_s - self._sizes[0][0] > RATE_WINDOW_S:
+            self._sizes.popleft()
+
+    def figures(self, free_bytes: float) -> dict[str, float | None]:
+        """``rate_bytes_s`` and ``left_s`` until the recorder would stop; None where not known."""
+        if len(self._sizes) < 2 or self._sizes[-1][0] <= self._sizes[0][0]:
+            return {"rate_bytes_s": None, "left_s": None}
+        (t0, first), (t1, last) = self._sizes[0], self._sizes[-1]
+        rate = (last - first) / (t1 - t0)
+        left = (free_bytes - RESERVE_BYTES) / rate if rate > 0 else math.nan
+        return {"rate_bytes_s": round(rate), "left_s": round(max(left, 0.0)) if math.isfinite(left) else None}
+
+
+@dataclass
 class Console:
     """The state behind the page. Every method is cheap; the node calls them as messages come."""
 
     latched: Mapping[str, bool]
     arrivals: dict[str, Arrivals] = field(init=False)
+    safety: Safety = field(default_factory=Safety)
     measured: Series = field(default_factory=Series)
     predicted: Series = field(default_factory=Series)
+    packing: Packing = field(default_factory=Packing)
     values: dict[str, float] = field(default_factory=dict)
     bed: dict[str, str] = field(default_factory=dict)
     trial: dict[str, Any] = field(default_factory=dict)
-    legs_moving: bool | None = None
-    pictures: dict[str, int] = field(default_factory=dict)
+    nodes: dict[str, NodeHealth] = field(default_factory=dict)
+    recorder: RecorderRate = field(default_factory=RecorderRate)
+    campaign: dict[str, Any] = field(default_factory=dict)
+    curves: dict[str, Any] = field(default_factory=dict)
+    pictures: dict[str, dict[str, Any]] = field(default_factory=dict)
+    log: deque[Mapping[str, str]] = field(default_factory=lambda: deque(maxlen=LOG_LINES))
+    _campaign_s: float = -math.inf
+    _walking_since_s: float = math.inf
 
     def __post_init__(self) -> None:
         self.arrivals = {name: Arrivals() for name in self.latched}
@@ -108,50 +200,133 @@ class Console:
         self.arrivals[topic].add(now_s)
 
     def set_trial(self, text: str) -> None:
-        """What /trial says (JSON); other text is shown as it is."""
-        try:
-            content = parse_json(text, "/trial")
-        except InputError:
-            content = None
-        self.trial = content if isinstance(content, dict) else {"trial_id": text}
+        """What /trial says (JSON); other text is shown as it is. Another trial begins with nothing measured."""
+        content = _json(text, topics.TRIAL.name)
+        trial = content if isinstance(content, dict) else {"trial_id": text}
+        if (trial.get("trial_id"), trial.get("start")) != (self.trial.get("trial_id"), self.trial.get("start")):
+            self.values.clear()
+            self.measured.clear()
+            self.predicted.clear()
+            self.packing = Packing()
+        if trial.get("campaign") != self.trial.get("campaign"):
+            self.curves.clear()
+        self.trial = trial
 
-    def set_legs(self, rates_rad_s: Iterable[float]) -> None:
-        """Whether any leg turns; NaN counts as turning."""
-        self.legs_moving = any(rate != 0 for rate in rates_rad_s)
+    def set_bed(self, values: Mapping[str, str]) -> None:
+        """What /bed/status says."""
+        self.bed.update(values)
+        self.packing.add(values)
 
-    def new_picture(self, camera: str) -> None:
-        """A newer picture of ``camera`` is there."""
-        self.pictures[camera] = self.pictures.get(camera, 0) + 1
+    def set_node(self, name: str, level: int, text: str, values: Mapping[str, str], now_s: float) -> None:
+        """What a node says of itself on /diagnostics."""
+        self.nodes[name] = NodeHealth(level, text, values, now_s)
+        if name == "clock":
+            running = values.get("running") == "True"
+            self.safety.on_clock(running, now_s)
+            self._walking_since_s = min(self._walking_since_s, now_s) if running else math.inf
+        if name == "recorder" and math.isfinite(size := _number(values.get("bytes"))):
+            self.recorder.add(size, now_s)
 
-    @property
-    def interlock(self) -> dict[str, str]:
-        """Legs never move while air is on: who is locked now, and by what."""
-        blower = self.values.get("blower")
-        # "not <= 0" so that NaN counts as on.
-        air_on = blower is not None and not blower <= 0
-        if air_on and self.legs_moving:
-            return {"state": "broken", "text": "AIR IS ON WHILE LEGS MOVE: abort"}
-        if air_on:
-            return {"state": "air", "text": f"air is on ({blower:.2f}): legs are locked"}
-        if self.legs_moving:
-            return {"state": "legs", "text": "legs move: air is locked"}
-        if blower is None or self.legs_moving is None:
-            unheard = "the blower" if blower is None else "the legs"
-            return {"state": "unknown", "text": f"nothing heard of {unheard} yet"}
-        return {"state": "free", "text": "air off, legs still"}
+    def set_campaign(self, text: str, now_s: float) -> None:
+        """What campaign/status says."""
+        content = _json(text, topics.CAMPAIGN_STATUS.name)
+        if isinstance(content, dict):
+            self.campaign, self._campaign_s = content, now_s
+
+    def set_curve(self, text: str) -> None:
+        """The model's curve at the φ of a trial, kept under the φ it was meant to have."""
+        content = _json(text, topics.MODEL_CURVE.name)
+        if isinstance(content, dict) and "phi" in content:
+            meant = _number(self.trial.get("phi_target", content["phi"]))
+            self.curves[f"{meant:.4f}"] = content
+
+    def new_picture(self, camera: str, seen: Sequence[str] = ()) -> None:
+        """A newer picture of ``camera`` is there, with the marks ``seen`` drawn in."""
+        number = self.pictures.get(camera, {"number": 0})["number"] + 1
+        self.pictures[camera] = {"number": number, "seen": list(seen)}
+
+    def note(self, at: str, who: str, text: str) -> None:
+        """One line of the log; ``at``: ISO 8601, UTC."""
+        self.log.append({"at": at, "who": who, "text": text})
 
     def snapshot(self, now_s: float) -> dict[str, Any]:
         """All of it as plain values for JSON (no NaN)."""
         zero_s = max(self.measured.latest_s, self.predicted.latest_s)
+        safety = self.safety.statement(now_s)
         return {
-            "topics": {name: one.health(now_s, self.latched[name]) for name, one in self.arrivals.items()},
+            "topics": {name: one.health(now_s, self.latched[name], self._expected(name)) for name, one in self._topics},
+            "nodes": {name: one.shown(name, now_s) for name, one in sorted(self.nodes.items())},
             "speed": {"measured": self.measured.columns(zero_s), "predicted": self.predicted.columns(zero_s)},
             "values": {name: value if math.isfinite(value) else None for name, value in self.values.items()},
             "bed": dict(self.bed),
+            "packing": {"points": self.packing.points, **self._target()},
             "trial": dict(self.trial),
-            "interlock": self.interlock,
+            "safety": {"state": safety.state, "text": safety.text},
+            "timing": self._timing(now_s),
+            "recorder": self._recorder(now_s),
+            "campaign": {**self.campaign, "age_s": round(now_s - self._campaign_s, 1)} if self.campaign else {},
+            "curves": self.curves,
             "pictures": dict(self.pictures),
+            "log": list(self.log),
         }
+
+    @property
+    def _topics(self) -> list[tuple[str, Arrivals]]:
+        return list(self.arrivals.items())
+
+    def _expected(self, topic: str) -> float:
+        """Since when a topic ought to be heard; infinity where it need not be."""
+        return -math.inf if topic in ALWAYS else self._walking_since_s if topic in WALKING else math.inf
+
+    def _said(self, node: str, now_s: float) -> Mapping[str, str]:
+        health = self.nodes.get(node)
+        return health.values if health is not None and now_s - health.heard_s <= SILENT_S else {}
+
+    def _target(self) -> dict[str, float | None]:
+        health = self.nodes.get("bed")
+        tolerance = _number(health.values.get("tolerance")) if health else math.nan
+        target = _number(self.bed.get("target_phi"))
+        return {"target_phi": _or_none(target), "tolerance": _or_none(tolerance)}
+
+    def _timing(self, now_s: float) -> dict[str, str]:
+        tracker, clock = self._said("tracker", now_s), self._said("clock", now_s)
+        named = {
+            "exposure to speed, median": (tracker, "latency_ms_median", "ms"),
+            "99 %": (tracker, "latency_ms_p99", "ms"),
+            "frames too late": (tracker, "missed_deadlines", ""),
+            "set-points late by, 99 %": (clock, "late_p99_us", "µs"),
+            "set-points missed": (clock, "missed_deadlines", ""),
+        }
+        return {
+            name: f"{values[key]} {unit}".strip()
+            for name, (values, key, unit) in named.items()
+            if values.get(key) not in (None, "nan")
+        }
+
+    def _recorder(self, now_s: float) -> dict[str, float | None]:
+        said = self._said("recorder", now_s)
+        if not said:
+            return {}
+        figures = {key: _or_none(_number(said.get(key))) for key in ("written", "lost", "bytes", "free_bytes")}
+        return {**figures, **self.recorder.figures(figures["free_bytes"] or math.nan)}
+
+
+def _json(text: str, where: str) -> Any:
+    try:
+        return parse_json(text, where)
+    except InputError:
+        return None
+
+
+def _number(text: object) -> float:
+    try:
+        return float(str(text))
+    except ValueError:
+        return math.nan
+
+
+def _or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 class Throttle:

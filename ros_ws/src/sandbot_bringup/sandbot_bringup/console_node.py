@@ -1,36 +1,67 @@
-"""The console node: hears everything, shows it on a page of this host, and calls the services its buttons name."""
+"""The console node: hears everything, shows it on a page of this host, and does what the page's operator asks for.
 
+What is said of safety comes from every message of legs and blower, none thrown away. Frames and speeds may get lost: a
+page must show what is now.
+"""
+
+import json
 import threading
 import time
+import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
-import cv2
+from rclpy.client import Client
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
-from sandbot_bringup.console import ACTIONS, Console, Throttle
+from sandbot_bringup.console import Console, Throttle
 from sandbot_bringup.console_page import HOST, serve
+from sandbot_bringup.marks import SEEN_BY, Drawn, View
+from sandbot_bringup.nodes import table_path
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
 from sandbot_common.topics import Topic
+from sandbot_tracking.calibration import read_cameras
 from sandbot_tracking.pixels import grey
 
+ACTIONS: Mapping[str, str] = {
+    "prepare": "/bed/prepare",
+    "abort": "/bed/abort",
+    "start": "/clock/start",
+    "halt": "/clock/stop",
+    "pause": "/campaign/pause",
+    "go": "/campaign/go",
+}
+"""What the page's buttons call: std_srvs/Trigger services."""
+STOP: Mapping[str, str] = {"legs": "/clock/stop", "air": "/bed/abort", "campaign": "/campaign/stop"}
+"""What STOP calls, all at once; each by itself is enough to end motion and air of a campaign."""
+
 CALL_S = 5.0
-SHOWN = tuple(topic for topic in topics.ALL if topic not in (topics.DORSAL_JPEG, topics.LATERAL_JPEG))
-_CAMERAS = {topics.DORSAL_IMAGE: "dorsal", topics.LATERAL_IMAGE: "lateral"}
+STOP_S, ASK_AGAIN_S, LOOK_S = 3.0, 0.25, 0.01
+"""How long STOP is seen through, how soon it is said again where nobody answers, how often it is looked."""
+
+SHOWN = (
+    *(topic for topic in topics.ALL if topic not in (topics.DORSAL_JPEG, topics.LATERAL_JPEG)),
+    topics.CAMPAIGN_STATUS,
+    topics.MODEL_CURVE,
+)
+_IMAGES = {topics.DORSAL_IMAGE: "dorsal", topics.LATERAL_IMAGE: "lateral"}
+_LANDMARKS = {topics.COM: "com", topics.FRONT_AXLE: "front_axle", topics.REAR_AXLE: "rear_axle"}
 _NUMBERS = {
-    topics.BED_BLOWER: "blower",
     topics.BED_PHI: "phi",
     topics.SPEED_MEAN: "speed_mean_m_s",
     topics.MODEL_SPEED_MEAN: "model_speed_mean_m_s",
     topics.MODEL_ERROR: "model_error_m_s",
     topics.LIFT: "lift_m",
 }
+_EXACT = {topics.LEG_STATES, topics.BED_BLOWER, topics.BED_STATUS, topics.DIAGNOSTICS}
+"""Not one of these may be lost. Of the others that may: a reliable reader of a busy host stood still for 1 to 2 s."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +70,14 @@ class ConsoleParameters:
 
     port: int = parameter(8060, doc="TCP port of the page on this host; 0: any free one", low=0, high=65535)
     picture_rate_hz: float = parameter(5.0, unit="Hz", doc="pictures a second of each camera", low=0.1, high=25.0)
+    cameras: str = parameter("", doc="cameras file, to draw the marks with; empty: the project's own")
+    explorer_port: int = parameter(8050, doc="port of the explorer that the page links to", low=1, high=65535)
 
 
 class ConsoleNode(Node):
     """Messages come serialized; only what is shown is ever decoded, and pictures only as often as they are shown."""
+
+    actions = ACTIONS.keys()
 
     def __init__(self) -> None:
         super().__init__("console")
@@ -50,109 +85,215 @@ class ConsoleNode(Node):
         self._lock = threading.Lock()
         self._state = Console({topic.name: topic.latched for topic in SHOWN})
         self._pictures: dict[str, bytes] = {}
-        self._triggers = {name: self.create_client(Trigger, topics.relative(name)) for name in ACTIONS.values()}
+        cameras = read_cameras(self._settings.cameras or Path(table_path()).with_name("cameras.yaml"))
+        self._views = {name: View(cameras[name], marks) for name, marks in SEEN_BY.items() if name in cameras}
+        names = {*ACTIONS.values(), *STOP.values()}
+        self._triggers = {name: self.create_client(Trigger, topics.relative(name)) for name in names}
+        self._orders = node.publisher(self, topics.CAMPAIGN_COMMAND)
         self._closing = threading.Event()
         self._server = serve(self, self._settings.port, self._closing)
         for topic in SHOWN:
             kind = messages.message_class(topic.type)
-            self.create_subscription(kind, topic.relative, self._listener(topic), _watching(topic), raw=True)
+            best_effort = not topic.latched and topic not in _EXACT
+            self.create_subscription(
+                kind, topic.relative, self._listener(topic), node.qos(topic, best_effort=best_effort), raw=True
+            )
         self.get_logger().info(f"console: http://{HOST}:{self._server.port}/")
 
     def snapshot(self) -> Mapping[str, Any]:
         """What the page draws (called from the server's threads)."""
         with self._lock:
-            return self._state.snapshot(time.monotonic())
+            return {**self._state.snapshot(time.monotonic()), "explorer_port": self._settings.explorer_port}
 
     def picture(self, camera: str) -> bytes | None:
         """The latest JPEG of a camera."""
         return self._pictures.get(camera)
 
-    def call(self, service: str) -> tuple[bool, str]:
-        """Call a Trigger service and wait for its answer (called from the server's threads)."""
+    def call(self, action: str) -> tuple[bool, str]:
+        """Call the service of an action and wait for its answer (called from the server's threads)."""
+        service = ACTIONS[action]
         client = self._triggers[service]
         if not client.service_is_ready():
-            return False, f"nobody offers {service}"
+            return self._said(action, False, f"nobody offers {service}")
         answered = threading.Event()
         future = client.call_async(Trigger.Request())
         future.add_done_callback(lambda _: answered.set())
         if not answered.wait(CALL_S):
-            return False, f"no answer from {service} within {CALL_S:g} s"
+            return self._said(action, False, f"no answer from {service} within {CALL_S:g} s")
         response = future.result()
-        return response.success, response.message
+        if response.success and "campaign" in service:  # its journal tells of it
+            return True, response.message
+        return self._said(action, response.success, response.message)
+
+    def stop(self) -> tuple[bool, str]:
+        """End motion and air and hold the campaign; whether all is seen to be at rest, and how soon it was."""
+        begun_s = time.monotonic()
+        asked = {name: _Asked(self._triggers[service]) for name, service in STOP.items()}
+        done = False
+        while not done and time.monotonic() - begun_s < STOP_S:
+            answered = [one.again(time.monotonic()) for one in asked.values()]
+            with self._lock:
+                done = all(answered) and self._state.safety.at_rest(time.monotonic())
+            self._closing.wait(LOOK_S)
+        return self._said("STOP", done, self._what_stopped(begun_s, asked))
+
+    def order(self, what: Mapping[str, Any]) -> tuple[bool, str]:
+        """Send an order to the campaign (skip, repeat, add) and wait for its answer."""
+        if not self.count_subscribers(topics.CAMPAIGN_COMMAND.relative):
+            return False, "no campaign is running"
+        name = uuid.uuid4().hex
+        self._orders.publish(messages.string(json.dumps({**what, "id": name})))
+        deadline_s = time.monotonic() + CALL_S
+        while time.monotonic() < deadline_s:
+            with self._lock:
+                answer = self._state.campaign.get("answers", {}).get(name)
+            if answer is not None and answer["success"]:
+                return True, answer["message"]
+            if answer is not None:
+                return self._said(str(what.get("do")), False, answer["message"])
+            self._closing.wait(LOOK_S)
+        return self._said(str(what.get("do")), False, f"no answer from the campaign within {CALL_S:g} s")
+
+    def acknowledge(self) -> tuple[bool, str]:
+        """The operator has seen that air was on while legs moved."""
+        with self._lock:
+            self._state.safety.acknowledge()
+        return self._said("acknowledge", True, "seen")
 
     def close(self) -> None:
         """End the streams and the server."""
         self._closing.set()
         self._server.shutdown()
 
+    def _what_stopped(self, begun_s: float, asked: Mapping[str, "_Asked"]) -> str:
+        now_s = time.monotonic()
+        with self._lock:
+            safety = self._state.safety
+            legs, air = safety.legs(now_s), safety.air(now_s)
+            rest_s, off_s = safety.rest_s - begun_s, safety.off_s - begun_s
+        held = asked["campaign"].response
+        return "; ".join(
+            (
+                f"legs at rest after {rest_s:.2f} s" if legs.state == "still" and rest_s > 0 else legs.text,
+                f"air off after {off_s:.2f} s" if air.state == "off" and off_s > 0 else air.text,
+                held.message if held is not None else "no campaign answered",
+            )
+        )
+
+    def _said(self, action: str, success: bool, message: str) -> tuple[bool, str]:
+        with self._lock:
+            self._state.note(_now(), "operator", f"{action}: {'' if success else 'REFUSED: '}{message}")
+        return success, message
+
     def _listener(self, topic: Topic) -> Callable[[bytes], None]:
         kind = messages.message_class(topic.type)
         show = self._shower(topic)
-        # The plot wants every speed; a picture or a status only as often as someone can look.
-        period_s = 0.0 if topic in (topics.SPEED, topics.MODEL_SPEED) else 1 / self._settings.picture_rate_hz
-        due = Throttle(period_s, time.monotonic)
+        # Of frames only as many as are shown are decoded; of the rest every one.
+        due = Throttle(1 / self._settings.picture_rate_hz, time.monotonic) if topic in _IMAGES else lambda: True
 
         def on_message(data: bytes) -> None:
             with self._lock:
                 self._state.heard(topic.name, time.monotonic())
-            if show is not None and (topic.latched or due()):
+            if show is not None and due():
                 show(deserialize_message(data, kind))
 
         return on_message
 
     def _shower(self, topic: Topic) -> Callable[[Any], None] | None:
         state = self._state
-        if topic in _CAMERAS:
-            return lambda message: self._show_picture(_CAMERAS[topic], message)
-        if topic in _NUMBERS:
-            return self._locked(lambda message: state.values.update({_NUMBERS[topic]: message.data}))
-        if topic in (topics.SPEED, topics.MODEL_SPEED):
-            series = state.measured if topic is topics.SPEED else state.predicted
-            return self._locked(
-                lambda message: series.add(
-                    messages.nanoseconds(message.header.stamp) / 1e9, message.twist.twist.linear.x
-                )
-            )
-        if topic is topics.BED_STATUS:
-            return self._locked(
-                lambda message: state.bed.update({p.key: p.value for one in message.status for p in one.values})
-            )
-        if topic is topics.TRIAL:
-            return self._locked(lambda message: state.set_trial(message.data))
-        if topic is topics.LEG_STATES:
-            return self._locked(lambda message: state.set_legs(message.velocity))
-        return None
+        if topic in _IMAGES:
+            return lambda message: self._on_picture(_IMAGES[topic], message)
+        if topic in _LANDMARKS:
+            return lambda message: self._on_landmark(_LANDMARKS[topic], message)
+        changes: dict[Topic, Callable[[Any], None]] = {
+            topics.LEG_STATES: lambda message: state.safety.on_legs(message.velocity, time.monotonic()),
+            topics.BED_BLOWER: lambda message: state.safety.on_air(message.data, time.monotonic()),
+            topics.BED_STATUS: lambda message: state.set_bed(_values(message.status[0])),
+            topics.DIAGNOSTICS: self._on_diagnostics,
+            topics.TRIAL: lambda message: state.set_trial(message.data),
+            topics.CAMPAIGN_STATUS: lambda message: state.set_campaign(message.data, time.monotonic()),
+            topics.MODEL_CURVE: lambda message: state.set_curve(message.data),
+            topics.SPEED: lambda message: state.measured.add(*_v_x(message)),
+            topics.MODEL_SPEED: lambda message: state.predicted.add(*_v_x(message)),
+            **{one: self._setter(name) for one, name in _NUMBERS.items()},
+        }
+        return self._locked(changes[topic]) if topic in changes else None
 
-    def _locked(self, change: Callable[[Any], None]) -> Callable[[Any], None]:
+    def _setter(self, name: str) -> Callable[[Any], None]:
+        return lambda message: self._state.values.update({name: message.data})
+
+    def _on_diagnostics(self, message: Any) -> None:
+        for one in message.status:
+            level, before = one.level[0], self._state.nodes.get(one.name)
+            if (before.level if before else 0) != level:
+                said = ("is ok again", "warns: " + one.message, "error: " + one.message)[min(level, 2)]
+                self._state.note(_now(), one.name, said)
+            self._state.set_node(one.name, level, one.message, _values(one), time.monotonic())
+
+    def _locked(self, change: Callable[[Any], object]) -> Callable[[Any], None]:
         def guarded(message: Any) -> None:
             with self._lock:
                 change(message)
 
         return guarded
 
-    def _show_picture(self, camera: str, message: Any) -> None:
+    def _on_picture(self, camera: str, message: Any) -> None:
+        if camera not in self._views:
+            return
         try:
             pixels = grey(message)
         except InputError as error:
             self.get_logger().error(f"{camera}: {error}", throttle_duration_sec=5.0)
             return
-        good, jpeg = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 80])
-        if good:
-            self._pictures[camera] = jpeg.tobytes()
-            with self._lock:
-                self._state.new_picture(camera)
+        self._show(camera, self._views[camera].picture(messages.nanoseconds(message.header.stamp), pixels))
+
+    def _on_landmark(self, name: str, message: Any) -> None:
+        point, t_ns = message.point, messages.nanoseconds(message.header.stamp)
+        for camera, view in self._views.items():
+            if name in view.names:
+                self._show(camera, view.landmark(name, t_ns, (point.x, point.y, point.z)))
+
+    def _show(self, camera: str, drawn: Drawn | None) -> None:
+        if drawn is None:
+            return
+        self._pictures[camera] = drawn.jpeg
+        with self._lock:
+            self._state.new_picture(camera, drawn.seen)
 
 
-def _watching(topic: Topic) -> QoSProfile:
-    """As delivered, but a message that got lost is not waited for.
+class _Asked:
+    """A Trigger service that is asked until it answers; one that nobody offers is not waited for."""
 
-    Measured: a reliable reader of a busy host stood still for 1 to 2 s at a loss; a page must show what is now.
-    """
-    qos = node.qos(topic)
-    if not topic.latched:
-        qos.reliability = ReliabilityPolicy.BEST_EFFORT
-        qos.depth = min(topic.depth, 50)
-    return qos
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._futures: list[Any] = []
+        self._next_s = 0.0
+
+    @property
+    def response(self) -> Any:
+        """What it answered, None as yet."""
+        return next((one.result() for one in self._futures if one.done()), None)
+
+    def again(self, now_s: float) -> bool:
+        """Ask if it is time; whether there is nothing to wait for."""
+        if self.response is not None or not self._client.service_is_ready():
+            return True
+        if now_s >= self._next_s:
+            self._next_s = now_s + ASK_AGAIN_S
+            self._futures.append(self._client.call_async(Trigger.Request()))
+        return False
+
+
+def _values(status: Any) -> dict[str, str]:
+    return {pair.key: pair.value for pair in status.values}
+
+
+def _v_x(message: Any) -> tuple[float, float]:
+    return messages.nanoseconds(message.header.stamp) / 1e9, message.twist.twist.linear.x
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,13 +1,13 @@
-"""The console over HTTP: one page, a stream of snapshots, two pictures, four buttons. No ROS here.
+"""The console over HTTP: one page, a stream of snapshots, two pictures, and what its operator asks for. No ROS here.
 
-Loopback only, and the buttons obey this page alone: the Host must be this host (a name that was rebound to it is not)
-and a header is asked for that another site's page can't send.
+Loopback only, and it obeys this page alone: the Host must be this host (a name that was rebound to it is not) and a
+header is asked for that another site's page can't send.
 """
 
 import json
 import socket
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from importlib.resources import files
 from typing import Any, Protocol
 from urllib.parse import urlsplit
@@ -16,7 +16,6 @@ from flask import Flask, Response, abort, jsonify, request
 from plotly.offline import get_plotlyjs
 from werkzeug.serving import BaseWSGIServer, WSGIRequestHandler, make_server
 
-from sandbot_bringup.console import ACTIONS
 from sandbot_common.errors import InputError
 
 HOST = "127.0.0.1"
@@ -27,34 +26,66 @@ _OWN_HEADER = "X-Trackway"
 class Source(Protocol):
     """What the page needs of the node; called from the server's threads."""
 
+    actions: Collection[str]
+    """What ``call`` can do."""
+
     def snapshot(self) -> Mapping[str, Any]:
         """What to draw."""
 
     def picture(self, camera: str) -> bytes | None:
         """The latest JPEG of a camera, None before the first."""
 
-    def call(self, service: str) -> tuple[bool, str]:
-        """Call a Trigger service: success and what it said."""
+    def stop(self) -> tuple[bool, str]:
+        """End motion and air and hold the campaign: whether all is at rest, and what was seen."""
+
+    def call(self, action: str) -> tuple[bool, str]:
+        """Do one of ``actions``: success and what was said."""
+
+    def order(self, what: Mapping[str, Any]) -> tuple[bool, str]:
+        """Change the campaign's queue: success and what was said."""
+
+    def acknowledge(self) -> tuple[bool, str]:
+        """An overlap of air and motion has been seen by the operator."""
+
+
+def _texts() -> dict[str, tuple[str, str]]:
+    """What the page is made of, by path: text and type. Its face is the explorer's."""
+    own, shared = files("sandbot_bringup") / "page", files("sandbot_model.explore") / "assets"
+    return {
+        "": (own.joinpath("console.html").read_text(encoding="utf-8"), "text/html"),
+        "base.css": (shared.joinpath("base.css").read_text(encoding="utf-8"), "text/css"),
+        "console.css": (own.joinpath("console.css").read_text(encoding="utf-8"), "text/css"),
+        "console.js": (own.joinpath("console.js").read_text(encoding="utf-8"), "text/javascript"),
+        "plotly.js": (get_plotlyjs(), "text/javascript"),
+    }
 
 
 def app(source: Source, closing: threading.Event) -> Flask:
     """The WSGI application; its streams end when ``closing`` is set."""
     page = Flask("sandbot_bringup.console", static_folder=None)
-    html = files("sandbot_bringup").joinpath("console.html").read_text(encoding="utf-8")
-    library = get_plotlyjs()
 
     @page.before_request
-    def own_host() -> None:
+    def own_page_only() -> None:
         if urlsplit(f"//{request.host}").hostname not in (HOST, "localhost"):
             abort(403)
+        if request.method != "GET" and request.headers.get(_OWN_HEADER) is None:
+            abort(403)
+
+    _show(page, source, closing)
+    _obey(page, source)
+    return page
+
+
+def _show(page: Flask, source: Source, closing: threading.Event) -> None:
+    texts = _texts()
 
     @page.get("/")
-    def index() -> Response:
-        return Response(html, mimetype="text/html")
-
-    @page.get("/plotly.js")
-    def plotly_js() -> Response:
-        return Response(library, mimetype="text/javascript", headers={"Cache-Control": "max-age=86400"})
+    @page.get("/<path:name>")
+    def text(name: str = "") -> Response:
+        if name not in texts:
+            abort(404)
+        content, kind = texts[name]
+        return Response(content, mimetype=kind, headers={"Cache-Control": "no-cache"})
 
     @page.get("/stream")
     def stream() -> Response:
@@ -67,16 +98,30 @@ def app(source: Source, closing: threading.Event) -> Flask:
             abort(404)
         return Response(jpeg, mimetype="image/jpeg", headers={"Cache-Control": "no-store"})
 
+
+def _obey(page: Flask, source: Source) -> None:
+    at_once = {"stop": source.stop, "acknowledge": source.acknowledge}
+
+    @page.post("/<any(stop, acknowledge):what>")
+    def simple(what: str) -> Response:
+        return _answer(at_once[what]())
+
     @page.post("/call/<action>")
     def call(action: str) -> Response:
-        if request.headers.get(_OWN_HEADER) is None:
-            abort(403)
-        if action not in ACTIONS:
+        if action not in source.actions:
             abort(404)
-        success, message = source.call(ACTIONS[action])
-        return jsonify(success=success, message=message)
+        return _answer(source.call(action))
 
-    return page
+    @page.post("/order")
+    def order() -> Response:
+        what = request.get_json()
+        if not isinstance(what, dict):
+            abort(400)
+        return _answer(source.order(what))
+
+
+def _answer(result: tuple[bool, str]) -> Response:
+    return jsonify(success=result[0], message=result[1])
 
 
 def serve(source: Source, port: int, closing: threading.Event) -> BaseWSGIServer:

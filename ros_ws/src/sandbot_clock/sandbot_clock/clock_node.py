@@ -28,7 +28,7 @@ from std_srvs.srv import Trigger
 
 from sandbot_clock.gait import PRESETS, Gait
 from sandbot_clock.phase_clock import PhaseClock
-from sandbot_clock.schedule import NANO, Schedule, keep
+from sandbot_clock.schedule import NANO, Schedule, keep, missed_warning
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
@@ -96,7 +96,7 @@ class ClockNode(Node):
         self._running = False
         self._stopping = threading.Event()
         self._late_ns: deque[int] = deque(maxlen=2000)
-        self._published = self._missed = 0
+        self._published = self._published_before = self._missed = 0
         self._real_time = False
         self._health = node.Health(self, self._figures, sole=True)
         self.create_service(Trigger, "clock/start", self._on_start)
@@ -123,7 +123,8 @@ class ClockNode(Node):
         self._robot_there = bool(self.count_publishers(topics.LEG_STATES.relative))
         held = self._legs or PhaseClock(wanted.gait_used, wanted.omega_rad_s)
         held = replace(held, tripod=self._robot_used.legs_per_tripod)
-        self._legs, self._missed = held.started(schedule.start_ns / NANO), 0
+        self._legs = held.started(schedule.start_ns / NANO)
+        self._missed, self._published_before = 0, self._published
         to_ros_ns = self.get_clock().now().nanoseconds - schedule.start_ns
         self._thread = threading.Thread(
             target=self._run, args=(schedule, to_ros_ns, wanted.max_run_s), name="clock", daemon=True
@@ -267,6 +268,9 @@ class ClockNode(Node):
         wanted = self._settings.current
         late_us = np.array(list(self._late_ns), dtype=np.float64) / 1e3
         p99 = float(np.percentile(late_us, 99)) if late_us.size else float("nan")
+        if self._health.level < 2:  # a fault says more
+            said = missed_warning(self._missed, self._published - self._published_before)
+            self._health.level, self._health.text = (1, said) if said else (0, "ok")
         return {
             "running": self.running,
             "gait": wanted.gait,

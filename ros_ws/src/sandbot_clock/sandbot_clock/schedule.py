@@ -41,3 +41,13 @@ def keep(
         if following > n + 1:
             missed(following - n - 1)
         n = following
+
+
+TOO_OFTEN = 0.01
+"""Share of missed instants that is worth a warning."""
+
+
+def missed_warning(missed: int, kept: int) -> str:
+    """One phrase where more than 1 % of a run's instants were missed, else an empty string."""
+    due = missed + kept
+    return f"{missed} of {due} set-points of this run were missed" if missed > TOO_OFTEN * due else ""

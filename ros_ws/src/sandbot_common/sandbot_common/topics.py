@@ -63,9 +63,9 @@ DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
 ALL = tuple(value for value in list(globals().values()) if isinstance(value, Topic))
 """All topics of a trial, in the order above."""
 
-CAMPAIGN_STATUS = Topic("campaign/status", "std_msgs/msg/String", latched=True, depth=1)
+CAMPAIGN_STATUS = Topic("/campaign/status", "std_msgs/msg/String", latched=True, depth=1)
 """JSON: the queue, what is under way, why it is held, and answers to what was asked. Not of a trial, so in no bag."""
-CAMPAIGN_COMMAND = Topic("campaign/command", "std_msgs/msg/String", depth=10)
+CAMPAIGN_COMMAND = Topic("/campaign/command", "std_msgs/msg/String", depth=10)
 """JSON: skip, repeat, add. Never latched: an old order must not be obeyed by the next campaign."""
-MODEL_CURVE = Topic("model/curve", "std_msgs/msg/String", latched=True, depth=1)
+MODEL_CURVE = Topic("/model/curve", "std_msgs/msg/String", latched=True, depth=1)
 """JSON: the model's mean speed against the leg frequency at the volume fraction of the trial under way."""

@@ -15,6 +15,15 @@ def test_mean_speed_is_the_models():
     assert found == pytest.approx(float(Walker().predict(Inputs(220.0, 16.0, 0.4)).speed_m_s))
 
 
+@pytest.mark.parametrize("effects", ["", "stance_overlap", "slow_phase_speed,disturbed_ground"])
+def test_a_curve_is_the_mean_speed_at_each_frequency(effects):
+    predictor = predictor_of(PredictorParameters(effects=effects))
+    omega = np.array([4.0, 12.0, 24.0, 38.5])
+    for phi, gait in ((0.59, "UNIFORM"), (0.633, "SGCS")):
+        alone = [predictor.mean_speed(phi, one, gait) for one in omega]
+        assert predictor.mean_speeds(phi, omega, gait) == pytest.approx(alone, rel=1e-9)
+
+
 def test_instant_speed_over_half_a_period_makes_the_mean():
     """UNIFORM: v_x(t) of one tripod's stance, averaged over half a period, is ωs/π."""
     predictor = predictor_of(PARAMETERS)

@@ -28,7 +28,8 @@ def test_follows_a_trial(predictor, beside):
         node.publisher(beside.node, topic)
         for topic in (topics.TRIAL, topics.BED_PHI, topics.LEG_STATES, topics.SPEED_MEAN)
     )
-    speeds, means, errors = [], [], []
+    speeds, means, errors, curves = [], [], [], []
+    node.subscription(beside.node, topics.MODEL_CURVE, lambda message: curves.append(json.loads(message.data)))
     node.subscription(beside.node, topics.MODEL_SPEED, speeds.append)
     node.subscription(beside.node, topics.MODEL_SPEED_MEAN, means.append)
     node.subscription(beside.node, topics.MODEL_ERROR, errors.append)
@@ -49,6 +50,10 @@ def test_follows_a_trial(predictor, beside):
     assert speeds[-1].twist.twist.linear.x == pytest.approx(0.0355 * 16.0)
     assert means[-1].data == pytest.approx(0.2135, abs=5e-4)
     assert errors[-1].data == pytest.approx(0.25 - means[-1].data)
+    beside.until(lambda: curves)
+    assert len(curves) == 1  # and not one more with every leg state
+    assert (curves[0]["phi"], curves[0]["gait"]) == (0.633, "UNIFORM")
+    assert np.interp(16.0, curves[0]["omega_rad_s"], curves[0]["speed_m_s"]) == pytest.approx(means[-1].data)
 
     told = {"trial_id": "t", "omega_rad_s": 16.0, "leg_mount_rad": 0.5, "robot": to_mapping(BIG)}
     trial.publish(messages.string(json.dumps(told)))

@@ -23,7 +23,7 @@ PAGE = """<!doctype html>
 
 def app(title: str, reason: str) -> Flask:
     """A server with one page that says ``reason``."""
-    style = (Path(__file__).parent / "assets" / "explore.css").read_text(encoding="utf-8")
+    style = (Path(__file__).parent / "assets" / "base.css").read_text(encoding="utf-8")
     page = PAGE.format(title=escape(title), reason=escape(reason), needed=escape(NEEDED), style=style)
     server = Flask("sandbot_explorer_nothing")
     own_host_only(server)

@@ -1,6 +1,7 @@
 """predictor: the model's prediction of the running trial - /model/speed at every leg state, /model/speed/mean,
-/model/error."""
+/model/error, and /model/curve, its mean speed over all leg frequencies."""
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 
@@ -16,6 +17,8 @@ from sandbot_common.robot import difference, robot_from_mapping
 from sandbot_model.physics.predictor import Predictor, PredictorParameters, of_robot, predictor_of
 
 NO_VARIANCE = -1.0
+_OMEGA_RAD_S = np.arange(1.0, 40.5, 0.5)
+"""The frequencies of the curve; one that a trial has beyond these is added."""
 
 
 class PredictorNode(Node):
@@ -32,6 +35,8 @@ class PredictorNode(Node):
         self._speed = node.publisher(self, topics.MODEL_SPEED)
         self._mean = node.publisher(self, topics.MODEL_SPEED_MEAN)
         self._difference = node.publisher(self, topics.MODEL_ERROR)
+        self._curve = node.publisher(self, topics.MODEL_CURVE)
+        self._drawn: object = None
         node.subscription(self, topics.TRIAL, self._on_trial)
         node.subscription(self, topics.BED_PHI, self._on_phi)
         node.subscription(self, topics.LEG_STATES, self._on_legs)
@@ -75,6 +80,18 @@ class PredictorNode(Node):
     def _announce(self) -> None:
         if self._known:
             self._mean.publish(messages.float64(self._predictor.mean_speed(self._phi, self._omega, self._gait)))
+            self._draw()
+
+    def _draw(self) -> None:
+        """Publish the curve, once for each φ, gait and robot."""
+        what = self._phi, self._omega, self._gait, self._predictor.model.robot
+        if what == self._drawn:
+            return
+        self._drawn = what
+        omega = np.union1d(_OMEGA_RAD_S, [self._omega])
+        speed = self._predictor.mean_speeds(self._phi, omega, self._gait)
+        curve = {"phi": self._phi, "gait": self._gait, "omega_rad_s": omega.tolist(), "speed_m_s": speed.tolist()}
+        self._curve.publish(messages.string(json.dumps(curve)))
 
     def _on_legs(self, message: JointState) -> None:
         if not self._known:

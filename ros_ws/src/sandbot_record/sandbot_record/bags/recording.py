@@ -231,6 +231,16 @@ class Recording:
         """Messages in the bag."""
         return sum(tally.written for tally in self.tallies.values())
 
+    @property
+    def size_bytes(self) -> int:
+        """What the bag takes on the disk by now."""
+        return sum(file.stat().st_size for file in self._writer.folder.glob("*"))
+
+    @property
+    def free_bytes(self) -> int:
+        """Room left where the bag lies."""
+        return self._free_bytes(self._writer.path.parent)
+
     def last_line(self) -> str:
         """What a person needs to know at the end."""
         losses = [

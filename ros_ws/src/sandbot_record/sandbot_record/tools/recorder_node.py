@@ -296,7 +296,8 @@ class Recorder(Node):
         self._health.level, self._health.text = (2, recording.reason) if recording.failed else (0, "ok")
         if recording.lost and not recording.failed:
             self._health.level, self._health.text = 1, f"{recording.lost} messages lost"
-        return recording.summary() | {"written": recording.written, "lost": recording.lost}
+        counts = {"written": recording.written, "lost": recording.lost}
+        return recording.summary() | counts | {"bytes": recording.size_bytes, "free_bytes": recording.free_bytes}
 
     def _on_start(self, _: Any, response: Any) -> Any:
         self._recording.paused = False

@@ -1,0 +1,327 @@
+"use strict";
+const by = id => document.getElementById(id);
+const number = (value, digits, unit = "", factor = 1) =>
+  value == null ? "–" : (factor * value).toFixed(digits) + (unit && " " + unit);
+const headers = {"X-Trackway": "1", "Content-Type": "application/json"};
+
+// ---- what the operator asks for
+
+async function ask(path, name, body) {
+  by("said").textContent = `${name} …`;
+  try {
+    const answer = await (await fetch(path, {method: "POST", headers, body: JSON.stringify(body ?? {})})).json();
+    by("said").textContent = `${name}: ${answer.success ? "" : "refused: "}${answer.message}`;
+    return answer.success;
+  } catch {
+    by("said").textContent = `${name}: no answer from the console`;
+    return false;
+  }
+}
+
+async function stop() {
+  by("said").textContent = "STOP …";
+  try {
+    const answer = await (await fetch("stop", {method: "POST", headers})).json();
+    by("said").textContent = `STOP: ${answer.success ? "" : "NOT SEEN TO BE AT REST: "}${answer.message}`;
+  } catch {
+    by("said").textContent = "STOP: NO ANSWER FROM THE CONSOLE: cut the power";
+  }
+}
+
+// As the button goes down, not when it comes up.
+by("stop").onpointerdown = event => { if (event.button === 0) stop(); };
+by("stop").onclick = event => { if (event.detail === 0) stop(); };  // Enter, or a screen reader
+by("acknowledge").onclick = () => ask("acknowledge", "seen");
+document.addEventListener("keydown", event => {
+  const typing = event.target.closest("input, select, textarea");
+  if (event.key !== "Escape" && (event.key !== " " || typing)) return;
+  event.preventDefault();
+  if (!event.repeat) stop();
+});
+// A space that is let go would press the button that has the focus.
+document.addEventListener("keyup", event => {
+  if (event.key === " " && !event.target.closest("input, select, textarea")) event.preventDefault();
+});
+for (const button of document.querySelectorAll("button[data-action]")) {
+  button.onclick = () => ask(`call/${button.dataset.action}`, button.textContent);
+}
+by("queue").onclick = event => {
+  const {order, trial} = event.target.dataset;
+  if (order) ask("order", `${order} ${trial}`, {do: order, trial_id: trial});
+};
+by("add").onsubmit = event => {
+  event.preventDefault();
+  const form = new FormData(event.target);
+  const condition = {phi: +form.get("phi"), omega_rad_s: +form.get("omega_rad_s"), replicates: +form.get("replicates")};
+  if (form.get("gait")) condition.gait = form.get("gait");
+  ask("order", "add", {do: "add", ...condition});
+};
+
+// ---- small parts
+
+function made(kind, content, className) {
+  const element = document.createElement(kind);
+  element.textContent = content ?? "";
+  if (className) element.className = className;
+  return element;
+}
+
+function row(className, ...cells) {
+  const tr = made("tr", "", className);
+  tr.append(...cells.map(cell => cell instanceof Node ? cell : made("td", cell)));
+  return tr;
+}
+
+/** Draw only what has changed: a table that is rebuilt loses focus and selection. */
+const drawn = {};
+function changed(what, content) {
+  const text = JSON.stringify(content);
+  if (drawn[what] === text) return false;
+  drawn[what] = text;
+  return true;
+}
+
+function list(id, entries) {
+  if (!changed(id, entries)) return;
+  by(id).replaceChildren(...entries.flatMap(([name, value, className]) =>
+    [made("dt", name), made("dd", value, className)]));
+}
+
+const clock = at => new Date(at).toLocaleTimeString([], {hour12: false});
+function span(seconds) {
+  if (seconds == null) return "–";
+  const whole = Math.round(seconds), h = Math.floor(whole / 3600), m = Math.floor(whole / 60) % 60;
+  return h ? `${h} h ${m} min` : m ? `${m} min ${whole % 60} s` : `${whole} s`;
+}
+const bytes = value => value == null ? "–" : value > 1e9 ? (value / 1e9).toFixed(1) + " GB" : (value / 1e6).toFixed(1) + " MB";
+
+// ---- figures
+
+const colour = name => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+const axis = title => ({title: {text: title, standoff: 6}, gridcolor: colour("line"), zerolinecolor: colour("line"), automargin: true});
+const layout = (x, y, more = {}) => ({
+  margin: {l: 52, r: 12, t: 8, b: 40}, uirevision: 1, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+  font: {color: colour("ink"), size: 12}, legend: {orientation: "h", y: 1.15, x: 0}, hovermode: "closest",
+  xaxis: {...axis(x[0]), ...x[1]}, yaxis: {...axis(y[0]), ...y[1]}, ...more,
+});
+const options = {displayModeBar: false, responsive: true};
+const line = (name, x, y, color, dash = "solid", more = {}) =>
+  ({name, x, y, mode: "lines", connectgaps: false, line: {color, dash, width: 2}, ...more});
+
+function drawSpeed(speed) {
+  if (!changed("speed", speed)) return;
+  const cm = series => series.value.map(v => v == null ? null : 100 * v);
+  Plotly.react("speed", [
+    line("measured", speed.measured.t_s, cm(speed.measured), colour("measured")),
+    line("model", speed.predicted.t_s, cm(speed.predicted), colour("model"), "dash"),
+  ], layout(["time before the last frame [s]", {range: [-4, 0]}], ["v<sub>x</sub> [cm/s]",
+    speed.measured.t_s.length + speed.predicted.t_s.length ? {rangemode: "tozero"} : {range: [0, 40]}]), options);
+}
+
+function drawPacking(packing) {
+  if (!changed("packing", packing)) return;
+  const {points, target_phi: target, tolerance} = packing;
+  const x = points.map((_, index) => index), pulses = points.map(p => p.pulses);
+  const band = target == null ? [] : [target - (tolerance ?? 0), target + (tolerance ?? 0)];
+  const shapes = target == null ? [] : [
+    {type: "rect", xref: "paper", x0: 0, x1: 1, y0: band[0], y1: band[1], fillcolor: colour("good"), opacity: 0.2, line: {width: 0}},
+    {type: "line", xref: "paper", x0: 0, x1: 1, y0: target, y1: target, line: {color: colour("good"), width: 1.5, dash: "dash"}},
+  ];
+  const hover = p => `${p.pulses} pulses, φ = ${p.phi.toFixed(4)}, ${(1000 * p.height_m).toFixed(2)} mm`;
+  const phi = {name: "φ", x: pulses, y: points.map(p => p.phi), mode: "lines+markers", text: points.map(hover), hoverinfo: "text",
+    error_y: {type: "data", array: points.map(p => p.phi_sd ?? 0), color: colour("measured"), thickness: 1},
+    line: {color: colour("measured")}};
+  const height = {name: "height", x: pulses, y: points.map(p => 1000 * p.height_m), mode: "lines+markers", yaxis: "y2",
+    line: {color: colour("model"), dash: "dot"}, marker: {symbol: "square-open"}, hoverinfo: "skip"};
+  Plotly.react("packing", [phi, height], layout(
+    ["air pulses", {rangemode: "tozero", tickformat: "d", range: x.length ? undefined : [0, 10]}],
+    ["volume fraction φ", {tickformat: ".4~f", range: phiRange(points.map(p => p.phi), band)}],
+    {shapes, margin: {l: 60, r: 60, t: 8, b: 40},
+     yaxis2: {...axis("height [mm]"), overlaying: "y", side: "right", showgrid: false, tickformat: ".1f"}}), options);
+}
+
+function phiRange(phi, band) {
+  const all = [...phi, ...band];
+  if (!all.length) return [0.57, 0.64];
+  const low = Math.min(...all), high = Math.max(...all), room = 0.1 * Math.max(high - low, 0.004);
+  return [low - room, high + room];
+}
+
+function drawCurve(curves, trial, queue) {
+  const target = trial.phi_target, at = phi => (+phi).toFixed(4);
+  const measured = queue.filter(one => one.measured.speed_m_s != null);
+  if (!changed("curve", [curves, target, trial.omega_rad_s, measured])) return;
+  const here = one => target != null && at(one.phi) === at(target);
+  const faint = {opacity: 0.35};
+  const lines = Object.entries(curves).map(([phi, curve]) => {
+    const mine = target != null && phi === at(target);
+    return line(`model, φ ${(+phi).toFixed(3)}`, curve.omega_rad_s, curve.speed_m_s.map(v => 100 * v),
+      colour("model"), mine ? "solid" : "dot", mine ? {} : {...faint, showlegend: false});
+  });
+  const points = (some, name, more) => ({
+    name, x: some.map(one => one.omega_rad_s), y: some.map(one => 100 * one.measured.speed_m_s), mode: "markers",
+    error_y: {type: "data", array: some.map(one => 100 * (one.measured.speed_sd_m_s ?? 0)), thickness: 1},
+    text: some.map(one => `${one.trial_id}: ${(100 * one.measured.speed_m_s).toFixed(2)} cm/s, φ = ${one.measured.phi?.toFixed(4)}`),
+    hoverinfo: "text", marker: {color: colour("measured"), size: 9}, ...more});
+  const others = measured.filter(one => !here(one)), ours = measured.filter(here);
+  const shapes = trial.omega_rad_s == null ? [] : [{type: "line", yref: "paper", y0: 0, y1: 1, x0: trial.omega_rad_s,
+    x1: trial.omega_rad_s, line: {color: colour("soft"), width: 1, dash: "dot"}}];
+  const range = [0, Math.max(12, 1.25 * Math.max(0, ...queue.map(one => one.omega_rad_s), trial.omega_rad_s ?? 0))];
+  Plotly.react("curve", [...lines, points(others, "other φ", {...faint, marker: {color: colour("measured"), size: 7, symbol: "circle-open"}}),
+    points(ours, target == null ? "measured" : `measured, φ ${target}`)],
+    layout(["ω [rad/s]", {range}], ["v̄ [cm/s]", {rangemode: "tozero"}], {shapes}), options);
+}
+
+// ---- tables
+
+const SIGN = {waiting: "○", running: "▶", done: "●", failed: "✕", skipped: "–"};
+const OFFER = {waiting: ["skip"], failed: ["repeat", "skip"], skipped: ["repeat"], done: ["repeat"], running: []};
+
+function drawQueue(queue) {
+  if (!changed("queue", queue)) return;
+  const body = by("queue").tBodies[0], focus = document.activeElement?.dataset ?? {};
+  const key = document.activeElement?.closest("#queue") ? `${focus.order} ${focus.trial}` : null;
+  body.replaceChildren(...queue.flatMap(one => {
+    const name = made("td", SIGN[one.state], "state"), offers = made("td");
+    name.title = `${one.trial_id}: ${one.state}`;
+    for (const order of OFFER[one.state]) {
+      const button = made("button", order);
+      Object.assign(button.dataset, {order, trial: one.trial_id});
+      button.setAttribute("aria-label", `${order} ${one.trial_id}`);
+      if (order === "repeat" && one.state === "done") button.title = "one replicate more of this condition";
+      offers.append(button);
+      if (key === `${order} ${one.trial_id}`) queueMicrotask(() => button.focus());
+    }
+    const gait = one.gait ? ` ${one.gait}` : "";
+    const line = row(one.state, name, one.phi.toFixed(3), one.omega_rad_s.toFixed(1) + gait, String(one.replicate),
+                     number(one.measured.speed_m_s, 2, "", 100).replace("–", ""), offers);
+    const why = one.reason && one.state !== "skipped" ? [row(`reason ${one.state}`, "", Object.assign(made("td", one.reason, "why"), {colSpan: 5}))] : [];
+    return [line, ...why];
+  }));
+  body.querySelector(".running")?.scrollIntoView({block: "nearest"});
+}
+
+function drawCampaign(campaign) {
+  const gone = !campaign.queue || campaign.age_s > 5, queue = campaign.queue ?? [];
+  const count = state => queue.filter(one => one.state === state).length;
+  const over = count("done"), failed = count("failed"), left = count("waiting") + count("running");
+  const parts = [`${over} of ${over + failed + left} done`, failed && `${failed} failed`, count("skipped") && `${count("skipped")} skipped`,
+    left && campaign.left_s != null && campaign.state === "running" && `${span(campaign.left_s)} left, until ${clock(Date.now() + 1000 * campaign.left_s)}`];
+  const numbers = parts.filter(Boolean).join(" · ");
+  const state = gone ? (queue.length ? "has ended" : "no campaign is running")
+    : campaign.state === "held" ? `HELD: ${campaign.why}`
+    : campaign.state === "running" ? campaign.stage : campaign.state === "pausing" ? `${campaign.stage}; then it pauses` : campaign.state;
+  by("campaign-name").textContent = campaign.campaign ?? "";
+  by("campaign-state").textContent = [state, queue.length && numbers].filter(Boolean).join(" · ");
+  by("campaign-state").className = !gone && campaign.state === "held" ? "held" : "soft";
+  by("progress").max = Math.max(over + failed + left, 1);
+  by("progress").value = over;
+  by("pause").disabled = gone || campaign.state !== "running";
+  by("go").disabled = gone || !["held", "pausing"].includes(campaign.state);
+  for (const field of by("add").elements) field.disabled = gone;
+  drawQueue(queue);
+}
+
+function drawLog(own, events) {
+  if (!changed("log", [own, events])) return;
+  const speed = one => one.measured?.speed_m_s != null && `${(100 * one.measured.speed_m_s).toFixed(2)} cm/s`;
+  const told = events.map(one => ({at: one.at, who: one.who,
+    text: [one.do, one.trial_id, one.reason, one.followed, speed(one)].filter(Boolean).join(" ")}));
+  const lines = [...own, ...told].sort((a, b) => b.at.localeCompare(a.at)).slice(0, 100);
+  by("log").tBodies[0].replaceChildren(...lines.map(one => row("", clock(one.at), one.who, one.text)));
+}
+
+function drawNodes(nodes, topics) {
+  const shown = Object.entries(nodes).map(([name, one]) =>
+    [one.state, name, one.state === "ok" ? "ok" : one.state === "silent" ? `silent for ${one.age_s.toFixed(0)} s` : one.text]);
+  if (changed("nodes", shown)) {
+    by("nodes").tBodies[0].replaceChildren(...shown.map(([state, name, text]) =>
+      row(state, made("td", {ok: "●", gone: "○"}[state] ?? "▲", "state"), name, text)));
+  }
+  const lines = Object.entries(topics).map(([name, one]) => [one.state, name, {waiting: "–", quiet: "quiet", held: "held"}[one.state]
+    ?? (one.state === "silent" ? `silent for ${one.age_s.toFixed(0)} s` : `${one.rate_hz.toFixed(1)} Hz`)]);
+  if (!changed("topics", lines)) return;
+  const silent = lines.filter(([state]) => state === "silent").map(([, name]) => name);
+  by("topics-say").textContent = silent.length ? `Topics: ${silent.join(", ")} silent` : "Topics: none missing";
+  by("topics-say").className = silent.length ? "over" : "";
+  by("topics").tBodies[0].replaceChildren(...lines.map(([state, name, text]) =>
+    row(state, made("td", {ok: "●", held: "●", silent: "▲"}[state] ?? "○", "state"), name, text)));
+}
+
+const shown = {};
+function drawPictures(pictures) {
+  for (const [camera, {number: count, seen}] of Object.entries(pictures)) {
+    if (shown[camera] === count) continue;
+    shown[camera] = count;
+    by(camera).src = `camera/${camera}.jpg?n=${count}`;
+    by(camera).alt = `${camera} camera`;
+    const title = camera[0].toUpperCase() + camera.slice(1) + " camera ";
+    by(`${camera}-says`).replaceChildren(title, ...(seen.length ? seen.flatMap(name => [made("span", name.replace("_", " "), `mark ${name}`), " "])
+      : [made("span", "no mark seen", "over")]));
+  }
+}
+
+function drawFigures(state) {
+  const v = state.values, bed = state.bed, height = parseFloat(bed.height_m), phi = parseFloat(bed.phi);
+  list("figures", [
+    ["bed", bed.stage ?? "–"],
+    ["φ", Number.isFinite(phi) ? `${phi.toFixed(4)} ± ${parseFloat(bed.phi_sd).toFixed(4)}` : "–"],
+    ["bed height", Number.isFinite(height) ? (1000 * height).toFixed(1) + " mm" : "–"],
+    ["mean speed", number(v.speed_mean_m_s, 2, "cm/s", 100)],
+    ["model's mean speed", number(v.model_speed_mean_m_s, 2, "cm/s", 100)],
+    ["measured − model", number(v.model_error_m_s, 2, "cm/s", 100)],
+    ["lift", number(v.lift_m, 2, "mm", 1000)],
+  ]);
+  const r = state.recorder;
+  list("recorder", r.written == null ? [["", "no trial is being recorded"]] : [
+    ["rate", r.rate_bytes_s == null ? "–" : bytes(r.rate_bytes_s) + "/s"],
+    ["messages written", String(r.written)],
+    ["lost", String(r.lost), r.lost ? "over" : ""],
+    ["disk free", bytes(r.free_bytes)],
+    ["full in", r.left_s == null ? "–" : r.left_s > 86400 ? "more than a day" : span(r.left_s), r.left_s != null && r.left_s < 600 ? "over" : ""],
+  ]);
+  list("timing", Object.entries(state.timing));
+}
+
+function drawTrial(trial) {
+  const parts = [trial.trial_id, trial.gait, trial.omega_rad_s == null ? null : `ω = ${trial.omega_rad_s} rad/s`,
+                 trial.phi_target == null ? null : `φ target ${trial.phi_target}`];
+  by("trial").textContent = trial.trial_id ? parts.filter(part => part != null).join(" · ") : "no trial announced";
+}
+
+// ---- the stream
+
+function draw(state) {
+  by("connection").textContent = "live";
+  by("connection").className = "soft";
+  by("safety").textContent = state.safety.text;
+  by("safety").className = state.safety.state;
+  by("acknowledge").hidden = state.safety.state !== "overlapped";
+  by("explorer").href = `${location.protocol}//${location.hostname}:${state.explorer_port}/`;
+  by("explorer").title = `ros2 run sandbot_model explore ${state.campaign.folder ?? "DATA"}`;
+  drawTrial(state.trial);
+  drawCampaign(state.campaign);
+  drawFigures(state);
+  drawSpeed(state.speed);
+  drawPacking(state.packing);
+  drawCurve(state.curves, state.trial, state.campaign.queue ?? []);
+  drawNodes(state.nodes, state.topics);
+  drawLog(state.log, state.campaign.events ?? []);
+  drawPictures(state.pictures);
+}
+
+let last = null, heard = 0;
+const stream = new EventSource("stream");
+stream.onmessage = event => { heard = performance.now(); last = JSON.parse(event.data); draw(last); };
+function lost() {
+  by("connection").textContent = "connection lost; what is shown is old";
+  by("connection").className = "lost";
+  by("safety").textContent = "not known: the console does not answer";
+  by("safety").className = "unknown";
+}
+stream.onerror = lost;
+setInterval(() => { if (last && performance.now() - heard > 2000) lost(); }, 500);
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+  for (const name of ["speed", "packing", "curve"]) delete drawn[name];
+  if (last) draw(last);
+});
