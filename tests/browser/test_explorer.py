@@ -52,6 +52,11 @@ class Brittle(Effect):
 """
 TORN = "phi0.6000_w08.000_r01"
 BOOST = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
+DRAWN = """
+return [...document.querySelectorAll("#effects [data-math]")].map(
+    (place) => place.querySelector("math")?.getBoundingClientRect().width ?? 0)
+"""
+"""Widths of the effects' formulas."""
 PATIENCE_S = 60
 
 
@@ -229,6 +234,9 @@ def test_every_view_draws(page, address):
     for view in ("speed", "residuals", "critical", "step", "balance", "lock"):
         page.open(f"{address}?view={view}&effect={HIDDEN}&cell=3")
         page.until(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#figure .main-svg"))
+    # A formula is drawn as one: MathML that the browser knows has a size.
+    page.until(lambda: page.driver.execute_script(DRAWN))
+    assert min(page.driver.execute_script(DRAWN)) > 0
     page.open(f"{address}?view=parameters&effect={HIDDEN}")
     page.until(lambda: "stiffness of disturbed ground" in page.text("parameters"))
     assert page.complaints() == []

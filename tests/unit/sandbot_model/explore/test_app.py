@@ -1,6 +1,7 @@
 """The page without a browser: its outputs, its address, its second pane, and who may ask for it."""
 
 import time
+from dataclasses import replace
 
 import pytest
 import yaml
@@ -13,6 +14,7 @@ from sandbot_model.explore import app, nothing
 from sandbot_model.explore.actions import values_of
 from sandbot_model.explore.app import SHOWN, Beside, Explorer
 from sandbot_model.explore.session import Session
+from sandbot_model.physics.typeset import mathml
 
 
 def test_the_page_shows_one_value_for_each_output(session, trials, tmp_path):
@@ -64,6 +66,27 @@ def test_a_limit_of_the_data_stands_on_the_page(tmp_path):
     trials = made_up_trials(phis=(0.633,))
     explorer = Explorer(Session(cells_of(trials), Inline()), trials, [tmp_path / "x.csv"], "one phi")
     assert "every trial is at φ = 0.633" in str(explorer.app().layout)
+
+
+def test_what_is_odd_about_the_data_stands_on_the_page(session, trials, tmp_path):
+    copied = trials.speed_m_s.copy()
+    copied[:40] = 0.0
+    odd = replace(trials, speed_m_s=copied)
+    said = "Check the data. "
+    assert said in str(Explorer(Session(cells_of(odd), Inline()), odd, [tmp_path / "x.csv"], "odd").app().layout)
+    assert said not in str(Explorer(session, trials, [tmp_path / "x.csv"], "clean").app().layout)
+
+
+def test_formulas_are_typeset_by_the_page(session, trials, tmp_path):
+    explorer = Explorer(session, trials, [tmp_path / "x.csv"], "formulas")
+    session.ahead = lambda selection: None
+    options = explorer.show(Selection(), "light")["effects.options"]
+    shown = {option["value"]: str(option["label"]) for option in options}
+    effects = session.catalogue()
+    assert set(shown) <= set(effects)
+    for name, label in shown.items():
+        assert repr(mathml(effects[name].formula)) in label
+    assert repr(mathml(effects["leg_slip"].formula)) not in shown["cable_drag"]
 
 
 def test_data_that_show_nothing_get_a_page_that_says_why():

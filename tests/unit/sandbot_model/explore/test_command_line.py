@@ -4,6 +4,7 @@ import json
 import shlex
 import socket
 
+import bags
 import pytest
 import yaml
 from made_up import BOOST, Inline
@@ -82,6 +83,15 @@ def test_the_command_line_refuses_in_one_line(arguments, said, trials, tmp_path,
     assert explore_tool.main(["trials.csv", *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line
+
+
+def test_data_beside_of_another_robot_are_refused_in_one_line(trials, tmp_path, capsys):
+    write_csv(trials, tmp_path / "trials.csv")
+    plan = bags.PLAN | {"robot": {"leg_radius_m": 0.05}}
+    other = bags.trial_bag(tmp_path / "other", plan=plan)
+    assert explore_tool.main([str(tmp_path / "trials.csv"), "--beside", str(other), "--workers", "1"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "trials of another robot than DATA (leg_radius_m 0.05 and 0.0355)" in line
 
 
 def test_a_port_in_use_is_said_in_one_line(trials, tmp_path, capsys):

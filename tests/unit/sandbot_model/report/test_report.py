@@ -204,12 +204,20 @@ def test_the_csv_inside_is_si_and_whole(fits):
 
 
 def test_excluded_trials_are_named_with_the_reason(trials, fits):
-    torn = SimpleNamespace(**vars(trials))
-    torn.speed_m_s = np.where(np.arange(len(trials.phi)) == 3, np.nan, trials.speed_m_s)
-    torn.status = ["ok", "aborted", *trials.status[2:]]
+    speed_m_s = np.where(np.arange(len(trials.phi)) == 3, np.nan, trials.speed_m_s)
+    torn = replace(trials, speed_m_s=speed_m_s, status=np.array(["ok", "aborted", *trials.status[2:]]))
     found = provenance(torn, fits[0].cells)
     assert found.excluded == (("trial_001", "status: aborted"), ("trial_003", "speed_m_s not measured"))
     assert provenance(trials, fits[0].cells).excluded == ()
+
+
+def test_what_is_odd_about_the_trials_stands_at_the_top(trials, fits, tmp_path):
+    odd = replace(trials, first_step_m=np.zeros_like(trials.first_step_m))
+    for name, given in (("clean", trials), ("odd", odd)):
+        write_comparison(tmp_path / f"{name}.html", fits, given, title="odd")
+    head = (tmp_path / "odd.html").read_text(encoding="utf-8").split("</header>")[0]
+    assert re.search(r"<strong>Check the data.</strong> .* first_step_m are exactly 0", head)
+    assert "Check the data." not in (tmp_path / "clean.html").read_text(encoding="utf-8")
 
 
 def test_a_full_campaign_has_no_limits_to_report(fits):
@@ -239,9 +247,8 @@ def test_thin_data_give_a_page_that_says_what_it_can_not_show(tmp_path, argument
 
 
 def test_nan_rows_leave_a_page_without_nan(tmp_path, trials):
-    torn = SimpleNamespace(**{name: np.array(column, copy=True) for name, column in vars(trials).items()})
-    for name in COLUMNS:
-        getattr(torn, name)[:3] = np.nan
+    gone = np.arange(len(trials.phi)) < 3
+    torn = replace(trials, **{name: np.where(gone, np.nan, getattr(trials, name)) for name in COLUMNS})
     torn.lift_m[8] = np.nan
     fits = compare(cells_of(torn), EFFECTS, [])
     path = tmp_path / "torn.html"

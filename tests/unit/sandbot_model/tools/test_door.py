@@ -5,11 +5,13 @@ import pickle
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import sandbot_model as sm
+from sandbot_common.errors import InputError
 from sandbot_model.tools import discover as command
 from sandbot_record.trials.csv_table import write_csv
 
@@ -42,10 +44,23 @@ def test_what_is_printed_is_short_and_in_the_readers_units(found):
     text = repr(found)
     assert len(text) < 3000
     assert len(text.splitlines()) <= 30
-    assert max(map(len, text.splitlines())) <= 130
+    assert max(map(len, text.splitlines())) <= 100
     assert "cm/s" in text
     assert "<table" in found._repr_html_()
     assert "<script" not in found._repr_html_()
+
+
+def test_what_is_odd_about_the_data_is_said_first(trials, found):
+    assert found.notes == ()
+    assert found.to_dict()["data"]["notes"] == []
+    zeros = replace(trials, first_step_m=np.zeros_like(trials.first_step_m))
+    odd = sm.compare(zeros)
+    assert repr(odd).startswith("note: ")
+    assert odd._repr_html_().startswith("<p>Note: ")
+    assert odd.to_dict()["data"]["notes"] == list(odd.notes)
+    porosity = replace(trials, phi=1 - trials.phi)
+    with pytest.raises(InputError, match="is it the porosity"):
+        sm.discover(porosity)
 
 
 def test_a_result_pickles_small_and_comes_back(found):

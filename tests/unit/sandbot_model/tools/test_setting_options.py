@@ -1,8 +1,10 @@
 """--robot and --cameras: whose numbers compare, discover and explore use, and what they refuse."""
 
+import argparse
 import json
 import shlex
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import yaml
@@ -15,6 +17,7 @@ from sandbot_common.robot import SANDBOT, Robot, to_mapping
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.explore.app import Explorer
 from sandbot_model.tools import arguments, compare, discover, explore
+from sandbot_record.trials import read as reading
 from sandbot_record.trials.csv_table import write_csv
 from sandbot_record.trials.table import Row, from_rows
 
@@ -76,6 +79,22 @@ def test_a_robot_named_goes_before_the_bags_own_and_that_is_said():
     assert arguments.of_robot(own, SANDBOT, "same.yaml")[1] == "robot: same.yaml"
     with pytest.raises(InputError, match="the first steps in DATA were read with 0"):
         arguments.of_robot(own, Robot(leg_mount_rad=0.5), "mounted.yaml")
+
+
+def test_data_beside_are_of_the_same_robot_or_refused(folder, monkeypatch):
+    tables = {"ours": None, "sandbot": SANDBOT, "big": BIG}
+    monkeypatch.setattr(reading, "read", lambda data: from_rows([Row("a", 0.6)], tables[str(data)]))
+
+    def robot(of_data, of_beside, named=None):
+        args = argparse.Namespace(beside=Path(of_beside), robot=named, cameras=None)
+        return arguments.beside(args, from_rows([Row("a", 0.6)], tables[of_data])).robot
+
+    assert robot("big", "ours") == robot("big", "big") == BIG
+    assert robot("ours", "sandbot") == robot("ours", "ours") == SANDBOT
+    assert robot("ours", "ours", folder / "big.yaml") == robot("sandbot", "big", folder / "big.yaml") == BIG
+    for of_data in ("ours", "sandbot"):
+        with pytest.raises(InputError, match="--beside big: trials of another robot than DATA"):
+            robot(of_data, "big")
 
 
 @pytest.mark.parametrize("command", COMMANDS)

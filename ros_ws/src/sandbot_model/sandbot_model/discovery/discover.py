@@ -31,12 +31,10 @@ from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.fitting.plain import data_summary, number, plain
-from sandbot_model.fitting.text import html_table, table
+from sandbot_model.fitting.text import WIDTH, html_table, table
 from sandbot_model.physics.effect import Effect
 
 SCHEMA = "sandbot.discovery/2"
-WIDTH = 100
-"""Columns of printed text."""
 LEADING = 8
 """Sets compared in the bootstrap."""
 

@@ -11,6 +11,7 @@ from sandbot_model.discovery.discover import Discovery
 from sandbot_model.explore.views import TITLES, Pane, Slider, promise, values
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.observables import Observable
+from sandbot_model.physics.typeset import mathml
 from sandbot_model.physics.walking import BASES
 from sandbot_model.report import text
 from sandbot_model.report.captions import HOW
@@ -46,7 +47,7 @@ def page(title: str, data_line: str, known: Provenance, cells: Cells) -> html.Di
                     html.P(data_line, className="soft"),
                     html.P(id="status", role="status", className="status"),
                     html.P(id="message", role="alert", className="message"),
-                    *(html.P([html.Strong("Can’t be shown. "), line], className="caution") for line in known.notes),
+                    *(html.P([html.Strong(f"{what} "), line], className="caution") for what, line in known.cautions),
                     *_excluded(known),
                 ]
             ),
@@ -79,13 +80,18 @@ def effect_options(
             [
                 html.Span(readable(name), className="effect"),
                 html.Span(promise(promises.get(name), name in on, now), className="promise"),
-                html.Small(f"{effect.stage}: {effect.formula}"),
+                html.Small([f"{effect.stage}: ", _typeset(effect.formula)]),
                 *([html.Small(values(effect, current), className="values")] if name in on else []),
             ],
             className="effect-line",
         )
         options.append({"value": name, "label": label, "title": effect.seen_in})
     return options
+
+
+def _typeset(formula: str) -> html.Span:
+    """A formula as MathML: Dash has no such element, so explore.js puts it there."""
+    return html.Span(title=formula, **{"data-math": mathml(formula)})
 
 
 def by_hand(sliders: Sequence[Slider]) -> list[Any]:

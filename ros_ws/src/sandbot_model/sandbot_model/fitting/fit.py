@@ -1,5 +1,6 @@
 """Fit a walking model with effects to cells: one k per φ level, everything else shared."""
 
+import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from sandbot_model.fitting.leave_one_out import cross_validation
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.plain import data_frame, number, plain
-from sandbot_model.fitting.text import cm_s, html_table, probability, with_error
+from sandbot_model.fitting.text import WIDTH, cm_s, html_table, probability, with_error
 from sandbot_model.fitting.uncertainty import standard_errors
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
@@ -120,7 +121,7 @@ class Fit(Fitted):
     def __repr__(self) -> str:
         cells = self.cells
         lines = [
-            f"{self.name}: fitted to {cells.trials} trials in {len(cells)} conditions",
+            textwrap.fill(f"{self.name}: fitted to {cells.trials} trials in {len(cells)} conditions", WIDTH),
             *(f"  {name:<28}{estimate}" for name, estimate in self.estimates()),
             f"  {'error of mean speed':<28}{cm_s(self.rmse_m_s)} in sample, {cm_s(self.cv_rmse_m_s)} out of sample",
             f"  {'lack of fit p':<28}{probability(self.lack_of_fit_p)}",

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from sandbot_model.physics.observables import CM
 
 UNKNOWN = "not known"
+WIDTH = 100
+"""Columns of a line of text at most."""
 
 Rows = Sequence[Sequence[str]]
 """A table; its first row is the head."""
@@ -35,7 +37,14 @@ def with_error(value: float, stderr: float) -> str:
 
 
 def table(rows: Rows) -> str:
-    """Rows of text in columns, the first left, the others right; the first row is underlined."""
+    """Rows of text in columns, the first left, the others right; the first row is underlined.
+
+    A cell of the first row may have several lines.
+    """
+    head = [cell.split("\n") for cell in rows[0]]
+    deep = max(map(len, head))
+    heads = [[lines[at] if at < len(lines) else "" for lines in head] for at in range(deep)]
+    rows = [*heads, *rows[1:]]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
         "  ".join(
@@ -44,7 +53,7 @@ def table(rows: Rows) -> str:
         )
         for row in rows
     ]
-    return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
+    return "\n".join([*lines[:deep], "  ".join("-" * width for width in widths), *lines[deep:]])
 
 
 def html_table(rows: Rows) -> str:

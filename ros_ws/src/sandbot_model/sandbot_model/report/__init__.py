@@ -15,7 +15,8 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.report import page
 from sandbot_model.report.content import Frames, comparison_page, discovery_page
 from sandbot_model.report.curves import steps
-from sandbot_model.report.provenance import Trials, bags_of, lost_bags, provenance
+from sandbot_model.report.provenance import bags_of, lost_bags, provenance
+from sandbot_record.trials.table import Trials
 
 
 def write_report(

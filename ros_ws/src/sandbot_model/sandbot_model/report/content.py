@@ -51,7 +51,7 @@ def discovery_page(
         sentence=_sentence(verdict.because, steps, discovery.noise_floor_m_s),
         headline=headline(steps, discovery.noise_floor_m_s, provenance, cells),
         truth_line=truth_line,
-        notes=provenance.notes,
+        cautions=provenance.cautions,
         steps=_step_names(steps),
         sections=(
             *_figure_sections(steps, discovery.noise_floor_m_s),
@@ -75,7 +75,7 @@ def comparison_page(steps: tuple[Step, ...], provenance: Provenance, *, title: s
         kind="Walking model against trials",
         sentence=_comparison_sentence(steps, floor),
         headline=headline(steps, floor, provenance, cells),
-        notes=provenance.notes,
+        cautions=provenance.cautions,
         steps=_step_names(steps),
         sections=(
             *_figure_sections(steps, floor),

@@ -83,7 +83,7 @@ class Page:
     status: str = ""
     sentence: str = ""
     truth_line: str | None = None
-    notes: tuple[str, ...] = ()
+    cautions: tuple[tuple[str, str], ...] = ()
     steps: tuple[tuple[str, str], ...] = field(default=())
     """(label, error) of each step of the ladder."""
 

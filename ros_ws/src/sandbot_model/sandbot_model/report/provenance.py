@@ -1,33 +1,19 @@
-"""Which trials the analysis used, which it excluded and why, and what such data can't show."""
+"""Which trials the analysis used, which it excluded and why, what such data can't show, and what is odd about them."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
 from sandbot_common.errors import InputError
-from sandbot_model.data.conditions import Cells, Floats
+from sandbot_model.data.conditions import Cells
+from sandbot_model.data.quality import checked
 from sandbot_model.physics.gait import assumption
 from sandbot_model.physics.observables import Observable
 from sandbot_model.report.view import Provenance
 from sandbot_record.bags.reader import is_bag
 from sandbot_record.trials import from_bags as table
-
-
-class Trials(Protocol):
-    """What is needed of ``sandbot_record.trials.read.Trials``."""
-
-    @property
-    def trial_id(self) -> Iterable[str]: ...  # noqa: D102
-    @property
-    def phi(self) -> Floats: ...  # noqa: D102
-    @property
-    def omega_rad_s(self) -> Floats: ...  # noqa: D102
-    @property
-    def speed_m_s(self) -> Floats: ...  # noqa: D102
-    @property
-    def status(self) -> Iterable[str]: ...  # noqa: D102
+from sandbot_record.trials.table import Trials
 
 
 def bags_of(data: Sequence[Path]) -> dict[str, Path]:
@@ -53,7 +39,7 @@ def lost_bags(bags: Mapping[str, Path], trials: Trials) -> tuple[tuple[str, str]
 
 
 def provenance(trials: Trials, cells: Cells, lost: Sequence[tuple[str, str]] = ()) -> Provenance:
-    """Used and excluded trials, and one sentence for each thing these data can't show.
+    """Used and excluded trials, and one sentence for each thing these data can't show or that is odd about them.
 
     ``lost`` are (bag, reason) of recordings that gave no trial.
     """
@@ -62,7 +48,7 @@ def provenance(trials: Trials, cells: Cells, lost: Sequence[tuple[str, str]] = (
     for trial_id, phi, omega, speed, status in rows:
         if reason := _reason({"phi": phi, "omega_rad_s": omega, "speed_m_s": speed}, str(status)):
             excluded.append((str(trial_id), reason))
-    return Provenance(cells.trials, tuple(excluded), limits(cells))
+    return Provenance(cells.trials, tuple(excluded), limits(cells), checked(trials))
 
 
 def _reason(needed: Mapping[str, float], status: str) -> str:

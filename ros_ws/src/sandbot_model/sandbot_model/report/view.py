@@ -86,8 +86,15 @@ class Provenance:
     used: int
     excluded: tuple[tuple[str, str], ...] = ()
     """(trial_id, reason)."""
-    notes: tuple[str, ...] = ()
+    limits: tuple[str, ...] = ()
     """What these data can't show, and why: one sentence each."""
+    odd: tuple[str, ...] = ()
+    """What is odd about the trials (see ``quality``): one sentence each."""
+
+    @property
+    def cautions(self) -> tuple[tuple[str, str], ...]:
+        """(what it is, sentence) of both, for the top of a page."""
+        return (*(("Can’t be shown.", line) for line in self.limits), *(("Check the data.", line) for line in self.odd))
 
 
 def bands(cells: Cells) -> tuple[Band, ...]:

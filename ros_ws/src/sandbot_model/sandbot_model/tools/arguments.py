@@ -6,6 +6,7 @@ once.
 
 import argparse
 import json
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from sandbot_common.cli import Parser, output
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_text, writing
-from sandbot_common.robot import Robot, difference, read_robot, to_mapping
+from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, to_mapping
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ
 from sandbot_model.physics.walking import BASES
 
@@ -79,17 +80,40 @@ def trials(args: argparse.Namespace) -> "tuple[Trials, str]":
 
     Raises InputError.
     """
-    from sandbot_record.trials.read import read
-    from sandbot_record.trials.setting import of_cameras
-
-    found = read(args.data)
-    if args.cameras is not None:
-        rate_hz, accuracy = of_cameras(args.cameras)
-        found = replace(found, frame_rate_hz=rate_hz, accuracy=accuracy)
+    found = _filmed(args, args.data)
     if args.robot is not None:
         return of_robot(found, read_robot(args.robot), str(args.robot))
     source = "as the bags tell" if found.robot else "not told, SandBot is assumed (--robot FILE.yaml names another)"
     return found, f"robot: {source}"
+
+
+def beside(args: argparse.Namespace, first: "Trials") -> "Trials":
+    """The trials of ``--beside``, with what the options say of DATA; of the robot of ``first``.
+
+    Raises InputError where they are another robot's.
+    """
+    found = _filmed(args, args.beside)
+    if args.robot is not None:
+        return of_robot(found, read_robot(args.robot), str(args.robot))[0]
+    robot = first.robot or SANDBOT
+    if found.robot not in (None, robot):
+        raise InputError(
+            f"--beside {args.beside}: trials of another robot than DATA ({difference(found.robot, robot)}); "
+            "explore one robot at a time, or name the right one with --robot FILE.yaml"
+        )
+    return replace(found, robot=robot)
+
+
+def _filmed(args: argparse.Namespace, data: "Path | Sequence[Path]") -> "Trials":
+    """Trials as filmed by the cameras of ``--cameras``, or their own."""
+    from sandbot_record.trials.read import read
+    from sandbot_record.trials.setting import of_cameras
+
+    found = read(data)
+    if args.cameras is None:
+        return found
+    rate_hz, accuracy = of_cameras(args.cameras)
+    return replace(found, frame_rate_hz=rate_hz, accuracy=accuracy)
 
 
 def check_setting(args: argparse.Namespace) -> None:

@@ -9,8 +9,10 @@
 No ROS is needed in the process. What can't be used raises InputError, one line that names the argument.
 """
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -19,6 +21,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot, read_robot
 from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.data.penetrometer import read_readings
+from sandbot_model.data.quality import checked
 from sandbot_model.discovery import compare as comparing
 from sandbot_model.discovery import discover as discovering
 from sandbot_model.discovery.compare import Comparison
@@ -29,6 +32,7 @@ from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.fitting import parallel
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Progress
+from sandbot_model.fitting.text import WIDTH
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.walking import BASES
@@ -54,8 +58,10 @@ class Result:
     """What both return: a ladder of fits that prints, draws and reports itself."""
 
     content: Discovery | Comparison
-    """Everything that was found; it prints as the result does."""
+    """Everything that was found."""
     trials: Trials
+    notes: tuple[str, ...] = ()
+    """What is odd about the trials, one sentence each."""
 
     @property
     def steps(self) -> tuple[Fit, ...]:
@@ -69,17 +75,19 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data: what the command writes with ``--json``."""
-        return self.content.to_dict()
+        content = self.content.to_dict()
+        content["data"]["notes"] = list(self.notes)
+        return content
 
     def plot(self) -> "Figure":
         """Mean speed against ω at every φ: measured, the base model, and the last step's model."""
         return printed.speed(with_curves(list(dict.fromkeys((self.steps[0], self.fit)))))
 
     def __repr__(self) -> str:
-        return repr(self.content)
+        return "\n".join([*(textwrap.fill(f"note: {note}", WIDTH) for note in self.notes), repr(self.content)])
 
     def _repr_html_(self) -> str:
-        return self.content._repr_html_()
+        return "".join([*(f"<p>Note: {escape(note)}</p>" for note in self.notes), self.content._repr_html_()])
 
 
 class Found(Result):
@@ -143,6 +151,7 @@ def discover(
         raise InputError(f"max_effects: {max_effects}; 0 or more are needed")
     effects = _catalogue(model, effects_from, formulas)
     trials = _trials(data, robot)
+    notes = _notes(trials)
     cells = _cells(trials, penetrometer)
     with parallel.workers(workers) as fit_all:
         found = discovering.discover(
@@ -154,7 +163,7 @@ def discover(
             fit_all=fit_all,
             progress=progress,
         )
-    return Found(found, trials)
+    return Found(found, trials, notes)
 
 
 def compare(
@@ -172,7 +181,9 @@ def compare(
         raise InputError(f"effects: {effects!r} is one text; a list of names is needed, [{effects!r}]")
     catalogue = _catalogue(model, effects_from, formulas)
     trials = _trials(data, robot)
-    return Compared(comparing.compare(_cells(trials, penetrometer), catalogue, effects, base=model), trials)
+    notes = _notes(trials)
+    found = comparing.compare(_cells(trials, penetrometer), catalogue, effects, base=model)
+    return Compared(found, trials, notes)
 
 
 def _catalogue(model: str, effects_from: Paths, formulas: Sequence[str]) -> Mapping[str, Effect]:
@@ -192,6 +203,13 @@ def _trials(data: "Data", robot: str | Path | Robot | None) -> Trials:
     if robot is None:
         return found
     return arguments.of_robot(found, robot if isinstance(robot, Robot) else read_robot(Path(robot)), "robot")[0]
+
+
+def _notes(trials: Trials) -> tuple[str, ...]:
+    try:
+        return checked(trials)
+    except InputError as error:
+        raise InputError(f"data: {str(error).removeprefix('trials: ')}") from None
 
 
 def _read(data: "Data") -> Trials:

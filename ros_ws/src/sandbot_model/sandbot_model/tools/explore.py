@@ -57,8 +57,11 @@ def _explore(argv: Sequence[str]) -> None:
     query = to_query(from_mapping(read_yaml(args.selection), str(args.selection))) if args.selection else ""
     title = args.title or args.data[0].resolve().stem
     arguments.check_setting(args)
+    from sandbot_model.data.quality import checked
+
     try:
         trials, robot_line = arguments.trials(args)
+        checked(trials)
         cells = arguments.cells(args, trials)
     except InputError as error:
         # A name that is none is a slip of the command line; data that say nothing are for the page to tell.
@@ -78,9 +81,8 @@ def _explore_cells(
     from sandbot_model.data.conditions import cells_of
     from sandbot_model.explore.app import Beside, Explorer
     from sandbot_model.explore.session import Session
-    from sandbot_record.trials.read import read
 
-    other = cells_of(read(args.beside)) if args.beside else None
+    other = cells_of(arguments.beside(args, trials)) if args.beside else None
     with _fitters(args.workers) as workers:
         session = Session(cells, workers, effect_files=args.effects_from)
         session.catalogue()

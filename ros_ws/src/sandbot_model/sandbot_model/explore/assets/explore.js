@@ -22,3 +22,11 @@ new MutationObserver(() => {
     }
   }
 }).observe(document.documentElement, { childList: true, subtree: true });
+
+// Formulas come as MathML in an attribute.
+new MutationObserver(() => {
+  for (const place of document.querySelectorAll("[data-math]")) {
+    if (place.shown === place.dataset.math) continue;
+    place.shown = place.innerHTML = place.dataset.math;
+  }
+}).observe(document.documentElement, { childList: true, subtree: true, attributeFilter: ["data-math"] });
