@@ -53,7 +53,7 @@ class Brittle(Effect):
 TORN = "phi0.6000_w08.000_r01"
 BOOST = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
 DRAWN = """
-return [...document.querySelectorAll("#effects [data-math]")].map(
+return [...document.querySelectorAll("#effects [data-mathml]")].map(
     (place) => place.querySelector("math")?.getBoundingClientRect().width ?? 0)
 """
 """Widths of the effects' formulas."""
@@ -237,6 +237,7 @@ def test_every_view_draws(page, address):
     # A formula is drawn as one: MathML that the browser knows has a size.
     page.until(lambda: page.driver.execute_script(DRAWN))
     assert min(page.driver.execute_script(DRAWN)) > 0
+    assert page.driver.find_element(By.CSS_SELECTOR, "#figure .xtick text").text.isdecimal()
     page.open(f"{address}?view=parameters&effect={HIDDEN}")
     page.until(lambda: "stiffness of disturbed ground" in page.text("parameters"))
     assert page.complaints() == []

@@ -21,7 +21,7 @@ from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.effects.resistive_force_theory import A00, A10, B01, B11, B_11
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import deepest_m
-from sandbot_model.physics.typeset import mathml, statements
+from sandbot_model.physics.typeset import mathml, mathml_in_pieces, statements
 from sandbot_model.physics.walking import Inputs, KCurve, Walker
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
@@ -218,3 +218,18 @@ def test_sums_in_products_keep_their_parentheses():
 
 def test_the_catalogue_carries_it():
     assert describe(EFFECTS)[0]["typeset"].startswith("<math><mi>k</mi><mo>→</mo>")
+
+
+@EACH
+def test_in_pieces_it_says_the_same(name):
+    formula = EFFECTS[name].formula
+    pieces = ElementTree.fromstring(f"<span>{mathml_in_pieces(formula)}</span>")
+    lines, words = statements(formula)
+    assert len(pieces.findall("math")) == len(lines)
+    whole = ElementTree.fromstring(mathml(formula))
+    assert "".join("".join(pieces.itertext()).split()) == "".join("".join(whole.itertext()).split())
+    assert (pieces[-1].tail or "").removeprefix(", ") == words
+
+
+def test_words_in_pieces_are_no_markup():
+    assert mathml_in_pieces("k (1 + a) <b>") == "k (1 + a) &lt;b&gt;"

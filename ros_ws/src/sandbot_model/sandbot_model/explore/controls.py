@@ -11,7 +11,7 @@ from sandbot_model.discovery.discover import Discovery
 from sandbot_model.explore.views import TITLES, Pane, Slider, promise, values
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.observables import Observable
-from sandbot_model.physics.typeset import mathml
+from sandbot_model.physics.typeset import mathml_in_pieces
 from sandbot_model.physics.walking import BASES
 from sandbot_model.report import text
 from sandbot_model.report.captions import HOW
@@ -91,7 +91,7 @@ def effect_options(
 
 def _typeset(formula: str) -> html.Span:
     """A formula as MathML: Dash has no such element, so explore.js puts it there."""
-    return html.Span(title=formula, **{"data-math": mathml(formula)})
+    return html.Span(title=formula, className="formula", **{"data-mathml": mathml_in_pieces(formula)})
 
 
 def by_hand(sliders: Sequence[Slider]) -> list[Any]:

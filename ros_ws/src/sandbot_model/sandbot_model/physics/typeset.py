@@ -61,6 +61,16 @@ def mathml(formula: str) -> str:
     return f"<math>{shown}{separator}{f'<mtext>{escape(words)}</mtext>' if words else ''}</math>"
 
 
+def mathml_in_pieces(formula: str) -> str:
+    """The same as a ``<math>`` for each statement, between which a narrow column may break its lines."""
+    try:
+        lines, words = statements(formula)
+        shown = [f"<math>{_line(line)}</math>" for line in lines]
+    except (ValueError, SyntaxError):
+        shown, words = [], formula
+    return ", ".join(["; ".join(shown)] * bool(shown) + [escape(words)] * bool(words))
+
+
 def _line(statement: Statement) -> str:
     sign = "→" if statement.how == "->" else "="
     unit = f"<mtext>&#160;{escape(statement.unit.translate(_RAISED))}</mtext>" if statement.unit else ""

@@ -25,8 +25,8 @@ new MutationObserver(() => {
 
 // Formulas come as MathML in an attribute.
 new MutationObserver(() => {
-  for (const place of document.querySelectorAll("[data-math]")) {
-    if (place.shown === place.dataset.math) continue;
-    place.shown = place.innerHTML = place.dataset.math;
+  for (const place of document.querySelectorAll("[data-mathml]")) {
+    if (place.shown === place.dataset.mathml) continue;
+    place.shown = place.innerHTML = place.dataset.mathml;
   }
-}).observe(document.documentElement, { childList: true, subtree: true, attributeFilter: ["data-math"] });
+}).observe(document.documentElement, { childList: true, subtree: true, attributeFilter: ["data-mathml"] });
