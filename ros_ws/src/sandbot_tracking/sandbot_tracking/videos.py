@@ -4,11 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common.data_frame import data_frame
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot, read_robot
 from sandbot_tracking.calibration import Camera, read_cameras
@@ -17,6 +18,9 @@ from sandbot_tracking.offline import OfflineTracker
 from sandbot_tracking.smooth import smooth
 from sandbot_tracking.source import Source
 from sandbot_tracking.trial import TrialSummary, summarise
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 Floats = NDArray[np.float64]
 
@@ -61,11 +65,9 @@ class Track:
             "v_x_sd_m_s": self.v_x_sd_m_s,
         }
 
-    def to_frame(self) -> Any:
-        """``columns`` as a pandas DataFrame. Needs pandas."""
-        from pandas import DataFrame
-
-        return DataFrame(self.columns())
+    def to_frame(self) -> "DataFrame":
+        """``columns`` as a pandas DataFrame. Raises InputError where pandas is not installed."""
+        return data_frame(self.columns(), "columns()")
 
 
 def track(

@@ -1,5 +1,4 @@
 import pickle
-import sys
 
 import numpy as np
 import pytest
@@ -99,12 +98,6 @@ def test_its_tables_hold_its_numbers(slipping):
     missed = residuals[residuals.z.abs() > 3]
     assert len(missed) == len(slipping.fails)
     assert (residuals.measured - residuals.predicted).to_numpy() == pytest.approx(residuals.residual)
-
-
-def test_without_pandas_it_says_so(slipping, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(InputError, match="pandas is not installed"):
-        slipping.to_frame()
 
 
 def test_a_pickle_holds_what_was_found_and_no_working(slipping):

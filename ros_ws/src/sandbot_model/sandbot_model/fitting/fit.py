@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sandbot_common.data_frame import data_frame
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting import goodness
 from sandbot_model.fitting.fitted import Fitted, state_at
@@ -15,7 +16,7 @@ from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.leave_one_out import cross_validation
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
-from sandbot_model.fitting.plain import data_frame, number, plain
+from sandbot_model.fitting.plain import number, plain
 from sandbot_model.fitting.text import WIDTH, cm_s, html_table, probability, with_error
 from sandbot_model.fitting.uncertainty import standard_errors
 from sandbot_model.physics.model import Model
@@ -94,7 +95,7 @@ class Fit(Fitted):
             {"parameter": "k_n_per_m", "phi": phi, "value": k, "stderr": stderr, "unit": "N/m"}
             for phi, k, stderr in zip(self.level_phi, self.k_n_per_m, self.k_stderr_n_per_m, strict=True)
         ]
-        return data_frame(rows).set_index("parameter")
+        return data_frame(rows, "to_dict()").set_index("parameter")
 
     def residuals_frame(self) -> "DataFrame":
         """Measured beside predicted [SI]: one row for each observable measured in a cell.
@@ -116,7 +117,7 @@ class Fit(Fitted):
             }
             for cell, observable in np.argwhere(self.problem.measured)
         ]
-        return data_frame(rows)
+        return data_frame(rows, "to_dict()")
 
     def __repr__(self) -> str:
         cells = self.cells

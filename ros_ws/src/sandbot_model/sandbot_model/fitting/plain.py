@@ -1,15 +1,10 @@
 """Results as plain data: what the JSON of ``compare`` and ``discover`` is made of."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Cells
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 
 def data_summary(cells: Cells) -> dict[str, Any]:
@@ -34,12 +29,3 @@ def plain(record: Any) -> dict[str, Any]:
 def number(value: float) -> float | None:
     """The value, or None where it is not finite: JSON has no NaN."""
     return float(value) if np.isfinite(value) else None
-
-
-def data_frame(rows: Sequence[Mapping[str, Any]]) -> "DataFrame":
-    """The rows as a pandas DataFrame. Raises InputError where pandas is not installed."""
-    try:
-        from pandas import DataFrame
-    except ImportError:
-        raise InputError("pandas is not installed; pip install pandas (the same numbers: to_dict())") from None
-    return DataFrame.from_records(list(rows))

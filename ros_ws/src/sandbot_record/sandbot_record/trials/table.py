@@ -3,14 +3,18 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.accuracy import Accuracy
+from sandbot_common.data_frame import data_frame
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 Floats = NDArray[np.float64]
 OK = "ok"
@@ -85,11 +89,9 @@ class Trials:
         spans = (("φ", usable.phi, ""), ("ω", usable.omega_rad_s, " rad/s"), ("speed", usable.speed_m_s, " m/s"))
         return f"{line}; " + ", ".join(f"{name} {low.min():.4g} to {low.max():.4g}{unit}" for name, low, unit in spans)
 
-    def to_frame(self) -> Any:
-        """The table as a pandas DataFrame, one row a trial. Needs pandas."""
-        from pandas import DataFrame
-
-        return DataFrame({name: getattr(self, name) for name in COLUMNS})
+    def to_frame(self) -> "DataFrame":
+        """The table as a pandas DataFrame, one row a trial. Raises InputError where pandas is not installed."""
+        return data_frame({name: getattr(self, name) for name in COLUMNS}, "rows()")
 
     @property
     def usable(self) -> NDArray[np.bool_]:

@@ -1,0 +1,21 @@
+"""Tables as pandas DataFrames, for who has pandas."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from sandbot_common.errors import InputError
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+def data_frame(table: Mapping[str, Any] | Sequence[Mapping[str, Any]], instead: str) -> "DataFrame":
+    """A table, given by columns or by rows, as a DataFrame.
+
+    Raises InputError where pandas is not installed, naming what has the same numbers ``instead``.
+    """
+    try:
+        from pandas import DataFrame
+    except ImportError:
+        raise InputError(f"pandas is not installed; pip install pandas (the same numbers: {instead})") from None
+    return DataFrame(table)
