@@ -23,9 +23,18 @@ settings.load_profile("untimed")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What takes longest begins first, so that no worker is left with it at the end."""
-    slow_files = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow_files)
+    """What takes longest begins first, so that no worker is left with it at the end.
+
+    Files that mostly wait, for nodes or a browser, take turns with files that compute: neither should run alone.
+    """
+    marks: dict[Path, set[str]] = {}
+    for item in items:
+        marks.setdefault(item.path, set()).update(mark.name for mark in item.iter_markers())
+    waiting = [path for path, names in marks.items() if names & {"ros", "browser"}]
+    computing = [path for path, names in marks.items() if "slow" in names and path not in waiting]
+    turns = [path for pair in itertools.zip_longest(waiting, computing) for path in pair if path is not None]
+    place = {path: number for number, path in enumerate(turns)}
+    items.sort(key=lambda item: place.get(item.path, len(place)))
 
 
 DOMAINS = range(1, 102)

@@ -12,6 +12,8 @@ from sandbot_model.data.penetrometer import Readings
 from sandbot_model.discovery.discover import discover
 
 pytestmark = pytest.mark.slow
+FEW = PHI[::2]
+"""Levels enough for what needs no curve over φ."""
 
 
 def pressed(world, seed):
@@ -24,7 +26,7 @@ def proposed(found, effect):
 
 
 def test_mean_speed_cannot_see_the_slow_phase_and_its_peak_can():
-    trials = BY_NAME["slow_phase_speed(SGCS)"].trials(22)
+    trials = BY_NAME["slow_phase_speed(SGCS)"].trials(22, FEW)
     unknown = np.full(len(trials.phi), np.nan)
     alone = dataclasses.replace(trials, lift_m=unknown, peak_speed_m_s=unknown, first_step_m=unknown)
     found = discover(cells_of(alone), EFFECTS, max_effects=1)
@@ -52,13 +54,13 @@ def test_trials_cannot_see_the_law_of_force_and_a_penetrometer_can(name):
 
 def test_a_penetrometer_on_plain_ground_claims_nothing():
     world = BY_NAME["null"]
-    found = discover(cells_of(world.trials(23), pressed(world, 3)), EFFECTS, max_effects=1)
+    found = discover(cells_of(world.trials(23, FEW), pressed(world, 3)), EFFECTS, max_effects=1)
     assert found.verdict.status == "adequate"
     assert not {"cohesion", "depth_nonlinearity"} & set(found.unseen)
 
 
 def test_added_mass_shows_in_nothing_that_is_measured_here():
-    found = discover(cells_of(BY_NAME["added_mass(c_g=2.7)"].trials(24)), EFFECTS, max_effects=1)
+    found = discover(cells_of(BY_NAME["added_mass(c_g=2.7)"].trials(24, FEW)), EFFECTS, max_effects=1)
     assert found.verdict.status == "adequate"
     assert "added_mass" in found.unseen
     assert not proposed(found, "added_mass")

@@ -50,9 +50,8 @@ def test_a_drift_in_the_order_of_the_frequencies_is_in_the_standard_error():
     assert abs(delta_t.value - 0.4) < 2 * delta_t.stderr
 
 
-@pytest.mark.parametrize(
-    "effects", [OVERLAP, pytest.param(DISTURBED, marks=pytest.mark.whole)], ids=["stance_overlap", "disturbed_ground"]
-)
+@pytest.mark.whole  # test_hidden names both among the worlds without batches
+@pytest.mark.parametrize("effects", [OVERLAP, DISTURBED], ids=["stance_overlap", "disturbed_ground"])
 def test_an_effect_is_still_named(effects):
     one = found(1, effects=effects)
     assert (one.verdict.status, one.verdict.effects) == ("identified", tuple(effects))
@@ -67,7 +66,12 @@ def test_an_effect_on_a_bed_that_scatters_is_named_or_in_the_set(effects):
 
 
 @pytest.mark.parametrize(
-    "name", ["x_resonance(loss=0.3, omega_0_rad_s=12, width_rad_s=2)", "x_traction_loss(loss=0.2)"]
+    "name",
+    [
+        # test_hidden has this one in another draw
+        pytest.param("x_resonance(loss=0.3, omega_0_rad_s=12, width_rad_s=2)", marks=pytest.mark.whole),
+        "x_traction_loss(loss=0.2)",
+    ],
 )
 def test_a_world_outside_the_catalogue_is_no_bed_that_scatters(name):
     one = discover(cells_of(BY_NAME[name].trials(1)), catalogue(), max_effects=1)

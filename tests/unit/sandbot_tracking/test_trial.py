@@ -135,7 +135,7 @@ def stance(name, omega, t, alpha, mount):
 @pytest.mark.parametrize(("name", "mount", "alpha"), [("SGCS", 0.0, 0.72), ("SGCS", 0.5, 0.5), ("UNIFORM", 0.0, 0.9)])
 def test_the_first_step_is_counted_to_rest_whatever_the_gait(omega, name, mount, alpha):
     """SGCS without a mount carries its body on past half a period, to less than a frame before the handover."""
-    for shift in np.linspace(0.0, 0.01, 7):
+    for shift in (0.0, 0.003, 0.007):
         t = np.arange(-0.1, 3.5, 0.01) + shift
         x = stance(name, omega, t, alpha, mount)[1]
         legs_t = np.arange(-0.2, 3.6, 0.005)
@@ -198,7 +198,7 @@ def test_a_fast_end_of_a_stance_is_seen_or_the_peak_is_not_measured(rng, omega, 
     Of what lasts less than a frame a third may be missing; it must never be the slow part's βRω, a quarter of it.
     """
     fast = 1.5 * R * omega
-    for _ in range(8):
+    for _ in range(4):
         t = np.arange(-0.1, 8 * np.pi / omega, 0.01) + rng.uniform(0, 0.01)
         legs_t = np.arange(-0.2, t[-1] + 0.1, 0.005)
         x, z = stance("SGCS", omega, t, alpha, 0.0)[1], np.full(t.size, H) + 0.002 * (t > 0)

@@ -16,11 +16,12 @@ from sandbot_model.tools import discover as command
 from sandbot_record.trials.csv_table import write_csv
 
 OVERLAP = {"stance_overlap": {"eta": 0.15}}
+FEW = {"levels": 3, "omega": (6, 12, 18, 24, 30)}
 
 
 @pytest.fixture(scope="module")
 def trials(drawn):
-    return drawn(("stance_overlap",), values=OVERLAP)
+    return drawn(("stance_overlap",), values=OVERLAP, **FEW)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +36,7 @@ def test_a_hidden_effect_is_found_and_said_first(found):
 
 
 def test_nothing_is_found_where_nothing_is_hidden(drawn):
-    null = sm.discover(drawn(()), max_effects=1)
+    null = sm.discover(drawn((), **FEW), max_effects=1)
     assert null.verdict.status == "adequate"
     assert null.fit.effects == ()
 
@@ -74,7 +75,8 @@ def test_a_result_pickles_small_and_comes_back(found):
 def test_the_door_says_what_the_command_says(trials, found, tmp_path, capsys):
     write_csv(trials, tmp_path / "table.csv")
     out = tmp_path / "found.json"
-    assert command.main([str(tmp_path / "table.csv"), "--max-effects", "1", "--json", str(out)]) == 0
+    few = ["--max-effects", "1", "--workers", "1"]
+    assert command.main([str(tmp_path / "table.csv"), *few, "--json", str(out)]) == 0
     assert json.loads(out.read_text())["verdict"] == json.loads(json.dumps(found.to_dict()))["verdict"]
 
 
@@ -123,7 +125,7 @@ def test_effects_given_as_one_text_are_refused(trials):
 def test_a_comparison_draws_measured_base_and_effect(trials):
     figure = sm.compare(trials, ["stance_overlap"]).plot()
     panels = [panel for panel in figure.axes if panel.get_visible()]
-    assert len(panels) == 5
+    assert len(panels) == FEW["levels"]
     dashed = [line for line in panels[-1].lines if line.get_linestyle() == "--"]
     assert len(dashed) == 1
     assert figure._repr_png_().startswith(b"\x89PNG")
