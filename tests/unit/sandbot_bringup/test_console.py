@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandbot_bringup.console import Arrivals, Console, Packing, RecorderRate, Series, Throttle
+from sandbot_bringup.console import HISTORY_S, Arrivals, Console, Packing, RecorderRate, Series, Throttle
 from sandbot_bringup.console_page import app, serve
 from sandbot_common.errors import InputError
 
@@ -18,12 +18,12 @@ def console():
     return Console({"/speed": False, "/trial": True})
 
 
-def test_a_series_keeps_ten_seconds_and_counts_back_from_now():
+def test_a_series_keeps_its_last_seconds_and_counts_back_from_now():
     series = Series()
     for t_s in range(1000, 1031):
         series.add(t_s, 0.01 * t_s)
     columns = series.columns(series.latest_s)
-    assert columns["t_s"] == [float(t) for t in range(-10, 1)]
+    assert columns["t_s"] == [float(t) for t in range(-5, 1)]
     assert columns["value"][-1] == pytest.approx(10.30)
 
 
@@ -43,7 +43,7 @@ def test_a_series_is_ordered_finite_and_short(points):
         series.add(t_s, value)
     columns = series.columns(series.latest_s) if points else series.columns(0.0)
     assert columns["t_s"] == sorted(columns["t_s"])
-    assert all(-10.0001 <= t_s <= 0 for t_s in columns["t_s"])
+    assert all(-HISTORY_S - 1e-3 <= t_s <= 0 for t_s in columns["t_s"])
     assert all(value is None or math.isfinite(value) for value in columns["value"])
 
 

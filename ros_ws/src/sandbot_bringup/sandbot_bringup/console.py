@@ -15,7 +15,7 @@ from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
 
-HISTORY_S = 10.0
+HISTORY_S = 5.0
 """How far back the speed plot reaches."""
 
 RATE_WINDOW_S = 2.0

@@ -129,13 +129,13 @@ class ConsoleNode(Node):
         """End motion and air and hold the campaign; whether all is seen to be at rest, and how soon it was."""
         begun_s = time.monotonic()
         asked = {name: _Asked(self._triggers[service]) for name, service in STOP.items()}
-        done = False
-        while not done and time.monotonic() - begun_s < STOP_S:
-            answered = [one.again(time.monotonic()) for one in asked.values()]
+        answered = at_rest = False
+        while not (answered and at_rest) and time.monotonic() - begun_s < STOP_S:
+            answered = all([one.again(time.monotonic()) for one in asked.values()])  # no short cut: each is asked
             with self._lock:
-                done = all(answered) and self._state.safety.at_rest(time.monotonic())
+                at_rest = self._state.safety.at_rest(time.monotonic())
             self._closing.wait(LOOK_S)
-        return self._said("STOP", done, self._what_stopped(begun_s, asked))
+        return self._said("STOP", at_rest, f"{self._what_stopped(begun_s)}; {asked['campaign'].said('the campaign')}")
 
     def order(self, what: Mapping[str, Any]) -> tuple[bool, str]:
         """Send an order to the campaign (skip, repeat, add) and wait for its answer."""
@@ -165,20 +165,15 @@ class ConsoleNode(Node):
         self._closing.set()
         self._server.shutdown()
 
-    def _what_stopped(self, begun_s: float, asked: Mapping[str, "_Asked"]) -> str:
+    def _what_stopped(self, begun_s: float) -> str:
         now_s = time.monotonic()
         with self._lock:
             safety = self._state.safety
             legs, air = safety.legs(now_s), safety.air(now_s)
             rest_s, off_s = safety.rest_s - begun_s, safety.off_s - begun_s
-        held = asked["campaign"].response
-        return "; ".join(
-            (
-                f"legs at rest after {rest_s:.2f} s" if legs.state == "still" and rest_s > 0 else legs.text,
-                f"air off after {off_s:.2f} s" if air.state == "off" and off_s > 0 else air.text,
-                held.message if held is not None else "no campaign answered",
-            )
-        )
+        rest = f"legs at rest after {rest_s:.2f} s" if legs.state == "still" and rest_s > 0 else legs.text
+        off = f"air off after {off_s:.2f} s" if air.state == "off" and off_s > 0 else air.text
+        return f"{rest}; {off}"
 
     def _said(self, action: str, success: bool, message: str) -> tuple[bool, str]:
         with self._lock:
@@ -273,6 +268,12 @@ class _Asked:
     def response(self) -> Any:
         """What it answered, None as yet."""
         return next((one.result() for one in self._futures if one.done()), None)
+
+    def said(self, who: str) -> str:
+        """Its answer, or that there is none."""
+        if (response := self.response) is not None:
+            return str(response.message)
+        return f"{who} DOES NOT ANSWER" if self._futures else f"{who} is not there"
 
     def again(self, now_s: float) -> bool:
         """Ask if it is time; whether there is nothing to wait for."""

@@ -114,7 +114,7 @@ function drawSpeed(speed) {
   Plotly.react("speed", [
     line("measured", speed.measured.t_s, cm(speed.measured), colour("measured")),
     line("model", speed.predicted.t_s, cm(speed.predicted), colour("model"), "dash"),
-  ], layout(["time before the last frame [s]", {range: [-4, 0]}], ["v<sub>x</sub> [cm/s]",
+  ], layout(["time before the last frame [s]", {range: [-5, 0]}], ["v<sub>x</sub> [cm/s]",
     speed.measured.t_s.length + speed.predicted.t_s.length ? {rangemode: "tozero"} : {range: [0, 40]}]), options);
 }
 
@@ -137,7 +137,7 @@ function drawPacking(packing) {
     ["air pulses", {rangemode: "tozero", tickformat: "d", range: x.length ? undefined : [0, 10]}],
     ["volume fraction φ", {tickformat: ".4~f", range: phiRange(points.map(p => p.phi), band)}],
     {shapes, margin: {l: 60, r: 60, t: 8, b: 40},
-     yaxis2: {...axis("height [mm]"), overlaying: "y", side: "right", showgrid: false, tickformat: ".1f"}}), options);
+     yaxis2: {...axis("height [mm]"), overlaying: "y", side: "right", showgrid: false, tickformat: ".1f", visible: x.length > 0}}), options);
 }
 
 function phiRange(phi, band) {
@@ -152,7 +152,7 @@ function drawCurve(curves, trial, queue) {
   const measured = queue.filter(one => one.measured.speed_m_s != null);
   if (!changed("curve", [curves, target, trial.omega_rad_s, measured])) return;
   const here = one => target != null && at(one.phi) === at(target);
-  const faint = {opacity: 0.35};
+  const faint = {opacity: 0.5};
   const lines = Object.entries(curves).map(([phi, curve]) => {
     const mine = target != null && phi === at(target);
     return line(`model, φ ${(+phi).toFixed(3)}`, curve.omega_rad_s, curve.speed_m_s.map(v => 100 * v),
@@ -169,13 +169,13 @@ function drawCurve(curves, trial, queue) {
   const range = [0, Math.max(12, 1.25 * Math.max(0, ...queue.map(one => one.omega_rad_s), trial.omega_rad_s ?? 0))];
   Plotly.react("curve", [...lines, points(others, "other φ", {...faint, marker: {color: colour("measured"), size: 7, symbol: "circle-open"}}),
     points(ours, target == null ? "measured" : `measured, φ ${target}`)],
-    layout(["ω [rad/s]", {range}], ["v̄ [cm/s]", {rangemode: "tozero"}], {shapes}), options);
+    layout(["ω [rad/s]", {range}], ["v̄ [cm/s]", lines.length + measured.length ? {rangemode: "tozero"} : {range: [0, 40]}], {shapes}), options);
 }
 
 // ---- tables
 
 const SIGN = {waiting: "○", running: "▶", done: "●", failed: "✕", skipped: "–"};
-const OFFER = {waiting: ["skip"], failed: ["repeat", "skip"], skipped: ["repeat"], done: ["repeat"], running: []};
+const OFFER = {waiting: ["skip"], failed: ["repeat"], skipped: ["repeat"], done: ["repeat"], running: []};
 
 function drawQueue(queue) {
   if (!changed("queue", queue)) return;
@@ -195,8 +195,10 @@ function drawQueue(queue) {
     const gait = one.gait ? ` ${one.gait}` : "";
     const line = row(one.state, name, one.phi.toFixed(3), one.omega_rad_s.toFixed(1) + gait, String(one.replicate),
                      number(one.measured.speed_m_s, 2, "", 100).replace("–", ""), offers);
-    const why = one.reason && one.state !== "skipped" ? [row(`reason ${one.state}`, "", Object.assign(made("td", one.reason, "why"), {colSpan: 5}))] : [];
-    return [line, ...why];
+    if (!one.reason || one.state === "skipped") return [line];
+    // Where its bag is kept is in the log.
+    const why = Object.assign(made("td", one.reason.split("; its bag")[0], "why"), {colSpan: 5, title: one.reason});
+    return [line, row(`reason ${one.state}`, "", why)];
   }));
   body.querySelector(".running")?.scrollIntoView({block: "nearest"});
 }
@@ -254,7 +256,6 @@ function drawPictures(pictures) {
     if (shown[camera] === count) continue;
     shown[camera] = count;
     by(camera).src = `camera/${camera}.jpg?n=${count}`;
-    by(camera).alt = `${camera} camera`;
     const title = camera[0].toUpperCase() + camera.slice(1) + " camera ";
     by(`${camera}-says`).replaceChildren(title, ...(seen.length ? seen.flatMap(name => [made("span", name.replace("_", " "), `mark ${name}`), " "])
       : [made("span", "no mark seen", "over")]));
@@ -273,7 +274,7 @@ function drawFigures(state) {
     ["lift", number(v.lift_m, 2, "mm", 1000)],
   ]);
   const r = state.recorder;
-  list("recorder", r.written == null ? [["", "no trial is being recorded"]] : [
+  list("recorder", r.written == null ? [] : [
     ["rate", r.rate_bytes_s == null ? "–" : bytes(r.rate_bytes_s) + "/s"],
     ["messages written", String(r.written)],
     ["lost", String(r.lost), r.lost ? "over" : ""],
@@ -291,28 +292,50 @@ function drawTrial(trial) {
 
 // ---- the stream
 
-function draw(state) {
+/** What must be said at once, and costs next to nothing. */
+function drawSafety(state) {
   by("connection").textContent = "live";
   by("connection").className = "soft";
   by("safety").textContent = state.safety.text;
   by("safety").className = state.safety.state;
   by("acknowledge").hidden = state.safety.state !== "overlapped";
-  by("explorer").href = `${location.protocol}//${location.hostname}:${state.explorer_port}/`;
-  by("explorer").title = `ros2 run sandbot_model explore ${state.campaign.folder ?? "DATA"}`;
-  drawTrial(state.trial);
-  drawCampaign(state.campaign);
-  drawFigures(state);
-  drawSpeed(state.speed);
-  drawPacking(state.packing);
-  drawCurve(state.curves, state.trial, state.campaign.queue ?? []);
-  drawNodes(state.nodes, state.topics);
-  drawLog(state.log, state.campaign.events ?? []);
-  drawPictures(state.pictures);
 }
 
-let last = null, heard = 0;
+function drawLinks(state) {
+  by("explorer").href = `${location.protocol}//${location.hostname}:${state.explorer_port}/`;
+  by("explorer").title = `ros2 run sandbot_model explore ${state.campaign.folder ?? "DATA"}`;
+}
+
+const PARTS = [
+  state => drawTrial(state.trial), state => drawCampaign(state.campaign), drawFigures, state => drawSpeed(state.speed),
+  state => drawPacking(state.packing), state => drawCurve(state.curves, state.trial, state.campaign.queue ?? []),
+  state => drawPictures(state.pictures), state => drawNodes(state.nodes, state.topics),
+  state => drawLog(state.log, state.campaign.events ?? []), drawLinks,
+];
+const pause = ms => new Promise(then => setTimeout(then, ms));
+let last = null, heard = 0, wake = () => {};
+
+/** Draws the newest state, part by part, and rests four times as long as it worked: STOP never waits behind a figure. */
+async function keepDrawn() {
+  for (let state = null; ;) {
+    if (state === last) await new Promise(then => { wake = then; });
+    state = last;
+    for (const part of PARTS) {
+      const begun = performance.now();
+      part(state);
+      await pause(4 * (performance.now() - begun));
+    }
+  }
+}
+keepDrawn();
+
 const stream = new EventSource("stream");
-stream.onmessage = event => { heard = performance.now(); last = JSON.parse(event.data); draw(last); };
+stream.onmessage = event => {
+  heard = performance.now();
+  last = JSON.parse(event.data);
+  drawSafety(last);
+  wake();
+};
 function lost() {
   by("connection").textContent = "connection lost; what is shown is old";
   by("connection").className = "lost";
@@ -323,5 +346,6 @@ stream.onerror = lost;
 setInterval(() => { if (last && performance.now() - heard > 2000) lost(); }, 500);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   for (const name of ["speed", "packing", "curve"]) delete drawn[name];
-  if (last) draw(last);
+  last = last && {...last};
+  wake();
 });
