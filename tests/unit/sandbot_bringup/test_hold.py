@@ -27,6 +27,16 @@ def test_a_pause_lets_the_trial_end_and_go_takes_it_back():
     assert (hold.state, hold.why) == ("held", "paused by the operator")
 
 
+def test_a_stop_that_is_said_again_while_it_is_held_leaves_it_held():
+    """STOP is said until it is answered; a late one found nothing to end, and then go was refused for ever."""
+    hold = Hold()
+    hold.stop("a hand")
+    hold.between_trials()
+    hold.stop("a hand")
+    assert (hold.now, hold.state) == (False, "held")
+    assert hold.go()[0]
+
+
 def test_a_pause_does_not_soften_a_stop():
     hold = Hold()
     hold.stop("a hand")
@@ -35,7 +45,7 @@ def test_a_pause_does_not_soften_a_stop():
 
 
 @given(st.lists(st.sampled_from(["stop", "pause", "between", "go"])))
-def test_after_a_stop_nothing_runs_before_a_go(words):
+def test_after_a_stop_nothing_runs_before_a_go_and_all_runs_after_it(words):
     hold, stopped = Hold(), False
     for word in words:
         match word:
@@ -49,3 +59,7 @@ def test_after_a_stop_nothing_runs_before_a_go(words):
             case "go":
                 stopped = stopped and not hold.go()[0]
         assert bool(hold.why) or not stopped
+    # And between trials it never refuses to go on.
+    hold.between_trials()
+    assert hold.go()[0]
+    assert hold.state == "running"

@@ -10,7 +10,7 @@ import math
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rclpy.node import Node
 from std_msgs.msg import String
@@ -24,6 +24,8 @@ from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
 from sandbot_common.node import publisher, subscription
+
+T = TypeVar("T")
 
 STATUS_S = 1.0
 _ANSWERS, _TAIL = 20, 60
@@ -89,20 +91,21 @@ class Desk:
         }
 
     def _stop(self) -> tuple[bool, str]:
-        said = self.hold.stop("stopped by the operator")
-        self.note("hold", who="operator", reason=self.hold.why)
-        return True, said
+        return True, self._if_changed("hold", lambda: self.hold.stop("stopped by the operator"))
 
     def _pause(self) -> tuple[bool, str]:
-        said = self.hold.pause()
-        self.note("pause", who="operator")
-        return True, said
+        return True, self._if_changed("pause", self.hold.pause)
 
     def _go(self) -> tuple[bool, str]:
-        done, said = self.hold.go()
-        if done:
-            self.note("go", who="operator")
-        return done, said
+        return self._if_changed("go", self.hold.go)
+
+    def _if_changed(self, do: str, change: Callable[[], T]) -> T:
+        """Change the hold; what is asked twice is written down once."""
+        before = self.hold.state
+        said = change()
+        if self.hold.state != before:
+            self.note(do, who="operator", **({"reason": self.hold.why} if self.hold.why else {}))
+        return said
 
     def _on_command(self, message: String) -> None:
         asked: Any = None

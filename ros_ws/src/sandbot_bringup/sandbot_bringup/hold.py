@@ -23,7 +23,8 @@ class Hold:
 
     def stop(self, why: str) -> str:
         """End the trial under way and hold; returns what is going to happen."""
-        self.why, self.now, self.pausing = why, True, False
+        if self.state != "held":  # else nothing is under way that could be ended
+            self.why, self.now, self.pausing = why, True, False
         return "the campaign is held until go"
 
     def pause(self) -> str:
