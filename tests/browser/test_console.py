@@ -262,8 +262,7 @@ def test_what_was_held_goes_on_and_its_point_lands_on_the_page(page, witness, ca
 
     def done():
         # A trial that a busy machine spoils is run again.
-        for button in page.driver.find_elements(By.CSS_SELECTOR, "#queue tr.failed [data-order=repeat]"):
-            button.click()
+        page.js("document.querySelectorAll('#queue tr.failed [data-order=repeat]').forEach(one => one.click())")
         return page.js("document.querySelectorAll('#queue tr.done').length") > 0
 
     page.until(lambda: page.js("document.getElementById('packing').data[0].x.length") > 2)
