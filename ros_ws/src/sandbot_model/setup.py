@@ -42,6 +42,7 @@ setup(
             "compare = sandbot_model.tools.compare:main",
             "discover = sandbot_model.tools.discover:main",
             "explore = sandbot_model.tools.explore:main",
+            "atlas = sandbot_model.tools.atlas:main",
             "effects = sandbot_model.tools.effects:main",
         ],
     },

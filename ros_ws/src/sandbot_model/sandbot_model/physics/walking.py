@@ -38,6 +38,8 @@ DEPTHS = 40
 where legs stand) may be missed: a hump of some mN that a sinking body's inertia carries it through."""
 POLISH = 3
 JUMP_M = 1e-9
+BEYOND_A_JUMP_M = np.linspace(0.0, 2.4e-3, 13)
+"""Right beyond a jump the force needed is least, and ground that feet disturb may hold over a short way only."""
 
 Params = Sequence[Mapping[str, ArrayLike]]
 """Values of the parameters, one mapping an effect."""
@@ -209,7 +211,8 @@ class Walker:
         if not any(effect.clocked for effect in self.effects):
             return grid
         jumps = np.unique(self._slow_begin_m(clock)[clock.swing_ratio != clock.slow_ratio])
-        return np.sort(np.concatenate([grid, jumps, jumps - JUMP_M]))
+        beyond = np.minimum(jumps[:, None] + BEYOND_A_JUMP_M, grid[-1])
+        return np.unique(np.concatenate([grid, jumps - JUMP_M, beyond.ravel()]))
 
     def _slow_begin_m(self, clock: Clock) -> Array:
         """Depth at which the slow phase begins [m]; the deepest where that is not on the way down."""

@@ -46,7 +46,7 @@ def critical(step: Step, theme: Theme = LIGHT) -> Spec:
     cells = step.fit.cells
     phis = np.array([band.phi for band in bands(cells)])
     seen = collapse(cells)
-    phi, omega_c, peak = _modelled_collapse(step.fit)
+    phi, omega_c, peak = modelled_collapse(step.fit)
     at_measured = [float(step.fit.predicted[band.cells, Observable.speed].max()) for band in bands(cells)]
     middle = 0.5 * (seen.last_walking_rad_s + seen.first_swimming_rad_s)
     half = 0.5 * (seen.first_swimming_rad_s - seen.last_walking_rad_s)
@@ -126,7 +126,7 @@ def step_ratio(step: Step, theme: Theme = LIGHT) -> Spec:
     }
 
 
-def _modelled_collapse(fit: Fit) -> tuple[Floats, Floats, Floats]:
+def modelled_collapse(fit: Fit) -> tuple[Floats, Floats, Floats]:
     """φ, ω_c [rad/s] and largest mean speed [m/s] of the model, between the outermost levels; (n,) each.
 
     ω_c is NaN where the model never walks, or walks beyond every ω looked at.

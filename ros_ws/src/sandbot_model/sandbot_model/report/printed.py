@@ -28,7 +28,7 @@ def speed(steps: Sequence[Step]) -> "Figure":
 
     The figure is tied to no window and no pyplot state; ``savefig`` writes it. Raises InputError without Matplotlib.
     """
-    rc_context, figure_class = _matplotlib()
+    rc_context, figure_class = matplotlib("plot")
     with rc_context(FONT):
         return _drawn(figure_class, steps)
 
@@ -36,7 +36,7 @@ def speed(steps: Sequence[Step]) -> "Figure":
 def _drawn(figure_class: type["Figure"], steps: Sequence[Step]) -> "Figure":
     rows = bands(steps[-1].fit.cells)
     figure, panels = _panels(figure_class, len(rows))
-    colours = [_rgb(colour) for colour in LIGHT.phi_colours(len(steps[-1].fit.cells.level_phi))]
+    colours = [rgb(colour) for colour in LIGHT.phi_colours(len(steps[-1].fit.cells.level_phi))]
     top = 1.1 * CM * float(max(np.nanmax(measured(steps[-1].fit.cells, "speed")), np.max(steps[-1].speed_m_s)))
     for number, (band, panel) in enumerate(zip(rows, panels, strict=True)):
         if len(steps) > 1:
@@ -53,13 +53,16 @@ def _drawn(figure_class: type["Figure"], steps: Sequence[Step]) -> "Figure":
     return figure
 
 
-def _matplotlib() -> tuple[Any, type["Figure"]]:
-    """Matplotlib's settings for a while, and a figure that a notebook shows without pyplot's state."""
+def matplotlib(asker: str) -> tuple[Any, type["Figure"]]:
+    """Matplotlib's settings for a while, and a figure that a notebook shows without pyplot's state.
+
+    Raises InputError in the name of who asks, where there is no Matplotlib.
+    """
     try:
         from matplotlib import rc_context
         from matplotlib.figure import Figure
     except ImportError:
-        raise InputError("plot: Matplotlib is not installed; pip install 'sandbot_model[plot]'") from None
+        raise InputError(f"{asker}: Matplotlib is not installed; pip install 'sandbot_model[plot]'") from None
 
     class Picture(Figure):
         def _repr_png_(self) -> bytes:
@@ -121,7 +124,7 @@ def _legend(steps: Sequence[Step]) -> list[Any]:
     return entries
 
 
-def _rgb(colour: str) -> tuple[float, ...]:
+def rgb(colour: str) -> tuple[float, ...]:
     """A Plotly colour, ``rgb(r, g, b)``, as Matplotlib has it."""
     red, green, blue = (float(part) / 255 for part in colour.removeprefix("rgb(").removesuffix(")").split(","))
     return red, green, blue

@@ -1,0 +1,79 @@
+"""Force given and force needed against depth: by the model argued for (Li09 Fig. 3c), by the full one (Fig. 4a)."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.observables import CM
+from sandbot_model.report.atlas.material import Material
+from sandbot_model.report.atlas.style import ABOVE, FAINT, INK, key, phi_colours, sheet
+from sandbot_model.report.balance import Forces, forces
+from sandbot_model.report.view import bands, frequencies
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+HEADROOM = 1.2
+SHOWN_FROM = 0.65
+"""Share of the deepest depth from which on forces are shown: legs that walk stand deeper."""
+
+
+def force(material: Material, width_mm: float) -> "tuple[Figure, str]":
+    """Fig. 3c: the families of ground strength (φ) and of leg frequency in one panel."""
+    figure, (panel,) = sheet(width_mm, 0.8 * width_mm)
+    lightest = _families(panel, material, material.fit, 1.0)
+    panel.set_ylabel("force on a leg (N)")
+    return figure, (
+        "Force the ground gives (colours, one a φ) and force that is needed (black, one a leg frequency, "
+        f"{_range(material)}) against depth, by the fit; a leg holds where they first cross. {lightest}"
+    )
+
+
+def dimensionless(material: Material, width_mm: float) -> "tuple[Figure, str]":
+    """Fig. 4a: the same by the full model, over the weight a leg carries."""
+    figure, (panel,) = sheet(width_mm, 0.8 * width_mm)
+    weight = material.robot.mass_per_leg_kg * material.robot.gravity_m_s2
+    _families(panel, material, material.full, weight)
+    panel.set_ylabel("force over weight, F$_z$/mg")
+    return figure, (
+        "The full model: force the ground gives a whole leg (colours, one a φ) and force needed, a_z/g + 1 (black, one "
+        f"a leg frequency, {_range(material)}), over the weight a leg carries. Where the leg is lowest no inertia is "
+        "left to overcome, and ground that carries the weight holds."
+    )
+
+
+def _families(panel: "Axes", material: Material, fit: Fit, unit_n: float) -> str:
+    omegas, _ = frequencies(material.cells)
+    found: list[Forces] = [forces(fit, float(omega)) for omega in omegas]
+    slow, robot = found[0], material.robot
+    colours = phi_colours(len(material.cells.level_phi))
+    for band, given in zip(bands(material.cells), slow.given_n, strict=True):
+        panel.plot(CM * slow.depth_m, given / unit_n, color=colours[band.level], label=f"{band.phi:.3f}")
+    for one in found:
+        needed = one.needed_n[-1] / unit_n
+        panel.plot(CM * one.depth_m, needed, color=INK, linewidth=0.7)
+    critical = robot.leg_radius_m * (np.sqrt(3) / 2 + 1) - robot.axle_height_m
+    panel.axvline(CM * critical, color=FAINT, linestyle=(0, (4, 2)), linewidth=0.8)
+    panel.set_xlabel("depth d (cm)")
+    shown = slow.depth_m >= SHOWN_FROM * slow.depth_m[-1]
+    panel.set_xlim(CM * slow.depth_m[shown][0], CM * slow.depth_m[-1])
+    low = min(float(slow.given_n[:, shown].min()), float(slow.needed_n[:, shown].min()))
+    high = max(*(float(one.needed_n[-1, -1]) for one in found), float(slow.given_n.max()))
+    panel.set_ylim(0.95 * low / unit_n, HEADROOM * high / unit_n)
+    key(panel, "", columns=4, **ABOVE)
+    deepest = {band.phi: [one.holds_m[i] for one in found] for i, band in enumerate(bands(material.cells))}
+    last = max(deepest)
+    held = [(omega, depth) for omega, depth in zip(omegas, deepest[last], strict=True) if np.isfinite(depth)]
+    if not held:
+        return "Nowhere do they cross."
+    return (
+        f"At φ {last:.3f} the depth grows from {CM * held[0][1]:.2f} cm at {held[0][0]:g} rad/s to "
+        f"{CM * held[-1][1]:.2f} cm at {held[-1][0]:g}; grey: s = R."
+    )
+
+
+def _range(material: Material) -> str:
+    omegas, _ = frequencies(material.cells)
+    return f"{omegas[0]:g} to {omegas[-1]:g} rad/s" if len(omegas) > 1 else f"{omegas[0]:g} rad/s"

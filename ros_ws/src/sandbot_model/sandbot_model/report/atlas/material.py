@@ -1,0 +1,80 @@
+"""What an atlas is drawn from, and what a plate is."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from sandbot_common.robot import Robot
+from sandbot_model.data.conditions import Cells, Floats
+from sandbot_model.fitting.fit import Fit
+from sandbot_record.trials.table import Trials
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One trial as it went; time runs from the start of the legs."""
+
+    trial_id: str
+    phi: float
+    omega_rad_s: float
+    clock_signal: tuple[float, float, float] | None
+    """θ_s, θ_0 [rad] and d_c of its gait; None where the gait does not tell."""
+    time_s: Floats = field(metadata={"shape": "(n,)", "unit": "s"})
+    speed_m_s: Floats = field(metadata={"shape": "(n,)", "unit": "m/s", "doc": "v_x(t); NaN where a marker was lost"})
+    leg_time_s: Floats = field(metadata={"shape": "(m,)", "unit": "s"})
+    leg_angle_rad: Floats = field(metadata={"shape": "(m,)", "unit": "rad", "doc": "shaft angle of one leg"})
+
+
+@dataclass(frozen=True, eq=False)
+class Published:
+    """Points of another source to lay beside: mean speeds of conditions."""
+
+    source: str
+    phi: Floats
+    omega_rad_s: Floats
+    speed_m_s: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """Trials, the models fitted to them, and what else is there."""
+
+    trials: Trials
+    """The usable ones."""
+    cells: Cells
+    fits: tuple[Fit, ...]
+    """The ladder: the base model first, the one that is argued for last."""
+    simple: Fit
+    """The simple model, fitted where the paper fits: up to the fastest ω of each φ."""
+    full: Fit
+    """The full model, likewise."""
+    motions: tuple[Motion, ...] = ()
+    """Close and loosely packed, in that order; empty without bags."""
+    beside: Published | None = None
+
+    @property
+    def fit(self) -> Fit:
+        """The model that is argued for."""
+        return self.fits[-1]
+
+    @property
+    def robot(self) -> Robot:
+        """The robot that walked."""
+        return self.cells.robot
+
+
+@dataclass(frozen=True)
+class Plate:
+    """One figure: its number in the paper, the stem of its files, how wide it is printed, and who draws it."""
+
+    number: str
+    stem: str
+    width_mm: float
+    draw: "Callable[[Material, float], tuple[Figure, str]]"
+    """From the material and the width [mm] to the figure and its caption."""
+
+
+ONE_COLUMN_MM, TWO_COLUMNS_MM = 85.0, 178.0

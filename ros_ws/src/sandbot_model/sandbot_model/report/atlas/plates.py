@@ -1,0 +1,62 @@
+"""The plates of the atlas in the order in which a reader wants them: the title's figure first."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sandbot_common.errors import InputError
+from sandbot_common.files import write_text, writing
+from sandbot_model.report.atlas import balances, endings, leg, motion, speeds
+from sandbot_model.report.atlas.material import ONE_COLUMN_MM, TWO_COLUMNS_MM, Material, Plate
+from sandbot_model.report.atlas.style import typography
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PLATES = (
+    Plate("1e", "fig1e_speed_phi", ONE_COLUMN_MM, speeds.against_phi),
+    Plate("2a", "fig2a_speed_omega", ONE_COLUMN_MM, speeds.against_omega),
+    Plate("2bc", "fig2bc_critical", TWO_COLUMNS_MM, endings.critical),
+    Plate("1c", "fig1c_leg_angle", ONE_COLUMN_MM, motion.angles),
+    Plate("1d", "fig1d_speed_time", ONE_COLUMN_MM, motion.speeds),
+    Plate("3a", "fig3a_leg", ONE_COLUMN_MM, leg.in_the_ground),
+    Plate("3b", "fig3b_step_depth", ONE_COLUMN_MM, leg.step_against_depth),
+    Plate("3c", "fig3c_force", ONE_COLUMN_MM, balances.force),
+    Plate("3d", "fig3d_step_omega", ONE_COLUMN_MM, endings.step_over_radius),
+    Plate("4a", "fig4a_full_force", ONE_COLUMN_MM, balances.dimensionless),
+    Plate("4b", "fig4b_simple_full", ONE_COLUMN_MM, speeds.simple_and_full),
+)
+FORMATS = ("pdf", "svg", "png")
+PNG_DPI = 300
+CAPTIONS = "captions.json"
+
+
+def _save(figure: "Figure", stem: Path, formats: tuple[str, ...]) -> None:
+    for kind in formats:
+        path = stem.with_suffix(f".{kind}")
+        with writing(path):
+            figure.savefig(path, dpi=PNG_DPI, metadata={"CreationDate": None} if kind == "pdf" else None)
+
+
+def write(
+    folder: Path, material: Material, width_mm: float | None = None, formats: tuple[str, ...] = FORMATS
+) -> Iterator[tuple[Plate, str]]:
+    """Draw plate after plate into a folder, each yielded with its caption, or with why there is none.
+
+    ``width_mm`` replaces the plates' own widths. The captions are written at the end. Raises InputError where nothing
+    can be written.
+    """
+    captions = {}
+    for plate in PLATES:
+        try:
+            with typography():
+                figure, caption = plate.draw(material, width_mm or plate.width_mm)
+                _save(figure, folder / plate.stem, formats)
+        except InputError as error:
+            yield plate, f"not drawn: {error}"
+            continue
+        captions[plate.stem] = {"figure": plate.number, "caption": caption}
+        yield plate, caption
+    with writing(folder / CAPTIONS):
+        write_text(folder / CAPTIONS, json.dumps(captions, indent=2, ensure_ascii=False) + "\n")

@@ -1,0 +1,171 @@
+"""Mean speed against φ (Li09 Fig. 1e), against ω (Fig. 2a), and by the simple and the full model (Fig. 4b)."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sandbot_model.data.clustering import same_within
+from sandbot_model.data.conditions import OMEGA_TOLERANCE, Floats
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.observables import CM
+from sandbot_model.report.atlas.material import Material
+from sandbot_model.report.atlas.style import (
+    CONVENTION,
+    FAINT,
+    INK,
+    MARKERS,
+    key,
+    omega_colours,
+    phi_colours,
+    sheet,
+    speed_line,
+)
+from sandbot_model.report.view import bands, frequencies
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+POINTS = 600
+POINT: dict[str, Any] = {"linestyle": "none", "markersize": 2.6, "markeredgewidth": 0.5, "alpha": 0.85}
+GHOST: dict[str, Any] = {"color": FAINT, "linewidth": 0.7, "linestyle": (0, (4, 2))}
+
+
+def against_phi(material: Material, width_mm: float) -> "tuple[Figure, str]":
+    """Fig. 1e: one line and colour a leg frequency; points are trials at their measured φ."""
+    figure, (panel,) = sheet(width_mm, 0.85 * width_mm)
+    trials, cells = material.trials, material.cells
+    omegas, _ = frequencies(cells)
+    phi = np.linspace(cells.level_phi[0] - 0.001, cells.level_phi[-1] + 0.001, POINTS)
+    column = _nearest(trials.omega_rad_s, omegas)
+    for number, (omega, colour) in enumerate(zip(omegas, omega_colours(len(omegas)), strict=True)):
+        found = material.fit.predict(phi, np.full_like(phi, omega), cells.clock[0])
+        speed_line(panel, phi, found, _swim(material.fit), color=colour)
+        here = column == number
+        panel.plot(
+            trials.phi[here], CM * trials.speed_m_s[here], MARKERS[number % len(MARKERS)], color=colour,
+            label=f"{omega:g}", **POINT,
+        )  # fmt: skip
+    _beside(panel, material, "phi")
+    panel.set_xlabel("volume fraction φ")
+    panel.set_ylabel("mean speed (cm/s)")
+    panel.set_ylim(bottom=0)
+    key(panel, "ω (rad/s)", loc="upper left")
+    return figure, _of_phi(material, omegas)
+
+
+def against_omega(material: Material, width_mm: float) -> "tuple[Figure, str]":
+    """Fig. 2a: one line and colour a φ; dashed the simple model as the paper fits it."""
+    figure, (panel,) = sheet(width_mm, 0.8 * width_mm)
+    _lines(panel, material, material.fit, first=material.simple)
+    _points(panel, material)
+    _beside(panel, material, "omega_rad_s")
+    _of_omega(panel, material)
+    key(panel, "φ", loc="upper left")
+    best = [float(np.nanmax(material.cells.mean[band.cells, 0])) for band in bands(material.cells)]
+    return figure, (
+        f"Mean speed against leg frequency, points trials, lines {_named(material.fit)}; grey dashes the simple model, "
+        "fitted to mean speeds up to the largest of each φ, as in the paper. The largest mean speed rises from "
+        f"{CM * best[0]:.1f} cm/s at φ {material.cells.level_phi[0]:.3f} to {CM * best[-1]:.1f} cm/s at "
+        f"{material.cells.level_phi[-1]:.3f}. {CONVENTION}"
+    )
+
+
+def simple_and_full(material: Material, width_mm: float) -> "tuple[Figure, str]":
+    """Fig. 4b: both base models, fitted as in the paper, and the line s = R."""
+    figure, (panel,) = sheet(width_mm, 0.8 * width_mm)
+    _lines(panel, material, material.full)
+    _lines(panel, material, material.simple, linestyle=(0, (1.5, 1.2)))
+    _points(panel, material)
+    omega = np.array([0.0, 1.05 * material.cells.omega.max()])
+    panel.plot(omega, CM * material.robot.leg_radius_m * omega / np.pi, **GHOST)
+    _of_omega(panel, material)
+    simple, full = (fit.parameters["delta_t_s"] for fit in (material.simple, material.full))
+    return figure, (
+        f"The simple (dotted, Δt = {simple.value:.2f} s) and the full model (solid, Δt = {full.value:.2f} s), each "
+        f"fitted to mean speeds up to the largest of each φ, as in the paper; grey dashes: s = R. {CONVENTION}"
+    )
+
+
+def _lines(panel: "Axes", material: Material, fit: Fit, first: Fit | None = None, **looks: Any) -> None:
+    cells = material.cells
+    omega = np.linspace(0.5, 1.05 * cells.omega.max(), POINTS)
+    for band, colour in zip(bands(cells), _band_colours(material), strict=True):
+        for which, how in ((first, GHOST), (fit, {"color": colour, **looks})):
+            if which is not None:
+                found = which.predict(np.full_like(omega, band.phi), omega, cells.clock[band.cells[0]])
+                speed_line(panel, omega, found, _swim(which), **how)
+
+
+def _points(panel: "Axes", material: Material) -> None:
+    trials, cells = material.trials, material.cells
+    level = _nearest(trials.phi, cells.level_phi)
+    for number, colour in enumerate(phi_colours(len(cells.level_phi))):
+        here = level == number
+        panel.plot(
+            trials.omega_rad_s[here], CM * trials.speed_m_s[here], MARKERS[number % len(MARKERS)], color=colour,
+            label=f"{cells.level_phi[number]:.3f}", **POINT,
+        )  # fmt: skip
+
+
+def _beside(panel: "Axes", material: Material, along: str) -> None:
+    """Published points, open."""
+    if material.beside is not None:
+        panel.plot(
+            getattr(material.beside, along), CM * material.beside.speed_m_s, "o", linestyle="none", markersize=4,
+            markerfacecolor="none", markeredgecolor=INK, markeredgewidth=0.7, label=material.beside.source,
+        )  # fmt: skip
+
+
+def _of_omega(panel: "Axes", material: Material) -> None:
+    omegas, _ = frequencies(material.cells)
+    panel.set_xlabel("leg frequency ω (rad/s)")
+    panel.set_ylabel("mean speed (cm/s)")
+    panel.set_xticks(omegas, [f"{omega:g}" for omega in omegas])
+    panel.set_xlim(0, 1.05 * omegas.max())
+    panel.set_ylim(0, 1.12 * CM * float(np.nanmax(material.trials.speed_m_s)))
+
+
+def _of_phi(material: Material, omegas: Floats) -> str:
+    """How much of its speed the robot loses between two neighbouring φ, where it loses most."""
+    cells = material.cells
+    column = same_within(cells.omega, OMEGA_TOLERANCE)
+    worst = (1.0, "")
+    for number, omega in enumerate(omegas):
+        here = np.flatnonzero(column == number)
+        here = here[np.argsort(cells.level[here])]
+        speed, phi = cells.mean[here, 0], cells.level_phi[cells.level[here]]
+        for low in range(len(here) - 1):
+            factor = speed[low + 1] / speed[low] if speed[low] > 0 else 1.0
+            if factor > worst[0]:
+                worst = (
+                    factor,
+                    (
+                        f" At {omega:g} rad/s it falls by a factor of {factor:.1f}, from {CM * speed[low + 1]:.1f} to "
+                        f"{CM * speed[low]:.1f} cm/s, between φ {phi[low + 1]:.3f} and {phi[low]:.3f}."
+                    ),
+                )
+    return (
+        f"Mean speed against volume fraction, one colour a leg frequency; points trials, lines {_named(material.fit)}."
+        f"{worst[1]} {CONVENTION}"
+    )
+
+
+def _named(fit: Fit) -> str:
+    return " + ".join([f"the {fit.model.base} model", *(name.replace("_", " ") for name in fit.effects)])
+
+
+def _swim(fit: Fit) -> float:
+    """What is drawn for swimming at the least: the fitted speed, 0 where swimming is an effect's affair."""
+    estimate = fit.parameters.get("v_swim_m_s")
+    return 0.0 if estimate is None else estimate.value
+
+
+def _band_colours(material: Material) -> list[tuple[float, ...]]:
+    colours = phi_colours(len(material.cells.level_phi))
+    return [colours[band.level] for band in bands(material.cells)]
+
+
+def _nearest(values: Floats, levels: Floats) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    found: np.ndarray[tuple[int], np.dtype[np.intp]] = np.abs(values[:, None] - levels).argmin(axis=1)
+    return found

@@ -1,0 +1,174 @@
+"""atlas: the figures of Li et al. 2009 (1c-e, 2a-c, 3a-d, 4a-b) drawn from your trials, at journal widths."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sandbot_common import cli
+from sandbot_common.errors import InputError
+from sandbot_common.files import check_output
+from sandbot_model.discovery.choice import Selection
+from sandbot_model.physics.walking import BASES
+from sandbot_model.tools import arguments
+
+if TYPE_CHECKING:
+    from sandbot_model.report.atlas.material import Material, Motion, Published
+    from sandbot_record.trials.table import Trials
+
+WIDTHS_MM = (85.0, 178.0)
+FORMATS = ("pdf", "svg", "png")
+USUAL_OMEGA = 16.0
+"""Leg frequency [rad/s] and volume fraction of the paper's pair of trials, as near as the data have them."""
+LOOSE_PHI = 0.600
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line."""
+    return cli.run(_atlas, argv)
+
+
+def _atlas(argv: Sequence[str]) -> None:
+    parser = cli.Parser(prog="atlas", description=__doc__)
+    parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where to draw (default: DATA/atlas, or ./atlas)")
+    parser.add_argument("--model", choices=tuple(BASES), default="simple", help="base model (default: simple)")
+    parser.add_argument("--effects", default="", metavar="a,b", help="effects of the model whose lines are drawn")
+    arguments.add_catalogue(parser)
+    arguments.add_setting(parser)
+    parser.add_argument(
+        "--beside", type=Path, metavar="FILE.csv", help="published points to lay beside, as a trials CSV"
+    )
+    parser.add_argument("--width", type=float, choices=WIDTHS_MM, help="width of all [mm] (default: each its own)")
+    parser.add_argument(
+        "--formats", type=_formats, default=FORMATS, help=f"which of {','.join(FORMATS)} (default: all)"
+    )
+    args = parser.parse_args(argv)
+    folder = args.out or _beside_the_data(args.data[0])
+    _check_folder(folder)
+    _draw(args, folder)
+
+
+def _draw(args: argparse.Namespace, folder: Path) -> None:
+    from tqdm import tqdm
+
+    from sandbot_model.report.atlas.plates import PLATES, write
+
+    material = _material(args)
+    folder.mkdir(parents=True, exist_ok=True)
+    drawing = write(folder, material, args.width, args.formats)
+    lines = []
+    for plate, caption in tqdm(drawing, total=len(PLATES), desc="atlas", unit="plate", file=sys.stderr, disable=None):
+        lines.append(f"{plate.number:4} {caption}")
+    print("\n".join(lines))
+    drawn = sum(" not drawn: " not in line for line in lines)
+    print(f"\natlas: {drawn} of {len(PLATES)} figures in {folder} ({', '.join(args.formats)}), with captions.json")
+
+
+def _material(args: argparse.Namespace) -> "Material":
+    from sandbot_model.data.conditions import cells_of
+    from sandbot_model.discovery.reproduce import steps_of
+    from sandbot_model.fitting.fit import fit
+    from sandbot_model.physics.catalogue import catalogue
+    from sandbot_model.physics.model import model_of
+    from sandbot_model.report.atlas.material import Material
+
+    names = tuple(name.strip() for name in args.effects.split(",") if name.strip())
+    effects = catalogue(args.effects_from, tuple(args.effect))
+    trials, robot_line = arguments.trials(args)
+    print(robot_line)
+    trials = trials.select(trials.usable)
+    cells = cells_of(trials)
+    steps = steps_of(Selection(args.model, names, tuple(args.effect)), cells, effects)
+    rising = cells_of(_speeds_only(trials.select(_up_to_the_fastest(trials))))
+    simple, full = (fit(model_of(base, (), effects, cells.robot), rising) for base in ("simple", "full"))
+    beside = None if args.beside is None else _published(args.beside)
+    return Material(trials, cells, tuple(steps), simple, full, _motions(args.data, trials), beside)
+
+
+def _up_to_the_fastest(trials: "Trials") -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
+    """The trials at each φ up to the leg frequency of its largest mean speed: what the paper fits."""
+    from sandbot_model.data.clustering import phi_levels
+
+    level = phi_levels(trials.phi)
+    keep = np.zeros(len(trials), dtype=bool)
+    for one in np.unique(level):
+        here = np.flatnonzero(level == one)
+        omegas = np.unique(np.round(trials.omega_rad_s[here], 3))
+        means = [np.nanmean(trials.speed_m_s[here][np.isclose(trials.omega_rad_s[here], w, rtol=5e-3)]) for w in omegas]
+        keep[here] = trials.omega_rad_s[here] <= omegas[int(np.nanargmax(means))] * 1.005
+    return keep
+
+
+def _speeds_only(trials: "Trials") -> "Trials":
+    unknown = np.full(len(trials), np.nan)
+    return replace(trials, lift_m=unknown, peak_speed_m_s=unknown, first_step_m=unknown)
+
+
+def _published(path: Path) -> "Published":
+    from sandbot_model.report.atlas.material import Published
+    from sandbot_record.trials.read import read
+
+    points = read(path)
+    points = points.select(points.usable)
+    return Published(path.stem, points.phi, points.omega_rad_s, points.speed_m_s)
+
+
+def _motions(data: Sequence[Path], trials: "Trials") -> "tuple[Motion, ...]":
+    """Two trials that have bags, at one leg frequency: the closest packed, and one near the paper's loose φ."""
+    from sandbot_model.report.provenance import bags_of
+
+    bags = bags_of(data)
+    have = np.flatnonzero([str(name) in bags for name in trials.trial_id])
+    if len(have) < 2:
+        return ()
+    omega = trials.omega_rad_s[have]
+    have = have[np.isclose(omega, omega[np.abs(omega - USUAL_OMEGA).argmin()], rtol=5e-3)]
+    close = have[trials.phi[have].argmax()]
+    loose = have[np.abs(trials.phi[have] - LOOSE_PHI).argmin()]
+    if close == loose:
+        return ()
+    return tuple(_motion(trials, row, bags[str(trials.trial_id[row])]) for row in (close, loose))
+
+
+def _motion(trials: "Trials", row: int, bag: Path) -> "Motion":
+    from sandbot_model.explore import waveforms
+    from sandbot_model.physics.gait import clock_signal
+    from sandbot_model.report.atlas.material import Motion
+
+    trial_id = str(trials.trial_id[row])
+    found, missing = waveforms.read({trial_id: bag}, [trial_id])
+    if missing:
+        raise InputError(missing[0])
+    waveform = found[0]
+    mount = 0.0 if trials.robot is None else trials.robot.leg_mount_rad
+    return Motion(
+        trial_id, float(trials.phi[row]), float(trials.omega_rad_s[row]), clock_signal(str(trials.gait[row])),
+        waveform.time_s, waveform.speed_m_s, waveform.leg_time_s, waveform.leg_angle_rad[:, 0] - mount,
+    )  # fmt: skip
+
+
+def _formats(text: str) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not names or any(name not in FORMATS for name in names):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a list of {', '.join(FORMATS)}")
+    return names
+
+
+def _beside_the_data(data: Path) -> Path:
+    return (data if data.is_dir() else Path()) / "atlas"
+
+
+def _check_folder(folder: Path) -> None:
+    """Told before minutes of work, not after. Raises InputError."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--out {folder}: is a file, a folder is needed")
+    check_output(folder / "figure")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
