@@ -35,6 +35,7 @@ def in_the_ground(material: Material, width_mm: float) -> "tuple[Figure, str]":
     _leg(panel, robot, depth, 1.0, linestyle=(0, (3, 2)))
     _measures(panel, robot, depth, step)
     panel.set_aspect("equal")
+    panel.set_ylim(-1.25 * CM * depth, 1.6 * CM * robot.axle_height_m)
     panel.axis("off")
     if level < 0:
         return (
@@ -42,10 +43,11 @@ def in_the_ground(material: Material, width_mm: float) -> "tuple[Figure, str]":
             f"A leg at its deepest, 2R − h = {CM * depth:.2f} cm: at {omega:g} rad/s no ground here holds it.",
         )
     return figure, (
-        f"A leg in the ground, to scale, by the fit at φ {fit.level_phi[level]:.3f} and {omega:g} rad/s: R = "
-        f"{CM * robot.leg_radius_m:.2f} cm, h = {CM * robot.axle_height_m:.2f} cm, it holds at d = {CM * depth:.2f} cm, "
-        f"and the body moves by the chord s = {CM * step:.2f} cm = {step / robot.leg_radius_m:.2f} R about the leg's "
-        "centre, which stands still. Solid: as it takes hold; dashed: as the belly is down again."
+        f"A leg in the ground, to scale, by the fit at φ {fit.level_phi[level]:.3f} and {omega:g} rad/s: "
+        f"R = {CM * robot.leg_radius_m:.2f} cm, h = {CM * robot.axle_height_m:.2f} cm; it holds at d = "
+        f"{CM * depth:.2f} cm, and the body moves by the chord s = {CM * step:.2f} cm = "
+        f"{step / robot.leg_radius_m:.2f} R about the leg's centre, which stands still. Solid: as it takes hold; "
+        "dashed: as the belly is down again."
     )
 
 

@@ -1,0 +1,65 @@
+"""The paper's own conclusion from the lab's rendering of its robot: disturbed ground ends walking."""
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+from worlds import EFFECTS
+
+from sandbot_common.robot import read_robot
+from sandbot_lab.direct import direct_trials
+from sandbot_lab.world import read_world
+from sandbot_model.data.conditions import Cells, cells_of
+from sandbot_model.discovery.discover import discover
+from sandbot_model.fitting.fit import Fit, fit
+from sandbot_model.physics.model import model_of
+from sandbot_record.trials.table import Row, from_rows
+
+CONFIG = Path(__file__).resolve().parents[2] / "ros_ws/src/sandbot_bringup/config"
+ROBOT = read_robot(CONFIG / "sgcs_robot.yaml")
+PHI = (0.580, 0.590, 0.600, 0.611, 0.616, 0.622, 0.633)
+OMEGA = (4, 8, 12, 16, 20, 24, 30)
+TRUTH = {
+    "delta_t_s": 0.18,
+    "disturbed_ground.k_l_n_per_m": 182.0,
+    "belly_coast.mu_b": 0.35,
+    "slow_phase_speed.rho": 0.389,
+}
+
+
+@cache
+def cells() -> Cells:
+    """The grid of the paper, read straight from the truth."""
+    world = read_world(CONFIG / "li09_world.yaml").walked_by(ROBOT)
+    rows = direct_trials(world, PHI, OMEGA, "SGCS", 3, seed=3)
+    return cells_of(from_rows([Row(**row) for row in rows], ROBOT))
+
+
+@cache
+def fitted(*effects: str) -> Fit:
+    """The simple model with these effects."""
+    return fit(model_of("simple", effects, EFFECTS, ROBOT), cells())
+
+
+@pytest.mark.slow
+def test_three_effects_leave_nothing_and_their_numbers_are_the_worlds():
+    found = fitted("slow_phase_speed", "disturbed_ground", "belly_coast")
+    assert found.lack_of_fit_p > 0.01
+    for name, true in TRUTH.items():
+        estimate = found.parameters[name]
+        assert abs(estimate.value - true) < 4 * estimate.stderr, name
+
+
+@pytest.mark.slow
+def test_without_disturbed_ground_walking_does_not_end_where_it_does():
+    """Control."""
+    found = fitted("slow_phase_speed", "belly_coast")
+    assert found.lack_of_fit_p < 1e-12
+    assert found.rmse_m_s > 1.4 * fitted("slow_phase_speed", "disturbed_ground", "belly_coast").rmse_m_s
+
+
+@pytest.mark.whole
+def test_discover_finds_them_by_itself():
+    verdict = discover(cells(), EFFECTS).verdict
+    assert verdict.status == "identified"
+    assert set(verdict.effects) == {"slow_phase_speed", "disturbed_ground", "belly_coast"}

@@ -1,0 +1,158 @@
+"""The atlas: every plate from a table, two more from bags, captions that say what is so."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from sandbot_common.errors import InputError
+from sandbot_common.robot import SANDBOT
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting.fit import fit
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.gait import GAITS
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.walking import Inputs, Prediction, Walker
+from sandbot_model.report.atlas import motion, speeds, style
+from sandbot_model.report.atlas.material import Material, Motion, Published
+from sandbot_model.report.atlas.plates import CAPTIONS, PLATES, write
+from sandbot_model.tools import atlas
+from sandbot_record.trials.csv_table import write_csv
+from sandbot_record.trials.table import Row, from_rows
+
+K = {0.59: 180.0, 0.61: 200.0, 0.63: 215.0}
+OMEGA = (4.0, 12.0, 20.0, 30.0)
+WITH_BAGS = {"1c", "1d"}
+
+
+def table():
+    """What the simple model does on three grounds, with a millimetre a second of scatter."""
+    rng, rows = np.random.default_rng(3), []
+    for phi, k in K.items():
+        found = Walker().predict(Inputs(k, np.array(OMEGA), 0.4, phi))
+        for number, omega in enumerate(OMEGA):
+            for replicate in range(2):
+                seen = found.observables[number] + rng.normal(0, [1e-3, 1e-4, 1e-3, 1e-4])
+                name = f"{phi}_{omega:g}_{replicate}"
+                rows.append(Row(name, phi, 0.0003, omega, "UNIFORM", replicate, seen[0], 0.001, *seen[1:]))
+    return from_rows(rows)
+
+
+@pytest.fixture(scope="module")
+def material():
+    trials = table()
+    cells = cells_of(trials)
+    simple, full = (fit(model_of(base, (), catalogue()), cells) for base in ("simple", "full"))
+    return Material(trials, cells, (simple,), simple, full)
+
+
+def waveform(phi, speed):
+    t = np.linspace(0, 2, 401)
+    return Motion(f"phi{phi}", phi, 8.0, GAITS["UNIFORM"], t, np.full(t.shape, speed), t, 8.0 * t - np.pi / 2)
+
+
+def with_motions(material):
+    return Material(**{**vars(material), "motions": (waveform(0.63, 0.2), waveform(0.59, 0.02))})
+
+
+def test_every_plate_of_a_table(material, tmp_path):
+    said = dict(write(tmp_path, material, formats=("svg",)))
+    assert [plate.number for plate in said] == [plate.number for plate in PLATES]
+    without = {plate.number for plate, caption in said.items() if caption.startswith("not drawn: ")}
+    assert without == WITH_BAGS
+    drawn = {plate.stem for plate in PLATES if plate.number not in WITH_BAGS}
+    assert {path.stem for path in tmp_path.glob("*.svg")} == drawn
+    captions = json.loads((tmp_path / CAPTIONS).read_text())
+    assert set(captions) == drawn
+    for plate in PLATES:
+        if plate.stem in drawn:
+            width = re.search(r'width="([\d.]+)pt"', (tmp_path / f"{plate.stem}.svg").read_text())[1]
+            assert float(width) == pytest.approx(plate.width_mm / 25.4 * 72, abs=0.5)
+
+
+def test_bags_give_the_motion_too(material, tmp_path):
+    said = {plate.number: caption for plate, caption in write(tmp_path, with_motions(material), 85.0, ("svg",))}
+    assert not any("not drawn" in caption for caption in said.values())
+    assert "differ by 0.000 rad" in said["1c"]
+    assert "20.0 cm/s" in said["1d"]
+    assert "2.0 cm/s" in said["1d"]
+
+
+def test_captions_follow_the_data(material, tmp_path):
+    """Control: other trials, other words."""
+    mean = {cell: 100 * speed for cell, speed in enumerate(material.cells.mean[:, 0])}
+    _, caption = speeds.against_omega(material, 85.0)
+    assert f"from {max(mean[i] for i in range(4)):.1f} cm/s at φ 0.590" in caption
+    slower = Material(**{**vars(material), "cells": cells_of(table().select(table().omega_rad_s < 15))})
+    assert speeds.against_omega(slower, 85.0)[1] != caption
+
+
+def test_the_line_does_not_dip_below_swimming_and_the_switch_is_drawn():
+    _, (panel,) = style.sheet(85.0, 60.0)
+    walking = np.array([True, True, True, False, False])
+    speed = np.array([0.10, 0.05, 0.001, 0.02, 0.02])
+    nothing = np.zeros(5)
+    found = Prediction(speed, nothing, nothing, nothing, nothing, nothing, walking)
+    style.speed_line(panel, np.arange(5.0), found, 0.02, color="k")
+    pieces = [line.get_ydata() for line in panel.lines]
+    assert min(piece.min() for piece in pieces) == pytest.approx(2.0)
+    assert sum(len(piece) for piece in pieces[:2]) == 5
+    x, y = panel.lines[-1].get_data()
+    assert (x[0], x[1]) == (1.5, 1.5)
+    assert tuple(y) == pytest.approx((5.0, 2.0))
+
+
+def test_the_clock_of_a_leg():
+    one = waveform(0.63, 0.2)
+    t = np.linspace(0, 2, 50)
+    np.testing.assert_allclose(motion.clock_angle(one, t), 8.0 * t - np.pi / 2, atol=1e-9)
+    other = Motion(**{**vars(one), "clock_signal": GAITS["SGCS"]})
+    assert np.abs(motion.clock_angle(other, t) - (8.0 * t - np.pi / 2)).max() > 0.5
+
+
+def test_what_the_paper_fits_ends_at_the_largest_speed():
+    trials = table()
+    kept = trials.select(atlas._up_to_the_fastest(trials))
+    for phi in K:
+        here, all_here = (np.abs(one.phi - phi) < 1e-6 for one in (kept, trials))
+        fastest = trials.omega_rad_s[all_here][np.argmax(trials.speed_m_s[all_here])]
+        assert kept.omega_rad_s[here].max() == pytest.approx(fastest)
+
+
+def test_the_command(tmp_path, capsys):
+    write_csv(table(), tmp_path / "t.csv")
+    points = Published("p", np.array([0.6]), np.array([8.0]), np.array([0.08]))
+    assert points.source == "p"
+    arguments = [str(tmp_path / "t.csv"), "--out", str(tmp_path / "a"), "--formats", "svg", "--beside"]
+    assert atlas.main([*arguments, str(tmp_path / "t.csv")]) == 0
+    said = capsys.readouterr().out
+    assert "9 of 11 figures" in said
+    assert "not drawn: two trials with bags" in said
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        (["--formats", "gif"], "gif"),
+        (["--effects", "no_such"], "no_such"),
+        (["--beside", "none.csv"], "none.csv"),
+        (["--width", "100"], "100"),
+        (["--out", "FILE"], "a folder is needed"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(given, named, tmp_path, capsys):
+    write_csv(table(), tmp_path / "t.csv")
+    given = [str(tmp_path / "t.csv") if word == "FILE" else word for word in given]
+    out = [] if "--out" in given else ["--out", str(tmp_path / "a")]
+    assert atlas.main([str(tmp_path / "t.csv"), *out, *given]) == 2
+    said = capsys.readouterr().err
+    assert named in said
+    assert "Traceback" not in said
+    assert not (tmp_path / "a").exists()
+
+
+def test_motion_needs_two_trials(material):
+    with pytest.raises(InputError, match="two trials with bags"):
+        motion.speeds(material, 85.0)
+    assert material.robot == SANDBOT
