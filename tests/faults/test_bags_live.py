@@ -18,6 +18,7 @@ import bags
 import numpy as np
 import pytest
 from rosbags.rosbag2 import Reader
+from starved import starved_ns
 
 from sandbot_common import topics
 from sandbot_record.bags.playback import Timeline
@@ -143,8 +144,8 @@ from std_srvs.srv import Trigger
 rclpy.init()
 node = rclpy.create_node("caller")
 stop, start = (node.create_client(Trigger, f"/recorder/{name}") for name in ("stop", "start"))
-assert stop.wait_for_service(10)
-assert start.wait_for_service(10)
+assert stop.wait_for_service(60)
+assert start.wait_for_service(60)
 
 def answer(client, patience_s):
     future = client.call_async(Trigger.Request())
@@ -154,12 +155,12 @@ def answer(client, patience_s):
 # A server that has not met its client yet loses the answer, and this one stops once. It meets clients in their order.
 while answer(start, 1) is None:
     pass
-assert answer(stop, 10).success
+assert answer(stop, 60).success
 """
 
 
 def stop_by_service() -> None:
-    subprocess.run([sys.executable, "-c", CALLER], check=True, timeout=60)
+    subprocess.run([sys.executable, "-c", CALLER], check=True, timeout=180)
 
 
 @pytest.mark.parametrize("batches", [3, pytest.param(10, marks=pytest.mark.whole)])
@@ -173,31 +174,30 @@ def test_killed_at_any_moment_all_but_the_last_second_comes_back(tmp_path, batch
                 running = [stack.enter_context(recorder("/leg_states", "--out", bag)) for bag in bags]
                 for one in running:
                     until(one, "recording to")
+                kills = [AllButTheLastSecond(one, source) for one in running]
                 for one, bag in zip(running, bags, strict=True):
                     wait_for_messages(one, bag)  # within the first second there may be nothing yet to bring back
-                for one, bag in zip(running, bags, strict=True):
-                    check_recovered(bag, AllButTheLastSecond(one, source, draw.uniform(0.1, 1.2)))
-
-
-def starved_ns(*processes: subprocess.Popen) -> int:
-    """For how long threads of these were ready to run and got no CPU, so far: a busy machine's share of any delay."""
-    tasks = (task for one in processes for task in Path(f"/proc/{one.pid}/task").iterdir())
-    return sum(int((task / "schedstat").read_text().split()[1]) for task in tasks)
+                for kill, bag in zip(kills, bags, strict=True):
+                    kill.after(draw.uniform(0.1, 1.2))
+                    check_recovered(bag, kill)
 
 
 class AllButTheLastSecond:
     """Kills a recorder; what was recovered then may lack a second, and what the machine held both ends up for."""
 
-    def __init__(self, record: subprocess.Popen, source: subprocess.Popen, lived_s: float) -> None:
-        before = starved_ns(record, source)
+    def __init__(self, record: subprocess.Popen, source: subprocess.Popen) -> None:
+        self._record, self._pids = record, (record.pid, source.pid)
+        self._before_ns = starved_ns(*self._pids)
+
+    def after(self, lived_s: float) -> None:
         time.sleep(lived_s)
-        self._lost_ns = 1_000_000_000 + starved_ns(record, source) - before
+        self.starved_ns = starved_ns(*self._pids) - self._before_ns
         self._killed_ns = time.time_ns()
-        record.kill()
-        record.wait()
+        self._record.kill()
+        self._record.wait()
 
     def includes(self, last_ns: int) -> bool:
-        return self._killed_ns - last_ns < self._lost_ns
+        return self._killed_ns - last_ns < 1_000_000_000 + self.starved_ns
 
 
 def wait_for_messages(record: subprocess.Popen, bag: Path) -> None:
@@ -218,10 +218,10 @@ def check_recovered(bag: Path, killed: AllButTheLastSecond) -> None:
     recover(bag, target)
     legs = Bag.open(target).columns("/leg_states", "position", *FIELD_STAMP)
     numbers = legs["position"][:, 0]
-    # In order and none twice. What DDS drops on a machine busy with other tests never reached the recorder: a chunk
-    # lost in the kill would be a thousand messages, a tenth of a second of stall is a hundred.
+    # In order and none twice. What DDS drops while both ends are starved, a thousand in a second, never reached the
+    # recorder; a chunk lost in the kill would be a thousand messages more.
     assert (np.diff(numbers) >= 1).all()
-    assert np.diff(numbers).max() < 300
+    assert np.diff(numbers).max() < 300 + killed.starved_ns / 1_000_000
     assert killed.includes(legs.log_time_ns[-1])
     with Reader(target) as reader:
         assert sum(1 for _ in reader.messages()) == reader.message_count == len(numbers)
@@ -263,8 +263,9 @@ def test_frames_in_a_video_are_all_there_and_outlive_a_kill(tmp_path, codec):
             bag = tmp_path / f"k{number}"
             with recorder(*names, *video, "--out", bag) as record:
                 until(record, "recording to")
+                killed = AllButTheLastSecond(record, source)
                 wait_for_messages(record, bag)
-                killed = AllButTheLastSecond(record, source, draw.uniform(0.5, 1.5))
+                killed.after(draw.uniform(0.5, 1.5))
             recover(bag, tmp_path / f"r{number}")
             frames = frame_numbers(tmp_path / f"r{number}")
             assert (np.diff(frames) == 20).all()
@@ -476,12 +477,12 @@ def test_keys_pause_seek_and_change_the_rate(tmp_path):
         line = until(replay, "replayed")
         assert replay.wait(60) == 0
         assert int(line.split()[1]) < 3000  # most of it was passed over
-    start = time.monotonic()
     with replay_at_a_terminal(bag) as (strike, replay):
+        start = time.monotonic()
         strike(DOWN + UP * 31)  # 1.1 to the power of 30: 17 times as fast
         assert "replayed 6001 messages" in until(replay, "replayed")
+        assert time.monotonic() - start < 60  # without the keys it takes longer than that, whatever the machine
         assert replay.wait(60) == 0
-    assert time.monotonic() - start < 60  # without the keys it takes longer than that, whatever the machine
 
 
 @pytest.mark.parametrize(

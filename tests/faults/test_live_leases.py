@@ -1,10 +1,11 @@
 """Clock, bed and lab as real processes: without a lease, a robot or a command in time, all stops by itself.
 
-Bounds are read on the stamps of the nodes' own messages. What a busy machine adds to a thread without real-time
-priority is not the code's: there the bound is only that it stops.
+Bounds are read on the stamps of the nodes' own messages. For how long a busy machine kept the two processes waiting is
+not the code's, and is added to each.
 """
 
 import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import time
 
 import numpy as np
 import pytest
+from starved import starved_ns
 
 from sandbot_common import messages, node, topics
 
@@ -20,7 +22,10 @@ pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 OMEGA, RATE_HZ = 16.0, 200.0
 FASTEST_RAD = 10 * 1.5 * OMEGA / RATE_HZ
 """The fast phase of SGCS, one and a half times its mean rate, turns no leg further than this in ten periods."""
-LEGS_S, AIR_S, BUSY_S = 0.3, 0.55, 1.5
+LEGS_S, AIR_S = 0.4, 0.7
+"""The leases, and what a machine with nothing else to do may add."""
+BUSY_S = 5.0
+"""What any machine may add to a process that has ended since."""
 
 
 @contextlib.contextmanager
@@ -34,13 +39,25 @@ def running(module, *given, **options):
     finally:
         process.send_signal(signal.SIGCONT)
         process.terminate()
-        process.communicate(timeout=20)
+        process.communicate(timeout=60)
+
+
+class Busy:
+    """For how long the machine kept a process or this one waiting since now."""
+
+    def __init__(self, process):
+        self._pids = (process.pid, os.getpid())
+        self._before_ns = starved_ns(*self._pids)
+
+    @property
+    def seconds(self):
+        return (starved_ns(*self._pids) - self._before_ns) * 1e-9
 
 
 def ended(process, number):
     """What a node said after the signal, and its exit code."""
     process.send_signal(number)
-    _, said = process.communicate(timeout=20)
+    _, said = process.communicate(timeout=60)
     return said.splitlines(), process.returncode
 
 
@@ -86,11 +103,14 @@ class Commander:
             self.told[status.name] = (status.level[0], status.message, values)
 
     def walk(self):
-        """Start the clock, and wait until legs move and go on moving for longer than any lease."""
-        self.beside.until(lambda: self.beside.call("/clock/start").success)
-        self.setpoints.clear()
-        self.beside.until(lambda: len(self.setpoints) > 0.4 * RATE_HZ)
-        assert self.moving
+        """Start the clock, again where a busy machine held one of us up, until legs move for longer than any lease."""
+
+        def walks():
+            self.beside.until(lambda: self.beside.call("/clock/start").success)
+            self.setpoints.clear()
+            return self.beside.wait(lambda: len(self.setpoints) > 0.4 * RATE_HZ, 5.0) and self.moving
+
+        self.beside.until(walks)
 
     @property
     def moving(self):
@@ -105,9 +125,6 @@ class Commander:
         assert np.abs(np.diff(angles, axis=0)).max() <= FASTEST_RAD  # no jump, whatever happened
         return messages.nanoseconds(self.setpoints[-1].header.stamp)
 
-    def bound_s(self):
-        return LEGS_S if self.told["clock"][2]["real_time"] == "True" else BUSY_S
-
 
 @pytest.fixture
 def commander(beside):
@@ -116,6 +133,7 @@ def commander(beside):
 
 def test_the_clock_stops_by_itself_and_says_why(commander, beside):
     with running("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}") as clock:
+        busy = Busy(clock)
         # By hand: nobody holds the lease, no robot is there; the run has an end all the same.
         answer = beside.call("/clock/start")
         assert "30 s at most" in answer.message
@@ -126,7 +144,7 @@ def test_the_clock_stops_by_itself_and_says_why(commander, beside):
         commander.walk()
         commander.renewing = False
         rest_ns = commander.stopped("beside did not renew /operator/lease")
-        assert (rest_ns - commander.renewed_ns) * 1e-9 <= commander.bound_s()
+        assert (rest_ns - commander.renewed_ns) * 1e-9 <= LEGS_S + busy.seconds
         refused = beside.call("/clock/start")
         assert not refused.success
         assert "does not renew" in refused.message
@@ -135,7 +153,7 @@ def test_the_clock_stops_by_itself_and_says_why(commander, beside):
         commander.walk()  # nothing resumed by itself, and a new start is one
         commander.reporting = False
         rest_ns = commander.stopped("robot was silent")
-        assert (rest_ns - commander.reported_ns) * 1e-9 <= commander.bound_s()
+        assert (rest_ns - commander.reported_ns) * 1e-9 <= LEGS_S + busy.seconds
 
         commander.reporting = True
         commander.walk()
@@ -146,11 +164,12 @@ def test_the_clock_stops_by_itself_and_says_why(commander, beside):
 
 
 def test_a_run_by_hand_ends_by_itself(commander, beside):
-    with running("sandbot_clock.clock_node", "max_run_s:=0.6"):
+    with running("sandbot_clock.clock_node", "max_run_s:=1.0") as clock:
+        busy = Busy(clock)
         commander.walk()
         rest_ns = commander.stopped("max_run_s")
         walked_s = (rest_ns - messages.nanoseconds(commander.setpoints[0].header.stamp)) * 1e-9
-        assert 0.3 < walked_s < 0.6 + BUSY_S
+        assert 0.3 < walked_s < 1.2 + busy.seconds
 
 
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGINT])
@@ -169,7 +188,7 @@ def test_one_clock_at_a_time(commander, beside):
     with running("sandbot_clock.clock_node") as clock:
         beside.until(lambda: "clock" in commander.told)
         with running("sandbot_clock.clock_node") as second:
-            _, said = second.communicate(timeout=30)
+            _, said = second.communicate(timeout=60)
             assert second.returncode == 2
             assert said.count("\n") == 1
             assert "another clock is running already" in said
@@ -206,14 +225,20 @@ def test_the_lab_stops_legs_and_air_whose_commands_are_late(beside):
     def said(text):
         return any(text in status.message for status in told)
 
-    with running("sandbot_lab.lab_node", "images:=false"):
+    def walk():
+        if states and not any(states[-1].velocity):
+            send(0.0)  # a busy machine has sent these late, and nothing goes on by itself
+        send()
+
+    with running("sandbot_lab.lab_node", "images:=false") as lab:
+        busy = Busy(lab)
         beside.until(lambda: setpoints.get_subscription_count() and blower.get_subscription_count() and told, 60.0)
-        timer = beside.node.create_timer(0.02, send)
+        timer = beside.node.create_timer(0.02, walk)
         beside.until(lambda: len(states) > 30)
         timer.cancel()
         beside.until(lambda: not any(states[-1].velocity))
         late_s = (messages.nanoseconds(states[-1].header.stamp) - sent[-1]) * 1e-9
-        assert 0.25 <= late_s <= BUSY_S
+        assert 0.25 <= late_s <= LEGS_S + busy.seconds
         beside.until(lambda: said("legs stopped: no set-point for 0.25 s"))
 
         count = len(states)
@@ -261,11 +286,12 @@ class Bed:
 def test_the_bed_turns_the_air_off_by_itself_and_says_why(beside):
     bed = Bed(beside)
     with running("sandbot_bed.bed_node") as process:
+        busy = Busy(process)
         bed.commander.command()
         bed.blow()
         bed.commander.renewing = False
         last_ns = bed.failed("beside did not renew /operator/lease")
-        assert (last_ns - bed.commander.renewed_ns) * 1e-9 <= BUSY_S
+        assert (last_ns - bed.commander.renewed_ns) * 1e-9 <= AIR_S + busy.seconds
         refused = beside.call("/bed/prepare")
         assert not refused.success
         assert "does not renew" in refused.message
@@ -278,7 +304,7 @@ def test_the_bed_turns_the_air_off_by_itself_and_says_why(beside):
         bed.failed("held up")
 
         with running("sandbot_bed.bed_node") as second:
-            _, said = second.communicate(timeout=30)
+            _, said = second.communicate(timeout=60)
             assert second.returncode == 2
             assert "another bed is running already" in said
 

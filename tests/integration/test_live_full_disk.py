@@ -2,6 +2,7 @@
 
 import pytest
 
+from sandbot_bringup.plan import read_plan
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(600)]
@@ -30,4 +31,4 @@ def test_a_full_disk_stops_the_legs_and_says_why(tmp_path, start, plan_of_one, q
     assert moving.any()
     assert not moving[-1]
     walked_s = (legs.stamp_ns[moving][-1] - legs.stamp_ns[moving][0]) * 1e-9
-    assert walked_s < 6.0  # the whole trial would be 12.6 s
+    assert walked_s < 0.9 * read_plan(plan).duration_s(2.0)

@@ -18,7 +18,10 @@ def in_space(space):
 
 
 def test_one_start_starts_one_clock_and_a_recorder_hears_its_own_robot(tmp_path, start, beside):
-    clocks = [start(sys.executable, "-m", "sandbot_clock.clock_node", *in_space(space)) for space in ROBOTS]
+    clocks = [
+        start(sys.executable, "-m", "sandbot_clock.clock_node", *in_space(space), "-p", "late_s:=0.25")
+        for space in ROBOTS
+    ]
     heard = {space: [] for space in ROBOTS}
     kind = node.messages.message_class(topics.LEG_SETPOINTS.type)
     for space in ROBOTS:
