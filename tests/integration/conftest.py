@@ -60,7 +60,11 @@ class Process:
         while termios.tcgetattr(self._terminal)[3] & termios.ICANON:
             assert time.monotonic() < deadline, "it does not listen to keys:\n" + "\n".join(self.lines)
             time.sleep(0.02)
-        self._keyboard.write(keys)
+        self.type(keys)
+
+    def type(self, text: str) -> None:
+        """Text at its standard input."""
+        self._keyboard.write(text)
         self._keyboard.flush()
 
     def wait(self, timeout_s: float) -> int:

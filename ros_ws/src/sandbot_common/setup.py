@@ -13,7 +13,7 @@ setup(
     ],
     python_requires=">=3.11",
     install_requires=["numpy", "pyyaml"],
-    extras_require={"test": ["pytest", "hypothesis"]},
+    extras_require={"test": ["pytest", "hypothesis"], "frames": ["pandas"]},
     zip_safe=True,
     maintainer="trackway maintainers",
     maintainer_email="maintainers@trackway.example",

@@ -56,7 +56,9 @@ SAFE_S = 3.0
 SILENCE_S, SILENCE_BOUNDS_S = 1.0, (0.3, 10.0)
 """A node not heard from for so long while a trial runs has died or is frozen; each speaks five times a second."""
 _REQUIRED = ("clock", "bed", "tracker")
-_CAMERAS = ("lab", "dorsal_camera", "lateral_camera")
+_DRIVERS = ("serial_bed", "serial_legs", "serial_dorsal", "serial_lateral")
+"""Of sandbot_hardware: each says on /diagnostics where its cable is out."""
+_HEARD = ("lab", "dorsal_camera", "lateral_camera", *_DRIVERS)
 """Required once they have been heard: a robot or camera of another maker need not tell its health."""
 
 PAUSE_IMAGES = "/recorder/pause_images"
@@ -204,12 +206,12 @@ class Operator(Node):
 
     def _gate(self, folder: CampaignFolder) -> None:
         """All that a trial needs is there, once, and alive; CampaignEnds with what is not."""
-        needed = [name for name in (*_REQUIRED, *_CAMERAS) if name in _REQUIRED or name in self._told]
+        needed = [name for name in (*_REQUIRED, *_HEARD) if name in _REQUIRED or name in self._told]
         self._vital = [Sign(name, "", self._silence_s) for name in needed] + [_BED]
 
         def missing() -> list[str]:
             ages = ((sign, self._supervisor.age_s(sign.who, sign.topic, self._listening.now_s)) for sign in self._vital)
-            return [sign.missing for sign, age_s in ages if age_s > sign.limit_s]
+            return [sign.missing for sign, age_s in ages if age_s > sign.limit_s] + self._unplugged()
 
         if not self._wait(lambda: not missing(), DISCOVERY_S):
             raise CampaignEnds(f"the {missing()[0]}; {_START_THEM}, then start the campaign again to go on")
@@ -396,8 +398,15 @@ class Operator(Node):
             # Who ends in order says so; nobody waits for his silence.
             if (text := self._told.get(sign.who, (0, "", {}))[1]).startswith("ended: "):
                 return f"the {sign.who} {text}"
+        if self._recorder is not None and (unplugged := self._unplugged()):
+            return f"the {unplugged[0]}"
         silent = self._supervisor.silent(self._listening.now_s)
         return f"the {silent}" if silent else ""
+
+    def _unplugged(self) -> list[str]:
+        """Drivers that are there, but not their devices."""
+        said = ((who, *self._told[who][:2]) for who in _DRIVERS if who in self._told)
+        return [f"{who} has lost its device: {text}" for who, level, text in said if level > 1]
 
     def _spin_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         deadline = time.monotonic() + timeout_s

@@ -63,7 +63,7 @@ class NodeEntry:
     wanted: str = parameter(
         "both", doc="with the virtual lab, with the hardware, or both", choices=("lab", "hardware", "both")
     )
-    only_if: str = parameter("", doc="launch argument that must be true as well; empty: none")
+    only_if: str = parameter("", doc="launch argument that must be true as well, or `name=choice`; empty: none")
     required: bool = parameter(True, doc="everything stops when this process ends")
     parameters: dict[str, Any] = parameter({}, doc="ROS parameters; ${argument} stands for its value")
     settings: str = parameter(
@@ -152,7 +152,7 @@ def selected(table: NodeTable, given: Mapping[str, str]) -> tuple[NodeEntry, ...
             parameters={k: _put_in(v, values) for k, v in nodes[entry.name].items()},
         )
         for entry in table.nodes
-        if entry.wanted != unwanted and (not entry.only_if or values[entry.only_if] == _TRUE)
+        if entry.wanted != unwanted and _holds(entry.only_if, values)
     )
 
 
@@ -209,8 +209,11 @@ def _arguments(content: Any, path: Path) -> dict[str, LaunchArgument]:
 
 
 def _check_node(node: NodeEntry, arguments: Mapping[str, LaunchArgument], where: str) -> None:
-    if node.only_if and (node.only_if not in arguments or not _is_switch(arguments[node.only_if])):
-        raise InputError(f"{where}: only_if: {node.only_if!r} is not a launch argument with the choices true and false")
+    name, _, choice = node.only_if.partition("=")
+    if name and (name not in arguments or (choice or _TRUE) not in arguments[name].choices):
+        raise InputError(
+            f"{where}: only_if: {node.only_if!r} is not a launch argument with the choice {choice or _TRUE}"
+        )
     for key, value in node.parameters.items():
         if not isinstance(key, str):
             raise InputError(f"{where}: parameters: {key!r} is not a name")
@@ -222,6 +225,11 @@ def _check_node(node: NodeEntry, arguments: Mapping[str, LaunchArgument], where:
         for name in _PUT_IN.findall(value) if isinstance(value, str) else ():
             if name not in arguments and name != CONFIG:
                 raise InputError(f"{where}: parameters: {key}: {value!r}: no launch argument {name!r}")
+
+
+def _holds(condition: str, values: Mapping[str, Any]) -> bool:
+    name, _, choice = condition.partition("=")
+    return not name or values[name] == (choice or _TRUE)
 
 
 def _is_switch(argument: LaunchArgument) -> bool:

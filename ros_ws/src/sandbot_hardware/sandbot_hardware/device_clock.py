@@ -1,0 +1,28 @@
+"""Another clock's time on one's own: a device's on the host's, and in the device the other way round.
+
+What a device says arrives later than it was said, by a delay that is never negative. So the least difference between
+arrival and device time is nearest to the clocks' offset; it may grow no faster than two clocks drift apart.
+"""
+
+_DRIFT = 1e-4
+_REBOOT_NS = 1_000_000_000
+"""A device whose time goes back by more than this has been started anew."""
+
+
+class DeviceClock:
+    """Fed each message's device time and its arrival; nanoseconds."""
+
+    def __init__(self) -> None:
+        self._offset_ns: int | None = None
+        self._last_ns = self._received_ns = 0
+
+    def host_ns(self, device_ns: int, received_ns: int) -> int:
+        """When the device said this, on the host's clock."""
+        gap_ns = received_ns - device_ns
+        if self._offset_ns is None or device_ns < self._last_ns - _REBOOT_NS:
+            self._offset_ns = gap_ns
+        else:
+            drifted_ns = round(_DRIFT * max(received_ns - self._received_ns, 0))
+            self._offset_ns = min(gap_ns, self._offset_ns + drifted_ns)
+        self._last_ns, self._received_ns = device_ns, received_ns
+        return device_ns + self._offset_ns

@@ -1,0 +1,113 @@
+"""Simulated controllers, as simple as a microcontroller's program: lines in, lines out, and a watchdog of their own.
+
+The clock is passed in (seconds); nothing here does input or output.
+"""
+
+from collections.abc import Callable, Sequence
+
+from sandbot_common.lease import Lease
+from sandbot_hardware import lines
+from sandbot_hardware.device_clock import DeviceClock
+from sandbot_hardware.lines import Line
+
+Walk = Callable[[float, Sequence[float], Sequence[float]], tuple[Sequence[float], Sequence[float], Sequence[float]]]
+"""Device time [s], angles and rates asked for, to angles, rates and efforts that came of it."""
+
+
+class LegController:
+    """Follows set-points; at rest, and deaf to motion until told rest, when the last one is older than its lease."""
+
+    def __init__(self, legs: int, walk: Walk, begin: Callable[[float], None], lease_s: float = 0.24) -> None:
+        """``begin`` is called with the device time at which the legs start from rest: the LED goes on."""
+        self._legs, self._walk, self._begin = legs, walk, begin
+        self._lease, self._host = Lease(lease_s), DeviceClock()
+        self._held: Sequence[float] = [0.0] * legs
+        self.moving = self.lapsed = False
+        self.said_s = 0.0
+
+    def heard(self, line: Line, now_s: float) -> list[bytes]:
+        """What it answers to a line."""
+        if line.kind != "S" or len(line.values) != 1 + 2 * self._legs:
+            return []
+        replies = self._watch(now_s)
+        # Where the legs are to be at the set-point's own time: how long it was under way is not their affair.
+        t_s = self._host.host_ns(int(line.values[0]) * 1000, round(now_s * 1e9)) * 1e-9
+        t_s = max(t_s, self.said_s)
+        angles, rates = lines.split(line.values[1:], self._legs)
+        moving = any(rates)
+        if self.lapsed and moving:
+            return replies
+        self.lapsed = False
+        self._lease.renew(now_s)
+        if moving and not self.moving:
+            self._begin(t_s)
+            replies.append(lines.encode("E", _us(t_s)))
+        self.moving, self._held = moving, angles
+        return [*replies, self._report(t_s, angles, rates)]
+
+    def tick(self, now_s: float, report_s: float = 0.02) -> list[bytes]:
+        """What it says by itself: where the legs are, and that its watchdog stopped them."""
+        if said := self._watch(now_s):
+            return said
+        if not self.moving and now_s - self.said_s >= report_s:
+            return [self._report(now_s, self._held, [0.0] * self._legs)]
+        return []
+
+    @property
+    def silence_s(self) -> float:
+        """Device time of the last set-point it obeyed."""
+        return self._lease.renewed_s
+
+    def _watch(self, now_s: float) -> list[bytes]:
+        if not (self.moving and self._lease.late(now_s)):
+            return []
+        self.moving, self.lapsed = False, True
+        return [self._report(now_s, self._held, [0.0] * self._legs), lines.encode("W", lines.LEGS_AT_REST)]
+
+    def _report(self, now_s: float, angles: Sequence[float], rates: Sequence[float]) -> bytes:
+        self.said_s = now_s
+        walked = [float(value) for values in self._walk(now_s, angles, rates) for value in values]
+        return lines.encode("L", _us(now_s), *walked)
+
+
+class BedController:
+    """A blower and a height sensor; air off when the last level is older than its lease."""
+
+    def __init__(
+        self, blow: Callable[[float, float], None], height_m: Callable[[float], float], lease_s: float = 0.45
+    ) -> None:
+        """``blow(level, now_s)`` and ``height_m(now_s)`` are the bed itself."""
+        self._blow, self._height_m, self._lease = blow, height_m, Lease(lease_s)
+        self.level = self.said_s = 0.0
+
+    def heard(self, line: Line, now_s: float) -> list[bytes]:
+        """What it answers to a line."""
+        if line.kind == "B" and len(line.values) == 1 and 0.0 <= line.values[0] <= 1.0:
+            self._lease.renew(now_s)
+            self._set(line.values[0], now_s)
+        return []
+
+    def tick(self, now_s: float, report_s: float = 0.02) -> list[bytes]:
+        """What it says by itself."""
+        said = []
+        if self.level > 0.0 and self._lease.late(now_s):
+            self._set(0.0, now_s)
+            said.append(lines.encode("W", lines.AIR_OFF))
+        if now_s - self.said_s >= report_s:
+            self.said_s = now_s
+            said.append(lines.encode("H", self._height_m(now_s)))
+        return said
+
+    @property
+    def silence_s(self) -> float:
+        """Device time of the last level it obeyed."""
+        return self._lease.renewed_s
+
+    def _set(self, level: float, now_s: float) -> None:
+        if level != self.level:
+            self.level = level
+            self._blow(level, now_s)
+
+
+def _us(now_s: float) -> int:
+    return round(now_s * 1e6)

@@ -1,0 +1,90 @@
+"""The bed on a serial line: /bed/blower out, /bed/height in.
+
+Air is leased: a /bed/blower that is late by air_lease_s turns it off. The bed's controller does the same by itself.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.node import Node
+from std_msgs.msg import Float64
+
+from sandbot_common import messages, node, topics
+from sandbot_common.lease import Lease
+from sandbot_common.parameters import parameter
+from sandbot_hardware import lines
+from sandbot_hardware.lines import Line
+from sandbot_hardware.port import Port, fixed
+
+WATCH_S = 0.02
+
+
+@dataclass(frozen=True)
+class SerialBedParameters:
+    """Where the bed is."""
+
+    device: str = parameter("/dev/ttyUSB0", doc="serial line of the bed's controller")
+    baud: int = parameter(115200, unit="Bd", doc="speed of the line", low=9600, high=12_000_000)
+    range_low_m: float = parameter(0.02, unit="m", doc="least height the sensor sees", low=0.0, high=10.0)
+    range_high_m: float = parameter(0.5, unit="m", doc="greatest height the sensor sees", low=0.0, high=10.0)
+    air_lease_s: float = parameter(0.45, unit="s", doc="a /bed/blower later than this turns it off", low=0.05, high=2.0)
+
+
+class SerialBed(Node):
+    """Hands the blower on, and the height back."""
+
+    def __init__(self) -> None:
+        super().__init__("serial_bed")
+        self._given = node.Parameters(self, SerialBedParameters, fixed).current
+        self._lease, self._level, self._watchdog = Lease(self._given.air_lease_s), 0.0, 0
+        self._height = node.publisher(self, topics.BED_HEIGHT)
+        node.subscription(self, topics.BED_BLOWER, self._on_blower)
+        self._port = Port(self._given.device, self._given.baud, self._heard)
+        self._health = node.Health(self, self._figures, sole=True)
+        self.create_timer(WATCH_S, self._watch)
+
+    def close(self) -> None:
+        """Air off before the node goes."""
+        self._blow(0.0)
+        self._port.close()
+
+    def _on_blower(self, message: Float64) -> None:
+        self._lease.renew(time.monotonic())
+        # "not <=" so that NaN is off.
+        self._blow(message.data if 0.0 <= message.data <= 1.0 else 0.0)
+
+    def _blow(self, level: float) -> None:
+        # Every time, changed or not: the controller's watchdog wants to hear it.
+        self._level = level
+        self._port.write(lines.encode("B", float(level)))
+
+    def _watch(self) -> None:
+        if self._level > 0.0 and self._lease.late(time.monotonic()):
+            self._blow(0.0)
+            self.get_logger().error(f"air off: nothing on {topics.BED_BLOWER.name} for {self._lease.limit_s:g} s")
+
+    def _heard(self, line: Line, received_ns: int) -> None:
+        self._watchdog += line.kind == "W"
+        if line.kind == "H" and len(line.values) == 1:
+            limits_m = self._given.range_low_m, self._given.range_high_m
+            self._height.publish(messages.range_(received_ns, line.values[0], *limits_m, "bed"))
+
+    def _figures(self) -> dict[str, Any]:
+        self._health.level, self._health.text = self._port.health
+        return {
+            "blower": self._level,
+            "damaged": self._port.damaged,
+            "opened": self._port.opened,
+            "watchdog": self._watchdog,
+        }
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the driver until Ctrl-C."""
+    return node.run(SerialBed, argv, parameters=SerialBedParameters)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,93 @@
+"""A camera that sends JPEG frames over a serial line: image_raw and camera_info of one view.
+
+A frame's stamp is the middle of its exposure by the camera's own clock, set on the host's as near as the line tells;
+what is left, the sync LED tells the tracker.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from rclpy.node import Node
+
+from sandbot_common import messages, node, topics
+from sandbot_common.errors import InputError
+from sandbot_common.parameters import parameter
+from sandbot_hardware.device_clock import DeviceClock
+from sandbot_hardware.lines import Line
+from sandbot_hardware.port import Port, fixed
+from sandbot_tracking.calibration import read_cameras
+
+_TOPICS = {
+    "dorsal": (topics.DORSAL_IMAGE, topics.DORSAL_INFO),
+    "lateral": (topics.LATERAL_IMAGE, topics.LATERAL_INFO),
+}
+
+
+@dataclass(frozen=True)
+class SerialCameraParameters:
+    """Which camera, and where."""
+
+    camera: str = parameter("dorsal", doc="which of the two cameras this is", choices=tuple(_TOPICS))
+    device: str = parameter("/dev/ttyACM0", doc="serial line of the camera")
+    baud: int = parameter(921600, unit="Bd", doc="speed of the line; USB takes no notice", low=9600, high=12_000_000)
+    cameras: str = parameter("", doc="YAML file of the calibrated cameras; empty: no camera_info")
+
+
+class SerialCamera(Node):
+    """Publishes each frame as it comes."""
+
+    def __init__(self) -> None:
+        super().__init__("serial_camera")
+        given = node.Parameters(self, SerialCameraParameters, fixed).current
+        self._name, self._device_clock = given.camera, DeviceClock()
+        self._info = None
+        if given.cameras:
+            cameras = read_cameras(given.cameras)
+            if given.camera not in cameras:
+                raise InputError(f"{given.cameras}: no camera {given.camera!r}; known: {', '.join(cameras)}")
+            one = cameras[given.camera]
+            self._info = messages.camera_info(0, self._name, (one.width, one.height), one.matrix, one.distortion)
+        image, info = _TOPICS[given.camera]
+        self._image, self._camera_info = node.publisher(self, image), node.publisher(self, info)
+        self._frames = self._unreadable = 0
+        self._port = Port(given.device, given.baud, self._heard)
+        self._health = node.Health(self, self._figures)
+
+    def close(self) -> None:
+        """Release the line."""
+        self._port.close()
+
+    def _heard(self, line: Line, received_ns: int) -> None:
+        if line.kind != "C" or not line.block:
+            return
+        pixels = cv2.imdecode(np.frombuffer(line.block, np.uint8), cv2.IMREAD_GRAYSCALE)
+        if pixels is None:
+            self._unreadable += 1
+            return
+        t_ns = self._device_clock.host_ns(int(line.values[0]) * 1000, received_ns)
+        self._frames += 1
+        self._image.publish(messages.image(t_ns, self._name, pixels.astype(np.uint8, copy=False)))
+        if self._info is not None:
+            self._info.header = messages.header(t_ns, self._name)
+            self._camera_info.publish(self._info)
+
+    def _figures(self) -> dict[str, Any]:
+        self._health.level, self._health.text = self._port.health
+        return {
+            "frames": self._frames,
+            "unreadable": self._unreadable,
+            "damaged": self._port.damaged,
+            "opened": self._port.opened,
+        }
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the driver until Ctrl-C."""
+    return node.run(SerialCamera, argv, parameters=SerialCameraParameters, frames=True)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

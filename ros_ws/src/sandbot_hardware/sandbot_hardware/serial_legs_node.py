@@ -1,0 +1,122 @@
+"""The leg controller on a serial line: /leg_setpoints out, /leg_states and /sync_led in.
+
+Motion is leased here as everywhere: set-points that are late by legs_lease_s bring the legs to rest, until a set-point
+at rest has come. The controller does the same by itself when the line is silent.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from sandbot_common import messages, node, topics
+from sandbot_common.lease import Lease
+from sandbot_common.parameters import parameter
+from sandbot_common.robot import SANDBOT, read_robot
+from sandbot_hardware import lines
+from sandbot_hardware.device_clock import DeviceClock
+from sandbot_hardware.lines import Line
+from sandbot_hardware.port import Port, fixed
+
+WATCH_S = 0.01
+
+
+@dataclass(frozen=True)
+class LegsParameters:
+    """Where the controller is."""
+
+    device: str = parameter("/dev/ttyUSB1", doc="serial line of the leg controller")
+    baud: int = parameter(921600, unit="Bd", doc="speed of the line", low=9600, high=12_000_000)
+    robot: str = parameter("", doc="robot file, for the order of the legs on the wire; empty: SandBot's")
+    legs_lease_s: float = parameter(0.25, unit="s", doc="set-points later than this stop the legs", low=0.02, high=1.0)
+
+
+class SerialLegs(Node):
+    """Hands set-points on at once, in the thread that hears them."""
+
+    def __init__(self) -> None:
+        super().__init__("serial_legs")
+        given = node.Parameters(self, LegsParameters, fixed).current
+        self._order = (read_robot(given.robot) if given.robot else SANDBOT).leg_order
+        self._lease, self._moving, self._lapsed = Lease(given.legs_lease_s), False, False
+        self._held = [0.0] * len(self._order)
+        self._device_clock = DeviceClock()
+        self._states, self._led = node.publisher(self, topics.LEG_STATES), node.publisher(self, topics.SYNC_LED)
+        node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
+        self._sent = self._refused = self._watchdog = 0
+        self._port = Port(given.device, given.baud, self._heard)
+        self._health = node.Health(self, self._figures, sole=True)
+        self.create_timer(WATCH_S, self._watch)
+
+    def close(self) -> None:
+        """Legs at rest before the node goes."""
+        if self._moving:
+            self._rest()
+        self._port.close()
+
+    def _on_setpoint(self, message: JointState) -> None:
+        place = {name: index for index, name in enumerate(message.name)}
+        if any(name not in place for name in self._order):
+            self._refused += 1
+            return
+        angles, rates = (
+            [values[place[name]] for name in self._order] for values in (message.position, message.velocity)
+        )
+        self._watch()
+        moving = any(rates)
+        if not np.isfinite([angles, rates]).all() or (self._lapsed and moving):
+            # Nothing goes on by itself: late commands of before a silence are no start.
+            self._refused += 1
+            return
+        self._moving, self._lapsed, self._held = moving, False, angles
+        self._lease.renew(time.monotonic())
+        self._sent += self._say(messages.nanoseconds(message.header.stamp), rates)
+
+    def _watch(self) -> None:
+        if self._moving and self._lease.late(time.monotonic()):
+            self._lapsed = True
+            self._rest()
+            self.get_logger().error(f"legs stopped: no set-point for {self._lease.limit_s:g} s")
+
+    def _rest(self) -> None:
+        self._moving = False
+        self._say(self.get_clock().now().nanoseconds, [0.0] * len(self._order))
+
+    def _say(self, t_ns: int, rates: Sequence[float]) -> bool:
+        return self._port.write(lines.encode("S", t_ns // 1000, *map(float, (*self._held, *rates))))
+
+    def _heard(self, line: Line, received_ns: int) -> None:
+        if line.kind == "W":
+            self._watchdog += 1
+            return
+        if line.kind not in ("L", "E") or not line.values:
+            return
+        t_ns = self._device_clock.host_ns(int(line.values[0]) * 1000, received_ns)
+        if line.kind == "E":
+            self._led.publish(messages.header(t_ns, "sync_led"))
+        elif len(line.values) == 1 + 3 * len(self._order):
+            angles, rates, efforts = map(np.asarray, lines.split(line.values[1:], len(self._order)))
+            self._states.publish(messages.joint_state(t_ns, self._order, angles, rates, efforts))
+
+    def _figures(self) -> dict[str, Any]:
+        self._health.level, self._health.text = self._port.health
+        return {
+            "set_points": self._sent,
+            "refused": self._refused,
+            "damaged": self._port.damaged,
+            "opened": self._port.opened,
+            "watchdog": self._watchdog,
+        }
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the driver until Ctrl-C."""
+    return node.run(SerialLegs, argv, parameters=LegsParameters)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
