@@ -10,7 +10,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.discover import discover
 from sandbot_model.explore import views
-from sandbot_model.explore.actions import act, adopted, clicked_cell, moved, used, values_of
+from sandbot_model.explore.actions import act, clicked_cell, values_of, with_controls, with_sliders, with_verdict
 from sandbot_model.report.theme import LIGHT
 
 
@@ -29,26 +29,28 @@ def test_what_discovery_found_is_switched_on(session, drawn):
     hidden = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.1..0.3"
     found = discover(cells_of(drawn(levels=3, formulas=[hidden])), {}, max_effects=0)
     named = replace(found, verdict=replace(found.verdict, effects=("cable_drag",)))
-    assert adopted(start, named) == Selection(effects=("cable_drag",))
-    # Nothing of the catalogue fits: what is left is added as a formula, on top of what it was fitted with.
+    assert with_verdict(start, named) == Selection(effects=("cable_drag",))
+    # Nothing of the catalogue fits: the residual is added as a formula, on top of what it was fitted with.
     assert found.verdict.effects == ()
     assert found.residual is not None
-    left = adopted(start, replace(found, residual=replace(found.residual, effects=("dilation",))))
-    assert left.effects == ("dilation", "residual")
-    assert left.formulas == (found.residual.formula,)
-    assert "residual" in session.catalogue(left.formulas)
-    assert adopted(start, replace(found, residual=None)) == Selection()
+    adopted = with_verdict(start, replace(found, residual=replace(found.residual, effects=("dilation",))))
+    assert adopted.effects == ("dilation", "residual")
+    assert adopted.formulas == (found.residual.formula,)
+    assert "residual" in session.catalogue(adopted.formulas)
+    assert with_verdict(start, replace(found, residual=None)) == Selection()
 
 
 def test_a_control_used_adds_to_what_was_asked_for_and_is_not_shown_yet():
     shown = Selection(effects=("leg_slip", "cable_drag"))
     asked = replace(shown.toggled(["cable_drag", "dilation"]), view="lock", by_hand=(("delta_t_s", 0.3),))
-    assert used(asked, shown, values_of(shown)) == asked
-    both = used(asked, shown, values_of(replace(shown, cell=2).toggled(["leg_slip", "cable_drag", "cohesion"])))
+    assert with_controls(asked, shown, values_of(shown)) == asked
+    both = with_controls(
+        asked, shown, values_of(replace(shown, cell=2).toggled(["leg_slip", "cable_drag", "cohesion"]))
+    )
     assert both == replace(asked, effects=("cable_drag", "dilation", "cohesion"), cell=2)
-    assert used(asked, shown, values_of(shown.toggled(["leg_slip"]))).effects == ("dilation",)
-    assert used(shown, shown, values_of(asked)) == replace(asked, by_hand=())
-    assert used(asked, asked, values_of(replace(asked, model="full"))).by_hand == ()
+    assert with_controls(asked, shown, values_of(shown.toggled(["leg_slip"]))).effects == ("dilation",)
+    assert with_controls(shown, shown, values_of(asked)) == replace(asked, by_hand=())
+    assert with_controls(asked, asked, values_of(replace(asked, model="full"))).by_hand == ()
 
 
 def test_a_model_set_beside_stays_while_the_other_changes():
@@ -61,19 +63,19 @@ def test_a_model_set_beside_stays_while_the_other_changes():
 
 
 def test_a_formula_is_added_switched_on_and_replaced_by_name():
-    once = act(Selection(effects=("leg_slip",)), "formula", BOOST)
-    assert once.effects == ("leg_slip", "boost")
-    again = act(once, "formula", BOOST.replace("-5..5", "-2..2"))
-    assert again.effects == ("leg_slip", "boost")
-    assert len(again.formulas) == 1
+    added = act(Selection(effects=("leg_slip",)), "formula", BOOST)
+    assert added.effects == ("leg_slip", "boost")
+    replaced = act(added, "formula", BOOST.replace("-5..5", "-2..2"))
+    assert replaced.effects == ("leg_slip", "boost")
+    assert len(replaced.formulas) == 1
     with pytest.raises(InputError):
-        act(once, "formula", "not a formula")
+        act(added, "formula", "not a formula")
 
 
 def test_only_a_slider_that_was_moved_holds_its_parameter():
     shown = {"delta_t_s": 0.4, "v_swim_m_s": 0.02}
-    assert moved(Selection(), shown, dict(shown)) == Selection()
-    assert moved(Selection(), shown, shown | {"delta_t_s": 0.3}).by_hand == (("delta_t_s", 0.3),)
+    assert with_sliders(Selection(), shown, dict(shown)) == Selection()
+    assert with_sliders(Selection(), shown, shown | {"delta_t_s": 0.3}).by_hand == (("delta_t_s", 0.3),)
 
 
 def test_a_click_names_its_cell(session):

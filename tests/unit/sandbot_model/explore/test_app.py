@@ -10,7 +10,7 @@ from made_up import Inline, made_up_trials
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import Selection, from_mapping
-from sandbot_model.explore import app, nothing
+from sandbot_model.explore import app, no_data
 from sandbot_model.explore.actions import values_of
 from sandbot_model.explore.app import SHOWN, Beside, Explorer
 from sandbot_model.explore.session import Session
@@ -19,7 +19,7 @@ from sandbot_model.physics.typeset import mathml_in_pieces
 
 def test_the_page_shows_one_value_for_each_output(session, trials, tmp_path):
     explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "test")
-    session.ahead = lambda selection: None
+    session.fit_ahead = lambda selection: None
     values = explorer.show(Selection(effects=("leg_slip",), cell=1), "dark")
     assert set(values) == set(SHOWN)
     assert "leg slip" in values["status.children"]
@@ -29,7 +29,7 @@ def test_the_page_shows_one_value_for_each_output(session, trials, tmp_path):
 
 def test_an_address_sets_the_controls_that_stand_elsewhere(session, trials, tmp_path, monkeypatch):
     explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "test")
-    session.ahead = lambda selection: None
+    session.fit_ahead = lambda selection: None
     made = {}
     monkeypatch.setattr(app, "set_props", made.__setitem__)
     explorer.on_address("?effect=leg_slip&cell=1", "dark", values_of(Selection()))
@@ -44,7 +44,7 @@ def test_the_saved_file_carries_the_numbers_shown(session, trials, tmp_path):
     explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "test")
     selection = Selection(effects=("leg_slip",))
     saved = yaml.safe_load(explorer.saved(selection))
-    assert saved["result"]["rmse_m_s"] == pytest.approx(session.shown(selection).fit.rmse_m_s, rel=1e-3)
+    assert saved["result"]["rmse_m_s"] == pytest.approx(session.step(selection).fit.rmse_m_s, rel=1e-3)
     assert from_mapping(saved, "saved.yaml") == selection
 
 
@@ -55,7 +55,7 @@ def test_a_discovery_that_fails_says_so(session, trials, tmp_path, monkeypatch):
         raise InputError("no replicates")
 
     monkeypatch.setattr(session, "suggest", refuse)
-    explorer.begin(Selection())
+    explorer.start_discovery(Selection())
     limit = time.monotonic() + 5
     while explorer.job.running and time.monotonic() < limit:
         time.sleep(0.01)
@@ -79,7 +79,7 @@ def test_what_is_odd_about_the_data_stands_on_the_page(session, trials, tmp_path
 
 def test_formulas_are_typeset_by_the_page(session, trials, tmp_path):
     explorer = Explorer(session, trials, [tmp_path / "x.csv"], "formulas")
-    session.ahead = lambda selection: None
+    session.fit_ahead = lambda selection: None
     options = explorer.show(Selection(), "light")["effects.options"]
     shown = {option["value"]: str(option["label"]) for option in options}
     effects = session.catalogue()
@@ -90,7 +90,7 @@ def test_formulas_are_typeset_by_the_page(session, trials, tmp_path):
 
 
 def test_data_that_show_nothing_get_a_page_that_says_why():
-    page = nothing.app("<lab>", "trials.csv: no trials: nothing below the header").test_client()
+    page = no_data.app("<lab>", "trials.csv: no trials: nothing below the header").test_client()
     answer = page.get("/", headers={"Host": "127.0.0.1:8050"})
     assert answer.status_code == 200
     assert "nothing below the header" in answer.text
@@ -101,7 +101,7 @@ def test_data_that_show_nothing_get_a_page_that_says_why():
 
 def test_a_second_data_set_is_shown_with_the_same_effects(session, trials, tmp_path):
     other = Session(cells_of(made_up_trials(phis=(0.61, 0.62))), Inline())
-    other.ahead = session.ahead = lambda selection: None
+    other.fit_ahead = session.fit_ahead = lambda selection: None
     explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "first", Beside(other, "the other lab"))
     values = explorer.show(Selection(effects=("leg_slip",), cell=1), "light")
     beside = str(values["beside.children"])
@@ -115,7 +115,7 @@ def shown_by(explorer, selection):
 
 def test_two_models_stand_side_by_side_on_axes_that_end_alike(session, trials, tmp_path):
     explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "lab")
-    session.ahead = lambda selection: None
+    session.fit_ahead = lambda selection: None
     alone = shown_by(explorer, Selection())
     assert (alone["beside.children"], alone["pane-title.hidden"], alone["unpin.hidden"]) == ([], True, True)
     both = shown_by(explorer, Selection(effects=("leg_slip",)).pin().toggled(["stance_overlap"]))

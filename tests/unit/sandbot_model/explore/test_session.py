@@ -54,10 +54,10 @@ def test_a_worker_that_does_not_come_to_an_end_is_not_waited_for(trials):
 
 def test_what_no_worker_has_begun_is_fitted_here(trials):
     session = Session(cells_of(trials), Never())
-    session.ahead(Selection())
-    assert set(session.promises(Selection()).values()) == {None}
+    session.fit_ahead(Selection())
+    assert set(session.previews(Selection()).values()) == {None}
     assert session.ladder(Selection(effects=("leg_slip",)))[-1].fit.effects == ("leg_slip",)
-    assert session.promises(Selection())["leg_slip"] is not None
+    assert session.previews(Selection())["leg_slip"] is not None
 
 
 def test_promises_are_the_errors_that_come_true(trials):
@@ -65,13 +65,13 @@ def test_promises_are_the_errors_that_come_true(trials):
     small.catalogue = lambda formulas=(): {name: EFFECTS[name] for name in ("leg_slip", "cable_drag")}
     start = Selection(effects=("leg_slip",))
     small.ladder(start)
-    small.ahead(start)
-    promises = small.promises(start)
-    assert set(promises) == {"leg_slip", "cable_drag"}
+    small.fit_ahead(start)
+    previews = small.previews(start)
+    assert set(previews) == {"leg_slip", "cable_drag"}
     on = small.ladder(start.toggled(["leg_slip", "cable_drag"]))[-1].fit
     off = small.ladder(Selection())[-1].fit
-    assert promises["cable_drag"] == pytest.approx((on.rmse_m_s, on.cv_rmse_m_s), rel=1e-6)
-    assert promises["leg_slip"] == pytest.approx((off.rmse_m_s, off.cv_rmse_m_s), rel=1e-6)
+    assert previews["cable_drag"] == pytest.approx((on.rmse_m_s, on.cv_rmse_m_s), rel=1e-6)
+    assert previews["leg_slip"] == pytest.approx((off.rmse_m_s, off.cv_rmse_m_s), rel=1e-6)
 
 
 @pytest.mark.parametrize(

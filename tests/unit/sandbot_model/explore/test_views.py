@@ -9,7 +9,7 @@ from made_up import EFFECTS, Inline, made_up_trials
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import VIEWS, Selection
-from sandbot_model.explore import behind, views
+from sandbot_model.explore import cell_trials, views
 from sandbot_model.explore.app import Explorer
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.observables import NAMES, Observable
@@ -18,12 +18,12 @@ from sandbot_model.report.theme import LIGHT
 
 
 def test_a_value_held_by_hand_is_what_the_figures_show(session):
-    fitted = session.shown(Selection())
+    fitted = session.step(Selection())
     best = fitted.fit.parameters["delta_t_s"].value
-    held = session.shown(Selection().held("delta_t_s", 0.5 * best))
+    held = session.step(Selection().held("delta_t_s", 0.5 * best))
     assert held.fit.parameters["delta_t_s"].value == pytest.approx(0.5 * best)
     assert held.fit.rmse_m_s > fitted.fit.rmse_m_s
-    same = session.shown(Selection().held("delta_t_s", best))
+    same = session.step(Selection().held("delta_t_s", best))
     assert same.fit.rmse_m_s == pytest.approx(fitted.fit.rmse_m_s, rel=1e-2)
 
 
@@ -78,8 +78,8 @@ def test_every_view_opens_on_thin_data_and_the_page_says_what_it_can_not_show(tm
             shown = views.show(session, Selection(view=view, observable=observable, cell=1), LIGHT)
             go.Figure(shown.figure)
             go.Figure(shown.ladder)
-            assert "nan" not in f"{shown.says} {shown.status}"
-    assert behind.parts(trials, {}, session.shown(Selection()).fit, 1, LIGHT)
+            assert "nan" not in f"{shown.caption} {shown.status}"
+    assert cell_trials.parts(trials, {}, session.step(Selection()).fit, 1, LIGHT)
 
 
 def test_a_figure_is_told_in_words_with_its_numbers(session):
@@ -87,14 +87,14 @@ def test_a_figure_is_told_in_words_with_its_numbers(session):
     fit = shown.current.fit
     failing = [fail for fail in fit.fails if fail.observable == "speed"]
     said = f"{len(failing)} of {len(fit.cells)} cells fail" if failing else "no cell fails"
-    assert said in shown.says
+    assert said in shown.caption
     fastest = 100 * np.nanmax(fit.cells.mean[:, Observable.speed])
-    assert f"Fastest: {fastest:.2f} cm/s" in views.show(session, Selection(), LIGHT).says
+    assert f"Fastest: {fastest:.2f} cm/s" in views.show(session, Selection(), LIGHT).caption
     for view in VIEWS:
         one = views.show(session, Selection(view=view), LIGHT)
-        assert one.says
-        assert one.how
-        assert "nan" not in one.says
+        assert one.caption
+        assert one.how_to_read
+        assert "nan" not in one.caption
 
 
 def test_values_held_by_hand_have_no_band(session):
@@ -105,12 +105,12 @@ def test_values_held_by_hand_have_no_band(session):
 
 
 def test_an_effect_that_is_on_shows_its_values_and_what_it_brings(session):
-    step = session.shown(Selection(effects=("leg_slip",)))
+    step = session.step(Selection(effects=("leg_slip",)))
     value, stderr = step.fit.parameters["leg_slip.sigma"]
     assert views.values(EFFECTS["leg_slip"], step).endswith(f" {text.with_error(value, stderr)}")
     assert views.values(EFFECTS["disturbed_ground"], step) == ""
-    assert views.promise((0.01, 0.02), False, 0.03) == "on: 1.00 cm/s ▼ 2.00"
-    assert views.promise((0.03, 0.02), True, 0.01) == "off: 3.00 cm/s ▲ 2.00"
-    assert views.promise((0.01, 0.02), False, 0.01) == "on: 1.00 cm/s"
-    assert views.promise(None, False, 0.01) == "…"
-    assert views.promise((np.nan, np.nan), False, 0.01) == "no fit"
+    assert views.preview((0.01, 0.02), False, 0.03) == "on: 1.00 cm/s ▼ 2.00"
+    assert views.preview((0.03, 0.02), True, 0.01) == "off: 3.00 cm/s ▲ 2.00"
+    assert views.preview((0.01, 0.02), False, 0.01) == "on: 1.00 cm/s"
+    assert views.preview(None, False, 0.01) == "…"
+    assert views.preview((np.nan, np.nan), False, 0.01) == "no fit"

@@ -35,7 +35,7 @@ def test_shaft_angles_become_those_of_the_legs(tmp_path):
 
 def test_the_modelled_waveform_is_the_arc_of_a_leg_that_holds(tmp_path, session):
     """v_x = Rω cos θ while |sin θ| ≤ s/2R, else 0: two stances a turn, of the step length the model predicts."""
-    fit = session.shown(Selection()).fit
+    fit = session.step(Selection()).fit
     (cell,) = np.flatnonzero((fit.cells.level == 2) & (fit.cells.omega == 4))
     bag = walking_bag(tmp_path / "t00", v_x=lambda t: 0.0)
     (found,), _ = waveforms.read({"t00": bag}, ["t00"])
@@ -55,7 +55,7 @@ def test_the_modelled_waveform_is_the_arc_of_a_leg_that_holds(tmp_path, session)
 def test_without_leg_states_there_is_no_modelled_waveform(tmp_path, session):
     bag = walking_bag(tmp_path / "t00", v_x=lambda t: 0.1, legs=False)
     (found,), _ = waveforms.read({"t00": bag}, ["t00"])
-    spec = waveforms.figure([found], session.shown(Selection()).fit, 0, LIGHT)
+    spec = waveforms.figure([found], session.step(Selection()).fit, 0, LIGHT)
     assert [trace["name"] for trace in spec["data"]] == ["t00"]
 
 

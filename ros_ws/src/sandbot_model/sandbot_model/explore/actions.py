@@ -13,7 +13,7 @@ from sandbot_model.report.figures import map_cells
 CONTROLS = ("model", "effects", "view", "observable", "cell")
 """The controls that have a value; the others are buttons and sliders."""
 SAME = 2e-5
-"""Relative change below which a slider has not been moved: it shows five digits."""
+"""Relative change below which a slider counts as not moved: it shows five digits."""
 
 
 def act(selection: Selection, control: str, value: Any) -> Selection:
@@ -37,8 +37,8 @@ def act(selection: Selection, control: str, value: Any) -> Selection:
     return selection
 
 
-def adopted(selection: Selection, found: Discovery) -> Selection:
-    """With the verdict's effects switched on, or, where it names none, with the formula for what is left."""
+def with_verdict(selection: Selection, found: Discovery) -> Selection:
+    """With the verdict's effects switched on, or, where it names none, with the formula of the residual."""
     residual = found.residual
     effects = residual.effects if residual and not found.verdict.effects else found.verdict.effects
     changed = replace(selection.toggled(effects), by_hand=())
@@ -46,22 +46,22 @@ def adopted(selection: Selection, found: Discovery) -> Selection:
 
 
 def values_of(selection: Selection) -> dict[str, Any]:
-    """Where the controls stand when ``selection`` is shown."""
+    """Values of the controls when ``selection`` is displayed."""
     return {name: getattr(selection, name) for name in CONTROLS} | {"effects": list(selection.effects)}
 
 
-def used(selection: Selection, shown: Selection, values: Mapping[str, Any]) -> Selection:
-    """``selection`` after the controls whose ``values`` are no longer those of ``shown``, which the page last showed.
+def with_controls(selection: Selection, shown: Selection, values: Mapping[str, Any]) -> Selection:
+    """``selection`` with the controls changed whose ``values`` differ from those of ``shown``, the last one displayed.
 
-    By difference: what was asked for meanwhile, and is not shown yet, stays.
+    Only differences count: what was selected since and is not displayed yet is kept.
     """
-    for control, stood in values_of(shown).items():
+    for control, displayed in values_of(shown).items():
         value = values[control]
-        if value == stood:
+        if value == displayed:
             continue
         if control == "effects":
-            wanted = [name for name in selection.effects if name in value or name not in stood]
-            value = [*wanted, *(name for name in value if name not in stood)]
+            wanted = [name for name in selection.effects if name in value or name not in displayed]
+            value = [*wanted, *(name for name in value if name not in displayed)]
         selection = act(selection, control, value)
     return selection
 
@@ -74,7 +74,7 @@ def with_formula(selection: Selection, text: str) -> Selection:
     return replace(kept, formulas=(*others, text), effects=(*kept.effects, name))
 
 
-def moved(selection: Selection, shown: Mapping[str, float], sliders: Mapping[str, float]) -> Selection:
+def with_sliders(selection: Selection, shown: Mapping[str, float], sliders: Mapping[str, float]) -> Selection:
     """With the parameters held whose slider was moved away from the value shown."""
     for name, value in sliders.items():
         if name in shown and abs(value - shown[name]) > SAME * max(abs(shown[name]), 1e-6):

@@ -20,8 +20,16 @@ from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, from_query, to_query, to_yaml
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.reproduce import steps_of
-from sandbot_model.explore import behind, controls, views, waveforms
-from sandbot_model.explore.actions import CONTROLS, act, adopted, clicked_cell, moved, used, values_of
+from sandbot_model.explore import cell_trials, controls, views, waveforms
+from sandbot_model.explore.actions import (
+    CONTROLS,
+    act,
+    clicked_cell,
+    values_of,
+    with_controls,
+    with_sliders,
+    with_verdict,
+)
 from sandbot_model.explore.loopback import own_host_only
 from sandbot_model.explore.session import Session
 from sandbot_model.report.content import cells_csv
@@ -47,7 +55,7 @@ INDEX = """<!doctype html>
 </html>"""
 SHOWN = (
     "effects.options",
-    "promise-clock.disabled",
+    "preview-clock.disabled",
     "observable-row.hidden",
     "parameters-box.hidden",
     "by-hand.children",
@@ -103,14 +111,14 @@ class Explorer:
         self.session, self.trials, self.data, self.title = session, trials, tuple(data), title
         self.beside, self.options, self.robot_line = beside, tuple(options), robot_line
         self.bags = bags_of([path for path in data if path.exists()])
-        self.known = provenance(trials, session.cells, lost_bags(self.bags, trials))
+        self.provenance = provenance(trials, session.cells, lost_bags(self.bags, trials))
         self.job = Job()
 
     def app(self) -> Dash:
         """The Dash application; nothing in it comes from the network."""
-        cells, known = self.session.cells, self.known
+        cells, provenance = self.session.cells, self.provenance
         line = (
-            f"{known.used} trials used, {len(known.excluded)} excluded; {len(cells)} conditions over "
+            f"{provenance.used} trials used, {len(provenance.excluded)} excluded; {len(cells)} conditions over "
             f"{len(cells.level_phi)} volume fractions"
         )
         line += f"; {self.robot_line}" if self.robot_line else ""
@@ -121,11 +129,11 @@ class Explorer:
             assets_folder=str(Path(__file__).parent / "assets"),
             serve_locally=True,
             suppress_callback_exceptions=True,
-            on_error=_failed,
+            on_error=_on_error,
             index_string=INDEX.replace("{export}", source("export.js")),
         )
         own_host_only(app.server)
-        app.layout = controls.page(self.title, line, known, cells)
+        app.layout = controls.page(self.title, line, provenance, cells)
         app.server.add_url_rule("/bag/<trial_id>/<name>", "bag", self.send_bag)
         self._wire(app)
         return app
@@ -136,7 +144,7 @@ class Explorer:
         session = self.session
         effects = session.catalogue(selection.formulas)
         shown = views.show(session, selection, theme)
-        session.ahead(selection)
+        session.fit_ahead(selection)
         panes = self._panes(selection, theme)
         if panes:
             shown = replace(shown, figure=self._narrow(selection, shown, theme))
@@ -146,20 +154,20 @@ class Explorer:
         sliders = controls.by_hand(views.sliders(selection, shown.current, effects)) if by_hand else []
         rows = views.parameter_rows(selection, shown.current, effects) if by_hand else None
         return {
-            **self._promised(selection),
+            **self._previews(selection),
             "observable-row.hidden": selection.view != "residuals",
             "parameters-box.hidden": not by_hand,
             "by-hand.children": sliders,
             "figure.figure": shown.figure,
             "figure.style": controls.height(shown.figure),
-            "figure-how.children": shown.how,
-            "figure-says.children": shown.says,
+            "figure-how.children": shown.how_to_read,
+            "figure-says.children": shown.caption,
             "pane-title.children": f"{self.title}: {shown.current.label}",
             "pane-title.hidden": not panes,
             "unpin.hidden": not selection.against,
             "ladder.figure": shown.ladder,
             "ladder.style": controls.height(shown.ladder),
-            "ladder-says.children": shown.ladder_says,
+            "ladder-says.children": shown.ladder_caption,
             "parameters.children": None if rows is None else controls.parameter_table(rows),
             "beside.children": controls.panes(panes),
             "trials.children": self._trials(selection, shown, theme),
@@ -167,26 +175,26 @@ class Explorer:
             "message.children": "",
         }
 
-    def _promised(self, selection: Selection) -> dict[str, Any]:
-        """The switches with what each would bring, and whether all of that is known."""
+    def _previews(self, selection: Selection) -> dict[str, Any]:
+        """The effects with the error that switching each would give, and whether all of these are fitted."""
         session = self.session
-        promises = session.promises(selection)
+        previews = session.previews(selection)
         effects = session.catalogue(selection.formulas)
-        inherent = [name for name in effects if name not in promises]
-        current = session.shown(replace(selection, by_hand=()))
-        known = all(promise is not None for promise in promises.values())
-        options = controls.effect_options(effects, inherent, current, promises)
-        return {"effects.options": options, "promise-clock.disabled": known}
+        inherent = [name for name in effects if name not in previews]
+        current = session.step(replace(selection, by_hand=()))
+        complete = all(preview is not None for preview in previews.values())
+        options = controls.effect_options(effects, inherent, current, previews)
+        return {"effects.options": options, "preview-clock.disabled": complete}
 
     def _panes(self, selection: Selection, theme: Theme) -> list[views.Pane]:
-        """The second data set under the same selection, and the model set beside on the same data."""
+        """The second data set under the same selection, and the second model on the same data."""
         shown = []
         if self.beside is not None:
             # A cell is one of the first data set.
             shown.append(views.beside(self.beside.session, replace(selection, cell=None), self.beside.title, theme))
-            self.beside.session.ahead(selection)
+            self.beside.session.fit_ahead(selection)
         if (other := selection.other) is not None:
-            title = f"{self.title}: {self.session.shown(other).label}, set beside"
+            title = f"{self.title}: {self.session.step(other).label}, set beside"
             shown.append(views.beside(self.session, other, title, theme))
         return shown
 
@@ -199,7 +207,7 @@ class Explorer:
     def _trials(self, selection: Selection, shown: views.Shown, theme: Theme) -> Any:
         if selection.cell is None or selection.cell >= len(self.session.cells):
             return None
-        return behind.parts(self.trials, self.bags, shown.current.fit, selection.cell, theme)
+        return cell_trials.parts(self.trials, self.bags, shown.current.fit, selection.cell, theme)
 
     def send_bag(self, trial_id: str, name: str) -> Response:
         """A recording's file, of the bags shown only."""
@@ -210,13 +218,13 @@ class Explorer:
         app.callback(
             output=_outputs(*SHOWN),
             inputs={"search": Input("address", "search"), "theme": Input("theme", "data")},
-            state={"stood": {name: State(name, "value") for name in CONTROLS}},
+            state={"displayed": {name: State(name, "value") for name in CONTROLS}},
         )(self.on_address)
         # What is shown sets the controls and they set the address, all by set_props: Outputs would be a circle to Dash,
         # and it would let a control wait until the figures before have come, and then set it back.
         app.callback(
             inputs={
-                "stand": {name: Input(name, "value") for name in CONTROLS},
+                "values": {name: Input(name, "value") for name in CONTROLS},
                 "_clicks": [
                     Input("figure", "clickData"),
                     *(Input(name, "n_clicks") for name in ("add", "release", "adopt", "pin", "unpin")),
@@ -228,16 +236,16 @@ class Explorer:
                 "slider_ids": State({"by_hand": ALL}, "id"),
                 "formula": State("formula", "value"),
                 "search": State("address", "search"),
-                "seen": State("shown", "data"),
+                "shown_query": State("shown", "data"),
             },
             prevent_initial_call=True,
         )(self.on_control)
         app.callback(
-            output=_outputs("effects.options", "promise-clock.disabled", allow_duplicate=True),
-            inputs={"_tick": Input("promise-clock", "n_intervals")},
-            state={"seen": State("shown", "data")},
+            output=_outputs("effects.options", "preview-clock.disabled", allow_duplicate=True),
+            inputs={"_tick": Input("preview-clock", "n_intervals")},
+            state={"shown_query": State("shown", "data")},
             prevent_initial_call=True,
-        )(self.on_promise_clock)
+        )(self.on_preview_clock)
         app.callback(
             Output("download", "data"),
             Input("save", "n_clicks"),
@@ -261,46 +269,46 @@ class Explorer:
             prevent_initial_call=True,
         )
 
-    def on_address(self, search: str | None, theme: str | None, stood: Mapping[str, Any]) -> dict[str, Any]:
-        """The address has changed: show what it says, and set the controls that stood elsewhere."""
+    def on_address(self, search: str | None, theme: str | None, displayed: Mapping[str, Any]) -> dict[str, Any]:
+        """The address has changed: show what it says, and set the controls that differ from it."""
         if theme is None:
             raise PreventUpdate
         try:
             selection = from_query(search or "")
             for control, value in values_of(selection).items():
-                if value != stood[control]:
+                if value != displayed[control]:
                     set_props(control, {"value": value})
-            # Last: a control that does not stand at what is "shown" has been used.
+            # Last: a control whose value is not that of "shown" counts as used.
             set_props("shown", {"data": to_query(selection)})
             return self.show(selection, theme)
         except InputError as error:
-            return {**dict.fromkeys(SHOWN, no_update), "message.children": _said(error)}
+            return {**dict.fromkeys(SHOWN, no_update), "message.children": _message(error)}
 
     def on_control(
-        self, stand: Mapping[str, Any], _clicks: Sequence[Any], sliders: Sequence[float],
-        slider_ids: Sequence[Mapping[str, str]], formula: str | None, search: str | None, seen: str | None,
+        self, values: Mapping[str, Any], _clicks: Sequence[Any], sliders: Sequence[float],
+        slider_ids: Sequence[Mapping[str, str]], formula: str | None, search: str | None, shown_query: str | None,
     ) -> None:  # fmt: skip
-        """A control was used: add to the address whatever differs from what the page shows, and what was pressed."""
+        """A control was used: add to the address every value that differs from the page's, and the button pressed."""
         by_hand = {
             slider["by_hand"].replace("/", "."): value for slider, value in zip(slider_ids, sliders, strict=True)
         }
         try:
-            before, shown = from_query(search or ""), from_query(seen or "")
-            after = used(before, shown, stand)
+            before, shown = from_query(search or ""), from_query(shown_query or "")
+            after = with_controls(before, shown, values)
             if any(isinstance(control, dict) for control in ctx.triggered_prop_ids.values()):
-                fitted = self.session.shown(shown).fit.parameters
-                after = moved(after, {name: estimate.value for name, estimate in fitted.items()}, by_hand)
+                fitted = self.session.step(shown).fit.parameters
+                after = with_sliders(after, {name: estimate.value for name, estimate in fitted.items()}, by_hand)
             for fired in ctx.triggered:
                 after = self._pressed(after, ctx.triggered_prop_ids[fired["prop_id"]], fired["value"], formula or "")
             self.session.catalogue(after.formulas)
         except InputError as error:
-            set_props("message", {"children": _said(error)})
+            set_props("message", {"children": _message(error)})
             return
         if after != before:
             set_props("address", {"search": to_query(after)})
 
     def _pressed(self, selection: Selection, control: Any, value: Any, formula: str) -> Selection:
-        """The selection after a click on a button or a figure; of other controls it is the value that counts."""
+        """The selection after a click on a button or a figure; other controls count by their value."""
         match control:
             case "figure":
                 return act(selection, "cell", clicked_cell(value, self.session.cells))
@@ -308,17 +316,17 @@ class Explorer:
                 return act(selection, "formula", formula)
             case "adopt":
                 found = self.job.found
-                return adopted(selection, found) if found else selection
+                return with_verdict(selection, found) if found else selection
             case "release" | "pin" | "unpin":
                 return act(selection, control, value)
         return selection
 
-    def on_promise_clock(self, _tick: int, seen: str | None) -> dict[str, Any]:
-        """Show what fits made ahead have brought since; the clock stops when all have come in."""
+    def on_preview_clock(self, _tick: int, shown_query: str | None) -> dict[str, Any]:
+        """Show the errors of fits that have ended since; the clock stops after the last one."""
         try:
-            return self._promised(from_query(seen or ""))
+            return self._previews(from_query(shown_query or ""))
         except InputError:
-            return {"effects.options": no_update, "promise-clock.disabled": True}
+            return {"effects.options": no_update, "preview-clock.disabled": True}
 
     def on_save(self, _yaml: int, _csv: int, search: str | None) -> dict[str, Any]:
         """The selection as YAML, or the cells as CSV, to the browser's downloads."""
@@ -331,11 +339,11 @@ class Explorer:
             raise PreventUpdate from None
 
     def on_suggest(self, _clicks: int, _tick: int, search: str | None) -> dict[str, Any]:
-        """Start discovery, or say how far it is; the clock runs while it does, and what it found can be adopted."""
+        """Start discovery or show its progress; while it runs the page asks again, and its result can be adopted."""
         job = self.job
         if ctx.triggered_id == "suggest":
             try:
-                self.begin(from_query(search or ""))
+                self.start_discovery(from_query(search or ""))
             except InputError as error:
                 return _suggestion(html.P(str(error)))
         if job.running:
@@ -354,21 +362,21 @@ class Explorer:
         }
         return to_yaml(selection, [str(path) for path in self.data], result, self.options)
 
-    def begin(self, selection: Selection) -> None:
-        """Start a discovery in a thread of its own, unless one is running."""
+    def start_discovery(self, selection: Selection) -> None:
+        """Start a discovery in its own thread, unless one is running."""
         job = self.job
         with job.lock:
             if job.running:
                 return
             job.running, job.found, job.failed, job.stage = True, None, "", ("the base model", 0, 1)
 
-        def heard(stage: str, done: int, total: int) -> None:
+        def report_progress(stage: str, done: int, total: int) -> None:
             job.stage = (stage, done, total)
 
         def run() -> None:
             try:
-                job.found = self.session.suggest(selection, heard)
-            except Exception as error:  # nobody else hears of what fails in this thread
+                job.found = self.session.suggest(selection, report_progress)
+            except Exception as error:  # nothing else reports what fails in this thread
                 if not isinstance(error, InputError):
                     traceback.print_exception(error)
                 job.failed = f"No suggestion: {error}"
@@ -387,13 +395,13 @@ def _suggestion(children: Any, *, running: bool = False, adopt: bool = False) ->
     return {"suggestion.children": children, "suggest-clock.disabled": not running, "adopt.hidden": not adopt}
 
 
-def _failed(error: Exception) -> None:
-    """A fault of ours, or of a user's effect: the page stays as it is and says so, the terminal says where."""
+def _on_error(error: Exception) -> None:
+    """A fault of this program or of a user's effect: the page stays as it is, the terminal has the trace."""
     traceback.print_exception(error)
-    set_props("promise-clock", {"disabled": True})
+    set_props("preview-clock", {"disabled": True})
     set_props("message", {"children": f"That failed: {type(error).__name__}: {error} (the terminal says where)"})
 
 
-def _said(error: InputError) -> str:
+def _message(error: InputError) -> str:
     """The error in the page's words: what the command line calls --effect is the box here."""
     return str(error).removeprefix("--effect ")

@@ -8,7 +8,7 @@ from dash import dcc, html
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.discover import Discovery
-from sandbot_model.explore.views import TITLES, Pane, Slider, promise, values
+from sandbot_model.explore.views import TITLES, Pane, Slider, preview, values
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.typeset import mathml_in_pieces
@@ -29,7 +29,7 @@ MAX_EXCLUDED = 60
 FORMULA_EXAMPLE = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
 
 
-def page(title: str, data_line: str, known: Provenance, cells: Cells) -> html.Div:
+def page(title: str, data_line: str, provenance: Provenance, cells: Cells) -> html.Div:
     """The whole page, controls first in reading order, figures next to them."""
     return html.Div(
         [
@@ -37,7 +37,7 @@ def page(title: str, data_line: str, known: Provenance, cells: Cells) -> html.Di
             dcc.Store(id="theme", data=None),
             dcc.Store(id="shown"),
             dcc.Store(id="undone"),
-            dcc.Interval(id="promise-clock", interval=1000),
+            dcc.Interval(id="preview-clock", interval=1000),
             dcc.Interval(id="suggest-clock", interval=500, disabled=True),
             dcc.Download(id="download"),
             html.A("Skip to the figures", href="#figures", className="skip"),
@@ -47,8 +47,8 @@ def page(title: str, data_line: str, known: Provenance, cells: Cells) -> html.Di
                     html.P(data_line, className="soft"),
                     html.P(id="status", role="status", className="status"),
                     html.P(id="message", role="alert", className="message"),
-                    *(html.P([html.Strong(f"{what} "), line], className="caution") for what, line in known.cautions),
-                    *_excluded(known),
+                    *(_caution(*caution) for caution in provenance.cautions),
+                    *_excluded(provenance),
                 ]
             ),
             html.Div([_controls(), _figures(cells)], className="columns"),
@@ -57,20 +57,24 @@ def page(title: str, data_line: str, known: Provenance, cells: Cells) -> html.Di
     )
 
 
-def _excluded(known: Provenance) -> list[html.Details]:
+def _caution(kind: str, line: str) -> html.P:
+    return html.P([html.Strong(f"{kind} "), line], className="caution")
+
+
+def _excluded(provenance: Provenance) -> list[html.Details]:
     """Which trials were excluded, folded."""
-    if not known.excluded:
+    if not provenance.excluded:
         return []
-    rows = known.excluded[:MAX_EXCLUDED]
-    more = [] if len(rows) == len(known.excluded) else [html.P(f"and {len(known.excluded) - len(rows)} more")]
-    head = html.Summary(f"{len(known.excluded)} trials excluded, and why")
+    rows = provenance.excluded[:MAX_EXCLUDED]
+    more = [] if len(rows) == len(provenance.excluded) else [html.P(f"and {len(provenance.excluded) - len(rows)} more")]
+    head = html.Summary(f"{len(provenance.excluded)} trials excluded, and why")
     return [html.Details([head, _table("Trials excluded", ("trial", "why"), rows), *more], id="excluded")]
 
 
 def effect_options(
-    effects: Mapping[str, Effect], inherent: Sequence[str], current: Step, promises: Mapping[str, Any]
+    effects: Mapping[str, Effect], inherent: Sequence[str], current: Step, previews: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    """One option for each effect: name, what switching it over would do, stage, formula, and values if it is on."""
+    """One option for each effect: name, error if switched, stage, formula, and fitted values if it is on."""
     on, now = current.fit.effects, current.fit.rmse_m_s
     options = []
     for name, effect in effects.items():
@@ -79,7 +83,7 @@ def effect_options(
         label = html.Span(
             [
                 html.Span(readable(name), className="effect"),
-                html.Span(promise(promises.get(name), name in on, now), className="promise"),
+                html.Span(preview(previews.get(name), name in on, now), className="preview"),
                 html.Small([f"{effect.stage}: ", _typeset(effect.formula)]),
                 *([html.Small(values(effect, current), className="values")] if name in on else []),
             ],
@@ -127,7 +131,7 @@ def trial_table(rows: Sequence[Sequence[Any]], head: Sequence[str]) -> html.Tabl
     return _table("Trials of this condition", head, rows)
 
 
-def plot(name: str, spec: Spec | None = None, how: str = "", says: str = "") -> html.Figure:
+def plot(name: str, spec: Spec | None = None, how_to_read: str = "", caption: str = "") -> html.Figure:
     """A figure with how to read it, what it shows in words, and buttons that save it."""
     given = {"figure": spec, "style": height(spec)} if spec else {}
     graph = dcc.Graph(id=name, config=GRAPH, **given)
@@ -148,8 +152,8 @@ def plot(name: str, spec: Spec | None = None, how: str = "", says: str = "") -> 
             html.Div(graph, className="plot", id=f"{name}-box", role="img", **{"aria-labelledby": f"{name}-says"}),
             html.Figcaption(
                 [
-                    html.P(how, id=f"{name}-how"),
-                    html.P(says, id=f"{name}-says"),
+                    html.P(how_to_read, id=f"{name}-how"),
+                    html.P(caption, id=f"{name}-says"),
                     html.P(["Save figure: ", *buttons], className="save"),
                 ]
             ),
@@ -166,7 +170,7 @@ def panes(shown: Sequence[Pane]) -> list[Any]:
     """Figures beside the first one."""
     parts = []
     for i, pane in enumerate(shown):
-        body = html.P(pane.says) if pane.figure is None else plot(f"beside-{i}", pane.figure, says=pane.says)
+        body = html.P(pane.caption) if pane.figure is None else plot(f"beside-{i}", pane.figure, caption=pane.caption)
         parts.append(html.Section([html.H3(pane.title), body], className="pane"))
     return parts
 
@@ -196,7 +200,7 @@ def suggestion(found: Discovery) -> list[Any]:
     if found.residual is not None:
         residual = found.residual
         parts.append(
-            html.P([f"What is left: {residual.sentence}. To try as your own effect: ", html.Code(residual.formula)])
+            html.P([f"Residual: {residual.sentence}. To try as your own effect: ", html.Code(residual.formula)])
         )
     if found.next_trials:
         rows = [(t.where, observable_label(t.observable), _gap(t.expected_gap_sd)) for t in found.next_trials]
@@ -280,8 +284,8 @@ def _figures(cells: Cells) -> html.Main:
             ),
             html.Div(
                 [
-                    html.Button("Set this model beside", id="pin", type="button", n_clicks=0),
-                    html.Button("Remove the one beside", id="unpin", type="button", n_clicks=0, hidden=True),
+                    html.Button("Keep as second model", id="pin", type="button", n_clicks=0),
+                    html.Button("Remove the second model", id="unpin", type="button", n_clicks=0, hidden=True),
                 ],
                 className="buttons",
             ),
@@ -290,14 +294,14 @@ def _figures(cells: Cells) -> html.Main:
                     html.H2("Values by hand"),
                     html.P("Move a value to see what it does; k(φ) stays as fitted.", className="soft"),
                     html.Div(id="by-hand"),
-                    html.Button("Fit all again", id="release", type="button", n_clicks=0),
+                    html.Button("Refit all", id="release", type="button", n_clicks=0),
                     html.Div(id="parameters"),
                 ],
                 id="parameters-box",
                 hidden=True,
             ),
             html.H2("Error as effects are added"),
-            plot("ladder", how=HOW["ladder"]),
+            plot("ladder", how_to_read=HOW["ladder"]),
             html.H2("Trials behind a point"),
             html.Label("Click a point or a cell of the map, or choose a condition", htmlFor="cell"),
             dcc.Dropdown(

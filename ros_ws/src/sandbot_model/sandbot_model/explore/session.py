@@ -1,4 +1,4 @@
-"""Fits behind the explorer: each set of effects is fitted once, and what may be wanted next is fitted ahead.
+"""Fits of the explorer: each set of effects is fitted once, and those one switch away are fitted ahead.
 
 Fits run in worker processes and come back as a ``Point`` (plain arrays); the session rebuilds the ``Fit`` from it. All
 methods may be called from any thread.
@@ -33,7 +33,7 @@ Key = tuple[str, frozenset[str], tuple[str, ...]]
 
 
 PATIENCE_S = 0.15
-"""How long a page waits for a fit that a worker is said to be at: about what it takes to make it."""
+"""How long a page waits for a fit that a worker has begun: about what a fit takes."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Solved:
     cv_rmse_m_s: float
 
 
-def solve(model: Model, cells: Cells, near: WarmStart | None) -> Solved:
+def solve(model: Model, cells: Cells, start: WarmStart | None) -> Solved:
     """Fit one model; runs in a worker process."""
-    return solved(fit(model, cells, near))
+    return solved(fit(model, cells, start))
 
 
 def solved(found: Fit) -> Solved:
@@ -82,34 +82,34 @@ class Session:
         Raises InputError for an effect or parameter that is not known.
         """
         self.model(selection)
-        return tuple(self._step(part) for part in _prefixes(selection))
+        return tuple(self._fitted_step(part) for part in _prefixes(selection))
 
-    def shown(self, selection: Selection) -> Step:
+    def step(self, selection: Selection) -> Step:
         """The step the figures show: the whole selection, with the values held by hand (k as fitted)."""
-        fitted = self._step(replace(selection, by_hand=()))
+        fitted = self._fitted_step(replace(selection, by_hand=()))
         if not selection.by_hand:
             return fitted
         point = point_of(fitted.fit, dict(selection.by_hand))
         return with_curves([fitted_at(self.model(selection), self.cells, point)])[0]
 
-    def ahead(self, selection: Selection) -> None:
-        """Begin to fit every set that is one switch away; what was begun for an earlier one and not run is dropped."""
+    def fit_ahead(self, selection: Selection) -> None:
+        """Submit a fit of every set that is one switch away; earlier ones not yet begun are cancelled."""
         wanted = {self._key(neighbour): neighbour for neighbour in self._neighbours(selection)}
         keep = {*wanted, *(self._key(part) for part in _prefixes(selection))}
         with self._lock:
             for key in [k for k, future in self._solved.items() if k not in keep and future.cancel()]:
                 del self._solved[key]
-        for neighbour in sorted(wanted.values(), key=self._alone):
-            self._begin(neighbour)
+        for neighbour in sorted(wanted.values(), key=self._error_alone):
+            self._submit(neighbour)
 
-    def promises(self, selection: Selection) -> dict[str, tuple[float, float] | None]:
-        """Effect → error (in sample, out of sample) [m/s] if switched over; None: not fitted yet, NaN: no fit."""
+    def previews(self, selection: Selection) -> dict[str, tuple[float, float] | None]:
+        """Effect → error (in sample, out of sample) [m/s] if switched; None: not fitted yet, NaN: the fit failed."""
         found: dict[str, tuple[float, float] | None] = {}
         for neighbour in self._neighbours(selection):
             (name,) = set(neighbour.effects) ^ set(selection.effects)
             with self._lock:
                 future = self._solved.get(self._key(neighbour))
-            found[name] = _promise(future)
+            found[name] = _preview(future)
         return found
 
     def suggest(self, selection: Selection, progress: Progress) -> Discovery:
@@ -121,12 +121,12 @@ class Session:
         """The model selected. Raises InputError for an effect that is not known."""
         return model_of(selection.model, selection.effects, self.catalogue(selection.formulas), self.cells.robot)
 
-    def _alone(self, selection: Selection) -> float:
-        """Error with the last effect alone [m/s], if fitted: the most helpful effect is likely wanted first."""
+    def _error_alone(self, selection: Selection) -> float:
+        """Error [m/s] with only the last effect, if fitted: the most helpful effect is fitted first."""
         alone = replace(selection, effects=selection.effects[-1:])
         with self._lock:
-            promised = _promise(self._solved.get(self._key(alone)))
-        return promised[0] if promised and math.isfinite(promised[0]) else math.inf
+            previewed = _preview(self._solved.get(self._key(alone)))
+        return previewed[0] if previewed and math.isfinite(previewed[0]) else math.inf
 
     def _neighbours(self, selection: Selection) -> Iterator[Selection]:
         inherent = {effect.identifier for effect in self.model(replace(selection, effects=())).walker.effects}
@@ -136,7 +136,7 @@ class Session:
             elif name not in inherent:
                 yield selection.toggled([*selection.effects, name])
 
-    def _step(self, selection: Selection) -> Step:
+    def _fitted_step(self, selection: Selection) -> Step:
         key = self._key(selection)
         with self._lock:
             if key in self._steps:
@@ -150,32 +150,32 @@ class Session:
             return self._steps.setdefault(key, step)
 
     def _fitted(self, selection: Selection) -> Fit:
-        """The fit of a selection; one that still waits for a worker, or for a worker's turn, is made here and now."""
-        future, model = self._begin(selection), self.model(selection)
+        """The fit of a selection; one that no worker has begun, or that takes a worker too long, is made here."""
+        future, model = self._submit(selection), self.model(selection)
         if not future.cancel():
-            # A pool calls running what only stands in its queue, and workers give way to everybody else.
+            # A pool reports as running what is only queued, and workers have low priority.
             with contextlib.suppress(TimeoutError):
                 return fitted_at(model, self.cells, future.result(PATIENCE_S).point)
-        found = fit(model, self.cells, self._near(selection))
+        found = fit(model, self.cells, self._warm_start(selection))
         made: Future[Solved] = Future()
         made.set_result(solved(found))
         with self._lock:
             self._solved[self._key(selection)] = made
         return found
 
-    def _near(self, selection: Selection) -> WarmStart | None:
-        """What the fit without the last effect found, if it is there."""
+    def _warm_start(self, selection: Selection) -> WarmStart | None:
+        """The warm start given by the fit without the last effect, if there is one."""
         with self._lock:
             parent = self._steps.get(self._key(replace(selection, effects=selection.effects[:-1])))
         return parent.fit.warm_start if parent and selection.effects else None
 
-    def _begin(self, selection: Selection) -> "Future[Solved]":
-        """The fit of a selection, begun if it was not, from the fit without its last effect if that is there."""
+    def _submit(self, selection: Selection) -> "Future[Solved]":
+        """The fit of a selection, submitted if it was not, with a warm start from the fit without its last effect."""
         key = self._key(selection)
         with self._lock:
             if key not in self._solved:
-                model, near = self.model(selection), self._near(selection)
-                self._solved[key] = self._workers.submit(solve, model, self.cells, near)
+                model, start = self.model(selection), self._warm_start(selection)
+                self._solved[key] = self._workers.submit(solve, model, self.cells, start)
             return self._solved[key]
 
     def _key(self, selection: Selection) -> Key:
@@ -184,7 +184,7 @@ class Session:
         return selection.model, frozenset(selection.effects) & set(catalogue), tuple(own)
 
 
-def _promise(future: "Future[Solved] | None") -> tuple[float, float] | None:
+def _preview(future: "Future[Solved] | None") -> tuple[float, float] | None:
     if future is None or future.cancelled() or not future.done():
         return None
     if future.exception() is not None:

@@ -1,4 +1,4 @@
-"""What the explorer shows for a selection, as plain data: the figure looked at, the ladder, words and numbers."""
+"""What the explorer shows for a selection, as plain data: the figure, the ladder, captions and numbers."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ TITLES = {
 }
 """View → what its tab is called."""
 SEEN_M_S = 5e-5
-"""A smaller change of the error than this does not show in the digits given."""
+"""Smallest change of the error that shows in the digits given."""
 COLUMNS = 4
 PANE_COLUMNS = 2
 """Panels of φ in a row, alone and side by side with another figure."""
@@ -37,21 +37,21 @@ class Shown:
     steps: tuple[Step, ...]
     current: Step
     ladder: Spec
-    ladder_says: str
+    ladder_caption: str
     figure: Spec
-    how: str
+    how_to_read: str
     """How to read the figure."""
-    says: str
+    caption: str
     """What it shows, in words and numbers."""
     status: str
 
 
 @dataclass(frozen=True)
 class Pane:
-    """A second figure beside the first; no figure where there can't be one, and then ``says`` why."""
+    """A second figure beside the first; without a figure ``caption`` gives the reason."""
 
     title: str
-    says: str
+    caption: str
     figure: Spec | None = None
 
 
@@ -68,9 +68,9 @@ class Slider:
 
 
 def show(session: Session, selection: Selection, theme: Theme) -> Shown:
-    """Fit what is selected and draw the figure looked at. Raises InputError for what is not known."""
+    """Fit the selection and draw its figure. Raises InputError for an unknown effect or parameter."""
     steps = session.ladder(selection)
-    current = session.shown(selection)
+    current = session.step(selection)
     rungs = (*steps, current) if selection.by_hand else steps
     floor = session.noise_floor_m_s
     ladder = figures.ladder(rungs, floor, len(rungs) - 1, theme)
@@ -82,24 +82,24 @@ def show(session: Session, selection: Selection, theme: Theme) -> Shown:
         steps=steps,
         current=current,
         ladder=ladder,
-        ladder_says=captions.ladder(steps, floor),
-        figure=words(missing, theme) if missing else figure(selection, steps[0], current, theme),
-        how="" if missing else captions.HOW[view],
-        says=missing or says(selection, current),
+        ladder_caption=captions.ladder(steps, floor),
+        figure=message_figure(missing, theme) if missing else figure(selection, steps[0], current, theme),
+        how_to_read="" if missing else captions.HOW[view],
+        caption=missing or caption(selection, current),
         status=status(selection, current, floor),
     )
 
 
 def beside(session: Session, selection: Selection, title: str, theme: Theme) -> Pane:
-    """The same view of another data set or another model; why not, where it can't be."""
+    """The same view of another data set or another model, or the reason why it can't be shown."""
     try:
-        current = session.shown(selection)
+        current = session.step(selection)
     except InputError as error:
         return Pane(title, str(error))
     missing = absent(selection, current)
     if missing:
         return Pane(title, missing)
-    said = f"{status(selection, current, session.noise_floor_m_s)} {says(selection, current)}"
+    said = f"{status(selection, current, session.noise_floor_m_s)} {caption(selection, current)}"
     return Pane(title, said, figure(selection, None, current, theme, columns=PANE_COLUMNS))
 
 
@@ -122,9 +122,9 @@ def figure(selection: Selection, base: Step | None, current: Step, theme: Theme,
     return draw[selection.view]()
 
 
-def says(selection: Selection, current: Step) -> str:
+def caption(selection: Selection, current: Step) -> str:
     """The figure of the selected view in words."""
-    tell: Mapping[str, Callable[[], str]] = {
+    by_view: Mapping[str, Callable[[], str]] = {
         "speed": lambda: captions.speed(current),
         "residuals": lambda: captions.residuals(current, selection.observable),
         "critical": lambda: captions.critical(current),
@@ -133,7 +133,7 @@ def says(selection: Selection, current: Step) -> str:
         "lock": lambda: captions.lock(current.fit.cells),
         "parameters": lambda: captions.speed(current),
     }
-    return tell[selection.view]()
+    return by_view[selection.view]()
 
 
 def absent(selection: Selection, current: Step) -> str:
@@ -154,7 +154,7 @@ def frequency(selection: Selection, current: Step) -> float:
 
 
 def same_ranges(specs: Sequence[Spec]) -> None:
-    """Let the y axes of figures that stand side by side end at the same value."""
+    """Give figures side by side the same range of y."""
     layouts = [spec["layout"].items() for spec in specs]
     axes = [axis for layout in layouts for name, axis in layout if name.startswith("yaxis") and "range" in axis]
     if axes:
@@ -176,8 +176,8 @@ def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
     )
 
 
-def promise(error: tuple[float, float] | None, switched_on: bool, now_m_s: float) -> str:
-    """What switching an effect over would do to the error of mean speed, and by how much it would change it."""
+def preview(error: tuple[float, float] | None, switched_on: bool, now_m_s: float) -> str:
+    """The error of mean speed with an effect switched, and the change."""
     if error is None:
         return "…"
     if not np.isfinite(error[0]):
@@ -234,8 +234,8 @@ def parameter_rows(selection: Selection, current: Step, effects: Mapping[str, Ef
     return rows
 
 
-def words(sentence: str, theme: Theme) -> Spec:
-    """A figure that says why there is none."""
+def message_figure(sentence: str, theme: Theme) -> Spec:
+    """An empty figure with a sentence: why there is none."""
     hidden = {"visible": False}
     said = note(sentence, 0.0, 1.0, xanchor="left", yanchor="top", font={"size": 15})
     return {"data": [], "layout": layout(theme, 120, xaxis=hidden, yaxis=hidden, annotations=[said])}

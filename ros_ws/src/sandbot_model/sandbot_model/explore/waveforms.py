@@ -1,5 +1,5 @@
-"""The trials behind a cell: their rows of the table and, where there are bags, v_x(t) of each replicate with the
-model's waveform, and the tracked video where its frames were kept.
+"""The trials of a cell: their rows of the table and, where there are bags, v_x(t) of each replicate with the model's
+waveform, and the tracked video where its frames were kept.
 """
 
 import math
@@ -63,7 +63,7 @@ def trials_of(trials: Trials, cells: Cells, cell: int) -> np.ndarray[Any, np.dty
 
 
 def read(bags: Mapping[str, Path], trial_ids: Sequence[str]) -> tuple[list[Waveform], list[str]]:
-    """Waveforms of the trials, and one line for each that has none and why."""
+    """Waveforms of the trials, and a line with the reason for each that has none."""
     if not bags:
         return [], ["These trials come from a table, not from bags: v_x(t) and video can't be shown."]
     found, missing = [], []
@@ -72,14 +72,14 @@ def read(bags: Mapping[str, Path], trial_ids: Sequence[str]) -> tuple[list[Wavef
             missing.append(f"{trial_id}: no bag of that name")
             continue
         try:
-            found.append(_read_one(trial_id, bags[trial_id]))
+            found.append(_read_waveform(trial_id, bags[trial_id]))
         except InputError as error:
             missing.append(f"{trial_id}: {error}")
     return found, missing
 
 
 @lru_cache(maxsize=64)
-def _read_one(trial_id: str, path: Path) -> Waveform:
+def _read_waveform(trial_id: str, path: Path) -> Waveform:
     bag = Bag.open(path)
     speed = bag.columns(topics.SPEED.name, "twist.twist.linear.x", *FIELD_STAMP)
     if not len(speed.log_time_ns):
@@ -147,7 +147,7 @@ def figure(waveforms: Sequence[Waveform], fit: Fit, cell: int, theme: Theme = LI
     return {"data": data, "layout": layout(theme, 360, xaxis=across, yaxis=up)}
 
 
-def says(waveforms: Sequence[Waveform], fit: Fit, cell: int) -> str:
+def caption(waveforms: Sequence[Waveform], fit: Fit, cell: int) -> str:
     """The waveforms in words."""
     peaks = "; ".join(
         f"{waveform.trial_id} {text.cm_s(float(np.nanmax(waveform.speed_m_s)))}" for waveform in waveforms

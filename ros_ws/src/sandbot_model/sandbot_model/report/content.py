@@ -276,7 +276,8 @@ def _residual(discovery: Discovery) -> list[Section]:
     if residual is None:
         return []
     said = f"{residual.sentence[:1].upper()}{residual.sentence[1:]}."
-    return [Section("left", "What is left", text=(said, f"To add it: compare DATA {residual.options}"))]
+    add = f"To add it: compare DATA {residual.options}"
+    return [Section("residual", "What the catalogue does not explain", text=(said, add))]
 
 
 def _parameters(steps: tuple[Step, ...]) -> Section:

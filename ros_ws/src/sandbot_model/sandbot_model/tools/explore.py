@@ -67,10 +67,10 @@ def _explore(argv: Sequence[str]) -> None:
         # A name that is none is a slip of the command line; data that say nothing are for the page to tell.
         if not all(path.exists() for path in args.data):
             raise
-        from sandbot_model.explore import nothing
+        from sandbot_model.explore import no_data
 
         print(f"explore: {error}", file=sys.stderr, flush=True)
-        _serve(nothing.app(title, str(error)), args.port, "")
+        _serve(no_data.app(title, str(error)), args.port, "")
     else:
         _explore_cells(args, trials, cells, title, query, robot_line)
 

@@ -3,7 +3,7 @@
 from made_up import walking_bag
 
 from sandbot_model.discovery.choice import Selection
-from sandbot_model.explore import behind, waveforms
+from sandbot_model.explore import cell_trials, waveforms
 from sandbot_model.explore.app import Explorer
 from sandbot_model.report import write_comparison
 from sandbot_model.report.provenance import bags_of
@@ -15,7 +15,7 @@ def test_a_cell_shows_its_trials_waveforms_and_recordings(session, trials, tmp_p
     name = str(trials.trial_id[waveforms.trials_of(trials, session.cells, cell)[0]])
     bag = walking_bag(tmp_path / name, v_x=lambda t: 0.1)
     explorer = Explorer(session, trials, [bag], "test")
-    shown = str(behind.parts(trials, explorer.bags, session.shown(Selection()).fit, cell, LIGHT))
+    shown = str(cell_trials.parts(trials, explorer.bags, session.step(Selection()).fit, cell, LIGHT))
     assert "waveforms" in shown
     assert "No video: the camera frames of these trials were not kept." in shown
     assert "no bag of that name" in shown
@@ -33,11 +33,11 @@ def test_a_torn_bag_is_said_on_the_page(session, trials, tmp_path):
     recording = bag / "torn_0.mcap"
     recording.write_bytes(recording.read_bytes()[:-200])
     explorer = Explorer(session, trials, [bag], "test")
-    ((name, why),) = explorer.known.excluded
+    ((name, why),) = explorer.provenance.excluded
     assert name == "torn"
     assert "recover" in why
     assert "1 trials excluded, and why" in str(explorer.app().layout)
-    fits = [session.shown(Selection()).fit]
+    fits = [session.step(Selection()).fit]
     write_comparison(tmp_path / "report.html", fits, trials, title="torn", data=[bag])
     assert "1 excluded" in (tmp_path / "report.html").read_text(encoding="utf-8")
     found, (line,) = waveforms.read(explorer.bags, ["torn"])

@@ -1,4 +1,4 @@
-"""The page for data that can show nothing: it says why, and what would do."""
+"""The page for data that can't be shown: why, and what is needed."""
 
 from html import escape
 from pathlib import Path
@@ -25,7 +25,7 @@ def app(title: str, reason: str) -> Flask:
     """A server with one page that says ``reason``."""
     style = (Path(__file__).parent / "assets" / "base.css").read_text(encoding="utf-8")
     page = PAGE.format(title=escape(title), reason=escape(reason), needed=escape(NEEDED), style=style)
-    server = Flask("sandbot_explorer_nothing")
+    server = Flask("sandbot_explorer_no_data")
     own_host_only(server)
     server.add_url_rule("/", "page", lambda: page)
     return server

@@ -1,4 +1,4 @@
-"""What stands behind a cell on the page: its trials, their waveforms with the model's, tracked video, links to bags."""
+"""The trials of a cell on the page: their rows, their waveforms with the model's, tracked video, links to bags."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,11 +20,11 @@ COLUMNS = (
     *((observable.heading, observable.column, CM) for observable in Observable),
     ("status", "status", 1.0),
 )
-"""What a person calls a column of the table, its name there, and how many of the one are one of the other."""
+"""Heading, column of the trials table, and the factor from SI to the heading's unit."""
 
 
 def parts(trials: Trials, bags: Mapping[str, Path], fit: Fit, cell: int, theme: Theme) -> list[Any]:
-    """Everything there is about the trials of one cell, and a line for each thing there is not."""
+    """Everything known of the trials of one cell, and a line for each thing that is missing."""
     rows = waveforms.trials_of(trials, fit.cells, cell)
     ids = [str(trials.trial_id[i]) for i in rows]
     lines = [
@@ -35,7 +35,7 @@ def parts(trials: Trials, bags: Mapping[str, Path], fit: Fit, cell: int, theme: 
     found, missing = waveforms.read(bags, ids)
     if found:
         figure = waveforms.figure(found, fit, cell, theme)
-        shown.append(controls.plot("waveforms", figure, says=waveforms.says(found, fit, cell)))
+        shown.append(controls.plot("waveforms", figure, caption=waveforms.caption(found, fit, cell)))
         shown += film(bags, [trial.trial_id for trial in found])
     return [*shown, *(html.P(line, className="soft") for line in missing)]
 
