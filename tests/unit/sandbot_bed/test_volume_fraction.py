@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandbot_bed.volume_fraction import Measured, density_by_displacement, volume_fraction
+from sandbot_bed.volume_fraction import Measured, volume_fraction
 from sandbot_common.errors import InputError
 
 POSITIVE = st.floats(1e-3, 1e3)
@@ -37,17 +37,6 @@ def test_uncertainty_agrees_with_random_draws():
     mass, density, area, height = (rng.normal(mean, sd, 200_000) for mean, sd in parts)
     phi = volume_fraction(*(Measured(*part) for part in parts))
     assert np.std(mass / (density * area * height)) == pytest.approx(phi.sd, rel=0.02)
-
-
-def test_density_by_displacement():
-    density = density_by_displacement(Measured(0.11, 0.0011), Measured(5e-4, 3e-7), Measured(6e-4, 4e-7))
-    assert density.value == pytest.approx(1100)
-    assert density.relative_sd == pytest.approx(math.hypot(0.01, 0.005))
-
-
-def test_displacement_must_rise():
-    with pytest.raises(InputError, match="must exceed"):
-        density_by_displacement(Measured(0.11), Measured(6e-4), Measured(5e-4))
 
 
 @pytest.mark.parametrize("values", [(0.0, 0.0), (math.nan, 0.0), (math.inf, 0.0), (1.0, -1.0), (1.0, math.nan)])

@@ -34,17 +34,3 @@ def volume_fraction(mass_kg: Measured, density_kg_m3: Measured, area_m2: Measure
     phi = mass_kg.value / (density_kg_m3.value * area_m2.value * height_m.value)
     parts = (mass_kg, density_kg_m3, area_m2, height_m)
     return Measured(phi, phi * math.hypot(*(part.relative_sd for part in parts)))
-
-
-def density_by_displacement(mass_kg: Measured, before_m3: Measured, after_m3: Measured) -> Measured:
-    """Grain density [kg/m³] from the water level before and after grains of known dry mass go in.
-
-    ρ = M/(V₂ − V₁), with σ_ρ/ρ = √[(σ_M/M)² + (σ_V₁² + σ_V₂²)/(V₂ − V₁)²]. Raises InputError if the level did not rise.
-    """
-    if not after_m3.value > before_m3.value:
-        raise InputError(
-            f"displacement: the volume after ({after_m3.value} m3) must exceed the one before ({before_m3.value} m3)"
-        )
-    displaced = Measured(after_m3.value - before_m3.value, math.hypot(before_m3.sd, after_m3.sd))
-    density = mass_kg.value / displaced.value
-    return Measured(density, density * math.hypot(mass_kg.relative_sd, displaced.relative_sd))

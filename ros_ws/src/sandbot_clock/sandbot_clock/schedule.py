@@ -37,10 +37,10 @@ def keep(
             sleep_s(wait / NANO)
         if not duty(instant):
             return
-        following = schedule.after(n, now_ns())
-        if following > n + 1:
-            missed(following - n - 1)
-        n = following
+        upcoming = schedule.after(n, now_ns())
+        if upcoming > n + 1:
+            missed(upcoming - n - 1)
+        n = upcoming
 
 
 TOO_OFTEN = 0.01

@@ -58,5 +58,5 @@ def accuracy_from_mapping(mapping: Any, where: str) -> Accuracy:
 
 def worst(several: Iterable[Accuracy]) -> Accuracy | None:
     """What holds for trials of all of them; None of none."""
-    values = [dataclasses.astuple(one) for one in several]
+    values = [dataclasses.astuple(accuracy) for accuracy in several]
     return Accuracy(*map(max, zip(*values, strict=True))) if values else None

@@ -47,7 +47,7 @@ def check_output(path: Path) -> Path:
     """``path``, if a file can be written there: told before minutes of work, not after. Raises InputError."""
     if path.is_dir():
         raise InputError(f"{path}: can't be written: it is a folder, a file is needed")
-    above = next(one for one in path.absolute().parents if one.exists())
+    above = next(parent for parent in path.absolute().parents if parent.exists())
     if not above.is_dir():
         raise InputError(f"{path}: can't be written: {above} is not a folder")
     if not os.access(above, os.W_OK | os.X_OK):
@@ -134,7 +134,7 @@ def read_csv(path: Path, needed: str = "a CSV file") -> tuple[list[str], Iterato
     """
     try:
         text = read_text(path, needed)
-        separator = next((one for one in "\t;" if one in text and "," not in text), ",")
+        separator = next((sign for sign in "\t;" if sign in text and "," not in text), ",")
         reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True, skipinitialspace=True)
         lines = list(reader)
     except csv.Error as error:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import rclpy
+from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.client import Client
@@ -54,6 +55,11 @@ def qos(topic: topics.Topic, *, best_effort: bool = False) -> QoSProfile:
     return QoSProfile(depth=topic.depth, reliability=reliability, durability=durability)
 
 
+def config_file(name: str) -> Path:
+    """A configuration file of the project, found in the overlay: rooms that need one do not import bringup."""
+    return Path(get_package_share_directory("sandbot_bringup")) / "config" / name
+
+
 def publisher(node: Node, topic: topics.Topic) -> Publisher:
     """A publisher on a trackway topic."""
     return node.create_publisher(messages.message_class(topic.type), topic.relative, qos(topic))
@@ -73,7 +79,7 @@ def subscription(
 def reliabilities(node: Node, topic: topics.Topic) -> list[bool]:
     """Whether each publisher of a topic is reliable, as far as the graph is known."""
     found = node.get_publishers_info_by_topic(topic.relative)
-    return [one.qos_profile.reliability != ReliabilityPolicy.BEST_EFFORT for one in found]
+    return [endpoint.qos_profile.reliability != ReliabilityPolicy.BEST_EFFORT for endpoint in found]
 
 
 def ask(client: Client, request: Any, wait: Callable[[Callable[[], bool], float], bool], patience_s: float) -> Any:
@@ -86,15 +92,15 @@ def ask(client: Client, request: Any, wait: Callable[[Callable[[], bool], float]
     asked: list[Any] = []
 
     def answered() -> bool:
-        return any(one.done() for one in asked)
+        return any(future.done() for future in asked)
 
     for _ in range(math.ceil(patience_s / ASK_AGAIN_S)):
         asked.append(client.call_async(request))
         if wait(answered, ASK_AGAIN_S):
             break
-    for one in asked:
-        client.remove_pending_request(one)
-    return next((one.result() for one in asked if one.done()), None)
+    for future in asked:
+        client.remove_pending_request(future)
+    return next((future.result() for future in asked if future.done()), None)
 
 
 class Parameters(Generic[T]):
@@ -171,7 +177,7 @@ class Command:
 
 def names_of(endpoints: Sequence[Any]) -> list[str]:
     """The names of the nodes behind publishers or subscriptions, each as often as it has one."""
-    return sorted(str(one.node_name) for one in endpoints)
+    return sorted(str(endpoint.node_name) for endpoint in endpoints)
 
 
 class Health:

@@ -111,7 +111,7 @@ def check(spec: Spec, value: Any, where: str) -> Any:
             raise InputError(f"{where}: {spec.name}: {value!r} is not a list")
         item_types = typing.get_args(spec.type)
         item = dataclasses.replace(spec, type=item_types[0] if item_types else object)
-        return wanted(check(item, one, where) for one in value)
+        return wanted(check(item, element, where) for element in value)
     if wanted is float and isinstance(value, int | float) and not isinstance(value, bool):
         return float(_bounded(spec, value, where))
     if wanted is int and isinstance(value, int) and not isinstance(value, bool):

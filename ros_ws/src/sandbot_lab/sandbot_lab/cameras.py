@@ -78,7 +78,7 @@ class LabCamera:
         Arrays are the moments of the exposure, of which the frame is the mean.
         """
         x, z, pitch = np.broadcast_arrays(
-            *(np.atleast_1d(np.asarray(one, np.float64)) for one in (x_m, z_m, pitch_rad))
+            *(np.atleast_1d(np.asarray(value, np.float64)) for value in (x_m, z_m, pitch_rad))
         )
         image = self._ground.copy()
         if self._body:

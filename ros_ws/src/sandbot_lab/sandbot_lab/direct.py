@@ -79,7 +79,7 @@ def direct_trials(
         raise InputError(f"trials: {len(phis)} phi x {len(omegas)} omega x {replicates}: at least one of each")
     errors = errors or ReadingErrors()
     listed = [(omega, level, replicate) for omega in omegas for level in phis for replicate in range(replicates)]
-    batch = [_batch(batches, *one) for one in listed]
+    batch = [_batch(batches, *condition) for condition in listed]
     place = _run_order(batch, order or "as_listed", seed)
     rows: list[Row] = []
     for omega in omegas:

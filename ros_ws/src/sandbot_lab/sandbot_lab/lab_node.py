@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ament_index_python.packages import get_package_share_directory
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, JointState
 from std_msgs.msg import Float64, String
@@ -73,7 +72,7 @@ class LabNode(Node):
         self._settings = node.Parameters(self, LabParameters, self._check)
         current = self._settings.current
         self._ground = read_world(Path(current.world)) if current.world else null_world()
-        self._world = self._ground.walked_by(read_robot(current.robot or _own("robot.yaml")))
+        self._world = self._ground.walked_by(read_robot(current.robot or node.config_file("robot.yaml")))
         self._sections = self._read_cameras(current.cameras)
         self._info = {name: camera_info(calibration(self._sections[name], name)) for name in CAMERAS}
         warm_up(self._sections)
@@ -108,7 +107,7 @@ class LabNode(Node):
         self._legs.limit_s, self._air.limit_s = new.legs_lease_s, new.air_lease_s
 
     def _read_cameras(self, path: str) -> dict[str, Any]:
-        file = Path(path) if path else _own("cameras.yaml")
+        file = Path(path) if path else node.config_file("cameras.yaml")
         sections = read_yaml(file)
         for name in CAMERAS:
             if not isinstance(sections.get(name), Mapping):
@@ -256,10 +255,6 @@ class LabNode(Node):
             "setpoints": self._setpoints,
             "refused": self._refused,
         }
-
-
-def _own(name: str) -> Path:
-    return Path(get_package_share_directory("sandbot_bringup")) / "config" / name
 
 
 def camera_info(camera: Calibration) -> CameraInfo:

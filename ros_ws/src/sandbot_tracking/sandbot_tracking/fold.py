@@ -44,7 +44,7 @@ class Folded:
     """(n,)."""
     noise: float
     """Standard deviation of a value, typical."""
-    off: Floats
+    deviation: Floats
     """(n,) how far each value lies off its neighbours, of the same standard deviation: noise, and steps that differ."""
     advance: float
     """What the value gains over one step."""
@@ -108,14 +108,14 @@ def fold(phase: Floats, value: Floats, advance: float) -> Folded:
     phase, value = phase[seen][order], value[seen][order]
     left, middle, right = phase[:-2], phase[1:-1], phase[2:]
     share = np.divide(middle - left, right - left, out=np.full(middle.size, 0.5), where=right > left)
-    off = value[1:-1] - (value[:-2] * (1 - share) + value[2:] * share)
-    off = off / np.sqrt(1 + share**2 + (1 - share) ** 2)
-    off = np.concatenate((off[:1], off, off[-1:]))
-    return Folded(phase, value, _spread(off), off, advance)
+    deviation = value[1:-1] - (value[:-2] * (1 - share) + value[2:] * share)
+    deviation = deviation / np.sqrt(1 + share**2 + (1 - share) ** 2)
+    deviation = np.concatenate((deviation[:1], deviation, deviation[-1:]))
+    return Folded(phase, value, _spread(deviation), deviation, advance)
 
 
-def _spread(off: Floats) -> float:
-    return max(1.4826 * float(np.median(np.abs(off))), 1e-7)
+def _spread(deviation: Floats) -> float:
+    return max(1.4826 * float(np.median(np.abs(deviation))), 1e-7)
 
 
 def _inside(t_s: Floats, value: Floats, edges_s: Floats) -> tuple[Floats, Floats]:
@@ -154,10 +154,10 @@ def _best(folded: Folded, merit: Callable[[_Fit], float]) -> _Fit:
 def _steepest_secant(folded: Folded) -> float:
     """What the curve's steepest slope is at least: no secant is steeper. Means of a few points, less 5 of their se."""
     size, groups = _GROUP, folded.phase.size // _GROUP
-    phase, value, off = (
-        values[: groups * size].reshape(groups, size) for values in (folded.phase, folded.value, folded.off)
+    phase, value, deviation = (
+        values[: groups * size].reshape(groups, size) for values in (folded.phase, folded.value, folded.deviation)
     )
-    noise = np.maximum(1.4826 * np.median(np.abs(off), axis=1), folded.noise)
+    noise = np.maximum(1.4826 * np.median(np.abs(deviation), axis=1), folded.noise)
     middle, level = phase.mean(axis=1), value.mean(axis=1)
     found = 0.0
     for apart in (1, 2, 3):
@@ -191,7 +191,7 @@ def _fit(folded: Folded, centre: float, half: float, degree: int) -> _Fit | None
     design = u[:, None] ** np.arange(degree + 1)
     covariance = np.linalg.inv(design.T @ design)
     solution = covariance @ (design.T @ y)
-    noise = max(folded.noise, _spread(folded.off[inside]))
+    noise = max(folded.noise, _spread(folded.deviation[inside]))
     residual = (y - design @ solution) / noise
     free = u.size - degree - 1
     if residual @ residual > 1.2 * _chi2_99(free) or _runs(residual, u):

@@ -54,6 +54,6 @@ class FrameTimes:
         if len(self._steps) < ENOUGH:
             return float("nan")
         steps = np.array(self._steps)
-        off = steps - self.period_s * np.maximum(1, np.round(steps / self.period_s))
+        deviation = steps - self.period_s * np.maximum(1, np.round(steps / self.period_s))
         # A step is the difference of two stamps.
-        return float(1.4826 * np.median(np.abs(off)) / np.sqrt(2))
+        return float(1.4826 * np.median(np.abs(deviation)) / np.sqrt(2))

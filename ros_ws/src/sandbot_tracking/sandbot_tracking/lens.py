@@ -89,5 +89,5 @@ def entry(
 
 def reprojection_px(camera: Camera, pixels: Floats, points_m: Floats) -> float:
     """Root mean square distance between pixels and projected points [px]."""
-    off = camera.to_pixels(points_m) - pixels
-    return float(np.sqrt((off**2).sum(axis=1).mean()))
+    residual = camera.to_pixels(points_m) - pixels
+    return float(np.sqrt((residual**2).sum(axis=1).mean()))

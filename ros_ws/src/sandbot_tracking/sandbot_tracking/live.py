@@ -166,7 +166,7 @@ class LiveTracker:
             if t_ns >= self._start_ns:
                 z = float(sample.front_axle[2] + sample.rear_axle[2]) / 2
                 done.append(self._means.update(sample.t_s, float(sample.com[0]), z, advance))
-        return [one for one in done if one is not None]
+        return [mean for mean in done if mean is not None]
 
     def _robot_now(self, received_ns: int) -> int | None:
         """The robot's time now, extrapolated from its last message."""
@@ -176,12 +176,12 @@ class LiveTracker:
         """Samples of all that was held, once the clocks of all cameras that run are known."""
         if any(view.held and not view.clock.placed for view in self.views.values()):
             return []
-        seen = ([(t_ns, name, one) for t_ns, one in view.release()] for name, view in self.views.items())
+        seen = ([(t_ns, name, marks) for t_ns, marks in view.release()] for name, view in self.views.items())
         # In order of time: the backlog of one camera would otherwise tire the pairing's patience with the other.
         return [
             self._sample(instant)
-            for t_ns, name, one in merge(*seen, key=lambda item: item[0])
-            for instant in self.pairing.add(t_ns, name, one)
+            for t_ns, name, marks in merge(*seen, key=lambda item: item[0])
+            for instant in self.pairing.add(t_ns, name, marks)
         ]
 
     def _sample(self, instant: Instant[Marks | Axles]) -> tuple[int, Sample]:

@@ -81,9 +81,9 @@ class Pairing(Generic[T]):
             given.append(Instant(t_ns, item, self._around(t_ns)))
             self._last_first_ns = t_ns
         if not firsts and self._second and len(self._waiting[self._second]) > PATIENCE:
-            one = self._waiting[self._second].pop(0)
-            if one[0] != self._last_first_ns:
-                given.append(self._single(one))
+            frame = self._waiting[self._second].pop(0)
+            if frame[0] != self._last_first_ns:
+                given.append(self._single(frame))
         if given:
             self._given_ns = given[-1].t_ns
         return given
@@ -104,16 +104,18 @@ class Pairing(Generic[T]):
         del seconds[: len(before)]
         since = self._last_first_ns
         alone = [
-            one for one in before if t_ns - one[0] > self._reach and (since is None or one[0] - since > self._reach)
+            frame
+            for frame in before
+            if t_ns - frame[0] > self._reach and (since is None or frame[0] - since > self._reach)
         ]
-        given = [self._single(one) for one in alone]
+        given = [self._single(frame) for frame in alone]
         if before:
             self._past = before[-1]
         return given
 
-    def _single(self, one: tuple[int, T]) -> Instant[T]:
-        self._past = one
-        return Instant(one[0], None, (one[1], one[1], 0.0))
+    def _single(self, frame: tuple[int, T]) -> Instant[T]:
+        self._past = frame
+        return Instant(frame[0], None, (frame[1], frame[1], 0.0))
 
     def _around(self, t_ns: int) -> tuple[T, T, float] | None:
         seconds = self._waiting[self._second] if self._second else []

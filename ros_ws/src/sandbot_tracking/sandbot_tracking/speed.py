@@ -129,8 +129,8 @@ def _imm(means, covs, weights, transition, noise, x, r, beyond_rad_s):  # type: 
         for i in range(m):
             mixed_means[j] += share[i] * means[i]
         for i in range(m):
-            off = means[i] - mixed_means[j]
-            mixed_covs[j] += share[i] * (covs[i] + np.outer(off, off))
+            difference = means[i] - mixed_means[j]
+            mixed_covs[j] += share[i] * (covs[i] + np.outer(difference, difference))
     likelihood = np.zeros(m)
     for j in range(m):
         mean = transition @ mixed_means[j]

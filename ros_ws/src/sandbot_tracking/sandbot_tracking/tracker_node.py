@@ -2,11 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ament_index_python.packages import get_package_share_directory
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
@@ -90,8 +88,8 @@ class TrackerNode(Node):
         }  # fmt: skip
         self._latency = Latency(given.latency_budget_s)
         self._unreadable = ""
-        cameras = read_cameras(given.cameras or _own("cameras.yaml"))
-        robot = read_robot(given.robot or _own("robot.yaml"))
+        cameras = read_cameras(given.cameras or node.config_file("cameras.yaml"))
+        robot = read_robot(given.robot or node.config_file("robot.yaml"))
         # Before anything is heard: frames that came meanwhile would be lost once the queue is full.
         warm_up(cameras)
         self._live = LiveTracker(cameras, robot, given.pair_tolerance_s)
@@ -106,8 +104,8 @@ class TrackerNode(Node):
         return ImageInput(self, *_IMAGES[camera], lambda image: self._image(camera, image))
 
     def _follow(self) -> None:
-        for one in self._inputs:
-            one.follow()
+        for source in self._inputs:
+            source.follow()
         self._say([])
 
     def _now_ns(self) -> int:
@@ -195,11 +193,6 @@ def _of(view: View) -> dict[str, object]:
         "led_unannounced": clock.unannounced,
         "clock_jumps": clock.jumps,
     }
-
-
-def _own(name: str) -> Path:
-    # Found by name in the overlay, as any ROS package's share: this room does not import bringup.
-    return Path(get_package_share_directory("sandbot_bringup")) / "config" / name
 
 
 def _fixed(_: TrackerParameters) -> None:

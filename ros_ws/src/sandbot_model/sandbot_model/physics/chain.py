@@ -83,6 +83,16 @@ class Chain:
         """Force given minus force needed [N]; the leg stops sinking where it first is not negative."""
         return self.force + self.extra_force - self.load
 
+    def creep(self, grip: Array) -> None:
+        """The leg creeps while it stands: step and peak of v_x(t) fall to the share ``grip``."""
+        self.step, self.peak_ratio = self.step * grip, self.peak_ratio * grip
+
+
+def disturbed_share(chain: Chain, reach: Array | float) -> Array:
+    """How far, 0 to 1, a leg lands in what the step before has disturbed: all of it 0.1 R within ``reach`` R."""
+    radius = chain.robot.leg_radius_m
+    return np.asarray(np.clip((reach * radius - chain.advance) / (0.1 * radius), 0.0, 1.0))
+
 
 def horizontal_force(chain: Chain) -> Array:
     """F_x = 1.5 α_x w d² [N], what the ground gives a leg along the track: about 4 N at 3.9 cm."""

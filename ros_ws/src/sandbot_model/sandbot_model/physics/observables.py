@@ -57,12 +57,12 @@ NAMES = tuple(observable.name for observable in Observable)
 
 def usual_noise(accuracy: Accuracy) -> Array:
     """Usual standard deviation of one trial of each observable ``(4,)`` [SI]."""
-    names = (f"{one.name}_sd_{one.unit.replace('/', '_')}" for one in Observable)
+    names = (f"{observable.name}_sd_{observable.unit.replace('/', '_')}" for observable in Observable)
     return np.array([getattr(accuracy, name) for name in names])
 
 
 def shared_variance(accuracy: Accuracy, values: Array) -> Array:
     """Variance of the error that all replicates share, of ``values (..., 4)`` [SI]."""
-    constant = np.array([getattr(accuracy, one.column) for one in Observable])
-    share = np.array([getattr(accuracy, f"{one.name}_share") for one in Observable])
+    constant = np.array([getattr(accuracy, observable.column) for observable in Observable])
+    share = np.array([getattr(accuracy, f"{observable.name}_share") for observable in Observable])
     return np.asarray(constant**2 + (share * values) ** 2)

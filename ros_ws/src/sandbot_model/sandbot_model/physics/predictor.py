@@ -60,8 +60,8 @@ class Predictor:
     def mean_speeds(self, phi: float, omega: Array, gait: str = "") -> Array:
         """v̄ [m/s] at one φ over leg frequencies [rad/s] of shape ``(n,)``."""
         curve = KCurve(self.phi, self.k_n_per_m)
-        one = np.full(len(omega), phi)
-        inputs, params = self.model.inputs(self.theta, curve(one), omega, one, clock([gait])[0], curve)
+        everywhere = np.full(len(omega), phi)
+        inputs, params = self.model.inputs(self.theta, curve(everywhere), omega, everywhere, clock([gait])[0], curve)
         return np.asarray(self.model.walker.predict(inputs, params).speed_m_s, dtype=float)
 
     def velocity(self, phi: float, omega: float, gait: str, angles: Array, rates: Array) -> Instant:

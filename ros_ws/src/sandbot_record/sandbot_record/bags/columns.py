@@ -58,16 +58,16 @@ def gather(rows: Bytes, type_name: str, names: tuple[str, ...]) -> dict[str, NDA
     Raises InputError if a message is not of this type, has no such field or another number of values than the first.
     """
     result: dict[str, NDArray[Any]] = {}
-    left, groups = np.arange(len(rows)), 0
-    while len(left):
-        layout = layout_of(rows[left[0]].tobytes(), type_name)
+    unread, groups = np.arange(len(rows)), 0
+    while len(unread):
+        layout = layout_of(rows[unread[0]].tobytes(), type_name)
         if groups < _MAX_GROUPS:
-            structure = rows[left[:, None], layout.structure] if groups else rows[:, layout.structure]
+            structure = rows[unread[:, None], layout.structure] if groups else rows[:, layout.structure]
             alike = (structure == structure[0]).all(axis=1)
         else:  # each is different: comparing them all would be quadratic
-            alike = np.arange(len(left)) == 0
-        _take(rows, left[alike], layout, names, result)
-        left, groups = left[~alike], groups + 1
+            alike = np.arange(len(unread)) == 0
+        _take(rows, unread[alike], layout, names, result)
+        unread, groups = unread[~alike], groups + 1
     return result
 
 

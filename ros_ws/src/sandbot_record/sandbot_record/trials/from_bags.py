@@ -64,7 +64,7 @@ def trial_from_bag(path: Path) -> Trials:
     What could not be measured is NaN, and status says why.
     """
     row, setting = _measured(path)
-    return from_rows([row], *setting.told)
+    return from_rows([row], *setting.for_table)
 
 
 def _measured(path: Path) -> tuple[Row, Setting]:
@@ -127,7 +127,7 @@ def campaign(folder: Path, workers: int | None = None) -> Report:
     recorded = of_campaign(folder)
     if _table_is_newer(folder, bags):
         setting = shared([recorded, _measured(bags[0])[1]])
-        table = from_rows(read_csv(folder / TRIALS_CSV).rows(), *setting.told)
+        table = from_rows(read_csv(folder / TRIALS_CSV).rows(), *setting.for_table)
         return Report(table, (), len(bags))
     cache = _read_cache(folder)
     hashes = {bag: content_hash(bag) for bag in bags}
@@ -142,7 +142,7 @@ def campaign(folder: Path, workers: int | None = None) -> Report:
     _check_ids(rows)
     _write_cache(folder, {hashes[bag]: result for bag, result in measured.items()})
     setting = shared([recorded, *(own for _, own in measured.values())])
-    table = from_rows(list(rows.values()), *setting.told)
+    table = from_rows(list(rows.values()), *setting.for_table)
     return Report(table, tuple(skipped), len(bags) - len(todo))
 
 

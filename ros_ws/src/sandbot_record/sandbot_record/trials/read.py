@@ -32,7 +32,7 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
         Setting(str(path), table.robot, table.frame_rate_hz, table.accuracy)
         for path, table in zip(given, tables, strict=True)
     )
-    table = from_rows(rows, *setting.told)
+    table = from_rows(rows, *setting.for_table)
     if not table.usable.any():
         raise InputError(f"{where}: no usable trial among {len(rows)}: {_why_unusable(rows)}")
     return table

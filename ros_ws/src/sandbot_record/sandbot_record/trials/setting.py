@@ -26,8 +26,8 @@ class Setting:
     accuracy: Accuracy | None = None
 
     @property
-    def told(self) -> tuple[Robot | None, float, Accuracy | None]:
-        """What ``from_rows`` is told."""
+    def for_table(self) -> tuple[Robot | None, float, Accuracy | None]:
+        """What ``from_rows`` takes beside the rows."""
         return self.robot, self.frame_rate_hz, self.accuracy
 
 

@@ -29,4 +29,4 @@ class BedSlope(Effect):
         downhill = robot.legs_per_tripod * robot.mass_per_leg_kg * robot.gravity_m_s2 * np.sin(p["chi_rad"])
         chain.gravity = chain.gravity * np.cos(p["chi_rad"])
         grip = np.maximum(1 - downhill / horizontal_force(chain), 0.0)
-        chain.step, chain.peak_ratio = chain.step * grip, chain.peak_ratio * grip
+        chain.creep(grip)

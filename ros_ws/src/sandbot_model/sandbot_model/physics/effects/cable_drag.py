@@ -22,6 +22,5 @@ class CableDrag(Effect):
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""
-        # The leg creeps all the while it stands: the peak of v_x(t) falls with the step.
         grip = np.clip(1 - p["f_c_n"] / horizontal_force(chain), 0.0, 1.0)
-        chain.step, chain.peak_ratio = chain.step * grip, chain.peak_ratio * grip
+        chain.creep(grip)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sandbot_model.physics.chain import Chain
+from sandbot_model.physics.chain import Chain, disturbed_share
 from sandbot_model.physics.effect import Effect, Parameter, Values
 
 
@@ -25,7 +25,6 @@ class CraterRefill(Effect):
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""
         if not chain.first_step:
-            radius = chain.robot.leg_radius_m
-            share = np.clip((1.2 * radius - chain.advance) / (0.1 * radius), 0.0, 1.0)
+            share = disturbed_share(chain, 1.2)
             crater = p["z_0_m"] * np.exp(-np.pi / (chain.omega * p["tau_s"]))
             chain.penetration = np.maximum(chain.penetration - share * crater, 0.0)

@@ -1,8 +1,6 @@
 """Disturbing dilates dense ground and compacts loose ground."""
 
-import numpy as np
-
-from sandbot_model.physics.chain import Chain
+from sandbot_model.physics.chain import Chain, disturbed_share
 from sandbot_model.physics.effect import Effect, Parameter, Values
 
 S_C = 0.95
@@ -48,8 +46,7 @@ class Dilation(Effect):
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""
         if not chain.first_step:
-            radius = chain.robot.leg_radius_m
-            share = np.clip((S_C * radius - chain.advance) / (0.1 * radius), 0.0, 1.0)
+            share = disturbed_share(chain, S_C)
             phi_d = chain.phi + p["xi"] * (p["phi_c"] - chain.phi)
             # As a difference of the fitted curve, so that it moves with the k being tried.
             chain.k = chain.k + share * (chain.k_of_phi(phi_d) - chain.k_of_phi(chain.phi))

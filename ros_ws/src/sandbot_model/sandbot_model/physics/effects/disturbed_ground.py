@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sandbot_model.physics.chain import Chain
+from sandbot_model.physics.chain import Chain, disturbed_share
 from sandbot_model.physics.effect import Effect, Parameter, Values
 
 
@@ -34,7 +34,6 @@ class DisturbedGround(Effect):
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""
         if not chain.first_step:
-            radius = chain.robot.leg_radius_m
-            share = np.clip((p["s_c"] * radius - chain.advance) / (0.1 * radius), 0.0, 1.0)
+            share = disturbed_share(chain, p["s_c"])
             # Disturbing loosens: ground that is weaker than k_L already stays as it is.
             chain.k = chain.k - np.maximum(chain.k - p["k_l_n_per_m"], 0.0) * share

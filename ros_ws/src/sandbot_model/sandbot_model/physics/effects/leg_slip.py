@@ -24,4 +24,4 @@ class LegSlip(Effect):
         """Set what the formula says."""
         depth = np.maximum(chain.depth, 1e-6)
         grip = np.clip(1 - p["sigma"] * (chain.robot.stiffness_depth_m / depth) ** 2, 0.0, 1.0)
-        chain.step, chain.peak_ratio = chain.step * grip, chain.peak_ratio * grip
+        chain.creep(grip)
