@@ -64,3 +64,20 @@ def test_a_row_without_a_frequency_is_left_out_in_silence(recwarn):
     good, bad = (Row("t", 0.6, 0.001, omega, "SGCS", 1, 0.1, np.nan, 0.005, 0.4, 0.03, "ok") for omega in (12.0, 0.0))
     assert cells_of(from_rows([good, bad])).n.tolist() == [[1, 1, 1, 1]]
     assert [str(one.message) for one in recwarn] == []
+
+
+def test_without_a_cell_everything_over_cells_is_one_shorter():
+    """Each gait's own clock included: a cell that is left out takes its rates along."""
+    gaits = ("SGCS", "UNIFORM")
+    rows = [Row(f"{g}{w}{i}", 0.6, 0.0, w, g, i, 0.1) for g in gaits for w in (4.0, 8.0) for i in (0, 1)]
+    cells = cells_of(from_rows(rows))
+    assert len(cells) == 4
+    over_cells = [one.name for one in dataclasses.fields(cells) if one.metadata.get("shape", "").startswith("(n,")]
+    for cell in range(4):
+        fewer, kept = cells.without(cell), np.arange(4) != cell
+        assert fewer.gait == tuple(np.array(cells.gait)[kept])
+        for name, per_cell in vars(cells.clock).items():
+            np.testing.assert_array_equal(getattr(fewer.clock, name), per_cell[kept])
+        for name in set(over_cells) - {"gait", "clock"}:
+            if getattr(cells, name) is not None:
+                np.testing.assert_array_equal(getattr(fewer, name), getattr(cells, name)[kept])

@@ -81,7 +81,8 @@ class Cells:
         keep = np.arange(len(self)) != cell
         arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         shorter = {name: value[keep] for name, value in arrays.items() if name not in NOT_OVER_CELLS}
-        return replace(self, gait=tuple(np.array(self.gait)[keep].tolist()), **shorter)
+        gait = tuple(np.array(self.gait)[keep].tolist())
+        return replace(self, gait=gait, clock=self.clock[keep], **shorter)
 
 
 NOT_OVER_CELLS = ("level_phi", "noise", "pure_error_dof")
