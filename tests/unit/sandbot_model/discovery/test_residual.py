@@ -8,7 +8,7 @@ from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.residual import _score, _tried, suggest_formula
-from sandbot_model.discovery.score_test import guesses
+from sandbot_model.discovery.scored_terms import guesses
 from sandbot_model.discovery.term_library import terms
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.parallel import workers

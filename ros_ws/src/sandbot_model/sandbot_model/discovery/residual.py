@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.score_test import Guess, guesses, unused_name
+from sandbot_model.discovery.scored_terms import Guess, guesses, unused_name
 from sandbot_model.discovery.term_library import terms
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve

@@ -5,7 +5,7 @@ import pytest
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
-from sandbot_model.discovery.score_test import PER_LEVER, SAME, guesses, unused_name
+from sandbot_model.discovery.scored_terms import PER_LEVER, SAME, guesses, unused_name
 from sandbot_model.discovery.term_library import terms
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.jacobian import tangent_basis
