@@ -127,7 +127,10 @@ class ClockNode(Node):
         self._missed, self._published_before = 0, self._published
         to_ros_ns = self.get_clock().now().nanoseconds - schedule.start_ns
         self._thread = threading.Thread(
-            target=self._run, args=(schedule, to_ros_ns, wanted.max_run_s), name="clock", daemon=True
+            target=self._run,
+            args=(schedule, to_ros_ns, wanted.max_run_s, self._robot_used.leg_order),
+            name="clock",
+            daemon=True,
         )
         self._running = True
         self._thread.start()
@@ -155,11 +158,10 @@ class ClockNode(Node):
         """Hold the legs before the node goes."""
         self.stop()
 
-    def _run(self, schedule: Schedule, to_ros_ns: int, max_run_s: float) -> None:
+    def _run(self, schedule: Schedule, to_ros_ns: int, max_run_s: float, legs: Sequence[str]) -> None:
         """Publish until stopped; a fault holds the legs where the last set-point left them."""
         most_ns = math.ceil(_CATCH_UP * NANO / schedule.rate_hz)
         last_ns, lost_ns, fault = schedule.start_ns, 0, ""
-        legs = self._robot_used.leg_order
         no_torque = np.zeros(len(legs))
 
         def duty(instant_ns: int) -> bool:
