@@ -14,6 +14,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from sandbot_bringup.plan import read_plan, to_yaml, with_condition
 from sandbot_bringup.tools import campaign, unseal
 from sandbot_record.bags.playback import Timeline
 from sandbot_record.bags.reader import Bag
@@ -164,6 +165,14 @@ def test_next_trials_extend_the_campaign_once(done, tmp_path, capsys):
         assert run(tmp_path / "more", "--batch", "--plan", proposals) == 0
         assert len(rows(tmp_path / "more")) == 5
     assert "5 of 5 trials are there already" in capsys.readouterr().out
+    # A condition that a live operator added with another gait is run with it, in batch as well.
+    file = tmp_path / "more" / "campaign.yaml"
+    grown = with_condition(read_plan(file), {"phi": 0.61, "omega_rad_s": 12.0, "replicates": 1, "gait": "SGCS"}, "add")
+    file.write_text(to_yaml(grown))
+    assert run(tmp_path / "more", "--batch") == 0
+    soft, uniform = (row for row in rows(tmp_path / "more") if row["omega_rad_s"] == "12")
+    assert (uniform["gait"], soft["gait"]) == ("UNIFORM", "SGCS")
+    assert float(soft["peak_speed_m_s"]) > 1.2 * float(uniform["peak_speed_m_s"])  # legs outrun their mean in part of a stance
 
 
 @pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
