@@ -172,7 +172,7 @@ def test_next_trials_extend_the_campaign_once(done, tmp_path, capsys):
     assert run(tmp_path / "more", "--batch") == 0
     soft, uniform = (row for row in rows(tmp_path / "more") if row["omega_rad_s"] == "12")
     assert (uniform["gait"], soft["gait"]) == ("UNIFORM", "SGCS")
-    assert float(soft["peak_speed_m_s"]) > 1.2 * float(uniform["peak_speed_m_s"])  # legs outrun their mean in part of a stance
+    assert float(soft["peak_speed_m_s"]) > 1.2 * float(uniform["peak_speed_m_s"])
 
 
 @pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
