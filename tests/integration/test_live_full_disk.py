@@ -16,7 +16,7 @@ def test_a_full_disk_stops_the_legs_and_says_why(tmp_path, start, plan_of_one, q
     start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", *quick_bed)
     witness = start("ros2", "run", "sandbot_record", "record", "/leg_states", "--out", tmp_path / "witness")
     witness.until(lambda line: line.startswith("recording to"))
-    campaign = f"ros2 run sandbot_bringup campaign {plan} --out {tmp_path / 'live'}"
+    campaign = f"ros2 run sandbot_bringup campaign {plan} --silence 10 --out {tmp_path / 'live'}"
     live = start("bash", "-c", f"ulimit -f {KIB}; exec {campaign}")
     assert live.wait(500) == 1, "\n".join(live.lines)
     witness.stop()
