@@ -133,7 +133,6 @@ def commander(beside):
 
 def test_the_clock_stops_by_itself_and_says_why(commander, beside):
     with running("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}") as clock:
-        busy = Busy(clock)
         # By hand: nobody holds the lease, no robot is there; the run has an end all the same.
         answer = beside.call("/clock/start")
         assert "30 s at most" in answer.message
@@ -142,6 +141,7 @@ def test_the_clock_stops_by_itself_and_says_why(commander, beside):
         commander.command()
         commander.be_the_robot()
         commander.walk()
+        busy = Busy(clock)
         commander.renewing = False
         rest_ns = commander.stopped("beside did not renew /operator/lease")
         assert (rest_ns - commander.renewed_ns) * 1e-9 <= LEGS_S + busy.seconds
@@ -151,6 +151,7 @@ def test_the_clock_stops_by_itself_and_says_why(commander, beside):
 
         commander.renewing = True
         commander.walk()  # nothing resumed by itself, and a new start is one
+        busy = Busy(clock)
         commander.reporting = False
         rest_ns = commander.stopped("robot was silent")
         assert (rest_ns - commander.reported_ns) * 1e-9 <= LEGS_S + busy.seconds
@@ -231,10 +232,10 @@ def test_the_lab_stops_legs_and_air_whose_commands_are_late(beside):
         send()
 
     with running("sandbot_lab.lab_node", "images:=false") as lab:
-        busy = Busy(lab)
         beside.until(lambda: setpoints.get_subscription_count() and blower.get_subscription_count() and told, 60.0)
         timer = beside.node.create_timer(0.02, walk)
         beside.until(lambda: len(states) > 30)
+        busy = Busy(lab)
         timer.cancel()
         beside.until(lambda: not any(states[-1].velocity))
         late_s = (messages.nanoseconds(states[-1].header.stamp) - sent[-1]) * 1e-9
@@ -286,9 +287,9 @@ class Bed:
 def test_the_bed_turns_the_air_off_by_itself_and_says_why(beside):
     bed = Bed(beside)
     with running("sandbot_bed.bed_node") as process:
-        busy = Busy(process)
         bed.commander.command()
         bed.blow()
+        busy = Busy(process)
         bed.commander.renewing = False
         last_ns = bed.failed("beside did not renew /operator/lease")
         assert (last_ns - bed.commander.renewed_ns) * 1e-9 <= AIR_S + busy.seconds

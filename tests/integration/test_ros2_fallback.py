@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(400)]
 
 TALKER = """
 import rclpy
@@ -43,7 +43,7 @@ finally:
 @pytest.fixture
 def ros2(ros_env):
     def run(*command):
-        return subprocess.run(["ros2", *command], env=ros_env, text=True, capture_output=True, timeout=60)
+        return subprocess.run(["ros2", *command], env=ros_env, text=True, capture_output=True, timeout=120)
 
     return run
 
