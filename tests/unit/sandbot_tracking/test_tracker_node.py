@@ -46,11 +46,12 @@ def test_the_robot_that_a_trial_tells_is_tracked(tracker, beside):
 
     def seen_at(x_m):
         places.clear()
-        stamp = next(stamps)
-        legs.publish(messages.joint_state(stamp, topics.LEGS, zero, zero, zero))
-        for name, publisher in images.items():
-            publisher.publish(messages.image(stamp, name, frames[name]))
-        beside.wait(lambda: places, 0.5)
+        # A frame from above is joined with those from the side before and after it.
+        for stamp in (next(stamps), next(stamps)):
+            legs.publish(messages.joint_state(stamp, topics.LEGS, zero, zero, zero))
+            for name, publisher in images.items():
+                publisher.publish(messages.image(stamp, name, frames[name]))
+        beside.wait(lambda: places, 5.0)
         assert tracker.poll() is None, "the tracker has gone"
         return bool(places) and places[-1] == pytest.approx(x_m, abs=5e-4)
 
