@@ -39,7 +39,7 @@ TARGETS = (*NODES, "recorder", "campaign")
 SIGNALS = {"KILL": signal.SIGKILL, "TERM": signal.SIGTERM, "HUP": signal.SIGHUP, "INT": signal.SIGINT}
 FROZEN_S = {"STOP": None, "STOP 0.3": 0.3, "STOP 3": 3.0}
 FAULTS = (*SIGNALS, *FROZEN_S)
-MOMENTS = ("blowing", "standing", "walking")
+MOMENTS = ("blowing", "standing", "walking", "stopping")
 MARK = "TRACKWAY_FAULTS"
 """Environment variable by which a cell knows its processes again."""
 
@@ -91,12 +91,15 @@ class Witness:
             # Not at the first word of it: one bed was frozen while it told us, before the lab had heard.
             "blowing": lambda: self.air and time.monotonic() - self.blown_s > 0.2,
             "standing": lambda: self.prepared and not self.air,
+            "stopping": lambda: self.moved_s > 0 and not self.moving,
             "walking": lambda: self.moving and time.monotonic() - self.moved_s > 0.5,
         }[moment]
 
 
 @contextmanager
-def started(folder: Path, all_up: Callable[[], object]) -> Iterator[tuple[dict[str, subprocess.Popen[str]], str]]:
+def started(
+    folder: Path, silence_s: float, all_up: Callable[[], object]
+) -> Iterator[tuple[dict[str, subprocess.Popen[str]], str]]:
     """Nodes and, when these are up, the campaign, by name, and the mark they all carry; ended whatever happens."""
     mark = uuid.uuid4().hex
     env = {**os.environ, MARK: mark, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
@@ -105,7 +108,7 @@ def started(folder: Path, all_up: Callable[[], object]) -> Iterator[tuple[dict[s
     commands = {
         name: [*run_main(module), "--ros-args", *(bed if name == "bed" else [])] for name, module in NODES.items()
     }
-    plan = [str(folder / "one.yaml"), "--out", str(folder / "out")]
+    plan = [str(folder / "one.yaml"), "--out", str(folder / "out"), "--silence", str(silence_s)]
     commands["campaign"] = [*run_main("sandbot_bringup.tools.campaign"), *plan]
     running = {}
     for name, command in commands.items():
@@ -161,14 +164,14 @@ def strike(pid: int, fault: str, beside: Beside) -> None:
         os.kill(pid, signal.SIGCONT)
 
 
-def cell(target: str, fault: str, moment: str) -> list[str]:
-    """One row of the table."""
+def cell(target: str, fault: str, moment: str, silence_s: float = 1.0) -> list[str]:
+    """One row of the table; ``silence_s``: of the campaign."""
     with tempfile.TemporaryDirectory() as name, own_domain(os.getpid()) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         folder, beside = Path(name), Beside(domain)
         try:
             witness = Witness(beside, robot_dies=target == "lab")
-            with started(folder, lambda: beside.wait(witness.all_up, 90.0)) as (running, mark):
+            with started(folder, silence_s, lambda: beside.wait(witness.all_up, 90.0)) as (running, mark):
                 return [target, fault, moment, *outcome(target, fault, moment, folder, running, mark, witness)]
         finally:
             beside.close()

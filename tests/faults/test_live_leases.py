@@ -253,7 +253,7 @@ def test_the_lab_stops_legs_and_air_whose_commands_are_late(beside):
         timer = beside.node.create_timer(0.02, lambda: blower.publish(messages.float64(1.0)))
         beside.until(lambda: any(value.key == "blower" and value.value == "1.0" for value in told[-1].values))
         timer.cancel()
-        beside.until(lambda: said("air off: nothing on /bed/blower for 0.5 s"))
+        beside.until(lambda: said("air off: nothing on /bed/blower for 0.45 s"))
 
 
 class Bed:

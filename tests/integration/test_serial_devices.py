@@ -176,7 +176,7 @@ def test_a_campaign_over_serial_lines_survives_a_pulled_cable(
     launch = ("ros2", "launch", "sandbot_bringup", "trackway.launch.py", f"cameras:={slow_cameras}")
     launched = start(*launch, *drivers, *lines, *patient)
     plan = plan_of_one(omega_rad_s=[8.0, 12.0], periods=6.0, cameras=str(slow_cameras))
-    run = ("ros2", "run", "sandbot_bringup", "campaign", plan, "--out", tmp_path / "serial")
+    run = ("ros2", "run", "sandbot_bringup", "campaign", plan, "--silence", "5", "--out", tmp_path / "serial")
     live = start(*run, "--redo", "failed")
     simulated.until(lambda line: line == "legs: moving", 120.0)
     simulated.type("pull legs\n")

@@ -63,7 +63,7 @@ def test_two_trackways_run_a_trial_each_at_the_same_time(tmp_path, start, plan_o
     for robot, omega in speeds.items():
         plan = plan_of_one(omega_rad_s=[omega]).rename(tmp_path / f"{robot}.yaml")
         run = ("ros2", "run", "sandbot_bringup", "campaign", plan, "--out", tmp_path / robot, "--redo", "failed")
-        runs[robot] = (*run, *in_space(f"/{robot}"))
+        runs[robot] = (*run, "--silence", "5", *in_space(f"/{robot}"))
     together = {robot: start(*run) for robot, run in runs.items()}
     for robot, campaign in together.items():
         # Two labs and two trackers may be more than a busy machine can do in time; the trial is marked then.

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandbot_bringup.supervision import Listening, Sign, Supervisor
+from sandbot_bringup.supervision import Listening, Sign, Supervisor, camera_fault
 from sandbot_common.lease import Lease
 
 CLOCK, TRACKER = Sign("clock", "/leg_setpoints", 0.5), Sign("tracker", "/speed", 2.0)
@@ -61,3 +61,18 @@ def test_a_lease_lasts_its_limit_from_the_last_renewal_and_never_before_the_firs
 def test_time_that_is_not_a_number_is_late():
     lease = Lease(1.0, 0.0)
     assert lease.late(float("nan"))
+
+
+def eyes(edges, jumps=0):
+    return {"dorsal_led_edges": "3", "dorsal_clock_jumps": "0"} | {
+        "lateral_led_edges": str(edges), "lateral_clock_jumps": str(jumps)
+    }  # fmt: skip
+
+
+def test_cameras_must_see_the_led_of_each_trial_once_they_have_seen_one():
+    saw = {"dorsal_led_edges": "4"}
+    assert camera_fault(eyes(2), eyes(3) | saw) == ""
+    assert camera_fault(eyes(0), eyes(0) | saw) == ""
+    assert camera_fault({}, {}) == ""
+    assert "the lateral camera did not see the LED" in camera_fault(eyes(2), eyes(2) | saw)
+    assert "the lateral camera's clock disagrees" in camera_fault(eyes(2), eyes(3, jumps=1) | saw)

@@ -168,3 +168,15 @@ def test_jitter_is_measured_and_a_pause_is_no_loss():
     for n in range(100):
         even.add(n * 10_000_000)
     assert even.jitter_s == 0.0
+
+
+@pytest.mark.parametrize("led", [False, True])
+def test_a_clock_that_is_off_is_placed_by_arrival_only_where_no_led_will_tell(led):
+    clock = CameraClock(PERIOD, EXPOSURE, led=led)
+    for n in range(40):
+        t = T0 + n * 10_000_000
+        arrival = t + (5 + n % 7) * 1_000_000
+        clock.frame(t - 3_000_000_000, arrival, arrival, False)
+    assert clock.placed is not led
+    assert clock.offset_ns == (0 if led else 3_005_000_000)
+    assert ("held until the LED" if led else "placed by when frames arrive") in clock.warning

@@ -27,7 +27,7 @@ from sandbot_bringup.hold import Held, Hold
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
 from sandbot_bringup.recorder_process import RecorderProcess
-from sandbot_bringup.supervision import Listening, Sign, Supervisor, status_values
+from sandbot_bringup.supervision import Listening, Sign, Supervisor, camera_fault, status_values
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.node import Health, Stop, ask, names_of, publisher, subscription
@@ -53,8 +53,9 @@ FREE_BYTES = 300 << 20
 
 SAFE_S = 3.0
 """So long legs that still report motion are waited for, before the recorder is ended."""
-SILENCE_S, SILENCE_BOUNDS_S = 1.0, (0.3, 10.0)
-"""A node not heard from for so long while a trial runs has died or is frozen; each speaks five times a second."""
+SILENCE_S, SILENCE_BOUNDS_S, BEATS = 1.0, (0.3, 10.0), 4
+"""A node not heard from for so long while a trial runs is stuck; each speaks five times a second. Its process beats 20
+times, whatever the node is busy with: a quarter of it without a beat, and it is dead or frozen."""
 _REQUIRED = ("clock", "bed", "tracker")
 _DRIVERS = ("serial_bed", "serial_legs", "serial_dorsal", "serial_lateral")
 """Of sandbot_hardware: each says on /diagnostics where its cable is out."""
@@ -117,6 +118,7 @@ class Operator(Node):
         subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, raw=True)
         subscription(self, topics.SPEED, self._on_speed)
         subscription(self, topics.DIAGNOSTICS, self._on_diagnostics)
+        subscription(self, topics.HEARTBEAT, self._on_heartbeat, best_effort=True)
         self._health = Health(self, lambda: {"trial": self._running}, sole=True)
         self._triggers = {
             name: self.create_client(Trigger, topics.relative(name))
@@ -207,7 +209,7 @@ class Operator(Node):
     def _gate(self, folder: CampaignFolder) -> None:
         """All that a trial needs is there, once, and alive; CampaignEnds with what is not."""
         needed = [name for name in (*_REQUIRED, *_HEARD) if name in _REQUIRED or name in self._told]
-        self._vital = [Sign(name, "", self._silence_s) for name in needed] + [_BED]
+        self._vital = [Sign(name, topics.DIAGNOSTICS.name, self._silence_s) for name in needed] + [_BED]
 
         def missing() -> list[str]:
             ages = ((sign, self._supervisor.age_s(sign.who, sign.topic, self._listening.now_s)) for sign in self._vital)
@@ -250,7 +252,7 @@ class Operator(Node):
         # On a busy machine it may be found seconds after it is ready.
         if not self._wait(lambda: self._supervisor.age_s("recorder", "", ready_s) < 0.0, DISCOVERY_S):
             raise TrialFailed(f"the recorder is not heard on {topics.DIAGNOSTICS.name}")
-        self._vital.append(Sign("recorder", "", self._silence_s))
+        self._vital.append(Sign("recorder", topics.DIAGNOSTICS.name, self._silence_s))
         self._watch()
         # Only now: a bag begins with the state of its own trial.
         self._trial.publish(messages.string(trial_message(self._plan.of(trial), trial, self._robot, time.time_ns())))
@@ -283,6 +285,7 @@ class Operator(Node):
         self._ask(self._pause_images, SetBool.Request(data=False), PAUSE_IMAGES)
 
     def _walk(self, duration_s: float) -> None:
+        before = self._told["tracker"][2]
         self._call("/clock/start")
         moved = self._wait(lambda: self._motion_start_ns is not None, CALL_S)
         if not moved:
@@ -305,9 +308,17 @@ class Operator(Node):
         # The last frames are still on their way through the tracker: milliseconds, or seconds on a busy machine.
         last_ns = max(end_ns, (self._leg_time_ns or 0) - LAST_FRAME_NS)
         self._wait(lambda: self._speed_ns >= last_ns or self._is_quiet(_TRACKER), DRAIN_S)
+        asked_s = self._listening.now_s
+        self._wait(lambda: self._supervisor.age_s("tracker", topics.DIAGNOSTICS.name, asked_s) < 0.0, CALL_S)
+        if fault := camera_fault(before, self._told["tracker"][2]):
+            raise TrialFailed(fault)
 
     def _watch(self, *more: Sign) -> None:
-        self._supervisor.watch(*more, *self._vital, now_s=self._listening.now_s)
+        beats = (Sign(sign.who, topics.HEARTBEAT.name, self._silence_s / BEATS) for sign in self._vital)
+        now_s = self._listening.now_s
+        # Those of other makers need not beat.
+        beating = [beat for beat in beats if math.isfinite(self._supervisor.age_s(beat.who, beat.topic, now_s))]
+        self._supervisor.watch(*more, *self._vital, *beating, now_s=now_s)
 
     def _is_quiet(self, sign: Sign) -> bool:
         return self._supervisor.age_s(sign.who, sign.topic, self._listening.now_s) > QUIET_S
@@ -452,6 +463,9 @@ class Operator(Node):
     def _on_speed(self, message: Any) -> None:
         self._heard("tracker", topics.SPEED)
         self._speed_ns = messages.nanoseconds(message.header.stamp)
+
+    def _on_heartbeat(self, message: Any) -> None:
+        self._heard(message.frame_id, topics.HEARTBEAT)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:

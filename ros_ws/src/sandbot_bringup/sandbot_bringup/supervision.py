@@ -68,3 +68,22 @@ class Supervisor:
 def status_values(status: object) -> Mapping[str, str]:
     """The key-value pairs of a DiagnosticStatus."""
     return {pair.key: pair.value for pair in status.values}  # type: ignore[attr-defined]
+
+
+def camera_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
+    """Why a trial's camera times can't be trusted, from the tracker's health before and after it; empty if they can.
+
+    A camera that has seen the LED of an earlier trial must see that of this one. One that never saw any has none in
+    view, or films from the flash on, as the virtual lab's do in the first trial.
+    """
+    for camera in ("dorsal", "lateral"):
+        edges, edges_after, jumps, jumps_after = (
+            int(values.get(f"{camera}_{what}", 0))
+            for what in ("led_edges", "clock_jumps")
+            for values in (before, after)
+        )
+        if jumps_after > jumps:
+            return f"the {camera} camera's clock disagrees with the LED (clock_jumps)"
+        if edges and edges_after == edges:
+            return f"the {camera} camera did not see the LED, so its clock is not sure"
+    return ""

@@ -13,7 +13,6 @@ The legs stop by themselves, at the angles last sent, and /diagnostics says why,
 """
 
 import math
-import os
 import threading
 import time
 from collections import deque
@@ -184,7 +183,7 @@ class ClockNode(Node):
             self._published += 1
             return not stopping
 
-        self._real_time = _ask_for_real_time(_SCHEDULE)
+        self._real_time = node.ask_for_real_time(_SCHEDULE)
         keep(schedule, duty, time.monotonic_ns, time.sleep, self._count_missed)
         if fault:
             self._health.level, self._health.text = 2, f"stopped: {fault}"
@@ -290,19 +289,10 @@ def _overrun(run_ns: int, max_run_s: float) -> str:
     return f"the run was {max_run_s:g} s long (max_run_s)" if run_ns / NANO > max_run_s else ""
 
 
-def _ask_for_real_time(priority: int) -> bool:
-    # For the calling thread and those it starts, which sleep nearly all the time; who may not runs as it is.
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except (AttributeError, OSError):
-        return False
-    return True
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the clock node until Ctrl-C."""
     # The whole process: a main thread that waits for a CPU while it holds Python's lock would stop the schedule, too.
-    _ask_for_real_time(_BESIDE)
+    node.ask_for_real_time(_BESIDE)
     return node.run(ClockNode, argv, parameters=ClockParameters)
 
 

@@ -40,8 +40,11 @@ LAST_WORDS_S = 0.5
 """How long a node that ends stays for what it said last to be sent, which another thread does. Those who listen may
 acknowledge it seconds later, with the next heartbeat: that is not waited for."""
 ASK_AGAIN_S = 2.0
+BEAT_S = 0.05
+"""A process that lives says so that often (/heartbeat)."""
 END_WITH_PARENT = "TRACKWAY_END_WITH_PARENT"
 """Environment variable, set to 1 by a launch: its nodes end when it is gone, even killed."""
+_BEAT_PRIORITY = 5
 _SINCE = "since_ns"
 _LOOK_S = 0.05
 """How soon a node that idles sees that it is to end."""
@@ -250,7 +253,8 @@ def run(
             node: Node | None = None
             try:
                 node = make()
-                _spin(node, stop)
+                with _beating(node):
+                    _spin(node, stop)
             finally:
                 if node is not None:
                     if (close := getattr(node, "close", None)) is not None:
@@ -265,6 +269,37 @@ def run(
         return 0
 
     return cli.run(command, argv)
+
+
+def ask_for_real_time(priority: int) -> bool:
+    """For the calling thread and those it starts, which sleep nearly all the time; who may not runs as it is."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (AttributeError, OSError):
+        return False
+    return True
+
+
+@contextmanager
+def _beating(node: Node) -> Iterator[None]:
+    """Publish /heartbeat from a thread: a process that is dead or frozen falls silent, one that is busy does not."""
+    topic = topics.HEARTBEAT
+    outlet = node.create_publisher(messages.message_class(topic.type), topic.relative, qos(topic, best_effort=True))
+    message, ending = messages.header(0, node.get_name()), threading.Event()
+
+    def beat() -> None:
+        ask_for_real_time(_BEAT_PRIORITY)
+        while not ending.wait(BEAT_S):
+            outlet.publish(message)
+
+    thread = threading.Thread(target=beat, name="heartbeat", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ending.set()
+        thread.join()
+        node.destroy_publisher(outlet)
 
 
 def _let_all_hear(node: Node) -> None:

@@ -61,7 +61,7 @@ class LabParameters:
     images: bool = parameter(True, doc="whether the cameras run")
     idle_frames: bool = parameter(False, doc="whether the cameras also run while the robot stands")
     legs_lease_s: float = parameter(0.25, unit="s", doc="set-points later than this stop the legs", low=0.02, high=1.0)
-    air_lease_s: float = parameter(0.5, unit="s", doc="a /bed/blower later than this turns it off", low=0.05, high=2.0)
+    air_lease_s: float = parameter(0.45, unit="s", doc="a /bed/blower later than this turns it off", low=0.05, high=2.0)
 
 
 class LabNode(Node):

@@ -14,6 +14,8 @@ NEAR_NS = NANO // 2
 """A frame whose stamp is this close to the robot's time when it arrives is taken to be stamped by the same clock."""
 PATIENCE_NS = 10 * NANO
 """Camera time within which both signs of a flash must come: clocks may differ, arrival by less than this."""
+ARRIVALS = 20
+"""So many frames tell the offset of a clock that no LED will ever tell."""
 SET_NS = NANO
 """A clock that goes back, or ahead of the time that passed, by more than this was set."""
 DRIFT = 1e-4
@@ -23,7 +25,9 @@ DRIFT = 1e-4
 class CameraClock:
     """Fed every frame's stamp and every LED edge; ``placed`` says whether ``offset_ns`` may be trusted."""
 
-    def __init__(self, period_s: float, exposure_s: float = 0.0) -> None:
+    def __init__(self, period_s: float, exposure_s: float = 0.0, *, led: bool = True) -> None:
+        """``led``: whether the camera has the sync LED in view, which tells its offset in the end."""
+        self._has_led = led
         self._period_ns, self._half_exposure_ns = round(period_s * NANO), round(exposure_s * NANO / 2)
         self.placed = False
         self.offset_ns = 0
@@ -35,6 +39,7 @@ class CameraClock:
     def _restart(self) -> None:
         self.placed, self.offset_ns = False, 0
         self._near = self._synced = False
+        self._arrivals: list[int] = []
         self._first_ns: int | None = None
         self._last: tuple[int, int, bool] | None = None
         self._bounds: tuple[int, int, int] | None = None
@@ -86,11 +91,21 @@ class CameraClock:
             self.placed = t_ns - self._first_ns > PATIENCE_NS
             return
         self._near = self._near or abs(robot_ns - t_ns) <= NEAR_NS
+        if not self._near and not self._has_led:
+            self._place_by_arrival(robot_ns - t_ns)
+            return
         self.placed = self._near
         if not self._near:
             self.warning = f"clock is off by about {(robot_ns - t_ns) * 1e-9:.1f} s: held until the LED is seen"
         elif self.warning.startswith("clock is off"):
             self.warning = ""
+
+    def _place_by_arrival(self, behind_ns: int) -> None:
+        """No LED will ever tell: the frame that was least under way is nearest to the clocks' offset."""
+        self._arrivals = [*self._arrivals, behind_ns][-ARRIVALS:]
+        if len(self._arrivals) == ARRIVALS and not self.placed:
+            self.placed, self.offset_ns = True, min(self._arrivals)
+            self.warning = f"clock is off by {self.offset_ns * 1e-9:.2f} s and has no LED: placed by when frames arrive"
 
     def _match(self) -> None:
         if self._announced is None or self._first_ns is None:

@@ -54,7 +54,7 @@ class View:
         period_s = 1.0 / camera.frame_rate_hz
         self.shape = camera.height, camera.width
         self.times = FrameTimes(period_s)
-        self.clock = CameraClock(period_s, camera.exposure_s)
+        self.clock = CameraClock(period_s, camera.exposure_s, led=camera.led_region is not None)
         self.unplaced = self.frozen = 0
         """Frames given up before the clock was known; frames in a row equal to the one before."""
         self.held: deque[tuple[int, Marks | Axles]] = deque()
