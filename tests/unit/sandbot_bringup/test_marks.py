@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sandbot_bringup.marks import COLOURS, SEEN_BY, View
+from sandbot_bringup.marks import COLOURS, PATIENCE_NS, SEEN_BY, View
 from sandbot_bringup.nodes import table_path
 from sandbot_tracking.calibration import read_cameras
 
@@ -40,9 +40,18 @@ def test_landmarks_that_came_first_are_drawn_and_those_of_another_frame_are_not(
     one.landmark("com", 0, xyz)
     assert one.picture(0, GREY).seen == ("com",)
     assert one.picture(STEP_NS, GREY) is None
-    late = one.picture(2 * STEP_NS, GREY)  # the picture before is shown as it is
+
+
+def test_a_tracker_that_is_behind_is_waited_for_and_one_that_is_gone_is_not():
+    one = view("dorsal")
+    xyz = CAMERAS["dorsal"].to_plane([[300.0, 200.0]])[0]
+    assert one.picture(0, GREY) is None
+    assert one.picture(20 * STEP_NS, GREY) is None
+    assert one.landmark("com", 0, xyz).seen == ("com",)
+    assert one.picture(40 * STEP_NS, GREY) is None
+    late = one.picture(40 * STEP_NS + PATIENCE_NS, GREY)
+    assert late is not None
     assert late.seen == ()
-    assert one.landmark("com", 2 * STEP_NS, xyz).seen == ("com",)
 
 
 def test_a_mark_that_was_not_seen_is_not_drawn():

@@ -18,6 +18,8 @@ COLOURS = {"com": (0, 159, 230), "front_axle": (233, 180, 86), "rear_axle": (167
 """Blue, green, red; told apart by colour-blind eyes as well."""
 SAME_NS = 8_000_000
 """A landmark belongs to a picture so close to it: less than a frame at 100 Hz."""
+PATIENCE_NS = 1_000_000_000
+"""So long a picture waits for a tracker that is behind; without one pictures are shown as they are."""
 _KEPT = 64
 _RADIUS_PX = 12
 _QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 80]
@@ -44,7 +46,9 @@ class View:
         self._landmarks = {name: deque(maxlen=_KEPT) for name in self.names}
 
     def picture(self, t_ns: int, pixels: Pixels) -> Drawn | None:
-        """A newer picture: to show now if its landmarks have come; the one before as it is, if its own never came."""
+        """A newer picture: to show now if its landmarks have come. One that waits goes first, and at last as it is."""
+        if self._waiting is not None and 0 <= t_ns - self._waiting[0] < PATIENCE_NS:
+            return None
         before, self._waiting = self._waiting, (t_ns, pixels)
         if (drawn := self._complete()) is not None:
             return drawn

@@ -108,20 +108,30 @@ const options = {displayModeBar: false, responsive: true};
 const line = (name, x, y, color, dash = "solid", more = {}) =>
   ({name, x, y, mode: "lines", connectgaps: false, line: {color, dash, width: 2}, ...more});
 
+/** Limits around the values. Always our own: an axis that first had no data would keep limits of nothing. */
+function limits(values, empty, least = 0) {
+  const all = values.filter(value => value != null && Number.isFinite(value));
+  if (!all.length) return empty;
+  const low = Math.min(...all), high = Math.max(...all), room = 0.08 * Math.max(high - low, least);
+  return [low - room, high + room];
+}
+const fromZero = (values, empty) => { const [low, high] = limits([0, ...values], empty); return [low < 0 ? low : 0, high || empty[1]]; };
+
 function drawSpeed(speed) {
   if (!changed("speed", speed)) return;
   const cm = series => series.value.map(v => v == null ? null : 100 * v);
+  const measured = cm(speed.measured), model = cm(speed.predicted);
   Plotly.react("speed", [
-    line("measured", speed.measured.t_s, cm(speed.measured), colour("measured")),
-    line("model", speed.predicted.t_s, cm(speed.predicted), colour("model"), "dash"),
-  ], layout(["time before the last frame [s]", {range: [-5, 0]}], ["v<sub>x</sub> [cm/s]",
-    speed.measured.t_s.length + speed.predicted.t_s.length ? {rangemode: "tozero"} : {range: [0, 40]}]), options);
+    line("measured", speed.measured.t_s, measured, colour("measured")),
+    line("model", speed.predicted.t_s, model, colour("model"), "dash"),
+  ], layout(["time before the last frame [s]", {range: [-5, 0]}],
+    ["v<sub>x</sub> [cm/s]", {range: fromZero([...measured, ...model], [0, 40])}]), options);
 }
 
 function drawPacking(packing) {
   if (!changed("packing", packing)) return;
   const {points, target_phi: target, tolerance} = packing;
-  const x = points.map((_, index) => index), pulses = points.map(p => p.pulses);
+  const pulses = points.map(p => p.pulses);
   const band = target == null ? [] : [target - (tolerance ?? 0), target + (tolerance ?? 0)];
   const shapes = target == null ? [] : [
     {type: "rect", xref: "paper", x0: 0, x1: 1, y0: band[0], y1: band[1], fillcolor: colour("good"), opacity: 0.2, line: {width: 0}},
@@ -134,17 +144,11 @@ function drawPacking(packing) {
   const height = {name: "height", x: pulses, y: points.map(p => 1000 * p.height_m), mode: "lines+markers", yaxis: "y2",
     line: {color: colour("model"), dash: "dot"}, marker: {symbol: "square-open"}, hoverinfo: "skip"};
   Plotly.react("packing", [phi, height], layout(
-    ["air pulses", {rangemode: "tozero", tickformat: "d", range: x.length ? undefined : [0, 10]}],
-    ["volume fraction φ", {tickformat: ".4~f", range: phiRange(points.map(p => p.phi), band)}],
+    ["air pulses", {tickformat: "d", range: [-0.3, Math.max(5, ...pulses) + 0.5]}],
+    ["volume fraction φ", {tickformat: ".4~f", range: limits([...points.map(p => p.phi), ...band], [0.57, 0.64], 0.004)}],
     {shapes, margin: {l: 60, r: 60, t: 8, b: 40},
-     yaxis2: {...axis("height [mm]"), overlaying: "y", side: "right", showgrid: false, tickformat: ".1f", visible: x.length > 0}}), options);
-}
-
-function phiRange(phi, band) {
-  const all = [...phi, ...band];
-  if (!all.length) return [0.57, 0.64];
-  const low = Math.min(...all), high = Math.max(...all), room = 0.1 * Math.max(high - low, 0.004);
-  return [low - room, high + room];
+     yaxis2: {...axis("height [mm]"), overlaying: "y", side: "right", showgrid: false, tickformat: ".1f", visible: points.length > 0,
+               range: limits(points.map(p => 1000 * p.height_m), [0, 100])}}), options);
 }
 
 function drawCurve(curves, trial, queue) {
@@ -167,9 +171,11 @@ function drawCurve(curves, trial, queue) {
   const shapes = trial.omega_rad_s == null ? [] : [{type: "line", yref: "paper", y0: 0, y1: 1, x0: trial.omega_rad_s,
     x1: trial.omega_rad_s, line: {color: colour("soft"), width: 1, dash: "dot"}}];
   const range = [0, Math.max(12, 1.25 * Math.max(0, ...queue.map(one => one.omega_rad_s), trial.omega_rad_s ?? 0))];
+  const within = curve => curve.speed_m_s.filter((_, index) => curve.omega_rad_s[index] <= range[1]);
+  const seen = [...Object.values(curves).flatMap(within), ...measured.map(one => one.measured.speed_m_s)].map(v => 100 * v);
   Plotly.react("curve", [...lines, points(others, "other φ", {...faint, marker: {color: colour("measured"), size: 7, symbol: "circle-open"}}),
     points(ours, target == null ? "measured" : `measured, φ ${target}`)],
-    layout(["ω [rad/s]", {range}], ["v̄ [cm/s]", lines.length + measured.length ? {rangemode: "tozero"} : {range: [0, 40]}], {shapes}), options);
+    layout(["ω [rad/s]", {range}], ["v̄ [cm/s]", {range: fromZero(seen, [0, 40])}], {shapes}), options);
 }
 
 // ---- tables
@@ -258,7 +264,7 @@ function drawPictures(pictures) {
     by(camera).src = `camera/${camera}.jpg?n=${count}`;
     const title = camera[0].toUpperCase() + camera.slice(1) + " camera ";
     by(`${camera}-says`).replaceChildren(title, ...(seen.length ? seen.flatMap(name => [made("span", name.replace("_", " "), `mark ${name}`), " "])
-      : [made("span", "no mark seen", "over")]));
+      : [made("span", "no mark tracked", "over")]));
   }
 }
 
