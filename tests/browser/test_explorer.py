@@ -33,7 +33,7 @@ from sandbot_model.tools.compare import main as compare_main
 from sandbot_record.trials.csv_table import write_csv
 from sandbot_record.trials.table import Row, from_rows
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(600)]
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
 HIDDEN = "disturbed_ground"
@@ -57,7 +57,7 @@ return [...document.querySelectorAll("#effects [data-mathml]")].map(
     (place) => place.querySelector("math")?.getBoundingClientRect().width ?? 0)
 """
 """Widths of the effects' formulas."""
-PATIENCE_S = 60
+PATIENCE_S = 150
 
 
 @pytest.fixture(scope="module")
@@ -100,9 +100,9 @@ def explorer(*arguments, fits=True):
         raise
     workers = psutil.Process(server.pid).children()
     server.send_signal(signal.SIGINT)
-    assert server.wait(20) == 0
+    assert server.wait(60) == 0
     assert bool(workers) == fits
-    assert psutil.wait_procs(workers, timeout=10)[1] == []
+    assert psutil.wait_procs(workers, timeout=60)[1] == []
     server.stdout.close()
 
 
