@@ -29,7 +29,7 @@ def judge(truth: frozenset[str], verdict: dict[str, Any]) -> Agreement:
     """Compare the effects really present with a discovery's ``verdict`` (schema sandbot.discovery/1 or /2).
 
     Right is: adequate where nothing is hidden; identified with exactly the hidden set; ambiguous with the hidden set
-    among the alternatives. Everything else is wrong, ``unexplained`` and
+    among the alternatives; partial with effects that are hidden. Everything else is wrong, ``unexplained`` and
     ``untested`` included.
     """
     status = verdict["status"]
@@ -40,6 +40,10 @@ def judge(truth: frozenset[str], verdict: dict[str, Any]) -> Agreement:
         return Agreement(not truth, f"the sealed truth holds {hidden}; the verdict was that nothing is missing")
     if status == "identified":
         return Agreement(named == truth, f"the sealed truth holds {hidden}; the verdict named {_names(named)}")
+    if status == "partial":
+        return Agreement(
+            named <= truth, f"the sealed truth holds {hidden}; the verdict was that {_names(named)} is part of it"
+        )
     if status == "ambiguous":
         among = truth in alternatives
         where = "among" if among else "not among"

@@ -45,6 +45,10 @@ class Accuracy:
     first_step_m: float = _constant(3e-4, "m", "first step")
     first_step_share: float = _share(0.0, "first step")
     first_step_sd_m: float = _usual(1.5e-3, "m", "first step")
+    lift_zero_m: float = parameter(
+        6e-4, unit="m", doc="sd of the zero of the lift, one for all trials: a grain, evenly spread", low=1e-6, high=0.1
+    )
+    speed_scale: float = parameter(0.01, doc="sd of the scale along the track, one for all trials", low=1e-6, high=1.0)
 
 
 USUAL = Accuracy()

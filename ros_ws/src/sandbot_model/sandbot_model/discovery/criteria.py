@@ -41,10 +41,9 @@ class Criteria:
     """Prior of what k differs by from batch to batch, relative: the sd of a half-normal, a bed's 0.3 to 1 %."""
     drift: float = 0.03
     """The same of what k has grown by at the end of a campaign."""
-    lift_zero_m: float = 6e-4
-    """The same of the zero of the lift: one grain of poppy seed, evenly spread."""
-    speed_scale: float = 0.01
-    """The same of the scale along the track."""
+    all_but_a_rest: float = 0.9
+    """Share of the excess deviance that one effect must remove to be named where what is left shows in several
+    observables."""
     shared: float = 6.0
     """Gain in -2 ln likelihood from which batches are taken to differ."""
 
@@ -55,6 +54,6 @@ class Criteria:
                 raise InputError(f"criteria: {field.name} is {value!r}; a number between 0 and {most:g} is needed")
 
 
-SHARES = ("lack_of_fit", "lack_of_fit_of_one", "one_cell")
+SHARES = ("lack_of_fit", "lack_of_fit_of_one", "one_cell", "all_but_a_rest")
 """Criteria that are probabilities or shares."""
 DEFAULT = Criteria()

@@ -6,7 +6,7 @@ fitted to its global minimum and judged against the replicates. ``verdict`` draw
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from html import escape
 from typing import Any
 
@@ -14,15 +14,19 @@ import numpy as np
 
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
+from sandbot_model.discovery.calibration import would_fall
 from sandbot_model.discovery.candidates import Candidate, candidates
+from sandbot_model.discovery.conventions import conventions, other_conventions
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.formula_search import formula_to_try
+from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try
 from sandbot_model.discovery.ladder import ladder_rows
+from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.next_trials import NextTrial, excluding, next_trials
+from sandbot_model.discovery.partial import Partial, partly
 from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
-from sandbot_model.discovery.sharing import reconsidered
+from sandbot_model.discovery.sharing import Shared, reconsidered
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
 from sandbot_model.discovery.untested import repeats, untested
@@ -31,6 +35,7 @@ from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.fitting.plain import data_summary, number, plain
+from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.fitting.text import WIDTH, html_table, table
 from sandbot_model.physics.effect import Effect
 
@@ -61,6 +66,12 @@ class Discovery:
     """If nothing of the catalogue fits: what is left, in the field's terms, as a formula to try."""
     fits: tuple[Fit, ...] = ()
     """Every set that was tried, the best BIC first."""
+    partial: Partial | None = None
+    """If one effect repairs most of the base model: how much, where it holds, where it fails."""
+    variants: Mapping[str, str] = field(default_factory=dict)
+    """Effects named whose formula holds under another convention than the catalogue's, and which that is."""
+    limits: tuple[Limit, ...] = ()
+    """Of effects that are absent, at 95 %."""
 
     @property
     def fit(self) -> Fit:
@@ -90,15 +101,20 @@ class Discovery:
             "stages": [plain(stage) for stage in self.stages],
             "residual": None if self.residual is None else plain(self.residual),
             "nuisances": self.fit.nuisances_to_dict(),
+            "partial": None if self.partial is None else plain(self.partial),
+            "variants": dict(self.variants),
+            "limits": [plain(limit) for limit in self.limits],
         }
-
-    """Its name before."""
 
     @property
     def headline(self) -> str:
         """The verdict in a few words: ``identified: stance_overlap``."""
-        named = self.verdict.status in ("identified", "ambiguous")
-        return f"{self.verdict.status}: {' + '.join(self.verdict.effects)}" if named else self.verdict.status
+        named = " + ".join(map(self.in_words, self.verdict.effects))
+        return f"{self.verdict.status}: {named}" if named else self.verdict.status
+
+    def in_words(self, effect: str) -> str:
+        """An effect with the convention it holds under, where that is another than the catalogue's."""
+        return f"{effect} ({self.variants[effect]})" if effect in self.variants else effect
 
     def __repr__(self) -> str:
         best = f" (best in {100 * self.stability:.0f} % of bootstrap draws)" if np.isfinite(self.stability) else ""
@@ -139,13 +155,16 @@ def discover(
     doubted = doubts(cells)
     at_once = _of_another_robot(doubted) if doubted else untested(cells, criteria)
     search.run(0 if at_once else max_effects)
-    verdict = at_once or judge(search.fits, criteria)
-    shared = None if at_once else reconsidered(search, verdict)
-    if shared is not None:
-        search.fits, verdict = shared.fits, shared.verdict
+    found = Shared(at_once, search.fits, search.fits[()]) if at_once else _concluded(search)
+    partial = None
+    if found.verdict.status == "unexplained" and not at_once:
+        found, partial = _between(search, found)
+    search.fits, verdict, named = found.fits, found.verdict, found.named
+    search.effects = {**effects, **named.model.catalogue}
     if strange := strange_k(search.fits[()]):
         verdict = replace(verdict, because=f"{verdict.because}; {strange}")
     ladder = search.ladder(verdict)
+    ladder[-1] = with_profiled_errors(named)
     floor = noise_floor(cells)
     hidden = unseen(search) if verdict.status == "adequate" else []
     if hidden:
@@ -157,6 +176,8 @@ def discover(
         trials = next_trials([search.fits[names] for names in verdict.alternatives])
     if verdict.status == "ambiguous":
         verdict = replace(verdict, because=f"{verdict.because}; {_split(trials, criteria)}")
+    elif verdict.status == "identified" and (calibration := would_fall(search, named)):
+        verdict = replace(verdict, because=f"{verdict.because}; {calibration}")
     return Discovery(
         model=base,
         cells=cells,
@@ -169,9 +190,38 @@ def discover(
         unseen=tuple(fit.effects[0] for fit in hidden),
         stability=float("nan") if verdict.status == "untested" else _stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
-        residual=formula_to_try(search) if verdict.status == "unexplained" and not doubted else None,
+        residual=_left(search, verdict) if not doubted else None,
+        partial=partial,
+        variants=conventions(named),
+        limits=tuple(limits(search, named)) if verdict.status in ("adequate", "identified") else (),
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
     )
+
+
+def _concluded(search: EffectSearch) -> Shared:
+    """The verdict on what was tried, beside what trials share."""
+    plain = judge(search.fits, search.criteria)
+    return reconsidered(search, plain) or Shared(plain, search.fits, search.fits[plain.effects])
+
+
+def _between(search: EffectSearch, unexplained: Shared) -> tuple[Shared, Partial | None]:
+    """Where no set of the catalogue fits: under other conventions one may, or one effect repairs most."""
+    usual = dict(search.fits)
+    if other_conventions(search) and (found := _concluded(search)).verdict.status != "unexplained":
+        return found, None
+    for fits in (usual, search.fits):
+        search.fits = fits
+        if most := partly(search):
+            verdict, partial = most
+            return Shared(verdict, fits, fits[verdict.effects]), partial
+    return replace(unexplained, fits=usual), None
+
+
+def _left(search: EffectSearch, verdict: Verdict) -> SuggestedFormula | None:
+    """What is left where no set repairs the model, as a formula."""
+    if verdict.status == "partial":
+        return formula_on_top_of(search, verdict.effects)
+    return formula_to_try(search) if verdict.status == "unexplained" else None
 
 
 def _of_another_robot(doubted: Sequence[str]) -> Verdict:

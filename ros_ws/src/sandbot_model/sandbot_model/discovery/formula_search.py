@@ -20,7 +20,7 @@ def formula_to_try(search: EffectSearch) -> SuggestedFormula | None:
         return None
     found = []
     for effects in dict.fromkeys(((), best_earned(search.fits, search.criteria).effects)):
-        if (formula := _on_top_of(search, effects)) is not None:
+        if (formula := formula_on_top_of(search, effects)) is not None:
             if formula.passes(search.criteria):
                 return formula
             found.append(formula)
@@ -30,11 +30,12 @@ def formula_to_try(search: EffectSearch) -> SuggestedFormula | None:
     if best.deviance[1] > NEARLY * search.fits[best.effects].goodness.dof:
         return best
     beside = _beside(search, best)
-    more = _on_top_of(search, beside) if beside else None
+    more = formula_on_top_of(search, beside) if beside else None
     return more if more is not None and more.bic < best.bic else best
 
 
-def _on_top_of(search: EffectSearch, effects: Names) -> SuggestedFormula | None:
+def formula_on_top_of(search: EffectSearch, effects: Names) -> SuggestedFormula | None:
+    """The formula that repairs most of what a set misses."""
     if effects not in search.fits:
         search.fit("formula, beside an effect", [effects], nearby=False)
     return suggest_formula(

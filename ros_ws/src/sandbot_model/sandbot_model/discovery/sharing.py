@@ -1,12 +1,13 @@
 """A verdict that survives what trials share: offsets of the bed by batch, drift, a lift zero, a speed scale.
 
-The search is made without them. What it claims is then tried again beside nuisances with priors (``Criteria``), and so
-is a base model that was refused: an effect is claimed only if it still earns its place. σ_b is that about the larger
-set, so that a missing effect is not taken for a bed that scatters; offsets that follow φ, ω or the order are none.
+The search is made without them. What it claims is then tried again beside nuisances with priors (``Criteria`` and the
+cameras' ``accuracy``), and so is a base model that was refused: an effect is claimed only if it still earns its place.
+σ_b is that about the larger set, so that a missing effect is not taken for a bed that scatters; offsets that follow φ,
+ω or the order are none. What the verdict names is reported as fitted beside them: its standard errors hold them all.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -28,13 +29,19 @@ MAX_SCATTER = 2.5
 """Largest σ_b, in units of its prior."""
 STRUCTURE = 0.01
 """p-value below which offsets follow something, and are no nuisance."""
-WIDER = 1.2
-"""Factor on a standard error from which a drift that does not show is stated all the same."""
 GAINED = 0.5
 """Fall of the deviance that makes a fit better than another."""
 ALONG = [Observable.speed, Observable.peak_speed, Observable.first_step]
-BATCH = "ln_k"
-"""Name of every batch's offset."""
+BATCH, LIFT_ZERO, SPEED_SCALE = "ln_k", "lift_zero_m", "speed_scale"
+"""Names of every batch's offset, of the zero of the lift and of the scale along the track."""
+WORDS = {
+    "drift": ("a drift of k", 1e2, "%"),
+    SPEED_SCALE: ("a speed scale off", 1e2, "%"),
+    LIFT_ZERO: ("a lift zero off", 1e3, "mm"),
+}
+"""What a person calls a nuisance, and the unit it is read in."""
+SHOWS = 2.0
+"""Standard errors from which a nuisance is mentioned."""
 
 
 @dataclass(frozen=True)
@@ -43,30 +50,40 @@ class Shared:
 
     verdict: Verdict
     fits: dict[Names, Fit]
+    named: Fit
+    """The set that the verdict names, or the base model, beside the nuisances."""
 
 
 def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
-    """The verdict beside what trials share; None where the first one, ``plain``, stands.
+    """The verdict beside what trials share; None where nothing repairs the base model.
 
     Few effects are tried before many: the best of hundreds of pairs takes a share of any scatter for its own. Where
     readings off their zero or scale are enough, the bed does not scatter.
     """
     if plain.status == "adequate":
         scatter = bed_scatter(search.fits[()], search.criteria)
-        return None if _nothing_shared(search, scatter) else _beside(search, plain, 0, scatter)
-    for size in range(1, 1 + max(map(len, search.fits))):
+        found = _beside(search, plain, 0, scatter) if scatter else None
+        return found or _standing(search, plain, _refitted(search, [()], 0.0)[()])
+    for size in range(1, 1 + max(1, *map(len, search.fits))):
         claimed = len(plain.effects) == size
         scatter = _scatter_about(search, search.fits[plain.effects] if claimed else _best(search, size))
-        if claimed and _survives(search, plain.effects, scatter):
-            return None
+        if claimed and (survivor := _survivor(search, plain.effects, scatter)):
+            return Shared(plain, search.fits, survivor)
         if found := _readings(search, plain, scatter) or _beside(search, plain, size, scatter):
             return found
     return None
 
 
+def _standing(search: EffectSearch, plain: Verdict, named: Fit) -> Shared:
+    """The verdict that was, with the readings that are seen to be off."""
+    off = _off(named)
+    because = f"{plain.because}, beside {' and '.join(off)}" if off else plain.because
+    return Shared(replace(plain, because=because), search.fits, named)
+
+
 def _readings(search: EffectSearch, plain: Verdict, scatter: float) -> Shared | None:
     """The base model alone beside readings off their zero or scale, where a bed that scatters need not be granted."""
-    if not scatter or judge(_refitted(search, [()], 0.0, calibration=True), search.criteria).status != "adequate":
+    if not scatter or judge(_refitted(search, [()], 0.0), search.criteria).status != "adequate":
         return None
     found = _beside(search, plain, 1, 0.0)
     return found if found and found.verdict.status == "adequate" else None
@@ -77,7 +94,7 @@ def _scatter_about(search: EffectSearch, fit: Fit) -> float:
     scatter = bed_scatter(fit, search.criteria)
     if not scatter:
         return 0.0
-    there = _refitted(search, [fit.effects], scatter, calibration=True)[fit.effects]
+    there = _refitted(search, [fit.effects], scatter)[fit.effects]
     return bed_scatter(fitted_at(fit.model, fit.cells, there.point), search.criteria)
 
 
@@ -88,44 +105,31 @@ def _best(search: EffectSearch, size: int) -> Fit:
 
 def _beside(search: EffectSearch, plain: Verdict, size: int, scatter: float) -> Shared | None:
     """The verdict beside nuisances among sets of up to ``size`` effects; None where it is no better."""
-    calibration = plain.status != "adequate"
-    fits = _refitted(search, _leading(search, plain, size), scatter, calibration)
+    fits = _refitted(search, _leading(search, plain, size), scatter)
     if judge(fits, search.criteria).status == "unexplained":
         return None
-    fits |= _refitted(search, [names for names in search.fits if len(names) == 1], scatter, calibration)
+    fits |= _refitted(search, [names for names in search.fits if len(names) == 1], scatter)
     verdict = judge(fits, search.criteria)
-    while verdict.effects and (lower := _smaller_from(fits, verdict.effects, search.criteria, scatter, calibration)):
+    while verdict.effects and (lower := _smaller_from(fits, verdict.effects, search.criteria, scatter)):
         fits |= lower
         verdict = judge(fits, search.criteria)
     if verdict.status == "unexplained" or not _random(fits[verdict.effects]):
         return None
     if plain.status == "adequate" != verdict.status:
         return None
-    return Shared(_with_nuisances(verdict, plain, fits[verdict.effects], scatter, search.criteria), fits)
+    named = fits[verdict.effects]
+    return Shared(_with_nuisances(verdict, plain, named, scatter, search.criteria), fits, named)
 
 
-def _nothing_shared(search: EffectSearch, scatter: float) -> bool:
-    """Whether an adequate model is the same beside a drift: it neither shows, nor could hide in what was fitted."""
-    if scatter or search.cells.order is None:
-        return not scatter
-    plain = search.fits[()]
-    beside = _refitted(search, [()], scatter, calibration=False)[()]
-    known = np.isfinite(plain.stderr)
-    wider = bool((beside.stderr[known] > WIDER * plain.stderr[known]).any())
-    return not wider and plain.deviance - beside.deviance < search.criteria.shared
-
-
-def _survives(search: EffectSearch, names: Names, scatter: float) -> bool:
-    """Whether every effect of a set earns its place beside the nuisances."""
+def _survivor(search: EffectSearch, names: Names, scatter: float) -> Fit | None:
+    """A set beside the nuisances, where every effect of it still earns its place."""
     parts = [part for part in combinations(names, len(names) - 1) if part in search.fits]
-    fits = _refitted(search, [names, *parts], scatter, calibration=True)
-    fits |= _smaller_from(fits, names, search.criteria, scatter, calibration=True)
-    return all(worth(fits, names, part, search.criteria) for part in parts)
+    fits = _refitted(search, [names, *parts], scatter)
+    fits |= _smaller_from(fits, names, search.criteria, scatter)
+    return fits[names] if all(worth(fits, names, part, search.criteria) for part in parts) else None
 
 
-def _smaller_from(
-    fits: dict[Names, Fit], names: Names, criteria: Criteria, scatter: float, calibration: bool
-) -> dict[Names, Fit]:
+def _smaller_from(fits: dict[Names, Fit], names: Names, criteria: Criteria, scatter: float) -> dict[Names, Fit]:
     """Sets with one effect less that fit better than so far.
 
     They are tried near where the larger set has come to.
@@ -134,7 +138,7 @@ def _smaller_from(
     for part in combinations(names, len(names) - 1):
         if part in fits:
             before = fits[part]
-            own = shared_by(before, criteria, scatter, calibration)
+            own = shared_by(before, criteria, scatter)
             point = solve_near((before.model, before.cells, (fits[names].warm_start, before.warm_start), own))
             better = fitted_at(before.model, before.cells, point, own)
             if better.deviance < before.deviance - GAINED:
@@ -152,7 +156,7 @@ def _leading(search: EffectSearch, plain: Verdict, most: int) -> list[Names]:
     return sorted((found | parts | {()}) & set(search.fits), key=len)
 
 
-def _refitted(search: EffectSearch, sets: Sequence[Names], scatter: float, calibration: bool) -> dict[Names, Fit]:
+def _refitted(search: EffectSearch, sets: Sequence[Names], scatter: float) -> dict[Names, Fit]:
     """Sets fitted before, with nuisances.
 
     These are linear first about the fit without them, then about the one with: a model that was bent to fit has slopes
@@ -161,7 +165,7 @@ def _refitted(search: EffectSearch, sets: Sequence[Names], scatter: float, calib
     before = [search.fits[names] for names in sets]
     starts = [_starts(search, fit) for fit in before]
     for _ in range(2):
-        nuisances = [shared_by(fit, search.criteria, scatter, calibration) for fit in before]
+        nuisances = [shared_by(fit, search.criteria, scatter) for fit in before]
         tasks = [(fit.model, fit.cells, at, own) for fit, at, own in zip(before, starts, nuisances, strict=True)]
         points = search.fit_all(solve_near, tasks)
         before = [
@@ -180,21 +184,20 @@ def _starts(search: EffectSearch, fit: Fit) -> tuple[WarmStart, ...]:
     return tuple(found.warm_start for found in (fit, *best))
 
 
-def shared_by(fit: Fit, criteria: Criteria, scatter: float, calibration: bool = True) -> Nuisances:
-    """Nuisances, linear about a fit without any; ``scatter`` is σ_b. Readings need ``calibration``."""
+def shared_by(fit: Fit, criteria: Criteria, scatter: float) -> Nuisances:
+    """Nuisances, linear about a fit; ``scatter`` is σ_b. How well readings are known is said beside the cameras."""
     by_ln_k, share, order = _by_ln_k(fit), batch_share(fit), fit.cells.order
     found: list[tuple[str, float, Array]] = []
     if scatter:
         found += [(BATCH, scatter, by_ln_k * batch[:, None]) for batch in share.T]
     if order is not None:
         found.append(("drift", criteria.drift, by_ln_k * order[:, None]))
-    if calibration:
-        lift, along = np.zeros((2, *by_ln_k.shape))
-        lift[:, Observable.lift] = 1.0
-        along[:, ALONG] = fit.predicted[:, ALONG]
-        if "lift" in fit.cells.observables:
-            found.append(("lift_zero_m", criteria.lift_zero_m, lift))
-        found.append(("speed_scale", criteria.speed_scale, along))
+    lift, along = np.zeros((2, *by_ln_k.shape))
+    lift[:, Observable.lift] = 1.0
+    along[:, ALONG] = fit.predicted[:, ALONG]
+    if "lift" in fit.cells.observables:
+        found.append((LIFT_ZERO, fit.cells.accuracy.lift_zero_m, lift))
+    found.append((SPEED_SCALE, fit.cells.accuracy.speed_scale, along))
     names, sd, slopes = zip(*found, strict=True)
     own = scatter * np.sqrt(np.sum(share**2, axis=1))
     return Nuisances(names, np.array(sd), np.stack(slopes, axis=-1), own)
@@ -263,19 +266,27 @@ def _trends(fit: Fit) -> Array:
 def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, scatter: float, criteria: Criteria) -> Verdict:
     """The verdict with what it takes for granted, and what would be said otherwise."""
     kind = "condition" if fit.cells.batch_share is None else "batch"
-    words = [f"k that scatters by {scatter:.2%} from {kind} to {kind} (prior {criteria.bed_scatter:.1%})"] * bool(
-        scatter
-    )
-    units = {"drift": ("a drift of k by", 1e2, "%"), "speed_scale": ("a speed scale off by", 1e2, "%")}
-    units["lift_zero_m"] = ("a lift zero off by", 1e3, "mm")
-    assert fit.nuisances is not None
-    for name, sd, (value, stderr) in zip(fit.nuisances.names, fit.nuisances.sd, fit.shared, strict=True):
-        if name in units and abs(value) > 2 * stderr:
-            what, scale, unit = units[name]
-            words.append(f"{what} {scale * value:.2g} ± {scale * stderr:.1g} {unit} (prior {scale * sd:.1g} {unit})")
-    taken = " and ".join(words) or "a drift that these data can't show"
+    bed = f"k that scatters by {scatter:.2%} from {kind} to {kind} (prior {criteria.bed_scatter:.1%})"
+    words = [bed] * bool(scatter) + _off(fit)
     named = f"{plain.status}: {' + '.join(plain.effects)}" if plain.effects else plain.status
+    taken = " and ".join(words) or "a drift that these data can't show"
     because = f"{verdict.because}, granted {taken}"
     if plain.status != verdict.status or plain.effects != verdict.effects:
         because = f"{because}; without that the verdict would be {named}"
-    return Verdict(verdict.status, verdict.effects, verdict.alternatives, because)
+    return replace(verdict, because=because)
+
+
+def _off(fit: Fit) -> list[str]:
+    """The drift, the zero and the scale that show: more than twice their standard error."""
+    assert fit.nuisances is not None
+    return [
+        in_words(name, value, stderr, sd)
+        for name, sd, (value, stderr) in zip(fit.nuisances.names, fit.nuisances.sd, fit.shared, strict=True)
+        if name in WORDS and abs(value) > SHOWS * stderr
+    ]
+
+
+def in_words(name: str, value: float, stderr: float, sd: float) -> str:
+    """A nuisance and its prior in a reader's units: ``a lift zero off by 0.98 ± 0.05 mm (prior 0.6 mm)``."""
+    what, scale, unit = WORDS[name]
+    return f"{what} by {scale * value:.2g} ± {scale * stderr:.1g} {unit} (prior {scale * sd:.1g} {unit})"

@@ -61,10 +61,11 @@ def claim(fit: Fit, criteria: Criteria = DEFAULT) -> float:
     freedom = int(fit.cells.pure_error_dof.sum())
     tail = chi2_sf(criteria.claim, 1)
     price = f_isf(tail, 1, freedom) if freedom else np.inf
-    return price * _overdispersion(fit)
+    return price * overdispersion(fit)
 
 
-def _overdispersion(fit: Fit) -> float:
+def overdispersion(fit: Fit) -> float:
+    """χ² a degree of freedom, where cell means scatter about a fit by more than replicates do; else 1."""
     return max(1.0, fit.goodness.chi2 / fit.goodness.dof) if fit.goodness.dof > 0 else 1.0
 
 
@@ -95,7 +96,7 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
     if not good:
         return _unexplained(fits, criteria)
     best = min(good, key=lambda fit: fit.bic)
-    apart = criteria.clearly * _overdispersion(best)
+    apart = criteria.clearly * overdispersion(best)
     rivals = sorted((fit for fit in good if fit.bic - best.bic < apart and fit is not best), key=lambda fit: fit.bic)
     if rivals:
         sets = tuple(fit.effects for fit in (best, *rivals))

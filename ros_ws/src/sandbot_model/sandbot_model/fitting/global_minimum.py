@@ -75,7 +75,7 @@ def solve_near(task: tuple[Model, Cells, tuple[WarmStart, ...], Nuisances | None
     model, cells, starts_at, nuisances = task
     problem = Problem(model, cells, nuisances)
     found = [nearby_state(problem, near) for near in starts_at]
-    state = min(found, key=lambda state: float(state.deviance[0]))
+    state = _plausible(problem, min(found, key=lambda state: float(state.deviance[0])))
     return Point(state.theta[0], state.ln_k[0], state.slope[0])
 
 

@@ -19,7 +19,7 @@ from sandbot_model.physics.observables import NAMES
 FAIL_Z = 3.0
 """Cell means missed by more standard errors than this are listed as failing."""
 AT_BOUND = 1e-3
-PLAUSIBLE_SIGMAS = 3.0
+PLAUSIBLE_SIGMAS, FAR_OUT = 3.0, 0.25
 
 
 class Estimate(NamedTuple):
@@ -155,11 +155,15 @@ def at_bounds(problem: Problem, theta: Array) -> tuple[str, ...]:
 
 
 def implausible(model: Model, estimates: Mapping[str, Estimate]) -> tuple[str, ...]:
-    """Shared parameters more than ``PLAUSIBLE_SIGMAS`` standard errors outside their plausible range."""
+    """Shared parameters that are outside their plausible range by more than ``PLAUSIBLE_SIGMAS`` standard errors, or by
+    more than ``FAR_OUT`` of its width: an error as wide as the range excuses no value.
+    """
     found = []
     for name, parameter in zip(model.names, model.parameters, strict=True):
         value, error = estimates[name]
-        margin = PLAUSIBLE_SIGMAS * (error if np.isfinite(error) else 0.0)
+        margin = min(
+            PLAUSIBLE_SIGMAS * (error if np.isfinite(error) else 0.0), FAR_OUT * (parameter.high - parameter.low)
+        )
         if value < parameter.low - margin or value > parameter.high + margin:
             found.append(name)
     return tuple(found)

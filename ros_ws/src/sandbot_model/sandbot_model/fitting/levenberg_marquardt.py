@@ -1,5 +1,7 @@
 """Levenberg-Marquardt on (θ, ln k) from many starts at once."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sandbot_model.fitting.jacobian import full_jacobian
@@ -14,8 +16,8 @@ MAX_DAMPING = 1e5
 """Damping beyond which a row is no longer improved."""
 
 
-def descend(problem: Problem, states: States, iterations: int = ITERATIONS) -> States:
-    """The local minimum that each row descends to."""
+def descend(problem: Problem, states: States, iterations: int = ITERATIONS, fixed: Sequence[int] = ()) -> States:
+    """The local minimum that each row descends to; the parameters ``fixed``, by index in θ, stay where they are."""
     rows = np.arange(len(states.theta))
     damping = np.full(len(rows), 1e-2)
     active = np.ones(len(rows), dtype=bool)
@@ -24,7 +26,7 @@ def descend(problem: Problem, states: States, iterations: int = ITERATIONS) -> S
         if not len(at):
             break
         here = states.take(at)
-        trial = _moved(problem, here, damping[at])
+        trial = _moved(problem, here, damping[at], fixed)
         gain = here.deviance - trial.deviance
         better = gain > 0
         states = _put(states, at, here.where(better, trial))
@@ -39,8 +41,8 @@ def bounds(problem: Problem) -> tuple[Array, Array]:
     return search[:, 0], search[:, 1]
 
 
-def _moved(problem: Problem, states: States, damping: Array) -> States:
-    """Each row after one damped step, parameters pressed against a bound held."""
+def _moved(problem: Problem, states: States, damping: Array, fixed: Sequence[int]) -> States:
+    """Each row after one damped step, parameters that are fixed or pressed against a bound held."""
     low, high = bounds(problem)
     count = states.theta.shape[1]
     jacobian = full_jacobian(problem, states)
@@ -51,6 +53,7 @@ def _moved(problem: Problem, states: States, damping: Array) -> States:
     down, up = gradient[:, :count] < 0, gradient[:, :count] > 0
     held = np.zeros(gradient.shape, dtype=bool)
     held[:, :count] = ((states.theta <= low) & down) | ((states.theta >= high) & up)
+    held[:, list(fixed)] = True
     normal = normal / scale[:, :, None] / scale[:, None, :]
     normal = np.where(held[:, :, None] | held[:, None, :], 0.0, normal)
     normal += np.eye(normal.shape[1]) * (damping[:, None, None] + held[:, :, None])

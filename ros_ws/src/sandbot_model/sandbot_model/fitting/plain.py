@@ -1,5 +1,6 @@
 """Results as plain data: what the JSON of ``compare`` and ``discover`` is made of."""
 
+from dataclasses import is_dataclass
 from typing import Any
 
 import numpy as np
@@ -19,11 +20,16 @@ def data_summary(cells: Cells) -> dict[str, Any]:
 
 
 def plain(record: Any) -> dict[str, Any]:
-    """A flat dataclass as a mapping; tuples become lists, numbers that are not finite None."""
-    return {
-        name: number(value) if isinstance(value, float) else list(value) if isinstance(value, tuple) else value
-        for name, value in vars(record).items()
-    }
+    """A dataclass as a mapping; tuples become lists, dataclasses in them mappings, numbers that are not finite None."""
+    return {name: _plain(value) for name, value in vars(record).items()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float):
+        return number(value)
+    if isinstance(value, tuple):
+        return [plain(part) if is_dataclass(part) else part for part in value]
+    return value
 
 
 def number(value: float) -> float | None:

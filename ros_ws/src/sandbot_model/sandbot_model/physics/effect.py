@@ -63,6 +63,8 @@ class Effect:
     """True if φ varies within a trial (the effect sets ``chain.sigma_phi``): averages are then taken along the way."""
     replaces: tuple[str, ...] = ()
     """Parameters of the base model that mean nothing once the effect acts."""
+    variant: str = ""
+    """Which other convention this is, of a family with the same identifier (see ``variants``)."""
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Change the chain's quantities; ``p`` holds this effect's parameters by name."""

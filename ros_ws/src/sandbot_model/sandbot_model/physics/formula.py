@@ -4,8 +4,8 @@ The expression gives the new value of the stage's quantity (``k``, ``force``, ``
 another one if it says so: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"``. ``*=`` and ``+=`` change
 what is there, also several quantities alike: ``"slip: speed: kept, peak_ratio *= 1 - a*d/R; a [1] in 0..1"``.
 
-Names are quantities of the chain, the robot's R, h, w, m, g, the parameters, ``first`` (1 in the first step, on virgin
-ground, 0 in all others), and numpy functions. asteval evaluates it: no attribute access, no import, no files.
+Names are quantities of the chain, the robot's R, h, w, m, g, d_r, the parameters, ``first`` (1 in the first step, on
+virgin ground, 0 in all others), and numpy functions. asteval evaluates it: no attribute access, no import, no files.
 """
 
 import ast
@@ -115,6 +115,7 @@ class _Formula(Effect):
             m=robot.mass_per_leg_kg,
             g=robot.gravity_m_s2,
             d=chain.depth,
+            d_r=robot.stiffness_depth_m,
             first=float(chain.first_step),
             **p,
         )

@@ -39,6 +39,7 @@ def write_report(
         steps(discovery.steps),
         provenance(trials, discovery.cells, lost_bags(bags_of(data), trials)),
         title=title,
+        trials=trials,
         frames=frames,
         truth_line=truth_line,
     )

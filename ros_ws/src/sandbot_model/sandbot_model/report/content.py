@@ -14,7 +14,7 @@ from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.physics.typeset import mathml
-from sandbot_model.report import balance, captions, figures, mechanics, text
+from sandbot_model.report import balance, captions, figures, mechanics, run_order, text
 from sandbot_model.report.page import Download, Figure, Page, Section, Table, data_uri
 from sandbot_model.report.view import (
     Provenance,
@@ -26,6 +26,7 @@ from sandbot_model.report.view import (
     residual_z,
     scatter,
 )
+from sandbot_record.trials.table import Trials
 
 Frames = Sequence[tuple[bytes, str]]
 MAX_FAILING_ROWS = 60
@@ -38,6 +39,7 @@ def discovery_page(
     provenance: Provenance,
     *,
     title: str,
+    trials: Trials,
     frames: Frames = (),
     truth_line: str | None = None,
 ) -> Page:
@@ -55,7 +57,9 @@ def discovery_page(
         steps=_step_names(steps),
         sections=(
             *_figure_sections(steps, discovery.noise_floor_m_s),
+            *_run_order(trials, steps),
             *_candidates(discovery),
+            *_limits(discovery),
             *_residual(discovery),
             _parameters(steps),
             *_next_trials(discovery),
@@ -176,6 +180,19 @@ def _residual_figure(steps: tuple[Step, ...], observable: str) -> Figure:
     )
 
 
+def _run_order(trials: Trials, steps: tuple[Step, ...]) -> list[Section]:
+    """Residuals in the order in which the trials were run, where that is known."""
+    if not run_order.drawable(trials, steps[-1].fit):
+        return []
+    figure = Figure(
+        name="run-order",
+        alt=tuple(run_order.caption(trials, step.fit) for step in steps),
+        caption="",
+        draw=lambda theme: [run_order.figure(trials, step.fit, theme) for step in steps],
+    )
+    return [Section("order", "Residuals in run order", figures=(figure,))]
+
+
 def _ladder_figure(steps: tuple[Step, ...], floor: float) -> Figure:
     return Figure(
         name="ladder",
@@ -268,6 +285,21 @@ def _candidates(discovery: Discovery) -> list[Section]:
     if rest := rows[BEST_CANDIDATES:]:
         tables.append(Table(f"{len(rest)} more effects that help less", head, rest, words, folded=True))
     return [Section("candidates", "Effects tried", tables=tuple(tables))]
+
+
+def _limits(discovery: Discovery) -> list[Section]:
+    """How large absent effects can be."""
+    rows = [
+        (*text.described(f"{limit.effect}.{limit.parameter}"), _end(limit.low), _end(limit.high))
+        for limit in discovery.limits
+    ]
+    caption = "What effects that are not named can be at 95 % confidence; – where they end or these data set no limit."
+    table = Table(caption, ("parameter", "unit", "above", "below"), rows, (True, True, False, False))
+    return [Section("limits", "Effects that are absent", tables=(table,))] if rows else []
+
+
+def _end(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2g}".replace("-", "−")
 
 
 def _residual(discovery: Discovery) -> list[Section]:

@@ -85,15 +85,15 @@ def _print(found: "Discovery") -> None:
         print(tables.candidates(found), "\n")
     print(tables.parameters(found.steps[-1]), "\n")
     print(tables.fails(found.steps[-1]), "\n")
+    if found.limits:
+        print(f"absent, at 95 %: {'; '.join(map(str, found.limits))}\n")
     if found.next_trials:
         print(tables.next_trials(found), "\n")
     if found.residual is not None:
         print(f"what is left: {found.residual.sentence}\ntry: compare DATA {found.residual.options}\n")
-    verdict = found.verdict
-    named = f": {' + '.join(verdict.effects)}" if verdict.status in ("identified", "ambiguous") else ""
     if math.isfinite(found.stability):
         print(f"stability: best in {100 * found.stability:.0f} % of bootstrap draws")
-    print(f"verdict: {verdict.status}{named} - {verdict.because}")
+    print(f"verdict: {found.headline} - {found.verdict.because}")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,72 @@
+"""Where no set fits: the leading effects under other conventions of their formulas (see ``physics.variants``)."""
+
+from collections.abc import Sequence
+from itertools import combinations, product
+
+from sandbot_model.discovery.effect_search import EffectSearch, Names
+from sandbot_model.discovery.verdict import sound
+from sandbot_model.fitting.fit import Fit, fitted_at
+from sandbot_model.fitting.global_minimum import WarmStart, solve
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.model import Model, model_of
+from sandbot_model.physics.variants import variants_of
+
+PAIRS = 3
+"""Pairs that are tried under other conventions, the best; of single effects all are."""
+
+
+def other_conventions(search: EffectSearch) -> bool:
+    """Give single effects and the best pairs the convention that fits them best; whether any fits clearly better.
+
+    Each is looked at near the best smaller set, the best of all then anywhere.
+    """
+    better = [names for names in _leading(search) if _better(search, names)]
+    if better:
+        best = min(better, key=lambda names: search.fits[names].bic)
+        fit = search.fits[best]
+        anywhere = _fitted(search, [fit.model], fit.warm_start, nearby=False)[0]
+        search.fits[best] = anywhere if anywhere.deviance < fit.deviance else fit
+    return bool(better)
+
+
+def _better(search: EffectSearch, names: Names) -> bool:
+    """Whether a set fits clearly better under another convention, which then takes its place."""
+    models = [
+        model_of(search.base, names, {**search.effects, **swapped}, search.cells.robot)
+        for swapped in _swaps(search, names)
+    ]
+    start = min((search.fits[part] for part in _parts(search, names)), key=lambda fit: fit.deviance).warm_start
+    found = [fit for fit in _fitted(search, models, start, nearby=True) if sound(fit)]
+    best = min(found, key=lambda fit: fit.deviance, default=search.fits[names])
+    if best.deviance >= search.fits[names].deviance - search.criteria.clearly:
+        return False
+    search.fits[names] = best
+    return True
+
+
+def _fitted(search: EffectSearch, models: Sequence[Model], start: WarmStart, *, nearby: bool) -> list[Fit]:
+    points = search.fit_all(solve, [(model, search.cells, start, nearby) for model in models])
+    return [fitted_at(model, search.cells, point) for model, point in zip(models, points, strict=True)]
+
+
+def conventions(fit: Fit) -> dict[str, str]:
+    """The other convention that each effect of a fit follows, if it does."""
+    return {effect.identifier: effect.variant for effect in fit.model.effects if effect.variant}
+
+
+def _leading(search: EffectSearch) -> list[Names]:
+    best = sorted(search.fits, key=lambda names: search.fits[names].bic)
+    found: list[Names] = []
+    for size, most in ((1, len(best)), (2, PAIRS)):
+        found += [names for names in best if len(names) == size][:most]
+    return found
+
+
+def _parts(search: EffectSearch, names: Names) -> list[Names]:
+    return [part for part in combinations(names, len(names) - 1) if part in search.fits]
+
+
+def _swaps(search: EffectSearch, names: Names) -> list[dict[str, Effect]]:
+    """The effects of a set under all conventions but those it was fitted with."""
+    own = [(search.effects[name], *variants_of(search.effects[name])) for name in names]
+    return [{effect.identifier: effect for effect in some} for some in list(product(*own))[1:]]

@@ -1,0 +1,122 @@
+"""Effects that are absent get a limit in place of silence: ``stance_overlap.eta < 0.02`` at 95 % confidence.
+
+From the profile likelihood beside the nuisances of what was named. An effect that only takes (η, σ) has an upper limit,
+where the deviance has risen by 2.71; one that may act either way (b, χ) an interval, where it has risen by 3.84.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.jacobian import full_jacobian, project_out
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.states import States
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.effect import Parameter
+
+CONFIDENCE = 0.95
+ONE_SIDED, TWO_SIDED = 2.706, 3.841
+"""χ² of one degree of freedom at 90 and 95 %."""
+TRIED = (-4.0, -2.5, -1.5, 0.0, 1.5, 2.5, 4.0)
+"""Values at which the profile is taken, in standard errors about the estimate to first order."""
+STEEPEST = 0.5
+"""Standard errors to first order nearer than which no limit can be: the deviance is a staircase there, no parabola."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a parameter of an absent effect can be at 95 %; None on a side where it ends or these data end it not."""
+
+    effect: str
+    parameter: str
+    unit: str
+    low: float | None
+    high: float | None
+
+    def __str__(self) -> str:
+        name = f"{self.effect}.{self.parameter}"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        if self.low is None:
+            return f"{name} < {self.high:.2g}{unit}"
+        above = f"{self.low:.2g} < {name}"
+        return f"{above}{unit}" if self.high is None else f"{above} < {self.high:.2g}{unit}"
+
+
+def limits(search: EffectSearch, named: Fit) -> list[Limit]:
+    """Limits of all effects that are not named, vanish at a value of one parameter, and show in these data."""
+    found = []
+    for effect in map(search.effects.__getitem__, search.names):
+        strengths = [one for one in effect.parameters if one.neutral is not None]
+        if effect.identifier not in named.effects and len(strengths) == 1:
+            limit = _limit(search, named, effect.identifier, strengths[0])
+            found += [limit] if limit is not None else []
+    return found
+
+
+def _limit(search: EffectSearch, named: Fit, name: str, parameter: Parameter) -> Limit | None:
+    model = search.model(search.extended(named.effects, [name])[0])
+    problem, index = Problem(model, named.cells, named.nuisances), model.names.index(f"{name}.{parameter.name}")
+    neutral, (low, high) = float(parameter.neutral or 0.0), parameter.search
+    values = {f"{name}.{one.name}": one.start for one in search.effects[name].parameters}
+    values |= {key: estimate.value for key, estimate in named.parameters.items()}
+    theta = np.array([[values.get(key, 0.0) for key in model.names]])
+    theta[0, index] = neutral
+    start = problem.states(theta, named.state.ln_k, named.state.slope)
+    jacobian = full_jacobian(problem, start)[0]
+    estimate, error = _to_first_order(jacobian, start.all_residuals[0], index)
+    estimate += neutral
+    if not error < high - low:
+        return None
+    tried = np.unique(np.clip([neutral, *(estimate + error * np.array(TRIED))], low, high))
+    deviance = _profile(problem, start, jacobian, index, tried)
+    one_sided = parameter.hard_low == neutral
+    rise = ONE_SIDED if one_sided else TWO_SIDED
+    below = None if one_sided else _crossing(-tried[::-1], deviance[::-1], rise)
+    above = _crossing(tried, deviance, rise)
+    ends = [end for end in (below and -below, above) if end is not None]
+    if not ends or max(abs(end - max(estimate, low)) for end in ends) < STEEPEST * error:
+        return None
+    return Limit(name, parameter.name, parameter.unit, below and -below, above)
+
+
+def _to_first_order(jacobian: Array, residual: Array, index: int) -> tuple[float, float]:
+    """Estimate of a parameter, from where it is, and its standard error, everything else following."""
+    covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12, hermitian=True)
+    return float((covariance @ (jacobian.T @ residual))[index]), float(np.sqrt(covariance[index, index])) or np.inf
+
+
+def _profile(problem: Problem, start: States, jacobian: Array, index: int, values: Array) -> Array:
+    """Deviance ``(rows,)`` at values of one parameter, all others following to first order.
+
+    Cells beside a switch keep the weight they have at the start: what a mixture costs is rugged, and no parabola.
+    """
+    theta = np.repeat(start.theta, len(values), axis=0)
+    theta[:, index] = values
+    rows = np.zeros(len(values), dtype=np.int64)
+    moved = problem.states(theta, start.ln_k[rows], start.slope[rows], -start.shared[rows] * _sd(problem))
+    shift = np.where(problem.measured, moved.predicted - start.predicted, 0.0)
+    residual = np.repeat(start.all_residuals, len(values), axis=0)
+    residual[:, : shift[0].size] -= np.einsum("cij,rcj->rci", start.whiten[0], shift).reshape(len(values), -1)
+    basis, singular, _ = np.linalg.svd(np.delete(jacobian, index, axis=1), full_matrices=False)
+    left = project_out(residual.T, basis[:, singular > 1e-9 * singular[0]])
+    return np.asarray(np.sum(left**2, axis=0))
+
+
+def _sd(problem: Problem) -> Array:
+    return np.zeros(0) if problem.nuisances is None else problem.nuisances.sd
+
+
+def _crossing(values: Array, deviance: Array, rise: float) -> float | None:
+    """Where the deviance has risen so far above its least, going up; None if it does not.
+
+    Between two values its square root is taken to be linear, as that of a parabola is.
+    """
+    best = int(np.argmin(deviance))
+    root = np.sqrt(np.maximum(deviance - deviance[best], 0.0))[best:]
+    beyond = np.flatnonzero(root > np.sqrt(rise))
+    if not len(beyond):
+        return None
+    at = int(beyond[0])
+    return float(np.interp(np.sqrt(rise), root[at - 1 : at + 1], values[best:][at - 1 : at + 1]))

@@ -1,0 +1,165 @@
+"""Between yes and no: one effect repairs most of what the base model misses, and what it does not is said.
+
+Any one observable may be wrong: another convention, a camera. Each is left out in turn. Where an effect of the
+catalogue then leaves replicates nothing to explain, it is named, unless the base model does so too (then the observable
+is all that is wrong) or another effect does about as well with the same or another observable left out. Without such an
+observable an effect is named if a small rest is left, and it leads clearly whichever observable is left out.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sandbot_model.data.conditions import Cells
+from sandbot_model.discovery.criteria import Criteria
+from sandbot_model.discovery.effect_search import EffectSearch, Names
+from sandbot_model.discovery.verdict import Verdict, overdispersion, passes, sound, worth
+from sandbot_model.fitting.fit import Fit, fitted_at
+from sandbot_model.fitting.global_minimum import solve_near
+from sandbot_model.fitting.jacobian import project_out, tangent_basis
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.physics.observables import CM, Observable
+
+FEWEST = 3
+"""Observables from which one may be left out and the others still tell effects apart."""
+TRIED = 4
+"""Single effects that are fitted with an observable left out, those that come nearest to the others."""
+HOPELESS = 4.0
+"""χ² a degree of freedom, to first order, from which no fit to the other observables will leave nothing."""
+
+
+@dataclass(frozen=True)
+class Miss:
+    """An observable in which the effect fails: rms of measured minus model [SI], and in standard errors."""
+
+    observable: str
+    rms: float
+    z: float
+
+
+@dataclass(frozen=True)
+class Partial:
+    """What the leading effect does: where it holds, the ``share`` of the excess deviance there that it removes (of all
+    of it where no single observable is at fault), and where it fails."""
+
+    effect: str
+    share: float
+    holds: tuple[str, ...]
+    fails: tuple[Miss, ...]
+
+
+Spared = Mapping[Observable, Mapping[Names, Fit]]
+"""Fits of single effects and of the base model with an observable left out."""
+Found = tuple[Mapping[Names, Fit], Names, list[Observable]]
+"""Fits, the set among them that is named, and the observables in which it fails."""
+
+
+def partly(search: EffectSearch) -> tuple[Verdict, Partial] | None:
+    """The verdict where one effect repairs most; None where none does, or several might."""
+    observables = [one for one in Observable if one.name in search.cells.observables]
+    if len(observables) < FEWEST or len(search.fits) == 1:
+        return None
+    spared = {one: _without(search, one) for one in observables}
+    found = _one_is_wrong(spared, search.criteria) or _all_but_a_rest(search, spared)
+    if found is None:
+        return None
+    fits, names, failing = found
+    at, share = fits[names], _share(fits, names)
+    misses = tuple(_miss(search.cells, at, one) for one in failing)
+    holds = tuple(one.name for one in observables if one not in failing)
+    partial = Partial(at.effects[0], share, holds, misses)
+    return Verdict("partial", at.effects, (at.effects,), _because(partial, at)), partial
+
+
+def without(cells: Cells, observable: Observable) -> Cells:
+    """Cells in which one observable was not measured."""
+    mean, count = cells.mean.copy(), cells.n.copy()
+    mean[:, observable], count[:, observable] = np.nan, 0
+    return replace(cells, mean=mean, n=count)
+
+
+def _without(search: EffectSearch, observable: Observable) -> dict[Names, Fit]:
+    """The base model and the most hopeful single effects with one observable left out."""
+    cells = without(search.cells, observable)
+    missed = {names: _missed(fit, cells) for names, fit in search.fits.items() if len(names) == 1}
+    hopeful = sorted((names for names in missed if missed[names] < HOPELESS), key=lambda names: missed[names])
+    some = [search.fits[names] for names in ((), *hopeful[:TRIED])] if hopeful else []
+    points = search.fit_all(solve_near, [(fit.model, cells, (fit.warm_start,), None) for fit in some])
+    return {fit.effects: fitted_at(fit.model, cells, point) for fit, point in zip(some, points, strict=True)}
+
+
+def _missed(fit: Fit, cells: Cells) -> float:
+    """χ² a degree of freedom of other cells than a fit was made to, its parameters following to first order."""
+    problem = Problem(fit.model, cells)
+    state = problem.states(fit.state.theta, fit.state.ln_k, fit.state.slope)
+    left = project_out(state.all_residuals[0], tangent_basis(problem, state))
+    return float(left @ left) / max(int(problem.measured.sum()) - len(fit.stderr), 1)
+
+
+def _one_is_wrong(spared: Spared, criteria: Criteria) -> Found | None:
+    """The effect that leaves nothing to explain without one observable, and which that is."""
+    passing = [(one, names) for one, fits in spared.items() for names in fits if _explains(fits, names, criteria)]
+    if not passing or any(not names for _, names in passing):
+        return None
+    excess = {(one, names): _excess(spared[one][names]) for one, names in passing}
+    odd, best = min(passing, key=lambda key: excess[key])
+    rivals = [key for key in passing if key[1] != best and excess[key] - excess[odd, best] < criteria.clearly]
+    return None if rivals else (spared[odd], best, [odd])
+
+
+def _explains(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:
+    return passes(fits[names], criteria) and (not names or worth(dict(fits), names, (), criteria))
+
+
+def _excess(fit: Fit) -> float:
+    """Deviance above what replicates alone would leave."""
+    return fit.deviance - fit.goodness.dof
+
+
+def _all_but_a_rest(search: EffectSearch, spared: Spared) -> Found | None:
+    """The effect that leads whichever observable is left out and leaves a small rest; where that is."""
+    singles = {names: fit for names, fit in search.fits.items() if len(names) < 2}
+    leader = min((fit for names, fit in singles.items() if names), key=lambda fit: fit.bic)
+    if _share(singles, leader.effects) < search.criteria.all_but_a_rest:
+        return None
+    if not all(_leads(fits, leader.effects, search.criteria) for fits in (singles, *spared.values())):
+        return None
+    tests = leader.goodness.lack_of_fit
+    failing = [one for one in spared if tests.get(one.name, 1.0) < search.criteria.lack_of_fit_of_one]
+    return singles, leader.effects, failing
+
+
+def _leads(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:
+    """Whether an effect earns its place and is clearly better than every other."""
+    if names not in fits or not worth(dict(fits), names, (), criteria):
+        return False
+    apart = criteria.clearly * overdispersion(fits[names])
+    return all(fit.bic - fits[names].bic > apart for key, fit in fits.items() if key and key != names and sound(fit))
+
+
+def _share(fits: Mapping[Names, Fit], names: Names) -> float:
+    """Share of the base model's excess deviance that a set removes."""
+    return (fits[()].deviance - fits[names].deviance) / max(_excess(fits[()]), 1e-9)
+
+
+def _miss(cells: Cells, fit: Fit, observable: Observable) -> Miss:
+    """By a fit that need not have seen the observable."""
+    gap = cells.mean[:, observable] - fit.predicted[:, observable]
+    z = gap / np.sqrt(cells.covariance[:, observable, observable])
+    clear = fit.problem.away_from_switch(fit.problem.widening(fit.state.covariance[0])) & np.isfinite(gap)
+    return Miss(observable.name, *(float(np.sqrt(np.mean(values[clear] ** 2))) for values in (gap, z)))
+
+
+def _because(found: Partial, at: Fit) -> str:
+    holds = ", ".join(Observable[name].label for name in found.holds) or "no observable by itself"
+    fails = " and ".join(
+        f"{Observable[miss.observable].label} by {CM * miss.rms:.2g} {Observable[miss.observable].readers_unit} rms "
+        f"({miss.z:.1f} standard errors)"
+        for miss in found.fails
+    )
+    there = " there" if len(found.fails) == 1 else ""
+    return (
+        f"{found.effect} holds in {holds} and removes {min(found.share, 1.0):.0%} of what the base model misses{there} "
+        f"(lack of fit p = {at.lack_of_fit_p:.2g})" + (f"; it fails in {fails}" if fails else "")
+    )

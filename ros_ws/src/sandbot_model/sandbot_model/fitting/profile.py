@@ -1,0 +1,63 @@
+"""Profile likelihood: the deviance at given values of some parameters, everything else fitted again at each.
+
+A threshold between two conditions acts alike wherever it is: the deviance is a staircase, a derivative along it knows
+no error, and that of other parameters, which jump with it, is wrong. Errors are then taken from the profile over all
+parameters of the effect: the rms distance from the fit, each point with weight exp(-ΔD/2) under a flat prior.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.levenberg_marquardt import descend
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.states import States
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.effect import Parameter
+
+ITERATIONS = 8
+THRESHOLDS = 9
+"""Values over the plausible range at which a parameter without a standard error is held."""
+NEAR, POINTS = 0.25, 21
+"""How far from the fit, in plausible ranges to either side, one with a standard error is held, and at how many values.
+"""
+
+
+def profile(problem: Problem, start: States, at: Sequence[int], values: Array) -> States:
+    """The best fit with the parameters θ[at] held at each row of ``values (rows, len(at))``, from one state."""
+    rows = np.zeros(len(values), dtype=np.int64)
+    theta = start.theta[rows].copy()
+    theta[:, at] = values
+    return descend(problem, problem.states(theta, start.ln_k[rows], start.slope[rows]), ITERATIONS, fixed=at)
+
+
+def with_profiled_errors(fit: Fit) -> Fit:
+    """The same fit; where the deviance is a staircase along a parameter of an effect, errors are those of a profile."""
+    for effect in fit.model.effects:
+        at = [fit.model.names.index(f"{effect.identifier}.{one.name}") for one in effect.parameters]
+        if np.isnan(fit.stderr[at]).any():
+            fit = replace(fit, stderr=_profiled(fit, at))
+    return fit
+
+
+def _profiled(fit: Fit, at: Sequence[int]) -> Array:
+    here = np.concatenate([fit.point.theta, fit.point.ln_k])
+    axes = [_held(fit.model.parameters[index], here[index], fit.stderr[index]) for index in at]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(at))
+    states = profile(fit.problem, fit.state, at, grid)
+    weight = np.exp(-0.5 * (states.deviance - states.deviance.min()))
+    away = np.concatenate([states.theta, states.ln_k], axis=1) - here
+    # What is held scatters over the grid alone, all else about each point of it as well.
+    own = fit.stderr.copy()
+    own[at] = 0.0
+    return np.asarray(np.sqrt(own**2 + weight @ away**2 / weight.sum()))
+
+
+def _held(parameter: Parameter, here: float, error: float) -> Array:
+    if np.isnan(error):
+        return np.unique([here, *np.linspace(parameter.low, parameter.high, THRESHOLDS)])
+    reach = NEAR * (parameter.high - parameter.low)
+    low, high = parameter.search
+    return np.unique(np.clip([here, *np.linspace(here - reach, here + reach, POINTS)], low, high))

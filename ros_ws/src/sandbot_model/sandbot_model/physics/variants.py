@@ -1,0 +1,63 @@
+"""Other conventions for an effect's formula: the family is the effect, which convention holds is for the data to say.
+
+An exponent, the width of a ramp and what the first step feels are conventions of whoever wrote the formula down. A
+variant has its family's identifier and parameters, so that it takes its place in a catalogue.
+"""
+
+from collections.abc import Mapping
+
+from sandbot_model.physics.chain import Chain
+from sandbot_model.physics.effect import Effect, Values
+from sandbot_model.physics.formula import formula_effect
+
+_CRATER = (
+    "maximum(penetration - z_0_m*exp(-pi/(omega*tau_s))*clip((1.2*R - step*kept)/({width}*R), 0, 1)*(1 - first), 0)"
+)
+_SLIP = "step, peak_ratio *= clip(1 - sigma*(d_r/maximum(d, 1e-6)){power}, 0, 1)"
+VARIANTS: Mapping[str, Mapping[str, str]] = {
+    "disturbed_ground": {
+        "a ramp of 0.3 R": ("k - maximum(k - k_l_n_per_m, 0)*clip((s_c*R - step*kept)/(0.3*R), 0, 1)*(1 - first)")
+    },
+    "stance_overlap": {"the first step spared": "kept *= 1 - eta*(1 - first)"},
+    "inertial_drag": {
+        "in proportion to speed": "extra_force += lambda_1*600*w*R*(R*16)*(R*omega)",
+        "in proportion to speed cubed": "extra_force += lambda_1*600*w*R*(R*omega)**3/(R*16)",
+    },
+    "crater_refill": {
+        "a ramp of 0.02 R": f"penetration = {_CRATER.format(width=0.02)}",
+        "a ramp of 0.3 R": f"penetration = {_CRATER.format(width=0.3)}",
+    },
+    "phi_dependent_response": {"exponential in φ": "delta_t *= exp(b*(phi - 0.61)/0.05)"},
+    "cable_drag": {
+        "F_x in proportion to depth": ("step, peak_ratio *= clip(1 - f_c_n/maximum(1.5*146e3*w*d_r*d, 1e-6), 0, 1)")
+    },
+    "leg_slip": {
+        "in inverse proportion to depth": _SLIP.format(power=""),
+        "by the inverse cube of depth": _SLIP.format(power="**3"),
+    },
+    "motor_saturation": {"a sharper bend": "omega/(1 + (omega/omega_s_rad_s)**4)**0.25"},
+}
+"""By family: what is different, and the formula's right side as ``--effect`` reads it."""
+
+
+class Variant(Effect):
+    """An effect under another convention; ``variant`` says which."""
+
+    def __init__(self, family: Effect, variant: str, text: str) -> None:
+        self.identifier, self.stage, self.parameters = family.identifier, family.stage, family.parameters
+        self.source, self.seen_in, self.replaces = family.source, family.seen_in, family.replaces
+        self.variant = variant
+        ranges = (f"{one.name} in {one.low}..{one.high}" for one in family.parameters)
+        self.acts = formula_effect("; ".join((f"{self.identifier}: {self.stage}: {text}", *ranges)))
+        self.formula, self.first_step_differs = self.acts.formula, self.acts.first_step_differs
+
+    def apply(self, chain: Chain, p: Values) -> None:
+        """Set what the formula says."""
+        self.acts.apply(chain, p)
+
+
+def variants_of(effect: Effect) -> tuple[Effect, ...]:
+    """The other conventions of a family; none of an effect that a user has put in its place."""
+    if effect.variant or not type(effect).__module__.startswith(f"{__package__}.effects."):
+        return ()
+    return tuple(Variant(effect, name, text) for name, text in VARIANTS.get(effect.identifier, {}).items())

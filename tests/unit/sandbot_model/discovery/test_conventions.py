@@ -1,0 +1,25 @@
+"""A family is named whatever its convention; which one it is, the data say."""
+
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.discover import discover
+from sandbot_model.physics.catalogue import catalogue
+
+FEW = {name: effect for name, effect in catalogue().items() if name in ("stance_overlap", "leg_slip", "inertial_drag")}
+SPARED = "o: speed: kept *= 1 - 0.1*(1 - first)"
+
+
+def test_an_overlap_that_spares_the_first_step_is_an_overlap(drawn):
+    found = discover(cells_of(drawn(formulas=(SPARED,), seed=5)), FEW, max_effects=1)
+    assert (found.verdict.status, found.verdict.effects) == ("identified", ("stance_overlap",))
+    assert found.headline == "identified: stance_overlap (the first step spared)"
+    assert found.to_dict()["variants"] == {"stance_overlap": "the first step spared"}
+    eta = found.fit.parameters["stance_overlap.eta"]
+    assert eta.value == pytest.approx(0.1, abs=3 * eta.stderr)
+
+
+def test_the_catalogues_own_convention_is_no_variant(drawn):
+    found = discover(cells_of(drawn(("stance_overlap",), seed=5)), FEW, max_effects=1)
+    assert found.headline == "identified: stance_overlap"
+    assert found.to_dict()["variants"] == {}

@@ -1,0 +1,66 @@
+"""Absent effects have limits: right on drawn truth, none where the data say nothing."""
+
+import dataclasses
+
+import numpy as np
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.limits import ONE_SIDED, Limit, limits
+from sandbot_model.discovery.sharing import shared_by
+from sandbot_model.fitting.fit import fitted_at
+from sandbot_model.fitting.global_minimum import solve_near
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_record.trials.table import from_rows
+
+EFFECTS = {
+    name: effect
+    for name, effect in catalogue().items()
+    if name in ("stance_overlap", "inertial_drag", "phi_dependent_response", "cohesion", "crater_refill")
+}
+
+
+def found(trials):
+    search = EffectSearch(cells_of(trials), EFFECTS, "simple")
+    search.run(0)
+    plain = search.fits[()]
+    shared = shared_by(plain, search.criteria, 0.0)
+    point = solve_near((plain.model, plain.cells, (plain.warm_start,), shared))
+    named = fitted_at(plain.model, plain.cells, point, shared)
+    return search, named, {limit.effect: limit for limit in limits(search, named)}
+
+
+def test_a_limit_is_where_the_deviance_has_risen_as_far_as_it_says(drawn):
+    """Against the profile by a full fit with the parameter held there."""
+    search, named, of = found(drawn(seed=1, levels=4))
+    limit = of["stance_overlap"]
+    held = [search.model(("stance_overlap",), {"stance_overlap.eta": eta}) for eta in (0.0, limit.high)]
+    least, there = (fit.deviance for fit in search.near(held, named))
+    free = search.near([search.model(("stance_overlap",))], named)[0].deviance
+    # A cell beside the switch says more against the effect than its parabola does: the limit errs on the safe side.
+    assert 0.8 * ONE_SIDED < there - min(least, free) < 2 * ONE_SIDED
+
+
+def test_the_limits_of_what_is_there_and_of_what_is_not(drawn):
+    """An overlap too small to be claimed is not excluded by its limit; on the other side zero is left in."""
+    high = [
+        found(drawn(("stance_overlap",), seed=seed, levels=4, values={"stance_overlap": {"eta": 0.01}}))[2]
+        for seed in (1, 2, 3)
+    ]
+    assert sum(of["stance_overlap"].high > 0.01 for of in high) >= 2
+    assert all(of["stance_overlap"].low is None for of in high)
+    either = high[0]["phi_dependent_response"]
+    assert either.low < 0.0 < either.high
+
+
+def test_what_does_not_show_has_no_limit(drawn):
+    rows = drawn(seed=1, levels=4).rows()
+    speed = [dataclasses.replace(row, lift_m=np.nan, peak_speed_m_s=np.nan, first_step_m=np.nan) for row in rows]
+    assert "cohesion" not in found(from_rows(speed))[2]
+
+
+def test_a_limit_reads_as_a_person_writes_it():
+    assert str(Limit("stance_overlap", "eta", "1", None, 0.0213)) == "stance_overlap.eta < 0.021"
+    assert str(Limit("cable_drag", "f_c_n", "N", None, 0.05)) == "cable_drag.f_c_n < 0.05 N"
+    assert str(Limit("a", "b", "1", -0.05, 0.1)) == "-0.05 < a.b < 0.1"
+    assert str(Limit("a", "b", "m", 0.5, None)) == "0.5 < a.b m"

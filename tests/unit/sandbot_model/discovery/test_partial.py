@@ -1,0 +1,70 @@
+"""One effect repairs most: it is named with what it leaves, and never where it does not act."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.partial import partly, without
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.observables import Observable
+from sandbot_record.trials.table import from_rows
+
+EFFECTS = {
+    name: effect
+    for name, effect in catalogue().items()
+    if name in ("stance_overlap", "leg_slip", "carried_momentum", "inertial_drag")
+}
+OVERLAP = "o: speed: kept *= 1 - 0.12*(1 - 3*first)"
+
+
+def tried(trials):
+    search = EffectSearch(cells_of(trials), EFFECTS, "simple")
+    search.run(1)
+    return search
+
+
+def test_an_effect_that_holds_in_all_observables_but_one_is_named_with_the_rest(drawn):
+    """An overlap that turns round in the first step: no convention of ours."""
+    found = discover(cells_of(drawn(formulas=(OVERLAP,), seed=5, levels=4)), EFFECTS, max_effects=1)
+    assert (found.verdict.status, found.verdict.effects) == ("partial", ("stance_overlap",))
+    assert found.headline == "partial: stance_overlap"
+    written = json.loads(json.dumps(found.to_dict()))
+    partial = written["partial"]
+    assert partial["effect"] == "stance_overlap"
+    assert 0.9 < partial["share"] < 1.1
+    assert partial["holds"] == ["speed", "lift", "peak_speed"]
+    (miss,) = partial["fails"]
+    assert miss["observable"] == "first_step"
+    assert miss["rms"] > 1e-3
+    assert miss["z"] > 3
+    assert [step["effects"] for step in written["steps"]] == [[], ["stance_overlap"]]
+    assert found.residual.effects == ("stance_overlap",)
+    assert "in the first step" in found.residual.sentence
+
+
+def test_where_only_an_observable_is_wrong_no_effect_is_named(drawn):
+    rows = drawn(seed=4).rows()
+    off = from_rows([dataclasses.replace(row, first_step_m=0.7 * row.first_step_m) for row in rows])
+    assert partly(tried(off)) is None
+
+
+@pytest.mark.parametrize("loss", ["0.3*exp(-((omega - 12)/3)**2)", "0.4*(0.633 - phi)/0.05"])
+def test_an_effect_of_another_kind_is_no_part_of_the_catalogue(drawn, loss):
+    assert partly(tried(drawn(formulas=(f"x: speed: kept, peak_ratio *= 1 - {loss}",), seed=3))) is None
+
+
+def test_from_speed_and_lift_alone_nothing_is_said(drawn):
+    rows = [dataclasses.replace(row, peak_speed_m_s=np.nan, first_step_m=np.nan) for row in drawn(seed=2).rows()]
+    assert partly(tried(from_rows(rows))) is None
+
+
+def test_cells_without_an_observable_have_not_measured_it(drawn):
+    cells = cells_of(drawn(levels=2))
+    left = without(cells, Observable.lift)
+    assert left.observables == ("speed", "peak_speed", "first_step")
+    assert cells.observables == ("speed", "lift", "peak_speed", "first_step")

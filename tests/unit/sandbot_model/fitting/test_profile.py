@@ -1,0 +1,45 @@
+"""Profile likelihood: a parabola's width, and an error where a derivative knows none."""
+
+import numpy as np
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.profile import profile, with_profiled_errors
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+
+
+def fitted(drawn, name, **more):
+    return fit(model_of("simple", (name,), catalogue()), cells_of(drawn((name,), seed=2, **more)))
+
+
+def test_a_profile_holds_its_parameter_and_fits_the_others(drawn):
+    smooth = fitted(drawn, "phi_dependent_response")
+    at = smooth.model.names.index("phi_dependent_response.b")
+    b, error = smooth.parameters["phi_dependent_response.b"]
+    values = b + error * np.array([-5.0, 0.0, 5.0])
+    states = profile(smooth.problem, smooth.state, [at], values[:, None])
+    np.testing.assert_array_equal(states.theta[:, at], values)
+    theta = np.repeat(smooth.state.theta, 3, axis=0)
+    theta[:, at] = values
+    rows = np.zeros(3, dtype=int)
+    unadjusted = smooth.problem.states(theta, smooth.state.ln_k[rows], smooth.state.slope[rows]).deviance
+    assert states.deviance[1] == pytest.approx(smooth.deviance, abs=0.1)
+    assert (states.deviance[[0, 2]] > smooth.deviance + 3).all()
+    assert (states.deviance[[0, 2]] < unadjusted[[0, 2]] - 10).all()
+
+
+def test_a_threshold_has_an_error_that_spans_its_stair(drawn):
+    stairs = fitted(drawn, "disturbed_ground", levels=7)
+    at = stairs.model.names.index("disturbed_ground.s_c")
+    assert np.isnan(stairs.stderr[at])
+    profiled = with_profiled_errors(stairs)
+    s_c = profiled.parameters["disturbed_ground.s_c"]
+    assert 0.005 < s_c.stderr < 0.1
+    assert s_c.value == pytest.approx(0.95, abs=2 * s_c.stderr)
+
+
+def test_a_fit_without_stairs_stays_as_it_is(drawn):
+    smooth = fitted(drawn, "stance_overlap")
+    assert with_profiled_errors(smooth) is smooth

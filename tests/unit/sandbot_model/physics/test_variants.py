@@ -1,0 +1,55 @@
+"""Variants of an effect: another formula, the same family."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from sandbot_model.physics.effects import CATALOGUE
+from sandbot_model.physics.formula import formula_effect
+from sandbot_model.physics.variants import VARIANTS, variants_of
+from sandbot_model.physics.walking import Inputs, Walker
+
+PAIRS = [(effect, variant) for effect in CATALOGUE for variant in variants_of(effect)]
+OMEGA, K = (axis.ravel() for axis in np.meshgrid([4.0, 10.0, 16.0, 24.0], np.linspace(172.0, 220.0, 40)))
+
+
+def predicted(effect):
+    start = {parameter.name: parameter.start for parameter in effect.parameters}
+    return Walker((effect,)).predict(Inputs(K, OMEGA, 0.4, 0.6), [start]).observables
+
+
+def test_every_family_with_variants_is_in_the_catalogue():
+    assert set(VARIANTS) == {family.identifier for family, _ in PAIRS}
+
+
+@pytest.mark.parametrize(("family", "variant"), PAIRS, ids=lambda one: f"{one.identifier} {one.variant}")
+def test_a_variant_is_of_its_family_but_says_something_else(family, variant):
+    assert (variant.identifier, variant.stage, variant.parameters) == (
+        family.identifier,
+        family.stage,
+        family.parameters,
+    )
+    assert variant.variant
+    assert not family.variant
+    assert not np.allclose(predicted(variant), predicted(family), rtol=1e-4)
+    np.testing.assert_array_equal(predicted(pickle.loads(pickle.dumps(variant))), predicted(variant))
+
+
+@pytest.mark.parametrize(
+    ("family", "variant"),
+    [pair for pair in PAIRS if any(one.neutral is not None for one in pair[0].parameters)],
+    ids=lambda one: f"{one.identifier} {one.variant}",
+)
+def test_where_a_family_vanishes_its_variant_does(family, variant):
+    neutral = {one.name: one.start if one.neutral is None else one.neutral for one in family.parameters}
+    inputs = Inputs(K, OMEGA, 0.4, 0.6)
+    np.testing.assert_allclose(
+        Walker((variant,)).predict(inputs, [neutral]).observables, Walker(()).predict(inputs).observables
+    )
+
+
+def test_what_a_user_defines_has_no_variants():
+    mine = formula_effect("stance_overlap: speed: kept*(1 - a); a [1] in 0..1")
+    assert variants_of(mine) == ()
+    assert all(variants_of(variant) == () for _, variant in PAIRS)
