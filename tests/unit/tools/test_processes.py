@@ -90,9 +90,9 @@ def test_a_command_that_can_not_start_stops_those_before_it(tmp_path):
 
 def test_the_table_becomes_processes_with_names_and_parameters():
     table = nodes.read_table(nodes.table_path())
-    made = processes(nodes.selected(table, {"bed.pulse_off_s": "0.3"}))
+    made = processes(nodes.selected(table, {"bed.pulse_off_s": "0.8"}))
     (bed,) = [one for one in made if one.label.startswith("bed-")]
     assert bed.command[0].endswith("/lib/sandbot_bed/bed")
     assert bed.command[1:4] == ["--ros-args", "-r", "__node:=bed"]
-    assert "pulse_off_s:=0.3" in bed.command
+    assert "pulse_off_s:=0.8" in bed.command
     assert "'lab':" in describe(table)
