@@ -314,9 +314,13 @@ class Operator(Node):
             raise TrialFailed(fault)
 
     def _watch(self, *more: Sign) -> None:
-        beats = (Sign(sign.who, topics.HEARTBEAT.name, self._silence_s / BEATS) for sign in self._vital)
+        beats = (
+            Sign(sign.who, topics.HEARTBEAT.name, self._silence_s / BEATS)
+            for sign in self._vital
+            if sign.who != "recorder"
+        )
         now_s = self._listening.now_s
-        # Those of other makers need not beat.
+        # Those of other makers need not beat; the recorder is our own child, of which the system tells.
         beating = [beat for beat in beats if math.isfinite(self._supervisor.age_s(beat.who, beat.topic, now_s))]
         self._supervisor.watch(*more, *self._vital, *beating, now_s=now_s)
 
@@ -405,6 +409,8 @@ class Operator(Node):
         if self._recorder is not None and self._recorder.ended:
             # A full disk, say: what the legs do from now on is lost, so they stop.
             return f"the recorder ended: {self._recorder.why_ended}"
+        if self._recorder is not None and self._recorder.frozen:
+            return "the recorder is frozen"
         for sign in self._vital if self._recorder is not None else ():
             # Who ends in order says so; nobody waits for his silence.
             if (text := self._told.get(sign.who, (0, "", {}))[1]).startswith("ended: "):

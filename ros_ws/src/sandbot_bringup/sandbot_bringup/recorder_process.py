@@ -1,5 +1,6 @@
 """The recorder of one live trial, a process of its own: what goes on is recorded whatever becomes of the campaign."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -42,6 +43,14 @@ class RecorderProcess:
     def ended(self) -> bool:
         """Whether it is gone, and everything it said has been read."""
         return self._process.poll() is not None and not self._reader.is_alive()
+
+    @property
+    def frozen(self) -> bool:
+        """Whether it has been stopped (SIGSTOP): it is our child, so the system tells at once."""
+        if self._process.poll() is not None:
+            return False
+        found = os.waitid(os.P_PID, self._process.pid, os.WSTOPPED | os.WNOHANG | os.WNOWAIT)
+        return found is not None
 
     @property
     def code(self) -> int | None:
