@@ -41,7 +41,7 @@ _BATCH_S = 0.005
 _LOOK_AROUND_S = 0.1
 _SETTLED, _SETTLED_UNHEARD = 3, 10
 """Looks in a row without anything new before "recording to" is said; more where a wanted topic has no publisher yet."""
-_INTERNAL = ("/rosout", "/parameter_events", "/recorder/")
+_INTERNAL = ("/rosout", "/parameter_events", "/recorder/", topics.HEARTBEAT.name)
 _KNOWN = {topic.name: topic for topic in (*topics.ALL, NOTE)}
 
 
