@@ -23,7 +23,11 @@ from sandbot_lab.direct import direct_trials
 from sandbot_lab.robot import simulate
 from sandbot_lab.world import World, world_from_mapping
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.criteria import DEFAULT
+from sandbot_model.discovery.sharing import shared_by
+from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.effects import CATALOGUE
+from sandbot_model.physics.model import model_of
 from sandbot_model.physics.walking import Inputs, KCurve, Walker
 from sandbot_record.bags.reader import Bag
 from sandbot_record.trials.table import Row, from_rows
@@ -220,7 +224,7 @@ def test_markers_that_move_in_another_plane_are_not_drawn_but_tracked():
 
 @pytest.mark.parametrize("key", CAMERAS[SECTION])
 def test_an_accuracy_changes_standard_errors(key):
-    """Errors that replicates share where there are some; the usual scatter where there are none."""
+    """Errors that replicates share where there are some, the usual scatter where there are none; or a prior."""
 
     def sem(content):
         accuracy = accuracy_from_mapping(content[SECTION], "cameras.yaml")
@@ -230,7 +234,10 @@ def test_an_accuracy_changes_standard_errors(key):
             for one in rows
             for d in [0.002 * one.replicate]
         ]
-        return [cells_of(from_rows(some, accuracy=accuracy)).sem for some in (rows, rows[::2])]
+        several, single = (cells_of(from_rows(some, accuracy=accuracy)) for some in (rows, rows[::2]))
+        if key in ("lift_zero_m", "speed_scale"):
+            return [shared_by(fit(model_of("simple", (), {}), several), DEFAULT, 0.0).sd]
+        return [several.sem, single.sem]
 
     assert not same(sem(CAMERAS), sem(changed(CAMERAS, (SECTION, key))))
     assert same(sem(CAMERAS), sem({SECTION: {}}))
@@ -241,6 +248,7 @@ def launched(content, folder):
     (folder / "nodes.yaml").write_text(dump_yaml(content), encoding="utf-8")
     table = read_table(folder / "nodes.yaml")
     choices = [{"lab": lab, "console": console} for lab in ("true", "false") for console in ("true", "false")]
+    choices.append({"lab": "false"} | {f"{one}_driver": "serial" for one in ("bed", "leg", "camera")})
     started = [[dataclasses.astuple(node) for node in selected(table, {**one, "world": "w.yaml"})] for one in choices]
     return table.arguments, started, selected(table, {})
 
@@ -248,7 +256,8 @@ def launched(content, folder):
 @every_value("nodes.yaml")
 def test_a_node_table_changes_what_is_launched_or_is_refused(file, path, tmp_path):
     content = read_yaml(CONFIG / file)
-    if path[-1] in ("only_if", "wanted", "choices") or (path[-1] == "default" and path[1] in ("lab", "console")):
+    chosen = path[-1] == "default" and "choices" in content["arguments"][path[1]]
+    if path[-1] in ("only_if", "wanted", "choices") or chosen:
         with pytest.raises(InputError, match=r"nodes\.yaml: (arguments|nodes\[)"):
             launched(changed(content, path), tmp_path)
     else:
