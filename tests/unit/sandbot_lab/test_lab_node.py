@@ -104,6 +104,6 @@ def test_a_trial_over_dds_is_the_batch_trial(lab, beside, heard):
     send(0.0)
     until(lambda: beside.call("/lab/reset").success)
 
-    # No topic of the lab's own carries more than the design's list.
+    # No topic of the lab's own carries more than the design's list, and that it lives.
     names = {name for name, _ in listener.get_publisher_names_and_types_by_node("lab", "/")}
-    assert names <= {topic.name for topic in topics.ALL} | {"/rosout", "/parameter_events"}
+    assert names <= {topic.name for topic in (*topics.ALL, topics.HEARTBEAT)} | {"/rosout", "/parameter_events"}
