@@ -246,3 +246,13 @@ def test_images_become_jpeg(tmp_path):
     assert image.header.stamp.nanosec == 7
     decoded = cv2.imdecode(np.asarray(image.data), cv2.IMREAD_GRAYSCALE)
     assert np.abs(decoded.astype(int) - pixels).max() < 12
+
+
+def test_a_file_that_is_renamed_meanwhile_is_no_fault(tmp_path, monkeypatch):
+    """metadata.yaml is written beside and renamed while somebody asks for the bag's size."""
+    made = recording(tmp_path / "b")
+    before = made.size_bytes
+    listed = [*(tmp_path / "b").iterdir(), tmp_path / "b" / ".metadata.yaml"]
+    monkeypatch.setattr(type(tmp_path), "glob", lambda self, pattern: iter(listed))
+    assert made.size_bytes == before
+    made.close({})

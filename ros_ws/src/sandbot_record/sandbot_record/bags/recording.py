@@ -234,7 +234,7 @@ class Recording:
     @property
     def size_bytes(self) -> int:
         """What the bag takes on the disk by now."""
-        return sum(file.stat().st_size for file in self._writer.folder.glob("*"))
+        return sum(map(_size_bytes, self._writer.folder.glob("*")))
 
     @property
     def free_bytes(self) -> int:
@@ -299,3 +299,11 @@ class Recording:
         free = self._free_bytes(self._writer.path.parent)
         if free < self._limits.min_free:
             self.stop(f"only {free >> 20} MiB free, {self._limits.min_free >> 20} MiB are to stay free (--min-free)")
+
+
+def _size_bytes(file: Path) -> int:
+    """0 where the file has another name by now: what the bag says of itself is written beside and renamed."""
+    try:
+        return file.stat().st_size
+    except FileNotFoundError:
+        return 0
