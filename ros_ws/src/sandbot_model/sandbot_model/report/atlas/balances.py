@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.geometry import depth_at
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.atlas.material import Material
-from sandbot_model.report.atlas.style import ABOVE, FAINT, INK, key, phi_colours, sheet
+from sandbot_model.report.atlas.style import ABOVE, FAINT, INK, S_IS_R_RAD, key, phi_colours, sheet
 from sandbot_model.report.balance import Forces, forces
 from sandbot_model.report.view import bands, frequencies
 
@@ -54,7 +55,7 @@ def _families(panel: "Axes", material: Material, fit: Fit, unit_n: float) -> str
     for one in found:
         needed = one.needed_n[-1] / unit_n
         panel.plot(CM * one.depth_m, needed, color=INK, linewidth=0.7)
-    critical = robot.leg_radius_m * (np.sqrt(3) / 2 + 1) - robot.axle_height_m
+    critical = float(depth_at(robot, np.asarray(S_IS_R_RAD)))
     panel.axvline(CM * critical, color=FAINT, linestyle=(0, (4, 2)), linewidth=0.8)
     panel.set_xlabel("depth d (cm)")
     shown = slow.depth_m >= SHOWN_FROM * slow.depth_m[-1]

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sandbot_model.physics.observables import CM
-from sandbot_model.report.atlas.material import Material
+from sandbot_model.report.atlas.material import Material, nearest
 from sandbot_model.report.atlas.style import ACCENT, FAINT, INK, MARKERS, phi_colours, sheet
 from sandbot_model.report.mechanics import collapse, modelled_collapse
 from sandbot_model.report.view import bands, frequencies
@@ -47,7 +47,7 @@ def step_over_radius(material: Material, width_mm: float) -> "tuple[Figure, str]
     figure, (panel,) = sheet(width_mm, 0.8 * width_mm)
     trials, cells, radius = material.trials, material.cells, material.robot.leg_radius_m
     ratio = np.pi * trials.speed_m_s / trials.omega_rad_s / radius
-    level = np.abs(trials.phi[:, None] - cells.level_phi).argmin(axis=1)
+    level = nearest(trials.phi, cells.level_phi)
     panel.axhspan(*TRANSITION, color=FAINT, alpha=0.2, linewidth=0)
     for number, colour in enumerate(phi_colours(len(cells.level_phi))):
         here = np.flatnonzero(level == number)

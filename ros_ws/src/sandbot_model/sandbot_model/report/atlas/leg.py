@@ -6,10 +6,10 @@ import numpy as np
 
 from sandbot_common.robot import Robot
 from sandbot_model.data.conditions import Floats
-from sandbot_model.physics.geometry import chord, deepest_m
+from sandbot_model.physics.geometry import chord, deepest_m, depth_at
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.atlas.material import Material
-from sandbot_model.report.atlas.style import ACCENT, FAINT, INK, sheet
+from sandbot_model.report.atlas.style import ACCENT, FAINT, INK, S_IS_R_RAD, sheet
 from sandbot_model.report.view import frequencies
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def step_against_depth(material: Material, width_mm: float) -> "tuple[Figure, st
     robot = material.robot
     radius, deepest = robot.leg_radius_m, deepest_m(robot)
     depth: Floats = np.linspace(max(radius - robot.axle_height_m, 0.0), deepest, POINTS)
-    critical = radius * (np.sqrt(3) / 2 + 1) - robot.axle_height_m
+    critical = float(depth_at(robot, np.asarray(S_IS_R_RAD)))
     figure, (panel,) = sheet(width_mm, 0.7 * width_mm)
     panel.plot(CM * depth, CM * chord(robot, depth), color=ACCENT)
     panel.axhline(CM * radius, color=FAINT, linestyle=(0, (4, 2)), linewidth=0.8)

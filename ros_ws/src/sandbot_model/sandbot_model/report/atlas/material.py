@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sandbot_common.robot import Robot
 from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.fitting.fit import Fit
@@ -64,6 +66,12 @@ class Material:
     def robot(self) -> Robot:
         """The robot that walked."""
         return self.cells.robot
+
+
+def nearest(values: Floats, levels: Floats) -> "np.ndarray[tuple[int], np.dtype[np.intp]]":
+    """Index of the level next to each value, ``(n,)``."""
+    found: np.ndarray[tuple[int], np.dtype[np.intp]] = np.abs(values[:, None] - levels).argmin(axis=1)
+    return found
 
 
 @dataclass(frozen=True)

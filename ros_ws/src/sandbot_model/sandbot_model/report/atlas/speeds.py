@@ -8,7 +8,7 @@ from sandbot_model.data.clustering import same_within
 from sandbot_model.data.conditions import OMEGA_TOLERANCE, Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM
-from sandbot_model.report.atlas.material import Material
+from sandbot_model.report.atlas.material import Material, nearest
 from sandbot_model.report.atlas.style import (
     CONVENTION,
     FAINT,
@@ -37,7 +37,7 @@ def against_phi(material: Material, width_mm: float) -> "tuple[Figure, str]":
     trials, cells = material.trials, material.cells
     omegas, _ = frequencies(cells)
     phi = np.linspace(cells.level_phi[0] - 0.001, cells.level_phi[-1] + 0.001, POINTS)
-    column = _nearest(trials.omega_rad_s, omegas)
+    column = nearest(trials.omega_rad_s, omegas)
     for number, (omega, colour) in enumerate(zip(omegas, omega_colours(len(omegas)), strict=True)):
         found = material.fit.predict(phi, np.full_like(phi, omega), cells.clock[0])
         speed_line(panel, phi, found, _swim(material.fit), color=colour)
@@ -99,7 +99,7 @@ def _lines(panel: "Axes", material: Material, fit: Fit, first: Fit | None = None
 
 def _points(panel: "Axes", material: Material) -> None:
     trials, cells = material.trials, material.cells
-    level = _nearest(trials.phi, cells.level_phi)
+    level = nearest(trials.phi, cells.level_phi)
     for number, colour in enumerate(phi_colours(len(cells.level_phi))):
         here = level == number
         panel.plot(
@@ -164,8 +164,3 @@ def _swim(fit: Fit) -> float:
 def _band_colours(material: Material) -> list[tuple[float, ...]]:
     colours = phi_colours(len(material.cells.level_phi))
     return [colours[band.level] for band in bands(material.cells)]
-
-
-def _nearest(values: Floats, levels: Floats) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    found: np.ndarray[tuple[int], np.dtype[np.intp]] = np.abs(values[:, None] - levels).argmin(axis=1)
-    return found

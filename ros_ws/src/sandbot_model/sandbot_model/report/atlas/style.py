@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MM_PER_INCH = 25.4
+S_IS_R_RAD = np.pi / 6
+"""Angle of a leg that takes a step of R: s = 2R sin θ."""
 TYPE = FONT | {
     "axes.labelsize": 8, "xtick.labelsize": 7, "ytick.labelsize": 7, "legend.fontsize": 6.5, "axes.linewidth": 0.6,
     "lines.linewidth": 1.2, "svg.fonttype": "none", "pdf.fonttype": 42,
