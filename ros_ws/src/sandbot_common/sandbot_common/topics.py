@@ -46,6 +46,8 @@ DORSAL_JPEG = Topic("/camera/dorsal/image_raw/compressed", "sensor_msgs/msg/Comp
 LATERAL_IMAGE = Topic("/camera/lateral/image_raw", "sensor_msgs/msg/Image", depth=200)
 LATERAL_INFO = Topic("/camera/lateral/camera_info", "sensor_msgs/msg/CameraInfo", depth=200)
 LATERAL_JPEG = Topic("/camera/lateral/image_raw/compressed", "sensor_msgs/msg/CompressedImage", depth=200)
+VIEWS = {"dorsal": (DORSAL_IMAGE, DORSAL_INFO), "lateral": (LATERAL_IMAGE, LATERAL_INFO)}
+"""Picture and calibration of each camera, by its name."""
 COM = Topic("/landmarks/com", "geometry_msgs/msg/PointStamped", depth=200)
 FRONT_AXLE = Topic("/landmarks/front_axle", "geometry_msgs/msg/PointStamped", depth=200)
 REAR_AXLE = Topic("/landmarks/rear_axle", "geometry_msgs/msg/PointStamped", depth=200)

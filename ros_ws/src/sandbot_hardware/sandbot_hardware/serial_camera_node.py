@@ -20,17 +20,12 @@ from sandbot_hardware.lines import Line
 from sandbot_hardware.port import Port, fixed
 from sandbot_tracking.calibration import read_cameras
 
-_TOPICS = {
-    "dorsal": (topics.DORSAL_IMAGE, topics.DORSAL_INFO),
-    "lateral": (topics.LATERAL_IMAGE, topics.LATERAL_INFO),
-}
-
 
 @dataclass(frozen=True)
 class SerialCameraParameters:
     """Which camera, and where."""
 
-    camera: str = parameter("dorsal", doc="which of the two cameras this is", choices=tuple(_TOPICS))
+    camera: str = parameter("dorsal", doc="which of the two cameras this is", choices=tuple(topics.VIEWS))
     device: str = parameter("/dev/ttyACM0", doc="serial line of the camera")
     baud: int = parameter(921600, unit="Bd", doc="speed of the line; USB takes no notice", low=9600, high=12_000_000)
     cameras: str = parameter("", doc="YAML file of the calibrated cameras; empty: no camera_info")
@@ -50,7 +45,7 @@ class SerialCamera(Node):
                 raise InputError(f"{given.cameras}: no camera {given.camera!r}; known: {', '.join(cameras)}")
             one = cameras[given.camera]
             self._info = messages.camera_info(0, self._name, (one.width, one.height), one.matrix, one.distortion)
-        image, info = _TOPICS[given.camera]
+        image, info = topics.VIEWS[given.camera]
         self._image, self._camera_info = node.publisher(self, image), node.publisher(self, info)
         self._frames = self._unreadable = 0
         self._port = Port(given.device, given.baud, self._heard)

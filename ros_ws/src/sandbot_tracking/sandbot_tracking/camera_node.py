@@ -20,17 +20,13 @@ from sandbot_tracking.calibration import Camera, read_cameras
 from sandbot_tracking.source import Source
 
 SETTLE_S = 1.0
-_TOPICS = {
-    "dorsal": (topics.DORSAL_IMAGE, topics.DORSAL_INFO),
-    "lateral": (topics.LATERAL_IMAGE, topics.LATERAL_INFO),
-}
 
 
 @dataclass(frozen=True)
 class CameraParameters:
     """Which camera, from where."""
 
-    camera: str = parameter("dorsal", doc="which of the two cameras this is", choices=tuple(_TOPICS))
+    camera: str = parameter("dorsal", doc="which of the two cameras this is", choices=tuple(topics.VIEWS))
     video: str = parameter("", doc="video file, or number of the camera device")
     cameras: str = parameter("", doc="YAML file of the calibrated cameras; empty: no camera_info")
     rate_hz: float = parameter(0.0, unit="Hz", doc="frames per second; 0: as the video says", low=0.0, high=10000.0)
@@ -55,7 +51,7 @@ class CameraNode(Node):
         self._source = Source(given.video)
         rate_hz = given.rate_hz or self._source.rate_hz or 100.0
         self._period_s = 1.0 / rate_hz
-        image, info = _TOPICS[given.camera]
+        image, info = topics.VIEWS[given.camera]
         self._image, self._camera_info = node.publisher(self, image), node.publisher(self, info)
         self._frames = 0
         self._start_ns = 0
