@@ -38,8 +38,6 @@ IDLE_RATE_HZ = 100.0
 WATCH_RATE_HZ = 100.0
 SENSOR_RANGE_M = (0.02, 0.5)
 CAMERAS = ("dorsal", "lateral")
-_IMAGE = {"dorsal": topics.DORSAL_IMAGE, "lateral": topics.LATERAL_IMAGE}
-_INFO = {"dorsal": topics.DORSAL_INFO, "lateral": topics.LATERAL_INFO}
 
 
 @dataclass(frozen=True)
@@ -88,8 +86,8 @@ class LabNode(Node):
         self._states = node.publisher(self, topics.LEG_STATES)
         self._led = node.publisher(self, topics.SYNC_LED)
         self._height = node.publisher(self, topics.BED_HEIGHT)
-        self._images = {name: node.publisher(self, topic) for name, topic in _IMAGE.items()}
-        self._infos = {name: node.publisher(self, topic) for name, topic in _INFO.items()}
+        self._images = {name: node.publisher(self, topic) for name, (topic, _) in topics.VIEWS.items()}
+        self._infos = {name: node.publisher(self, topic) for name, (_, topic) in topics.VIEWS.items()}
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         node.subscription(self, topics.TRIAL, self._on_trial)
