@@ -493,7 +493,7 @@ def test_keys_pause_seek_and_change_the_rate(tmp_path):
         (("--regex", "("), "not a regular expression"),
         (("/x", "--duration", "-1"), "not a number from 0 up"),
         (("/x", "--min-free", "1e11"), "MiB free"),
-        (("/x", "--frob"), "unknown option --frob"),
+        (("/x", "--frob"), "no option --frob"),
     ],
 )
 def test_record_refuses_in_one_line(tmp_path, arguments, complaint, capsys):

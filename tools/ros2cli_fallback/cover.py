@@ -22,7 +22,11 @@ class Failure(RuntimeError):
     """What was asked can't be done; ``str`` is the line for stderr, the exit code is 1 as with the real ros2."""
 
 
-class NotCovered(Failure):
+class Misused(Failure):
+    """What was asked is no whole command; exit code 2."""
+
+
+class NotCovered(Misused):
     """A command, verb or flag of the real ros2 that this stand-in does not have; exit code 2."""
 
     def __init__(self, message: str) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
-from ros2cli_fallback.cover import FAILED, INTERRUPTED, MISUSED, VERBS, Failure, NotCovered, covered
+from ros2cli_fallback.cover import FAILED, INTERRUPTED, MISUSED, VERBS, Failure, Misused, NotCovered, covered
 
 # A command's module is imported only when it is asked for: `ros2 run` must not pay for rclpy.
 _MODULES = {
@@ -32,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(line_buffering=True)
     try:
         return _dispatch(arguments)
-    except NotCovered as error:
+    except Misused as error:
         print(error, file=sys.stderr)
         return MISUSED
     except Failure as error:

@@ -45,6 +45,32 @@ def test_parser_complains_in_one_line():
         parser.parse_args(["--rate", "fast"])
 
 
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        (["--effct", "x"], "no option --effct, did you mean '--effect'?"),
+        (["--effect-from=x"], "no option --effect-from, did you mean '--effects-from'?"),
+        (["--zzz"], "no option --zzz; known: --help, --effect, --effects-from"),
+        (["more"], "'more' is one argument too many"),
+    ],
+)
+def test_a_strange_option_is_answered_with_the_one_that_may_be_meant(typed, said):
+    parser = Parser(prog="explore")
+    parser.add_argument("--effect")
+    parser.add_argument("--effects-from")
+    with pytest.raises(InputError) as complaint:
+        parser.parse_args(typed)
+    assert str(complaint.value) == f"{said} (see explore --help)"
+    assert parser.parse_args(["--effect", "x"]).effects_from is None
+
+
+def test_an_option_is_never_read_as_a_longer_one():
+    parser = Parser(prog="explore")
+    parser.add_argument("--effects-from")
+    with pytest.raises(InputError, match="no option --effect, did you mean '--effects-from'"):
+        parser.parse_args(["--effect", "x"])
+
+
 def test_a_line_is_seen_through_a_pipe_when_it_is_said():
     code = "from sandbot_common import cli; cli.run(lambda _: print('said') or input() and 0, [])"
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}

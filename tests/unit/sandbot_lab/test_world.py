@@ -22,7 +22,7 @@ def test_round_trip(tmp_path, world):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ({"efects": {}}, "unknown key 'efects'; did you mean effects"),
+        ({"efects": {}}, "unknown key 'efects', did you mean 'effects'"),
         ({"schema": "sandbot.world/9"}, "schema"),
         ({"effects": {"magic": {}}}, "unknown effect 'magic'"),
         ({"effects": ["leg_slip"]}, "expected a mapping of effects"),

@@ -62,11 +62,21 @@ def test_run_says_what_the_real_one_says(prefix, capsys):
     assert main(["run", "nope", "tool"]) == 1
     assert capsys.readouterr().err == "Package 'nope' not found\n"
     assert main(["run", "pack", "tool"]) == 1
-    assert capsys.readouterr().err == "No executable found\n"
+    assert capsys.readouterr().err == "No executable found; pack has: none\n"
     program(prefix / "lib/pack/a", "twin")
     program(prefix / "lib/pack/b", "twin")
     with pytest.raises(Failure, match="Multiple executables found:"):
         packages.executable("pack", "twin")
+
+
+def test_run_of_a_package_alone_lists_what_it_has(prefix, capsys):
+    for name in ("tool", "saw"):
+        program(prefix / "lib/pack", name)
+    (prefix / "lib/pack/notes.txt").write_text("not to be run")
+    assert main(["run", "pack"]) == 2
+    assert capsys.readouterr().err == "ros2 run: an executable is needed; pack has: saw, tool\n"
+    assert main(["run", "pack", "hammer"]) == 1
+    assert capsys.readouterr().err == "No executable found; pack has: saw, tool\n"
 
 
 def test_run_becomes_the_executable_with_its_arguments(prefix, monkeypatch):

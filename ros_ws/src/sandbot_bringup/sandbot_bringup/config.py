@@ -8,12 +8,27 @@ from ament_index_python.packages import get_package_share_directory
 from sandbot_bringup.plan import Plan
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot, read_robot, robot_from_text
+from sandbot_common.suggest import did_you_mean
 from sandbot_tracking.calibration import Camera, read_cameras
+
+NO_CHOICE = ("cameras.yaml", "nodes.yaml", "robot.yaml")
+"""Files of the folder that are neither plan nor world."""
 
 
 def config_folder() -> Path:
     """The folder with the example plans, cameras.yaml, robot.yaml and nodes.yaml."""
     return Path(get_package_share_directory("sandbot_bringup")) / "config"
+
+
+def shipped(path: Path) -> Path:
+    """``path``, or the project's own file of that name where there is none here. Raises InputError for neither."""
+    own = config_folder() / path
+    if path.exists() or path.parent != Path():
+        return path
+    if own.is_file():
+        return own
+    names = sorted(one.name for one in config_folder().glob("*.yaml") if one.name not in NO_CHOICE)
+    raise InputError(f"{path}: no such file{did_you_mean(str(path), names)}")
 
 
 def files_of(plan: Plan, beside: Path, campaign: Path) -> dict[str, str]:

@@ -6,17 +6,35 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from sandbot_common.errors import InputError
 from sandbot_common.files import check_output
+from sandbot_common.suggest import did_you_mean
 
 BAD_INPUT = 2
 INTERRUPTED = 130
 
 
 class Parser(argparse.ArgumentParser):
-    """An ArgumentParser whose complaint is one line."""
+    """An ArgumentParser whose complaint is one line; an option is written out: ``--effect`` is not ``--effects``."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **{"allow_abbrev": False, **kwargs})
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As the base class does; an option it does not have is answered with the one that may be meant."""
+        options, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            self.error(self._stranger(unknown[0]))
+        return options
+
+    def _stranger(self, word: str) -> str:
+        if not word.startswith("-"):
+            return f"{word!r} is one argument too many"
+        name = word.split("=")[0]
+        known = [option for option in self._option_string_actions if option.startswith("--")]
+        return f"no option {name}{did_you_mean(name, known)}"
 
     def error(self, message: str) -> NoReturn:
         """Raise InputError in place of usage and exit."""
@@ -26,10 +44,7 @@ class Parser(argparse.ArgumentParser):
 def with_ros(parser: argparse.ArgumentParser, argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
     """Our own options, and what begins with --ros-args, which is ROS's own to read."""
     cut = list(argv).index("--ros-args") if "--ros-args" in argv else len(argv)
-    options, unknown = parser.parse_known_args(argv[:cut])
-    if unknown:
-        raise InputError(f"unknown option {unknown[0]} (see {parser.prog} --help)")
-    return options, list(argv[cut:])
+    return parser.parse_args(argv[:cut]), list(argv[cut:])
 
 
 def output(text: str) -> Path:

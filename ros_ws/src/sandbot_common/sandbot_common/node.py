@@ -1,6 +1,5 @@
 """How every node starts, takes its parameters, tells its health and stops. The only room here with rclpy."""
 
-import difflib
 import math
 import os
 import signal
@@ -33,6 +32,7 @@ from sandbot_common import cli, messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
 from sandbot_common.parameters import Spec, from_mapping, specs, usage
+from sandbot_common.suggest import did_you_mean
 
 T = TypeVar("T")
 
@@ -371,9 +371,7 @@ def _refuse_unknown(node: Node, where: str) -> None:
     known = list(node._parameters)
     for name in node._parameter_overrides:
         if not node.has_parameter(name) and not name.startswith("qos_overrides."):
-            close = difflib.get_close_matches(name, known, n=1)
-            hint = f", did you mean {close[0]!r}?" if close else f"; known: {', '.join(known)}"
-            raise InputError(f"{where}: unknown parameter {name!r}{hint}")
+            raise InputError(f"{where}: unknown parameter {name!r}{did_you_mean(name, known)}")
 
 
 def _descriptor(spec: Spec) -> ParameterDescriptor:

@@ -9,7 +9,6 @@ fields as ROS parameters.
 """
 
 import dataclasses
-import difflib
 import math
 import types
 import typing
@@ -17,6 +16,7 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from sandbot_common.errors import InputError
+from sandbot_common.suggest import did_you_mean
 
 T = TypeVar("T")
 _KEY = "sandbot"
@@ -89,7 +89,7 @@ def from_mapping(cls: type[T], mapping: Any, where: str) -> T:
     known = {spec.name: spec for spec in specs(cls)}
     for key in mapping:
         if key not in known:
-            raise InputError(f"{where}: unknown key {key!r}{_suggest(str(key), known)}")
+            raise InputError(f"{where}: unknown key {key!r}{did_you_mean(str(key), known)}")
     values = {key: check(known[key], value, where) for key, value in mapping.items()}
     required = {f.name for f in dataclasses.fields(cls) if _required(f)}  # type: ignore[arg-type]
     if missing := sorted(required - values.keys()):
@@ -139,8 +139,3 @@ def _chosen(spec: Spec, value: Any, where: str) -> Any:
 
 def _required(field: dataclasses.Field[Any]) -> bool:
     return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-
-
-def _suggest(key: str, known: Mapping[str, Any]) -> str:
-    close = difflib.get_close_matches(key, known, n=1)
-    return f", did you mean {close[0]!r}?" if close else f"; known: {', '.join(known)}"

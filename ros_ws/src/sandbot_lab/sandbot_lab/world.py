@@ -4,7 +4,6 @@ world = read_world(Path("world.yaml"));  trace = simulate(world, phi, t_s, angle
 """
 
 import dataclasses
-import difflib
 import math
 import sys
 from collections.abc import Iterable, Mapping
@@ -19,6 +18,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml, write_text
 from sandbot_common.parameters import from_mapping, parameter
 from sandbot_common.robot import SANDBOT, Robot, robot_from_mapping, to_mapping
+from sandbot_common.suggest import did_you_mean
 from sandbot_lab.effects import DRAWN, EFFECTS, checked_effect
 from sandbot_lab.week import Occasion, Week
 
@@ -116,10 +116,7 @@ def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
     known = ("schema", *(item.name for item in dataclasses.fields(World)))
     for key in content:
         if key not in known:
-            close = difflib.get_close_matches(str(key), known, n=1)
-            raise InputError(
-                f"{where}: unknown key {key!r}; {'did you mean' if close else 'known:'} {', '.join(close or known)}"
-            )
+            raise InputError(f"{where}: unknown key {key!r}{did_you_mean(str(key), known)}")
     values = dict(content)
     schema = values.pop("schema", SCHEMA)
     if schema != SCHEMA:

@@ -10,7 +10,7 @@ import yaml
 from made_up import BOOST, Inline
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import Selection, to_yaml
+from sandbot_model.discovery.choice import Selection, from_query, to_yaml
 from sandbot_model.explore.app import Explorer
 from sandbot_model.explore.session import Session
 from sandbot_model.tools import compare as compare_tool
@@ -51,7 +51,7 @@ def test_compare_gives_the_very_numbers_that_were_saved(session, trials, tmp_pat
     ("arguments", "said"),
     [
         (["--hold", "delta_t_s"], "--hold 'delta_t_s': a finite number is needed"),
-        (["--hold", "mass=1"], "parameter 'mass' is not one of delta_t_s"),
+        (["--hold", "mass=1"], "the model has no parameter 'mass'; known: delta_t_s"),
         (["--hold", "delta_t_s=0.3", "--bootstrap", "2"], "has no standard error"),
         (["--selection", "explorer.yaml", "--model", "full"], "leave out the options that say them too"),
         (["--selection", "trials.csv"], "trials.csv"),
@@ -101,3 +101,45 @@ def test_a_port_in_use_is_said_in_one_line(trials, tmp_path, capsys):
         assert explore_tool.main([str(tmp_path / "trials.csv"), "--port", port, "--workers", "1"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert f"--port {port}" in line
+
+
+@pytest.mark.parametrize("order", [[], ["--effects", "boost,leg_slip"]], ids=["alone", "in an order"])
+def test_a_formula_typed_for_compare_is_added(order, trials, tmp_path, capsys):
+    write_csv(trials, tmp_path / "trials.csv")
+    typed = ["--effect", BOOST, "--json", str(tmp_path / "out.json")]
+    assert compare_tool.main([str(tmp_path / "trials.csv"), *order, *typed]) == 0
+    steps = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["steps"]
+    assert [step["effects"] for step in steps][1] == ["boost"]
+    assert len(steps) == 1 + len((order[1:] and ["boost", "leg_slip"]) or ["boost"])
+    assert "+ boost" in capsys.readouterr().out
+
+
+def test_a_formula_that_is_off_is_not_in_the_saved_command_line():
+    off = Selection(formulas=(BOOST,))
+    on = Selection(effects=("boost",), formulas=(BOOST,))
+    assert "--effect" not in yaml.safe_load(to_yaml(off, ["t.csv"], {}))["command"]
+    assert "--effect" in shlex.split(yaml.safe_load(to_yaml(on, ["t.csv"], {}))["command"])
+
+
+def test_the_page_opens_with_the_formula_that_was_typed(trials, tmp_path, monkeypatch):
+    write_csv(trials, tmp_path / "trials.csv")
+    opened = []
+    monkeypatch.setattr(explore_tool, "_serve", lambda app, port, query, said="": opened.append(query))
+    assert explore_tool.main([str(tmp_path / "trials.csv"), "--effect", BOOST, "--workers", "1"]) == 0
+    assert from_query(opened[0]) == Selection(effects=("boost",), formulas=(BOOST,))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--effects", "leg slip"], "effect 'leg slip' is not in the catalogue, did you mean 'leg_slip'?"),
+        (["--effects", "legslip"], "did you mean 'leg_slip'?"),
+        (["--hold", "delta_t=0.3"], "the model has no parameter 'delta_t', did you mean 'delta_t_s'?"),
+        (["--efects", "leg_slip"], "no option --efects, did you mean '--effects'?"),
+    ],
+)
+def test_a_misspelt_name_is_answered_with_the_one_that_may_be_meant(arguments, said, trials, tmp_path, capsys):
+    write_csv(trials, tmp_path / "trials.csv")
+    assert compare_tool.main([str(tmp_path / "trials.csv"), *arguments]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line

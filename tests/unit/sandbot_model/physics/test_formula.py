@@ -11,7 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sandbot_common.errors import InputError
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.effect import STAGES
 from sandbot_model.physics.formula import formula_effect
+from sandbot_model.physics.symbols import listed
 from sandbot_model.physics.walking import Inputs, Walker
 
 
@@ -25,6 +28,66 @@ def test_a_formula_is_an_effect():
     np.testing.assert_allclose(found, expected)
 
 
+@pytest.mark.parametrize(
+    ("identifier", "typed"),
+    [
+        ("exact_vertical_acceleration", "x: balance: a_z -> a_z*s_0/(2*R)"),
+        ("stance_overlap", "x: speed: v -> v*(1 - eta); eta [1] in 0..0.25"),
+        ("inertial_drag", "x: balance: F_z -> F_z + lambda_1*600*w*R*(R*omega)^2; lambda_1 [1] in 0.5..2"),
+        ("phi_dependent_response", "x: balance: Δt = Δt*max(1 + b*(φ − 0.61)/0.05, 0.05); b [1] in -0.5..1"),
+        ("cohesion", "x: balance: F_z += 2*c_pa·w·R; c_pa [Pa] in 0..500"),
+        ("depth_nonlinearity", "x: balance: F -> F*(z/d_r)^(n - 1); n [1] in 0.8..1.5"),
+        ("motor_saturation", "x: clock: ω -> ω/sqrt(1 + (ω/omega_s_rad_s)²); omega_s_rad_s [rad/s] in 30..120"),
+        ("finite_depth", "x: strength: k -> k*(1 + exp(-(D - z)/l_m)); l_m [m] in 0.01..0.03"),
+        ("leg_slip", "x: step: s, peak *= clip(1 - sigma*(d_r/d)^2, 0, 1); sigma [1] in 0..0.2"),
+    ],
+)
+def test_an_effect_typed_with_the_symbols_that_are_shown_is_that_effect(identifier, typed):
+    effect, own = catalogue()[identifier], formula_effect(typed)
+    values = {parameter.name: 0.3 * parameter.low + 0.7 * parameter.high for parameter in own.parameters}
+    given = Inputs(np.array([[160.0], [210.0]]), np.linspace(4.0, 28.0, 9), 0.4, 0.62)
+
+    def predicted(*effects):
+        found = Walker(effects).predict(given, [values] * len(effects))
+        return np.stack([found.speed_m_s, found.lift_m, found.peak_speed_m_s, found.first_step_m])
+
+    assert own.stage == effect.stage
+    np.testing.assert_allclose(predicted(own), predicted(effect), rtol=1e-9)
+    assert not np.allclose(predicted(own), predicted(), rtol=1e-6)
+
+
+def test_every_symbol_may_be_typed_where_it_exists():
+    for symbol in listed():
+        stage = symbol.stage if symbol.stage in STAGES else "clock"
+        for spelling in symbol.spellings:
+            effect = formula_effect(f"x: {stage}: omega = 12 + 0*({spelling})")
+            assert np.isfinite(Walker((effect,)).predict(Inputs(200.0, 8.0, 0.4, 0.6), [{}]).speed_m_s)
+        assert symbol.unit
+        assert symbol.doc
+
+
+def test_a_parameter_hides_a_symbol_of_its_name():
+    k = 1.5 * 200.0
+    found = Walker((formula_effect("x: strength: k*a; a [1] in 0..2"),)).predict(Inputs(200.0, 8.0, 0.4), [{"a": 1.5}])
+    assert float(found.depth_m) == pytest.approx(float(Walker().predict(Inputs(k, 8.0, 0.4)).depth_m))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x: strength: k*phj", "'phj' is not known at stage strength, did you mean 'phi'?"),
+        ("x: strength: k*force", "'force' is not known at stage strength: it exists from stage balance on"),
+        ("x: strength: F -> F*2", "'F' can't be set at stage strength: it exists from stage balance on"),
+        ("x: strength: k*muh", "a parameter is declared: '; muh [1] in 0..1'"),
+        ("x: strenght: k", "no stage 'strenght', did you mean 'strength'?"),
+    ],
+)
+def test_a_name_that_is_none_is_answered_with_the_one_that_may_be_meant(text, said):
+    with pytest.raises(InputError) as complaint:
+        formula_effect(text)
+    assert said in str(complaint.value)
+
+
 def test_a_formula_may_set_another_quantity():
     effect = formula_effect("brake: balance: extra_force = c*omega; c [N s] in 0..0.1")
     found = Walker((effect,)).predict(Inputs(200.0, 8.0, 0.4), [{"c": 0.05}])
@@ -36,7 +99,7 @@ def test_a_formula_may_set_another_quantity():
     [
         ("boost", "expected 'name: stage: formula"),
         ("Boost: strength: k", "lower-case"),
-        ("boost: muscle: k", "stage 'muscle'"),
+        ("boost: muscle: k", "no stage 'muscle'; known: clock"),
         ("boost: strength: k*a; a in 5..1", "low must be below high"),
         ("boost: strength: k*a; a from 1 to 5", "is not 'parameter"),
         ("boost: strength: k*unknown", "unknown"),

@@ -52,6 +52,7 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
         ("", "empty; a header with phi, omega_rad_s, speed_m_s"),
         ("phi,omega_rad_s,speed_m_s\n", "no trials"),
         ("phi,speed_m_s\n0.6,0.2\n", "row 1: column omega_rad_s is missing; there are: phi, speed_m_s"),
+        ("phi,omega_rads,speed_m_s\n0.6,8,0.2\n", "row 1: column omega_rad_s is missing; is 'omega_rads' meant?"),
         ("phi,omega_rad_s,speed_cm_s\n0.6,8,20\n", r"column speed_m_s is missing; speed_cm_s would .* divided by 100"),
         ("phi,frequency_Hz,speed_m_s\n0.6,8,20\n", r"column omega_rad_s is missing; frequency_Hz would .* 2π"),
         ("phi;omega_rad_s;speed_m_s\n0,6;8;0,2\n", "separated by commas, not semicolons"),

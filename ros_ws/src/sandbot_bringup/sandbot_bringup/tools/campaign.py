@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from sandbot_bringup.config import config_folder, files_of, robot_of
+from sandbot_bringup.config import config_folder, files_of, robot_of, shipped
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import Plan, PlannedTrial, read_plan, trials_of, with_next_trials
 from sandbot_common import cli
@@ -67,7 +67,12 @@ def describe(plan: Plan, trials: Sequence[PlannedTrial]) -> str:
 
 def _parser() -> argparse.ArgumentParser:
     parser = cli.Parser(prog="campaign", description=__doc__)
-    parser.add_argument("plan", type=Path, nargs="?", help="campaign.yaml, or the folder of a campaign to resume")
+    parser.add_argument(
+        "plan",
+        type=Path,
+        nargs="?",
+        help="campaign.yaml, a plan of --config-folder by its name, or the folder of a campaign to resume",
+    )
     parser.add_argument("--out", type=Path, help="the campaign's folder (default: beside the plan, by its name)")
     parser.add_argument("--batch", action="store_true", help="virtual lab in process, as fast as the CPU allows")
     parser.add_argument("--plan", dest="next_trials", type=Path, help="add the next_trials of this discovery JSON")
@@ -98,11 +103,14 @@ def _parser() -> argparse.ArgumentParser:
 def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]:
     if options.plan is None:
         raise InputError("a plan is needed: campaign.yaml, or the folder of a campaign to resume (see campaign --help)")
+    beside = options.plan.parent
+    options.plan = shipped(options.plan)
+    options.world = options.world and shipped(options.world)
     resumed = options.plan.is_dir()
     plan = read_plan(options.plan / "campaign.yaml" if resumed else options.plan)
     if options.images is not None:
         plan = dataclasses.replace(plan, images=options.images)
-    path = options.out or (options.plan if resumed else options.plan.parent / plan.name)
+    path = options.out or (options.plan if resumed else beside / plan.name)
     folder = CampaignFolder(path)
     plan = folder.grown(plan)
     if options.next_trials is not None:

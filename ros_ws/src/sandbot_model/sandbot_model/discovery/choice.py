@@ -73,6 +73,22 @@ class Selection:
         return dataclasses.replace(self, by_hand=others if value is None else (*others, (name, float(value))))
 
 
+def with_formula(selection: Selection, text: str) -> Selection:
+    """With a formula added and switched on; one of the same name is replaced. Raises InputError for what is none."""
+    # Imported here: a command line is read without what evaluates formulas.
+    from sandbot_model.physics.formula import formula_effect
+
+    name = formula_effect(text).identifier
+    others = tuple(formula for formula in selection.formulas if name_of(formula) != name)
+    kept = selection.toggled([effect for effect in selection.effects if effect != name])
+    return dataclasses.replace(kept, formulas=(*others, text), effects=(*kept.effects, name))
+
+
+def name_of(formula: str) -> str:
+    """The name a formula begins with."""
+    return formula.split(":")[0].strip()
+
+
 def to_query(selection: Selection) -> str:
     """The selection as the query of an address; defaults are omitted."""
     default = Selection()
@@ -129,7 +145,8 @@ def to_yaml(selection: Selection, data: Sequence[str], result: Mapping[str, floa
     command = ["compare", *data, *options, "--model", selection.model]
     command += ["--effects", ",".join(selection.effects)] if selection.effects else []
     for text in selection.formulas:
-        command += ["--effect", text]
+        # ``--effect`` switches it on; one that is off would not be part of the result.
+        command += ["--effect", text] if name_of(text) in selection.effects else []
     for name, value in selection.by_hand:
         command += ["--hold", f"{name}={value!r}"]
     content = {

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from sandbot_common.errors import InputError
+from sandbot_common.suggest import did_you_mean
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import Comparison, compare
@@ -32,7 +33,7 @@ def point_of(found: Fit, by_hand: Mapping[str, float] | None = None) -> Point:
     values = {name: estimate.value for name, estimate in found.parameters.items()}
     for name, value in (by_hand or {}).items():
         if name not in values:
-            raise InputError(f"parameter {name!r} is not one of {', '.join(values)}")
+            raise InputError(f"the model has no parameter {name!r}{did_you_mean(name, values)}")
         values[name] = value
     theta = np.array([values[name] for name in found.model.names])
     return replace(found.point, theta=theta)

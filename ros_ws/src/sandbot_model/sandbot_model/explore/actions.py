@@ -5,9 +5,8 @@ from dataclasses import replace
 from typing import Any
 
 from sandbot_model.data.conditions import Cells
-from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.choice import Selection, with_formula
 from sandbot_model.discovery.discover import Discovery
-from sandbot_model.physics.formula import formula_effect
 from sandbot_model.report.figures import map_cells
 
 CONTROLS = ("model", "effects", "view", "observable", "cell")
@@ -64,14 +63,6 @@ def with_controls(selection: Selection, shown: Selection, values: Mapping[str, A
             value = [*wanted, *(name for name in value if name not in displayed)]
         selection = act(selection, control, value)
     return selection
-
-
-def with_formula(selection: Selection, text: str) -> Selection:
-    """With the user's formula added and switched on; one of the same name is replaced."""
-    name = formula_effect(text).identifier
-    others = tuple(formula for formula in selection.formulas if formula.split(":")[0].strip() != name)
-    kept = selection.toggled([effect for effect in selection.effects if effect != name])
-    return replace(kept, formulas=(*others, text), effects=(*kept.effects, name))
 
 
 def with_sliders(selection: Selection, shown: Mapping[str, float], sliders: Mapping[str, float]) -> Selection:

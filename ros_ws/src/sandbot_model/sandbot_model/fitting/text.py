@@ -2,6 +2,7 @@
 
 import html
 import math
+import textwrap
 from collections.abc import Sequence
 
 from sandbot_model.physics.observables import CM
@@ -9,6 +10,8 @@ from sandbot_model.physics.observables import CM
 UNKNOWN = "not known"
 WIDTH = 100
 """Columns of a line of text at most."""
+TERMINAL = 80
+"""Columns of a terminal."""
 
 Rows = Sequence[Sequence[str]]
 """A table; its first row is the head."""
@@ -36,8 +39,8 @@ def with_error(value: float, stderr: float) -> str:
     return f"{value:.{decimals}f} ± {stderr:.{decimals}f}"
 
 
-def table(rows: Rows) -> str:
-    """Rows of text in columns, the first left, the others right; the first row is underlined.
+def table(rows: Rows, left: Sequence[int] = (0,)) -> str:
+    """Rows of text in columns, those of words ``left``, those of numbers right; the first row is underlined.
 
     A cell of the first row may have several lines.
     """
@@ -48,12 +51,22 @@ def table(rows: Rows) -> str:
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
         "  ".join(
-            cell.ljust(width) if column == 0 else cell.rjust(width)
+            cell.ljust(width) if column in left else cell.rjust(width)
             for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
+        ).rstrip()
         for row in rows
     ]
     return "\n".join([*lines[:deep], "  ".join("-" * width for width in widths), *lines[deep:]])
+
+
+def wrapped(rows: Rows, width: int = TERMINAL) -> list[list[str]]:
+    """The same rows, the last column broken into lines so that the table is no wider than that."""
+    taken = sum(max(map(len, column)) + 2 for column in zip(*(row[:-1] for row in rows), strict=True))
+    found = []
+    for row in rows:
+        first, *more = textwrap.wrap(row[-1], max(width - taken, 20)) or [""]
+        found += [[*row[:-1], first], *([*[""] * (len(row) - 1), line] for line in more)]
+    return found
 
 
 def html_table(rows: Rows) -> str:

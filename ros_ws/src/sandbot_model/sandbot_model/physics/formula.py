@@ -1,11 +1,13 @@
 """An effect from a line of text: ``"boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"``.
 
 The expression gives the new value of the stage's quantity (``k``, ``force``, ``step``, ``kept`` or ``omega``), or of
-another one if it says so: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"``. ``*=`` and ``+=`` change
-what is there, also several quantities alike: ``"slip: speed: kept, peak_ratio *= 1 - a*d/R; a [1] in 0..1"``.
+another one if it says so: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"`` (``->`` does as well as
+``=``). ``*=`` and ``+=`` change what is there, also several quantities alike:
+``"slip: speed: kept, peak *= 1 - a*d/R; a [1] in 0..1"``.
 
-Names are quantities of the chain, the robot's R, h, w, m, g, d_r, the parameters, ``first`` (1 in the first step, on
-virgin ground, 0 in all others), and numpy functions. asteval evaluates it: no attribute access, no import, no files.
+Names are the symbols that the catalogue shows (see ``symbols``: quantities of the chain, the robot's R, h, w, m, g, …),
+the parameters, ``first`` (1 in the first step, on virgin ground, 0 in all others), K(phi), and functions; a parameter
+hides a symbol that is not a name of the chain. asteval evaluates it: no attribute access, no import, no files.
 """
 
 import ast
@@ -19,33 +21,30 @@ import asteval
 import numpy as np
 
 from sandbot_common.errors import InputError
+from sandbot_common.suggest import did_you_mean, near
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values
+from sandbot_model.physics.symbols import CONSTANTS, get, put, readable, stage_of
 from sandbot_model.physics.walking import Inputs, Walker
 
 MAIN = {"clock": "omega", "strength": "k", "balance": "force", "step": "step", "speed": "kept"}
 """What a bare expression sets at each stage."""
-
-READABLE = {
-    "clock": ("k", "omega", "phi", "delta_t", "v_swim", "depth", "slow_phase_ratio"),
-    "step": ("leg_speed", "peak_ratio", "chord", "step"),
-    "speed": ("kept",),
-    "strength": ("penetration", "sigma_phi"),
-    "balance": ("force", "extra_force", "delta_v", "lift_ratio", "mass", "added_mass", "gravity"),
-}
-"""Quantities that exist from a stage on, in the order in which the chain is filled."""
 
 FUNCTIONS = (
     *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh"),
     *("exp", "log", "log10", "sqrt", "abs", "sign", "floor", "minimum", "maximum", "clip", "where", "hypot"),
 )
 """numpy functions an expression may use."""
+SHORT = {"max": "maximum", "min": "minimum", "asin": "arcsin", "acos": "arccos", "atan": "arctan"}
+"""As the catalogue writes some of them."""
+_AS_TYPED = str.maketrans({"^": "**", "−": "-", "·": "*", "×": "*", "²": "**2", "³": "**3"})
 
 FORM = "name: stage: formula; parameter [unit] in low..high; ..."
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PARAMETER = re.compile(rf"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\])?\s+in\s+({_NUMBER})\s*\.\.\s*({_NUMBER})\s*")
-_ASSIGNMENT = re.compile(r"\s*([A-Za-z_]\w*(?:\s*,\s*[A-Za-z_]\w*)*)\s*([*+]?)=(?!=)\s*(.*)")
+_ASSIGNMENT = re.compile(r"\s*([^\W\d]\w*(?:\s*,\s*[^\W\d]\w*)*)\s*(?:([*+]?)=(?!=)|->)\s*(.*)")
+_ALWAYS = {*FUNCTIONS, *SHORT, "pi", "first", "K"}
 _CHANGES: dict[str, Callable[[Array, Array], Array]] = {"*": np.multiply, "+": np.add, "": lambda _, new: new}
 _PARSING = threading.Lock()
 
@@ -60,10 +59,11 @@ def formula_effect(text: str) -> Effect:
     if not re.fullmatch(r"[a-z]\w*", name):
         raise InputError(f"--effect {text!r}: name {name!r} must be lower-case letters, digits and _")
     if stage not in STAGES:
-        raise InputError(f"--effect {text!r}: stage {stage!r} is not one of {', '.join(STAGES)}")
+        raise InputError(f"--effect {text!r}: no stage {stage!r}{did_you_mean(stage, STAGES)}")
     parameters = tuple(_parameter(part, text) for part in declared if part.strip())
     assigned = _ASSIGNMENT.fullmatch(body)
-    targets, how, expression = assigned.groups() if assigned else (MAIN[stage], "", body)
+    targets, how, expression = assigned.groups("") if assigned else (MAIN[stage], "", body)
+    expression = expression.translate(_AS_TYPED)
     sets = _Sets(tuple(name.strip() for name in targets.split(",")), how, expression, _parsed(expression, text))
     return _checked(_Formula(name, stage, sets, parameters), text)
 
@@ -91,9 +91,9 @@ class _Formula(Effect):
             else f"{quantity} -> {sets.expression}"
             for quantity in sets.quantities
         )
-        names = {node.id for node in ast.walk(sets.parsed) if isinstance(node, ast.Name)}
-        self.first_step_differs = "first" in names
-        self.readable = _readable(stage)
+        self.names = {node.id for node in ast.walk(sets.parsed) if isinstance(node, ast.Name)}
+        self.first_step_differs = "first" in self.names
+        self.readable = readable(stage)
         # What an interpreter evaluates stands in a table of its own, and the explorer fits in several threads.
         self._each_thread = threading.local()
 
@@ -106,22 +106,20 @@ class _Formula(Effect):
         interpreter: asteval.Interpreter | None = getattr(self._each_thread, "interpreter", None)
         if interpreter is None:
             interpreter = self._each_thread.interpreter = _interpreter()
-        robot = chain.robot
         interpreter.symtable.update(
-            {name: getattr(chain, name) for name in self.readable},
-            R=robot.leg_radius_m,
-            h=robot.axle_height_m,
-            w=robot.leg_width_m,
-            m=robot.mass_per_leg_kg,
-            g=robot.gravity_m_s2,
-            d=chain.depth,
-            d_r=robot.stiffness_depth_m,
+            {name: value(chain.robot) for name, (_, _, value) in CONSTANTS.items() if name in self.names},
             first=float(chain.first_step),
+            K=chain.k_of_phi,
+        )
+        interpreter.symtable.update(
+            {name: get(chain, meant) for name, meant in self.readable.items() if name in self.names and name not in p},
             **p,
         )
         interpreter.error, interpreter.error_msg = [], None
         try:
-            value = interpreter.run(self.sets.parsed, expr=self.sets.expression)
+            # At depth 0, as in d_r/d: what is no number there is seen in the result.
+            with np.errstate(all="ignore"):
+                value = interpreter.run(self.sets.parsed, expr=self.sets.expression)
         except Exception as error:
             _pass_on_interrupt(error)
             fault = interpreter.error[0]
@@ -133,7 +131,8 @@ class _Formula(Effect):
             raise InputError(f"effect {self.identifier}: {self.sets.expression!r} gives {value!r}, expected a number")
         change = _CHANGES[self.sets.how]
         for name in self.sets.quantities:
-            setattr(chain, name, change(getattr(chain, name), np.asarray(value, dtype=float)))
+            meant = self.readable[name]
+            put(chain, meant, change(get(chain, meant), np.asarray(value, dtype=float)))
 
 
 def _pass_on_interrupt(error: BaseException | None) -> None:
@@ -150,12 +149,8 @@ def _interpreter() -> asteval.Interpreter:
     for name in list(interpreter.symtable):
         del interpreter.symtable[name]
     interpreter.symtable.update({name: getattr(np, name) for name in FUNCTIONS}, pi=np.pi)
+    interpreter.symtable.update({name: getattr(np, meant) for name, meant in SHORT.items()})
     return interpreter
-
-
-def _readable(stage: str) -> tuple[str, ...]:
-    order = list(READABLE)
-    return tuple(name for earlier in order[: order.index(stage) + 1] for name in READABLE[earlier])
 
 
 def _parameter(text: str, whole: str) -> Parameter:
@@ -189,11 +184,21 @@ def _checked(effect: _Formula, text: str) -> Effect:
     """Run it once, so that a slip shows before any fit."""
     for name in effect.sets.quantities:
         if name not in effect.readable:
-            raise InputError(
-                f"--effect {text!r}: {name!r} can't be set at stage {effect.stage}; "
-                f"known there: {', '.join(effect.readable)}"
-            )
+            raise InputError(f"--effect {text!r}: {name!r} can't be set at stage {effect.stage}{_hint(name, effect)}")
+    own = {parameter.name for parameter in effect.parameters}
+    for name in sorted(effect.names - own - effect.readable.keys() - CONSTANTS.keys() - _ALWAYS):
+        raise InputError(f"--effect {text!r}: {name!r} is not known at stage {effect.stage}{_hint(name, effect)}")
     starts = {parameter.name: parameter.start for parameter in effect.parameters}
     with np.errstate(all="ignore"):
         Walker((effect,)).predict(Inputs(200.0, 10.0, 0.4, 0.6), [starts])
     return effect
+
+
+def _hint(name: str, effect: _Formula) -> str:
+    """What a name that is not there may have meant."""
+    if (stage := stage_of(name)) and name not in effect.readable:
+        return f": it exists from stage {stage} on"
+    own = [parameter.name for parameter in effect.parameters]
+    close = near(name, [*own, *effect.readable, *CONSTANTS, *_ALWAYS])
+    meant = f", did you mean {close!r}?" if close else ""
+    return f"{meant} (effects --quantities lists what is; a parameter is declared: '; {name} [1] in 0..1')"

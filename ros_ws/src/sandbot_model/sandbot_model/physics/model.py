@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
+from sandbot_common.suggest import did_you_mean
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.gait import EVEN, Clock
@@ -106,7 +107,7 @@ def model_of(
         raise InputError(f"model {base!r} is not one of {', '.join(BASES)}")
     for name in effects:
         if name not in catalogue:
-            raise InputError(f"effect {name!r} is not in the catalogue; known: {', '.join(catalogue)}")
+            raise InputError(f"effect {name!r} is not in the catalogue{did_you_mean(name, catalogue)}")
         if name in BASES[base]:
             raise InputError(f"effect {name!r} is part of the {base} model already")
         if list(effects).count(name) > 1:
@@ -115,5 +116,5 @@ def model_of(
     model = Model(base, chosen, catalogue, robot or SANDBOT, held or {})
     for name in model.held:
         if name not in model.names:
-            raise InputError(f"{name!r} is held but no parameter of the model; it has {', '.join(model.names)}")
+            raise InputError(f"{name!r} is held but no parameter of the model{did_you_mean(name, model.names)}")
     return model

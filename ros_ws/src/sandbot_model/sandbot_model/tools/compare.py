@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml, writing
-from sandbot_model.discovery.choice import Selection, from_mapping, held_by_text
+from sandbot_model.discovery.choice import Selection, from_mapping, held_by_text, name_of
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
@@ -96,6 +96,8 @@ def _selection(args: argparse.Namespace) -> Selection:
     """What the arguments, or the file that stands for them, select. Raises InputError."""
     names = [name.strip() for name in args.effects.split(",") if name.strip()]
     given = Selection(args.model, tuple(names), tuple(args.effect))
+    # What is typed as a formula is meant to be added; --effects only says where in the order.
+    given = given.toggled([*names, *(name_of(text) for text in args.effect)])
     for held in args.hold:
         given = held_by_text(given, held, "--hold")
     if given.by_hand and args.bootstrap is not None:

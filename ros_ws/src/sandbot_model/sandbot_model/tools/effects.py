@@ -1,5 +1,6 @@
 """effects: print the catalogue of physical effects."""
 
+import textwrap
 from collections.abc import Sequence
 
 from sandbot_common import cli
@@ -15,7 +16,11 @@ def _effects(argv: Sequence[str]) -> None:
     parser = cli.Parser(prog="effects", description=__doc__)
     arguments.add_catalogue(parser)
     parser.add_argument("--json", type=cli.output, metavar="OUT", help="write the catalogue as JSON")
+    parser.add_argument("--quantities", action="store_true", help="print the symbols that a formula may hold")
     args = parser.parse_args(argv)
+    if args.quantities:
+        print(_quantities())
+        return
     # Imported now that the options are understood: --help is answered at once.
     from sandbot_model.physics.catalogue import catalogue, describe
 
@@ -28,6 +33,24 @@ def _effects(argv: Sequence[str]) -> None:
         print(f"    seen in {effect.seen_in} ({effect.source})")
     if args.json is not None:
         arguments.write_json(args.json, {"schema": "sandbot.effects/1", "effects": describe(effects)})
+
+
+def _quantities() -> str:
+    from sandbot_model.fitting.text import table, wrapped
+    from sandbot_model.physics.formula import FUNCTIONS, SHORT
+    from sandbot_model.physics.symbols import listed
+
+    rows = [["symbol", "unit", "from stage", "meaning"]]
+    rows += [[", ".join(one.spellings), one.unit, one.stage, one.doc] for one in listed()]
+    functions = sorted({*FUNCTIONS, *SHORT})
+    return "\n".join(
+        [
+            table(wrapped(rows), left=(0, 1, 2, 3)),
+            "",
+            "A formula reads what exists at its stage, and sets it: X -> ..., X *= ..., +=.",
+            *textwrap.wrap(f"Functions: {', '.join(functions)}; pi.", 80),
+        ]
+    )
 
 
 if __name__ == "__main__":

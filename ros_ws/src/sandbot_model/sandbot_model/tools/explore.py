@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
-from sandbot_model.discovery.choice import from_mapping, from_query, to_query
+from sandbot_model.discovery.choice import Selection, from_mapping, from_query, to_query, with_formula
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
@@ -43,9 +43,7 @@ def _explore(argv: Sequence[str]) -> None:
     arguments.add_penetrometer(parser)
     parser.add_argument("--beside", type=Path, metavar="DATA", help="another data set to show with the same effects")
     parser.add_argument("--port", type=int, default=8050, help="port on this host (default: 8050; 0: any free one)")
-    parser.add_argument(
-        "--effects-from", type=Path, action="append", default=[], metavar="FILE.py", help="your own effects"
-    )
+    arguments.add_catalogue(parser)
     parser.add_argument("--selection", type=Path, metavar="FILE.yaml", help="open in the state saved with 'Save YAML'")
     parser.add_argument("--workers", type=int, default=min(4, os.cpu_count() or 1), help="processes that fit ahead")
     parser.add_argument("--title", default=None, help="title of the page (default: the name of DATA)")
@@ -54,7 +52,7 @@ def _explore(argv: Sequence[str]) -> None:
         raise InputError(f"--port {args.port} is not between 0 and 65535")
     if args.workers < 1:
         raise InputError(f"--workers {args.workers}: at least one is needed")
-    query = to_query(from_mapping(read_yaml(args.selection), str(args.selection))) if args.selection else ""
+    query = to_query(_opened(args))
     title = args.title or args.data[0].resolve().stem
     arguments.check_setting(args)
     from sandbot_model.data.quality import checked
@@ -73,6 +71,14 @@ def _explore(argv: Sequence[str]) -> None:
         _serve(no_data.app(title, str(error)), args.port, "")
     else:
         _explore_cells(args, trials, cells, title, query, robot_line)
+
+
+def _opened(args: argparse.Namespace) -> Selection:
+    """The state to open in: the one saved, if any, with the formulas that were typed. Raises InputError."""
+    saved = from_mapping(read_yaml(args.selection), str(args.selection)) if args.selection else Selection()
+    for text in args.effect:
+        saved = with_formula(saved, text)
+    return saved
 
 
 def _explore_cells(

@@ -11,6 +11,7 @@ from typing import Any
 
 from sandbot_common import files
 from sandbot_common.errors import InputError
+from sandbot_common.suggest import near
 from sandbot_record.trials.table import COLUMNS, OK, ORDER_AND_TIME, REQUIRED, TEXTS, Row, Trials, check_ids, from_rows
 
 _BOUNDS = {
@@ -145,7 +146,10 @@ def _hint(name: str, header: Iterable[str]) -> str:
             return f"; {other} would have to become {_OTHER_UNITS[other.lower()]}"
     if sum(cell.count(";") for cell in header) > 1:
         return "; values must be separated by commas, not semicolons"
-    return f"; there are: {', '.join(filter(None, header))}"
+    # With a unit of its own, a column is not misspelt but not understood.
+    strange = [other for other in header if other not in COLUMNS and not set(other) & set("[(")]
+    close = near(name, strange)
+    return f"; is {close!r} meant?" if close else f"; there are: {', '.join(filter(None, header))}"
 
 
 def _csv_row(where: str, number: int, cells: Mapping[str, str]) -> Row:

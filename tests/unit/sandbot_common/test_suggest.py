@@ -1,0 +1,22 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sandbot_common.suggest import did_you_mean, near
+
+EFFECTS = ("leg_slip", "stance_overlap", "belly_coast", "bed_slope")
+
+
+@pytest.mark.parametrize("typed", ["leg_slip", "leg slip", "Leg-Slip", "legslip", "leg_slipp", " leg_slp"])
+def test_a_slip_of_the_finger_is_understood(typed):
+    assert did_you_mean(typed, EFFECTS) == ", did you mean 'leg_slip'?"
+
+
+def test_what_is_like_nothing_is_answered_with_all_there_is():
+    assert did_you_mean("gravity", EFFECTS) == f"; known: {', '.join(EFFECTS)}"
+    assert near("gravity", EFFECTS) == ""
+
+
+@given(st.text(max_size=20), st.lists(st.text(max_size=10), max_size=5))
+def test_what_is_suggested_is_always_known(typed, known):
+    assert near(typed, known) in {"", *known}
