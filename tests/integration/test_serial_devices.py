@@ -32,7 +32,7 @@ def devices(tmp_path, start):
     folder = tmp_path / "dev"
 
     def run(*options):
-        simulated = start(sys.executable, "-m", "sandbot_hardware.simulate", folder, *options)
+        simulated = start(sys.executable, "-m", "sandbot_hardware.simulate_command", folder, *options)
         simulated.until(lambda line: line.startswith("devices:"))
         return simulated, folder
 

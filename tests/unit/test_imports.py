@@ -1,7 +1,9 @@
 """What comes along with an import: nobody who reads a bag or fits a model waits for ROS, Dash or OpenCV."""
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -58,30 +60,40 @@ def test_a_door_costs_nothing_until_it_is_used():
     assert seen.isdisjoint({*HEAVY, "numpy", "yaml", "scipy", "rosbags"})
 
 
-HELPED = """
+STARTED = """
 import sys
 from importlib import import_module
 try:
-    import_module(sys.argv[1]).main(["--help"])
+    import_module(sys.argv[1]).main(sys.argv[2:])
 except SystemExit:
-    print(*sys.modules)
+    pass
+print("loaded:", *sys.modules)
 """
+ROOT = Path(__file__).parents[2]
+COMMANDS = {
+    name: module
+    for setup in sorted(ROOT.glob("ros_ws/src/*/setup.py"))
+    for name, module in re.findall(r'"(\w+) = ([\w.]+):main"', setup.read_text(encoding="utf-8"))
+}
+SLOW = {"rclpy", "sensor_msgs", "dash", "flask", "plotly", "matplotlib", "cv2", "pandas", "scipy", "numba"}
+"""What costs a tenth of a second and more to import; counted, because times hang on the machine."""
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        "sandbot_model.tools.compare",
-        "sandbot_model.tools.discover",
-        "sandbot_model.tools.effects",
-        "sandbot_model.tools.explore",
-        "sandbot_tracking.tools.track_video",
-    ],
-)
-def test_help_does_not_wait_for_what_computes(command):
-    told = subprocess.run([sys.executable, "-c", HELPED, command], capture_output=True, text=True, check=True).stdout
-    assert told.startswith("usage: ")
-    assert set(told.split()).isdisjoint({*HEAVY, "scipy", "flask", "rosbags"})
+def test_every_command_is_looked_at():
+    assert {"clock", "tracker", "campaign", "compare", "record", "simulate"} <= COMMANDS.keys()
+    assert len(COMMANDS) > 20
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_and_a_slip_do_not_wait_for_what_computes(command):
+    for arguments, said in ((["--help"], "usage: "), (["--no-such-option", "x"], ": error: ")):
+        told = subprocess.run(
+            [sys.executable, "-c", STARTED, COMMANDS[command], *arguments], capture_output=True, text=True, check=True
+        )
+        before, _, modules = told.stdout.rpartition("loaded:")
+        assert said in before + told.stderr
+        assert len(told.stderr.splitlines()) <= 1
+        assert set(modules.split()).isdisjoint(SLOW)
 
 
 @pytest.mark.parametrize("package", [sandbot_model, sandbot_record, sandbot_tracking])

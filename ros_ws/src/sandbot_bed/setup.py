@@ -20,7 +20,7 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "bed = sandbot_bed.bed_node:main",
+            "bed = sandbot_bed.bed_parameters:main",
         ],
     },
 )

@@ -41,7 +41,7 @@ setup(
     entry_points={
         "console_scripts": [
             "campaign = sandbot_bringup.tools.campaign:main",
-            "console = sandbot_bringup.tools.console:main",
+            "console = sandbot_bringup.console_parameters:main",
             "unseal = sandbot_bringup.tools.unseal:main",
         ],
     },

@@ -20,7 +20,7 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "clock = sandbot_clock.clock_node:main",
+            "clock = sandbot_clock.clock_parameters:main",
         ],
     },
 )

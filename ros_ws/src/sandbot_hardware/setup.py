@@ -27,10 +27,10 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "serial_legs = sandbot_hardware.serial_legs_node:main",
-            "serial_bed = sandbot_hardware.serial_bed_node:main",
-            "serial_camera = sandbot_hardware.serial_camera_node:main",
-            "simulate = sandbot_hardware.simulate:main",
+            "serial_legs = sandbot_hardware.serial_legs_parameters:main",
+            "serial_bed = sandbot_hardware.serial_bed_parameters:main",
+            "serial_camera = sandbot_hardware.serial_camera_parameters:main",
+            "simulate = sandbot_hardware.simulate_command:main",
         ],
     },
 )

@@ -20,7 +20,7 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "lab = sandbot_lab.lab_node:main",
+            "lab = sandbot_lab.lab_parameters:main",
             "penetrometer = sandbot_lab.tools.penetrometer:main",
         ],
     },

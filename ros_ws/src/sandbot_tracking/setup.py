@@ -20,8 +20,8 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "tracker = sandbot_tracking.tracker_node:main",
-            "camera = sandbot_tracking.camera_node:main",
+            "tracker = sandbot_tracking.tracker_parameters:main",
+            "camera = sandbot_tracking.camera_parameters:main",
             "calibrate = sandbot_tracking.tools.calibrate:main",
             "track_video = sandbot_tracking.tools.track_video:main",
         ],

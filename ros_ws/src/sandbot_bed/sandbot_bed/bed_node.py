@@ -10,36 +10,22 @@ Interlock: a preparation is refused while legs move, and fails if they begin to.
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, Range
 from std_srvs.srv import Trigger
 
+from sandbot_bed.bed_parameters import BedParameters
 from sandbot_bed.hardware import BedHardware
-from sandbot_bed.protocol import Command, ProtocolParameters, PulseProtocol, Stage
+from sandbot_bed.protocol import Command, PulseProtocol, Stage
 from sandbot_bed.status import status_message
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
-from sandbot_common.parameters import parameter
 
 _LEGS_STILL_S = 0.2
 _STATUS_PERIOD_S = 0.1
 # A reading older than this is no reading.
 _FRESH_S = 0.5
-
-
-@dataclass(frozen=True)
-class BedParameters(ProtocolParameters):
-    """Parameters of the bed node: the protocol's, the target and the pace."""
-
-    target_phi: float = parameter(0.6, doc="volume fraction to prepare", low=0.3, high=0.74)
-    rate_hz: float = parameter(100.0, unit="Hz", doc="steps a second; fixed when the node starts", low=20, high=1000)
-    lease_s: float = parameter(0.45, unit="s", doc="a lease or a step later than this ends it", low=0.1, high=2.0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.check_target(self.target_phi)
 
 
 class TopicHardware:
@@ -202,7 +188,7 @@ class BedNode(Node):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the bed node until Ctrl-C."""
-    return node.run(BedNode, argv, parameters=BedParameters)
+    return node.run(BedNode, argv)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -21,11 +20,11 @@ from std_srvs.srv import Trigger
 
 from sandbot_bringup.console import Console, Throttle
 from sandbot_bringup.console_page import HOST, serve
+from sandbot_bringup.console_parameters import ConsoleParameters
 from sandbot_bringup.marks import SEEN_BY, Drawn, View
 from sandbot_bringup.nodes import table_path
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
-from sandbot_common.parameters import parameter
 from sandbot_common.topics import Topic
 from sandbot_tracking.calibration import read_cameras
 from sandbot_tracking.pixels import grey
@@ -62,16 +61,6 @@ _NUMBERS = {
 }
 _EXACT = {topics.LEG_STATES, topics.BED_BLOWER, topics.BED_STATUS, topics.DIAGNOSTICS}
 """Not one of these may be lost. Of the others that may: a reliable reader of a busy host stood still for 1 to 2 s."""
-
-
-@dataclass(frozen=True)
-class ConsoleParameters:
-    """The console's settings."""
-
-    port: int = parameter(8060, doc="TCP port of the page on this host; 0: any free one", low=0, high=65535)
-    picture_rate_hz: float = parameter(5.0, unit="Hz", doc="pictures a second of each camera", low=0.1, high=25.0)
-    cameras: str = parameter("", doc="cameras file, to draw the marks with; empty: the project's own")
-    explorer_port: int = parameter(8050, doc="port of the explorer that the page links to", low=1, high=65535)
 
 
 class ConsoleNode(Node):
@@ -299,7 +288,7 @@ def _now() -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Serve the console until Ctrl-C."""
-    return node.run(ConsoleNode, argv, parameters=ConsoleParameters)
+    return node.run(ConsoleNode, argv)
 
 
 if __name__ == "__main__":

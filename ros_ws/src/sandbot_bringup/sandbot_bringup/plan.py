@@ -28,7 +28,6 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import dump_yaml, read_json, read_yaml
 from sandbot_common.parameters import from_mapping, parameter
 from sandbot_lab.week import FIRST, Occasion, batch_seed
-from sandbot_model.discovery.next_trials import PENETRATION
 
 PHI_LOW, PHI_HIGH = 0.57, 0.64
 OMEGA_HIGH = 60.0
@@ -219,6 +218,9 @@ def _placed(
 
 def with_next_trials(plan: Plan, path: Path) -> Plan:
     """The plan extended by the ``next_trials`` of a discovery JSON (sandbot.discovery/1 or /2), each only once."""
+    # Here, because all that fits comes with it, and most plans need none of that.
+    from sandbot_model.discovery.next_trials import PENETRATION
+
     content = read_json(path)
     proposed = content.get("next_trials") if isinstance(content, dict) else content
     if not isinstance(proposed, list) or not proposed:

@@ -17,62 +17,27 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from rclpy.node import Node
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
-from sandbot_clock.gait import PRESETS, Gait
+from sandbot_clock.clock_parameters import ClockParameters
 from sandbot_clock.phase_clock import PhaseClock
 from sandbot_clock.schedule import NANO, Schedule, keep, missed_warning
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
-from sandbot_common.parameters import parameter, specs
 from sandbot_common.robot import SANDBOT, read_robot, robot_of_trial
 
-CUSTOM = "CUSTOM"
 # Long enough to hear whether a bed blows before legs move by themselves.
 _AUTOSTART_DELAY_S = 1.0
 _CATCH_UP = 10
 """Periods that one set-point makes up for at most; what passes in more slowly changes the gait (decision 16)."""
 # Real-time priorities of the schedule's thread and of the rest of the process.
 _SCHEDULE, _BESIDE = 20, 10
-
-
-def _of_gait(name: str) -> Any:
-    # The gait's own field, bounds and all, as a parameter of the node.
-    spec = next(spec for spec in specs(Gait) if spec.name == name)
-    default = getattr(PRESETS["SGCS"], name)
-    return parameter(default, unit=spec.unit, doc=f"{spec.doc}; of gait CUSTOM", low=spec.low, high=spec.high)
-
-
-@dataclass(frozen=True)
-class ClockParameters:
-    """Parameters of the clock node."""
-
-    omega_rad_s: float = parameter(8.0, unit="rad/s", doc="mean leg rate ω; may change while running", low=0, high=60)
-    gait: str = parameter("SGCS", doc="clock signal; may change while running", choices=(*PRESETS, CUSTOM))
-    theta_s_rad: float = _of_gait("theta_s_rad")
-    theta_0_rad: float = _of_gait("theta_0_rad")
-    duty: float = _of_gait("duty")
-    rate_hz: float = parameter(200.0, unit="Hz", doc="set-points a second, from the next start on", low=20, high=1000)
-    autostart: bool = parameter(False, doc="start by itself, one second after the node")
-    max_run_s: float = parameter(30.0, unit="s", doc="longest run; a campaign sets its trial's", low=0.1, high=20000)
-    lease_s: float = parameter(0.25, unit="s", doc="an /operator/lease later than this stops", low=0.02, high=1.0)
-    robot_s: float = parameter(0.25, unit="s", doc="/leg_states silent for longer stop the legs", low=0.02, high=1.0)
-    robot: str = parameter("", doc="robot file; empty: SandBot, or the robot that /trial tells")
-    late_s: float = parameter(0.1, unit="s", doc="a set-point later than this stops the legs", low=0.005, high=0.25)
-
-    @property
-    def gait_used(self) -> Gait:
-        """The preset named, or the three gait parameters where it is CUSTOM."""
-        if self.gait == CUSTOM:
-            return Gait(self.theta_s_rad, self.theta_0_rad, self.duty)
-        return Gait.from_name(self.gait)
 
 
 class ClockNode(Node):
@@ -293,7 +258,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the clock node until Ctrl-C."""
     # The whole process: a main thread that waits for a CPU while it holds Python's lock would stop the schedule, too.
     node.ask_for_real_time(_BESIDE)
-    return node.run(ClockNode, argv, parameters=ClockParameters)
+    return node.run(ClockNode, argv)
 
 
 if __name__ == "__main__":

@@ -1,15 +1,19 @@
 """Command lines with one manner: 0 on success, 2 with one line on bad input, 130 on Ctrl-C."""
 
 import argparse
+import ast
 import io
 import os
 import sys
 from collections.abc import Callable, Sequence
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Protocol
 
 from sandbot_common.errors import InputError
 from sandbot_common.files import check_output
+from sandbot_common.parameters import usage
 from sandbot_common.suggest import did_you_mean
 
 BAD_INPUT = 2
@@ -45,6 +49,56 @@ def with_ros(parser: argparse.ArgumentParser, argv: Sequence[str]) -> tuple[argp
     """Our own options, and what begins with --ros-args, which is ROS's own to read."""
     cut = list(argv).index("--ros-args") if "--ros-args" in argv else len(argv)
     return parser.parse_args(argv[:cut]), list(argv[cut:])
+
+
+class Main(Protocol):
+    """What a console script calls."""
+
+    def __call__(self, argv: Sequence[str] | None = None) -> int:
+        """Run the command line and return the exit code."""
+
+
+def node(module: str, parameters: type) -> Main:
+    """The console script of a node: ``--help`` and a slip are answered before ROS is loaded.
+
+    ``module`` has the node's ``main`` and, in its docstring, what it does; ``parameters`` is its dataclass.
+    """
+
+    def start(arguments: Sequence[str]) -> int:
+        own = _outside_ros(arguments)
+        if {"-h", "--help"} & set(own):
+            print(usage(os.path.basename(sys.argv[0]), _docstring(module), parameters))
+            return 0
+        if own:
+            raise InputError(f"unknown argument {own[0]!r}; parameters are set with --ros-args -p NAME:=VALUE")
+        code: int = import_module(module).main(arguments)
+        return code
+
+    def main(argv: Sequence[str] | None = None) -> int:
+        return run(start, argv)
+
+    return main
+
+
+def _outside_ros(arguments: Sequence[str]) -> list[str]:
+    """What does not stand between --ros-args and its end (``--``, if there is one)."""
+    own, ros = [], False
+    for word in arguments:
+        if word == "--ros-args":
+            ros = True
+        elif ros:
+            ros = word != "--"
+        else:
+            own.append(word)
+    return own
+
+
+def _docstring(module: str) -> str:
+    """What a module says of itself, which is not imported."""
+    found = find_spec(module)
+    if found is None or found.origin is None:
+        raise ModuleNotFoundError(module)
+    return ast.get_docstring(ast.parse(Path(found.origin).read_text(encoding="utf-8"))) or ""
 
 
 def output(text: str) -> Path:

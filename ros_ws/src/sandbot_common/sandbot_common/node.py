@@ -26,12 +26,11 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
-from rclpy.utilities import remove_ros_args
 
 from sandbot_common import cli, messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
-from sandbot_common.parameters import Spec, from_mapping, specs, usage
+from sandbot_common.parameters import Spec, from_mapping, specs
 from sandbot_common.suggest import did_you_mean
 
 T = TypeVar("T")
@@ -230,22 +229,14 @@ def run(
     make: Callable[[], Node],
     argv: Sequence[str] | None = None,
     *,
-    parameters: type | None = None,
     frames: bool = False,
 ) -> int:
     """Start ROS, make the node, spin until Ctrl-C or shutdown, and always clean up; exit code as in cli.run.
 
-    ``parameters``: the node's parameter dataclass, which ``--help`` lists, and starts nothing.
     ``frames``: whether the node publishes camera frames, which takes more shared memory.
     """
 
     def command(arguments: Sequence[str]) -> int:
-        if parameters is not None and {"-h", "--help"} & set(arguments):
-            about = sys.modules[make.__module__].__doc__ or ""
-            print(usage(os.path.basename(sys.argv[0]), about, parameters))
-            return 0
-        if unknown := remove_ros_args(["", *arguments])[1:]:
-            raise InputError(f"unknown argument {unknown[0]!r}; parameters are set with --ros-args -p NAME:=VALUE")
         use_shared_memory(frames=frames)
         # Our own signals: ROS's handlers end the context at once, and close() could no longer publish "air off".
         with stop_signals() as stop:

@@ -5,7 +5,6 @@ Air is leased: a /bed/blower that is late by air_lease_s turns it off. The bed's
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from rclpy.node import Node
@@ -13,23 +12,12 @@ from std_msgs.msg import Float64
 
 from sandbot_common import messages, node, topics
 from sandbot_common.lease import Lease
-from sandbot_common.parameters import parameter
 from sandbot_hardware import lines
 from sandbot_hardware.lines import Line
 from sandbot_hardware.port import Port, fixed
+from sandbot_hardware.serial_bed_parameters import SerialBedParameters
 
 WATCH_S = 0.02
-
-
-@dataclass(frozen=True)
-class SerialBedParameters:
-    """Where the bed is."""
-
-    device: str = parameter("/dev/ttyUSB0", doc="serial line of the bed's controller")
-    baud: int = parameter(115200, unit="Bd", doc="speed of the line", low=9600, high=12_000_000)
-    range_low_m: float = parameter(0.02, unit="m", doc="least height the sensor sees", low=0.0, high=10.0)
-    range_high_m: float = parameter(0.5, unit="m", doc="greatest height the sensor sees", low=0.0, high=10.0)
-    air_lease_s: float = parameter(0.45, unit="s", doc="a /bed/blower later than this turns it off", low=0.05, high=2.0)
 
 
 class SerialBed(Node):
@@ -83,7 +71,7 @@ class SerialBed(Node):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the driver until Ctrl-C."""
-    return node.run(SerialBed, argv, parameters=SerialBedParameters)
+    return node.run(SerialBed, argv)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ what is left, the sync LED tells the tracker.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -14,21 +13,11 @@ from rclpy.node import Node
 
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
-from sandbot_common.parameters import parameter
 from sandbot_hardware.device_clock import DeviceClock
 from sandbot_hardware.lines import Line
 from sandbot_hardware.port import Port, fixed
+from sandbot_hardware.serial_camera_parameters import SerialCameraParameters
 from sandbot_tracking.calibration import read_cameras
-
-
-@dataclass(frozen=True)
-class SerialCameraParameters:
-    """Which camera, and where."""
-
-    camera: str = parameter("dorsal", doc="which of the two cameras this is", choices=tuple(topics.VIEWS))
-    device: str = parameter("/dev/ttyACM0", doc="serial line of the camera")
-    baud: int = parameter(921600, unit="Bd", doc="speed of the line; USB takes no notice", low=9600, high=12_000_000)
-    cameras: str = parameter("", doc="YAML file of the calibrated cameras; empty: no camera_info")
 
 
 class SerialCamera(Node):
@@ -81,7 +70,7 @@ class SerialCamera(Node):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the driver until Ctrl-C."""
-    return node.run(SerialCamera, argv, parameters=SerialCameraParameters, frames=True)
+    return node.run(SerialCamera, argv, frames=True)
 
 
 if __name__ == "__main__":

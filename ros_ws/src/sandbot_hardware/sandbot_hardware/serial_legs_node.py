@@ -6,7 +6,6 @@ at rest has come. The controller does the same by itself when the line is silent
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,24 +14,14 @@ from sensor_msgs.msg import JointState
 
 from sandbot_common import messages, node, topics
 from sandbot_common.lease import Lease
-from sandbot_common.parameters import parameter
 from sandbot_common.robot import SANDBOT, read_robot
 from sandbot_hardware import lines
 from sandbot_hardware.device_clock import DeviceClock
 from sandbot_hardware.lines import Line
 from sandbot_hardware.port import Port, fixed
+from sandbot_hardware.serial_legs_parameters import LegsParameters
 
 WATCH_S = 0.01
-
-
-@dataclass(frozen=True)
-class LegsParameters:
-    """Where the controller is."""
-
-    device: str = parameter("/dev/ttyUSB1", doc="serial line of the leg controller")
-    baud: int = parameter(921600, unit="Bd", doc="speed of the line", low=9600, high=12_000_000)
-    robot: str = parameter("", doc="robot file, for the order of the legs on the wire; empty: SandBot's")
-    legs_lease_s: float = parameter(0.25, unit="s", doc="set-points later than this stop the legs", low=0.02, high=1.0)
 
 
 class SerialLegs(Node):
@@ -115,7 +104,7 @@ class SerialLegs(Node):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the driver until Ctrl-C."""
-    return node.run(SerialLegs, argv, parameters=LegsParameters)
+    return node.run(SerialLegs, argv)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ killed or froze can't tell. The legs then stay at rest until a set-point at rest
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +22,11 @@ from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_common.lease import Lease
-from sandbot_common.parameters import parameter
 from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_lab.bed import LabBed
 from sandbot_lab.calibration import Calibration, calibration
 from sandbot_lab.cameras import LabCamera
-from sandbot_lab.robot import START_X_M
+from sandbot_lab.lab_parameters import LabParameters
 from sandbot_lab.stage import NANO, LiveTrial, warm_up
 from sandbot_lab.week import Occasion
 from sandbot_lab.world import null_world, read_world
@@ -38,28 +36,6 @@ IDLE_RATE_HZ = 100.0
 WATCH_RATE_HZ = 100.0
 SENSOR_RANGE_M = (0.02, 0.5)
 CAMERAS = ("dorsal", "lateral")
-
-
-@dataclass(frozen=True)
-class LabParameters:
-    """Parameters of the lab node."""
-
-    world: str = parameter("", doc="sealed world file; empty: the null world")
-    cameras: str = parameter("", doc="cameras file; empty: the project's own")
-    robot: str = parameter(
-        "",
-        doc="robot file; empty: SandBot. A robot that /trial tells goes before it, and one of the world's before both",
-    )
-    seed: int = parameter(1, doc="chance of the bed", low=0, high=2**62)
-    trial_seed: int = parameter(1, doc="chance of the next trial", low=0, high=2**62)
-    batch_seed: int = parameter(0, doc="chance that the next trial shares with its batch", low=0, high=2**62)
-    progress: float = parameter(0.0, doc="how far the campaign is at the next trial, 0 to 1", low=0.0, high=1e3)
-    phi: float = parameter(0.0, doc="volume fraction of the next trial; 0: the bed's own", low=0.0, high=0.7)
-    start_x: float = parameter(START_X_M, unit="m", doc="where the robot's com starts", low=0.0, high=2.5)
-    images: bool = parameter(True, doc="whether the cameras run")
-    idle_frames: bool = parameter(False, doc="whether the cameras also run while the robot stands")
-    legs_lease_s: float = parameter(0.25, unit="s", doc="set-points later than this stop the legs", low=0.02, high=1.0)
-    air_lease_s: float = parameter(0.45, unit="s", doc="a /bed/blower later than this turns it off", low=0.05, high=2.0)
 
 
 class LabNode(Node):
@@ -274,7 +250,7 @@ def _legs(message: JointState, order: Sequence[str]) -> tuple[Any, Any]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return node.run(LabNode, argv, parameters=LabParameters, frames=True)
+    return node.run(LabNode, argv, frames=True)
 
 
 if __name__ == "__main__":

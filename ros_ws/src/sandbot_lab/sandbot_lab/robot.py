@@ -14,10 +14,9 @@ from sandbot_common.errors import InputError
 from sandbot_lab import kernel
 from sandbot_lab.physics import fresh_state, physics_record
 from sandbot_lab.week import Occasion, Week
-from sandbot_lab.world import World
+from sandbot_lab.world import START_X_M, World
 
 Floats = NDArray[np.float64]
-START_X_M = 0.15
 PHI_LOW, PHI_HIGH = 0.5, 0.7
 
 

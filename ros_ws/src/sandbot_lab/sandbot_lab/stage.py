@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from sandbot_common.topics import LEGS
 from sandbot_lab.cameras import Frame, LabCamera
-from sandbot_lab.robot import START_X_M, BodyState, LabRobot
+from sandbot_lab.robot import BodyState, LabRobot
 from sandbot_lab.week import FIRST, Occasion
-from sandbot_lab.world import World, null_world
+from sandbot_lab.world import START_X_M, World, null_world
 
 Floats = NDArray[np.float64]
 NANO = 1_000_000_000

@@ -23,6 +23,8 @@ from sandbot_lab.effects import DRAWN, EFFECTS, checked_effect
 from sandbot_lab.week import Occasion, Week
 
 SCHEMA = "sandbot.world/1"
+START_X_M = 0.15
+"""Where the robot's com starts; frame trackway."""
 
 
 @dataclass(frozen=True)

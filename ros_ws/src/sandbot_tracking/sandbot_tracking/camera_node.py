@@ -8,32 +8,17 @@ A film starts once somebody has listened for a second, so that its first frames 
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo
 
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
-from sandbot_common.parameters import parameter
 from sandbot_tracking.calibration import Camera, read_cameras
+from sandbot_tracking.camera_parameters import CameraParameters
 from sandbot_tracking.source import Source
 
 SETTLE_S = 1.0
-
-
-@dataclass(frozen=True)
-class CameraParameters:
-    """Which camera, from where."""
-
-    camera: str = parameter("dorsal", doc="which of the two cameras this is", choices=tuple(topics.VIEWS))
-    video: str = parameter("", doc="video file, or number of the camera device")
-    cameras: str = parameter("", doc="YAML file of the calibrated cameras; empty: no camera_info")
-    rate_hz: float = parameter(0.0, unit="Hz", doc="frames per second; 0: as the video says", low=0.0, high=10000.0)
-    playback: float = parameter(
-        1.0, doc="speed at which a film is shown; its stamps stay film time", low=0.01, high=10.0
-    )
-    exposure_s: float = parameter(0.0, unit="s", doc="exposure of a device; 0: as cameras says", low=0.0, high=10.0)
 
 
 class CameraNode(Node):
@@ -118,4 +103,4 @@ def _fixed(_: CameraParameters) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the camera node."""
-    return node.run(CameraNode, argv, parameters=CameraParameters, frames=True)
+    return node.run(CameraNode, argv, frames=True)

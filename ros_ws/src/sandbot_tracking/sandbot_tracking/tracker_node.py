@@ -1,7 +1,6 @@
 """The tracker node: both cameras' frames to /landmarks/*, /speed, /speed/mean and /lift."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ from rclpy.subscription import Subscription
 
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
-from sandbot_common.parameters import parameter
 from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_common.topics import Topic
 from sandbot_tracking.calibration import read_cameras
@@ -18,6 +16,7 @@ from sandbot_tracking.latency import Latency
 from sandbot_tracking.live import LiveTracker, View, warm_up
 from sandbot_tracking.offline import Sample
 from sandbot_tracking.pixels import grey
+from sandbot_tracking.tracker_parameters import TrackerParameters
 
 _IMAGES = {
     "dorsal": (topics.DORSAL_IMAGE, topics.DORSAL_JPEG),
@@ -27,21 +26,6 @@ _LOOK_S = 0.5
 """How often it is looked who publishes images."""
 _FROZEN = 50
 """Equal frames in a row that are no chance."""
-
-
-@dataclass(frozen=True)
-class TrackerParameters:
-    """What the tracker needs to know."""
-
-    cameras: str = parameter("", doc="YAML file of the calibrated cameras (dorsal, lateral); empty: the project's own")
-    robot: str = parameter("", doc="YAML file of the robot; empty: SandBot. One that /trial tells goes before it")
-    pair_tolerance_s: float = parameter(
-        0.0, unit="s", doc="how far apart two views of one instant may be; 0: half a frame period", low=0.0, high=0.5
-    )
-    sensor_bits: int = parameter(16, doc="bits that a camera of 16-bit encoding fills", low=8, high=16)
-    latency_budget_s: float = parameter(
-        0.05, unit="s", doc="exposure to /speed: later is a missed deadline", low=0.001, high=10.0
-    )
 
 
 class ImageInput:
@@ -201,4 +185,4 @@ def _fixed(_: TrackerParameters) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tracker node."""
-    return node.run(TrackerNode, argv, parameters=TrackerParameters)
+    return node.run(TrackerNode, argv)

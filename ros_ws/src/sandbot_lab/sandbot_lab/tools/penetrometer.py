@@ -12,8 +12,6 @@ from pathlib import Path
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_text, writing
-from sandbot_lab.penetrometer import COLUMNS, DEPTHS_M, press
-from sandbot_lab.world import World, read_world
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -25,13 +23,18 @@ def _command(argv: Sequence[str]) -> None:
     parser = cli.Parser(prog="penetrometer", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--world", type=Path, help="the virtual lab's world.yaml (default: the null world)")
     parser.add_argument("--phi", type=float, nargs="+", required=True, help="volume fractions to prepare")
-    parser.add_argument("--depth-m", type=float, nargs="+", default=DEPTHS_M, help="depths to read at")
+    parser.add_argument("--depth-m", type=float, nargs="+", help="depths to read at")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=cli.output, required=True, metavar="FILE.csv")
     args = parser.parse_args(argv)
     if args.seed < 0:
         raise InputError(f"--seed: {args.seed} is not a seed; 0 or more")
-    rows = press(World() if args.world is None else read_world(args.world), args.phi, args.depth_m, args.seed)
+    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    from sandbot_lab.penetrometer import COLUMNS, DEPTHS_M, press
+    from sandbot_lab.world import World, read_world
+
+    world = World() if args.world is None else read_world(args.world)
+    rows = press(world, args.phi, args.depth_m or DEPTHS_M, args.seed)
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()

@@ -117,7 +117,7 @@ class PredictorNode(Node):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return node.run(PredictorNode, argv, parameters=PredictorParameters)
+    return node.run(PredictorNode, argv)
 
 
 if __name__ == "__main__":

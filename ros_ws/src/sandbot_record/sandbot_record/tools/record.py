@@ -11,10 +11,7 @@ from pathlib import Path
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_record.bags.mcap_writer import COMPRESSIONS
-from sandbot_record.bags.recording import Limits, Recording
 from sandbot_record.bags.video import CODECS
-from sandbot_record.bags.writer import BagWriter, Split
-from sandbot_record.tools.recorder_node import Selection, record
 
 MIB = 1 << 20
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
@@ -38,6 +35,11 @@ def _record(argv: Sequence[str]) -> int:
     _keep_memory()
     options, ros_arguments = cli.with_ros(_parser(), argv)
     _check(options)
+    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    from sandbot_record.bags.recording import Limits, Recording
+    from sandbot_record.bags.writer import BagWriter, Split
+    from sandbot_record.tools.recorder_node import Selection, record
+
     selection = Selection(
         tuple(dict.fromkeys(options.topics)),
         options.all,

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_record.bags.recover import recover
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -18,6 +17,9 @@ def _recover(argv: Sequence[str]) -> None:
     parser.add_argument("bag", type=Path, metavar="BAG", help="the bag's folder, or one .mcap file; it is not changed")
     parser.add_argument("new", type=Path, metavar="NEW_BAG", help="the bag to write; must not exist")
     options = parser.parse_args(argv)
+    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    from sandbot_record.bags.recover import recover
+
     try:
         result = recover(options.bag, options.new)
     except OSError as error:

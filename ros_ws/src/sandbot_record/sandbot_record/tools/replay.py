@@ -6,9 +6,6 @@ from pathlib import Path
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_record.bags.playback import Player, Timeline
-from sandbot_record.bags.reader import Bag
-from sandbot_record.tools.replay_node import Options, replay
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -32,6 +29,11 @@ def _replay(argv: Sequence[str]) -> int:
     options, ros_arguments = cli.with_ros(parser, argv)
     if not 0 <= options.delay < 1e6:
         raise InputError(f"--delay: {options.delay} is not a number of seconds from 0 up")
+    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    from sandbot_record.bags.playback import Player, Timeline
+    from sandbot_record.bags.reader import Bag
+    from sandbot_record.tools.replay_node import Options, replay
+
     timeline = Timeline(Bag.open(options.bag), options.topics, decode_jpeg=options.decode_jpeg)
     player = Player(timeline, rate=options.rate, loop=options.loop, start_s=options.start, until_s=options.until)
     remap = dict(_pair(text) for text in options.remap)

@@ -9,7 +9,7 @@ then adds the place.
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
@@ -19,7 +19,9 @@ from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_csv, read_yaml, write_text, writing
 from sandbot_tracking.calibration import camera_from_mapping, read_cameras
-from sandbot_tracking.lens import Lens, entry, lens_from_chessboard, lens_from_points, place, reprojection_px
+
+if TYPE_CHECKING:
+    from sandbot_tracking.lens import Lens
 
 Floats = NDArray[np.float64]
 
@@ -65,6 +67,9 @@ def command(argv: Sequence[str]) -> int:
         raise InputError("--chessboard and --intrinsics both give the lens: choose one")
     size = (int(given.size[0]), int(given.size[1]))
     _check(given, size)
+    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    from sandbot_tracking.lens import entry, place, reprojection_px
+
     content = _entries(given.out)
     pixels, points = read_table(given.table)
     lens = _lens(given, pixels, points, size)
@@ -97,7 +102,9 @@ def _entries(path: Path) -> dict[str, Any]:
     return content
 
 
-def _lens(given: Any, pixels: Floats, points: Floats, size: tuple[int, int]) -> Lens:
+def _lens(given: Any, pixels: Floats, points: Floats, size: tuple[int, int]) -> "Lens":
+    from sandbot_tracking.lens import Lens, lens_from_chessboard, lens_from_points
+
     if given.chessboard:
         return lens_from_chessboard(given.chessboard, tuple(given.pattern), given.square)
     if given.intrinsics is None:

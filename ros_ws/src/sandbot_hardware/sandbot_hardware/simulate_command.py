@@ -1,0 +1,62 @@
+"""simulate FOLDER: the four devices on pseudo-terminals FOLDER/bed, legs, dorsal and lateral, to try the drivers on.
+
+Behind them are the virtual lab's bed, robot and cameras. Lines on standard input pull a cable (`pull legs`) and put it
+back (`plug legs`); what the devices do by themselves is printed.
+"""
+
+import argparse
+import queue
+import sys
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+from sandbot_common import cli
+from sandbot_common.robot import SANDBOT, read_robot
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run until Ctrl-C."""
+    return cli.run(_simulate, argv)
+
+
+def _simulate(argv: Sequence[str]) -> int:
+    parser = cli.Parser(prog="simulate", description=__doc__)
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="where the terminals' names are put")
+    parser.add_argument("--cameras", type=Path, help="cameras.yaml; default: the project's own")
+    parser.add_argument("--robot", type=Path, help="robot.yaml; default: SandBot")
+    parser.add_argument("--seed", type=int, default=1, help="chance of bed and cameras")
+    parser.add_argument(
+        "--lease", type=float, default=0.24, metavar="S", help="legs rest when told nothing for so long"
+    )
+    parser.add_argument("--phi", type=float, default=0.0, help="ground the robot walks on; default: the bed's own")
+    options: argparse.Namespace = parser.parse_args(argv)
+    # Imported now that the options are understood: --help and a slip in them are answered at once.
+    from sandbot_hardware.simulate import PORTS, Trackway, obey
+
+    robot = read_robot(options.robot) if options.robot else SANDBOT
+    trackway = Trackway(
+        options.folder, options.cameras or _own_cameras(), robot, options.seed, options.phi, options.lease
+    )
+    orders: queue.SimpleQueue[str] = queue.SimpleQueue()
+
+    def listen() -> None:
+        for line in sys.stdin:
+            orders.put(line)
+
+    threading.Thread(target=listen, name="stdin", daemon=True).start()
+    print("devices: " + " ".join(str(options.folder / name) for name in PORTS), flush=True)
+    while True:
+        trackway.step()
+        while not orders.empty():
+            obey(trackway, orders.get())
+
+
+def _own_cameras() -> Path:
+    from ament_index_python.packages import get_package_share_directory
+
+    return Path(get_package_share_directory("sandbot_bringup")) / "config" / "cameras.yaml"
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

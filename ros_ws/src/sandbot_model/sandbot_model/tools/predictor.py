@@ -1,0 +1,9 @@
+"""The predictor's command line, which is there before ROS is."""
+
+from sandbot_common import cli
+from sandbot_model.physics.predictor import PredictorParameters
+
+main = cli.node("sandbot_model.tools.predictor_node", PredictorParameters)
+
+if __name__ == "__main__":
+    raise SystemExit(main())
