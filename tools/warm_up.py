@@ -1,7 +1,7 @@
 """Compile the numba kernels once, as part of the set-up, so that no first run waits a minute for them.
 
 One short trial of the virtual lab goes through the compiled kernels: dynamics, drawing, tracking, folding; the smoother
-of a video's track, which no campaign uses, is called by itself.
+of a video's track, which no campaign uses, is called by itself, and so is a fit.
 """
 
 import sys
@@ -11,6 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from sandbot_bringup.tools import campaign
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting.fit import fit
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+from sandbot_record.trials.table import Row, from_rows
 from sandbot_tracking.smooth import smooth
 
 PLAN = """
@@ -24,9 +29,11 @@ images: none
 
 
 def main() -> int:
-    """Run the trial in a temporary folder, and the smoother."""
+    """Run the trial in a temporary folder, the smoother and a fit."""
     t_s = 0.01 * np.arange(200)
     smooth(t_s, 0.2 * t_s + 1e-5 * np.sin(1e3 * t_s))
+    trials = [Row(trial_id=str(i), phi=0.62, omega_rad_s=6.0 + i, speed_m_s=0.06 + 0.01 * i) for i in range(6)]
+    fit(model_of("simple", (), catalogue()), cells_of(from_rows(trials)))
     with tempfile.TemporaryDirectory() as folder:
         plan = Path(folder) / "plan.yaml"
         plan.write_text(PLAN, encoding="utf-8")

@@ -17,6 +17,7 @@ setup(
         "sandbot_record",
         "numpy",
         "scipy",
+        "numba",
         "pyyaml",
         "plotly",
         "jinja2",

@@ -7,7 +7,7 @@ import numpy as np
 
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import Observable
-from sandbot_model.physics.walking import Inputs, Params, Walker
+from sandbot_model.physics.walking import Walker
 
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
@@ -21,31 +21,30 @@ def along_the_track(walker: Walker) -> bool:
     return any(effect.along_the_track for effect in walker.effects)
 
 
-def node_average(values: Array, along_the_track: bool) -> tuple[Array, Array]:
-    """Average over the nodes (axis -2) and the weight of each node's change in it, of the shape of ``values``.
+def node_weights(values: Array, along_the_track: bool) -> Array:
+    """Weight of each node (axis -2) in the mean of ``values (rows, cells, nodes, 4)``, ``(1, 1, nodes, 4)`` where it is
+    the same everywhere.
 
     Trials differ in φ: an average over nodes. Where φ also varies along the track, a trial's lift is that of the
     median step and its peak that of the best one; its speed is the average still, as every step takes as long.
     """
-    weights = np.broadcast_to(WEIGHTS[:, None], values.shape)
     if not along_the_track:
-        return np.einsum("g,...gi->...i", WEIGHTS, values), weights
-    weights = weights.copy()
+        return np.ascontiguousarray(np.broadcast_to(WEIGHTS[:, None], (1, 1, len(NODES), 4)))
+    weights = np.broadcast_to(WEIGHTS[:, None], values.shape).copy()
     weights[..., Observable.lift] = np.arange(len(NODES)) == len(NODES) // 2
     reached = np.where(np.abs(NODES) < 2, values[..., Observable.peak_speed], -np.inf)
     weights[..., Observable.peak_speed] = np.arange(len(NODES)) == reached.argmax(axis=-1)[..., None]
-    return np.sum(weights * values, axis=-2), weights
+    return weights
 
 
-def share_between_trials(walker: Walker, phi_scatter: float, inputs: Inputs, params: Params) -> Array:
+def share_between_trials(along_the_track: bool, phi_scatter: float, track: Array) -> Array:
     """Standard deviation over trials as a share of that over steps, ``(rows or 1, cells or 1, 4)``.
 
-    What varies along the track a trial averages over its steps; the first step happens once, and the best of all
-    steps varies as much as a single step.
+    What varies along the track, by ``track (rows or 1, cells or 1)`` in φ, a trial averages over its steps; the first
+    step happens once, and the best of all steps varies as much as a single step.
     """
-    if not along_the_track(walker):
+    if not along_the_track:
         return np.ones((1, 1, 4))
-    track = walker.sigma_phi(inputs, params)[..., 0]
     between = phi_scatter**2
     averaged = np.sqrt((between + track**2 / STEPS) / np.maximum(between + track**2, 1e-18))
     plain = np.ones_like(averaged)

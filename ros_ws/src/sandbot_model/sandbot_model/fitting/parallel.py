@@ -36,8 +36,13 @@ def workers(count: int) -> Iterator[Map]:
         return
     # Forked workers see a user's effects as they are; none of them could be found again by name.
     forked = pool(count, "fork")
+
+    def spread(function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterable[Any]:
+        # One alone is done here: what it loads and compiles the workers, forked later, have already.
+        return map(function, tasks) if len(tasks) == 1 else forked.map(function, tasks)
+
     try:
-        yield forked.map
+        yield spread
     finally:
         forked.shutdown(cancel_futures=True)
 

@@ -14,11 +14,12 @@ import numpy as np
 
 from sandbot_model.fitting.averaging import NODES, WEIGHTS
 from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.points import Conditions, Points
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.geometry import critical_k_n_per_m
 from sandbot_model.physics.model import Model
-from sandbot_model.physics.observables import Observable
+from sandbot_model.physics.observables import NAMES, Observable
 from sandbot_model.physics.walking import KCurve
 
 K_GRID = 48
@@ -142,23 +143,21 @@ def _pressed_table(problem: Problem, theta: Array, k_grid: Array, slope: Array) 
 
 def _table(problem: Problem, theta: Array, k_grid: Array, slope: Array, k_curve: Array) -> Array:
     """Predictions ``(cells, m, k, 4)``; levels share them unless an effect depends on φ."""
-    cells, model = problem.cells, problem.model
+    cells, means = problem.cells, problem.cell_means
     turning = np.stack([cells.omega, *astuple(cells.clock)])
-    conditions, index = np.unique(turning, axis=1, return_inverse=True)
-    omega, *clock = conditions
-    inputs, params = model.inputs(
-        theta[:, None, None, None, :],
-        k_grid[:, None],
-        omega,
-        cells.level_phi[:, None, None],
-        Clock(*clock),
-        KCurve(cells.level_phi, k_curve),
-    )
-    values = model.walker.predict(inputs, params).observables
-    values = np.broadcast_to(values, (len(theta), values.shape[1], len(k_grid), conditions.shape[1], 4))
-    level = cells.level if values.shape[1] > 1 else np.zeros_like(cells.level)
-    table = np.asarray(values[:, level, :, index])
-    sigma = np.broadcast_to(model.walker.sigma_phi(inputs, params), (len(theta), 1, 1, 1))[:, 0, 0, 0]
+    (omega, *clock), index = np.unique(turning, axis=1, return_inverse=True)
+    phi = cells.level_phi if means.chains.uses_phi else cells.level_phi[:1]
+    every_phi = np.tile(np.repeat(phi[:, None], len(omega), axis=1), (len(theta), 1))
+    at = Conditions.of(problem.model.walker, omega, every_phi, Clock(*clock))
+    points = Points(np.repeat(theta, len(phi), axis=0), at, k_grid[None, None], KCurve(cells.level_phi, k_curve))
+    values = means.chains.values(NAMES, points, vars(means.chains.footing(points)).values())
+    values = np.moveaxis(values.reshape(len(NAMES), len(theta), len(phi), len(omega), len(k_grid)), 0, -1)
+    table = np.asarray(values[:, cells.level if len(phi) > 1 else np.zeros_like(cells.level), index])
+    table = np.ascontiguousarray(np.moveaxis(table, 1, 0))
+    if not means.chains.varies_phi:
+        return table
+    feet = np.full(points.shape, 0.01), np.ones(points.shape)
+    sigma = means.chains.values(("sigma_phi",), points, (*feet, *feet))[0].reshape(len(theta), -1)[:, 0]
     return _averaged(table, k_grid, np.abs(slope)[cells.level][:, None] * sigma) if sigma.any() else table
 
 

@@ -74,6 +74,16 @@ class Chain:
         return self.omega * self.advance / np.pi
 
     @property
+    def peak_speed(self) -> Array:
+        """Largest v_x(t) of a step [m/s] when walking."""
+        return self.leg_speed * self.peak_ratio
+
+    @property
+    def swum(self) -> Array:
+        """Advance in the first step [m] when swimming."""
+        return self.v_swim * self.thrust_time
+
+    @property
     def load(self) -> Array:
         """The force the ground must give: m g + (m + m_a) a_z [N]."""
         return self.mass * self.gravity + (self.mass + self.added_mass) * self.delta_v / self.delta_t * self.lift_ratio
@@ -91,9 +101,11 @@ class Chain:
 def disturbed_share(chain: Chain, reach: Array | float) -> Array:
     """How far, 0 to 1, a leg lands in what the step before has disturbed: all of it 0.1 R within ``reach`` R."""
     radius = chain.robot.leg_radius_m
-    return np.asarray(np.clip((reach * radius - chain.advance) / (0.1 * radius), 0.0, 1.0))
+    share: Array = np.clip((reach * radius - chain.advance) / (0.1 * radius), 0.0, 1.0)
+    return share
 
 
 def horizontal_force(chain: Chain) -> Array:
     """F_x = 1.5 α_x w d² [N], what the ground gives a leg along the track: about 4 N at 3.9 cm."""
-    return np.asarray(np.maximum(1.5 * HORIZONTAL_STRENGTH * chain.robot.leg_width_m * chain.depth**2, 1e-6))
+    force: Array = np.maximum(1.5 * HORIZONTAL_STRENGTH * chain.robot.leg_width_m * chain.depth**2, 1e-6)
+    return force

@@ -127,12 +127,13 @@ class _Formula(Effect):
             raise InputError(f"effect {self.identifier}: {self.sets.expression}: {message}") from None
         finally:
             interpreter.code_text.clear()  # it would keep an entry for every call
-        if value is None or not np.issubdtype(np.asarray(value).dtype, np.number) or np.iscomplexobj(value):
+        kind = value.dtype if hasattr(value, "dtype") else np.asarray(value).dtype
+        if value is None or kind.kind not in "iuf":
             raise InputError(f"effect {self.identifier}: {self.sets.expression!r} gives {value!r}, expected a number")
         change = _CHANGES[self.sets.how]
         for name in self.sets.quantities:
             meant = self.readable[name]
-            put(chain, meant, change(get(chain, meant), np.asarray(value, dtype=float)))
+            put(chain, meant, change(get(chain, meant), np.multiply(value, 1.0)))
 
 
 def _pass_on_interrupt(error: BaseException | None) -> None:

@@ -24,7 +24,8 @@ def depth_at(robot: Robot, angle_rad: Array) -> Array:
 def chord(robot: Robot, depth: Array) -> Array:
     """Step length s = 2√(R² - (d + h - R)²) [m] (Li09); 2R where the leg holds above its centre, 0 at 2R - h."""
     above = np.maximum(depth + robot.axle_height_m - robot.leg_radius_m, 0.0)
-    return np.asarray(2 * np.sqrt(np.maximum(robot.leg_radius_m**2 - above**2, 0.0)))
+    length: Array = 2 * np.sqrt(np.maximum(robot.leg_radius_m**2 - above**2, 0.0))
+    return length
 
 
 def step_from_lift(lift_m: Array, leg_radius_m: float) -> Array:
@@ -37,4 +38,5 @@ def step_from_lift(lift_m: Array, leg_radius_m: float) -> Array:
 
 def stance_angle(step_m: Array, leg_radius_m: float) -> Array:
     """Largest leg angle while standing, asin(s/2R) [rad]: the leg turns from minus it to plus it in a step."""
-    return np.asarray(np.arcsin(np.clip(step_m / (2 * leg_radius_m), 0.0, 1.0)))
+    angle: Array = np.arcsin(np.clip(step_m / (2 * leg_radius_m), 0.0, 1.0))
+    return angle

@@ -22,6 +22,7 @@ from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.gait import EVEN, Clock
 from sandbot_model.physics.geometry import deepest_m, depth_at
+from sandbot_model.physics.observables import NAMES
 from sandbot_model.physics.stages import through
 
 BASES: dict[str, tuple[str, ...]] = {
@@ -141,13 +142,9 @@ class Walker:
         if self.remembers:
             virgin = self.chain(inputs, params, footing.virgin_depth[..., None], first_step=True)
         walking = footing.walking
-        swim = _flat(steady.v_swim)
-        swum = _flat(virgin.v_swim * virgin.thrust_time)
+        seen = observables(steady, virgin, walking[..., None], footing.virgin_walking[..., None])
         columns = np.broadcast_arrays(
-            np.where(walking, _flat(steady.speed), swim),
-            np.where(walking, deepest_m(self.robot) - footing.depth, 0.0),
-            np.where(walking, _flat(steady.leg_speed * steady.peak_ratio), swim),
-            np.where(footing.virgin_walking, _flat(virgin.advance), swum),
+            *(_flat(seen[name]) for name in NAMES),
             np.where(walking, footing.depth, np.nan),
             np.where(walking, _flat(steady.step), np.nan),
             walking,
@@ -167,7 +164,7 @@ class Walker:
             v_swim=_column(inputs.v_swim_m_s),
             slow_phase_ratio=_column(inputs.clock.slow_ratio),
             swing_ratio=_column(inputs.clock.swing_ratio),
-            slow_begin=self._slow_begin_m(inputs.clock)[..., None],
+            slow_begin=self.slow_begin_m(inputs.clock)[..., None],
             first_step=first_step,
             k_of_phi=inputs.k_of_phi or (lambda _phi: k),
             one_leg=one_leg,
@@ -184,7 +181,7 @@ class Walker:
         return _flat(self.chain(inputs, params, np.array([0.01]), first_step=False).sigma_phi)
 
     def _first_crossing(self, inputs: Inputs, params: Params, *, first_step: bool) -> tuple[Array, Bool]:
-        grid = self._depths(inputs.clock)
+        grid = self.depths(inputs.clock)
         margin = self.chain(inputs, params, grid, first_step=first_step).margin
         holds = margin >= 0
         walking = holds.any(axis=-1)
@@ -205,19 +202,29 @@ class Walker:
         depth = _secant(low, high, margin_low, margin_high)
         return np.where(walking, depth, deepest_m(self.robot)), np.asarray(walking)
 
-    def _depths(self, clock: Clock) -> Array:
+    def depths(self, clock: Clock) -> Array:
         """Depths at which the margin is tried, among them both sides of its jumps."""
         grid = _depth_grid(deepest_m(self.robot))
         if not any(effect.clocked for effect in self.effects):
             return grid
-        jumps = np.unique(self._slow_begin_m(clock)[clock.swing_ratio != clock.slow_ratio])
+        jumps = np.unique(self.slow_begin_m(clock)[clock.swing_ratio != clock.slow_ratio])
         beyond = np.minimum(jumps[:, None] + BEYOND_A_JUMP_M, grid[-1])
         return np.unique(np.concatenate([grid, jumps - JUMP_M, beyond.ravel()]))
 
-    def _slow_begin_m(self, clock: Clock) -> Array:
+    def slow_begin_m(self, clock: Clock) -> Array:
         """Depth at which the slow phase begins [m]; the deepest where that is not on the way down."""
         angle = np.asarray(clock.slow_begin_rad) + self.robot.leg_mount_rad
         return np.clip(depth_at(self.robot, np.minimum(angle, 0.0)), 0.0, deepest_m(self.robot))
+
+
+def observables(steady: Chain, virgin: Chain, walking: Bool, virgin_walking: Bool) -> dict[str, Array]:
+    """What is seen of a robot by the name of the ``Observable``: on its way, and in its first step on virgin ground."""
+    return {
+        "speed": np.where(walking, steady.speed, steady.v_swim),
+        "lift": np.where(walking, deepest_m(steady.robot) - steady.depth, 0.0),
+        "peak_speed": np.where(walking, steady.peak_speed, steady.v_swim),
+        "first_step": np.where(virgin_walking, virgin.advance, virgin.swum),
+    }
 
 
 def _depth_grid(deepest_m: float) -> Array:

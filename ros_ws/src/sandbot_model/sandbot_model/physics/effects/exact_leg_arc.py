@@ -34,4 +34,5 @@ class ExactLegArc(Effect):
 
 def _primitive(psi: Array, z: Array, radius: float) -> Array:
     """(R/2)(ψ + cos ψ sin ψ) + (z - R) sin ψ [m]."""
-    return np.asarray(0.5 * radius * (psi + np.cos(psi) * np.sin(psi)) + (z - radius) * np.sin(psi))
+    primitive: Array = 0.5 * radius * (psi + np.cos(psi) * np.sin(psi)) + (z - radius) * np.sin(psi)
+    return primitive

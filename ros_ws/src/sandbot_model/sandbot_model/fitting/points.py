@@ -1,0 +1,100 @@
+"""Where a fit evaluates a chain, and the two ways in which it is: as operations (``operations``) or on arrays."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.gait import Clock
+from sandbot_model.physics.model import Model
+from sandbot_model.physics.observables import NAMES
+from sandbot_model.physics.walking import Footing, Inputs, KCurve, Params, Walker
+
+Feet = Iterable[Any]
+"""The fields of a ``Footing``, arrays ``(rows, cells, nodes)``."""
+SEEN = (*NAMES, "margin", "virgin_margin")
+"""What derivatives are taken of: the observables, and the force margins [N], steady and on virgin ground."""
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """What a cell is, arrays ``(cells,)``; φ also of every row, ``(rows, cells)``."""
+
+    omega: Array
+    phi: Array
+    clock: Clock
+    slow_begin: Array
+    depths: Array
+    """Those at which the margin is tried."""
+
+    @classmethod
+    def of(cls, walker: Walker, omega: Array, phi: Array, clock: Clock) -> "Conditions":
+        """For this walker."""
+        return cls(omega, phi, clock, walker.slow_begin_m(clock), walker.depths(clock))
+
+
+class Points(NamedTuple):
+    """θ ``(rows, parameters)``, conditions of the cells, k ``(rows or 1, cells or 1, nodes)``, the curve k(φ)."""
+
+    theta: Array
+    at: Conditions
+    k: Array
+    curve: KCurve
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Rows, cells, nodes."""
+        return len(self.theta), len(self.at.omega), self.k.shape[2]
+
+
+class Chains(Protocol):
+    """Evaluates the chain of a model."""
+
+    uses_phi: bool
+    """Whether anything depends on φ but for k."""
+    varies_phi: bool
+    """Whether an effect lets φ vary along the track."""
+
+    def footing(self, points: Points) -> Footing:
+        """Where the legs hold, arrays ``(rows, cells, nodes)``."""
+
+    def values(self, outputs: tuple[str, ...], points: Points, feet: Feet) -> Array:
+        """Some of ``SEEN`` or ``sigma_phi`` at given feet, ``(outputs, *points.shape)``."""
+
+
+class ArrayChains:
+    """The chain as it is written, on arrays."""
+
+    def __init__(self, model: Model) -> None:
+        self.model, self.walker = model, model.walker
+        self.varies_phi = True
+        starts = [{one.name: one.start for one in effect.parameters} for effect in self.walker.effects]
+        tried = Inputs(200.0, 8.0, 0.4, np.array([0.6, 0.61]), k_of_phi=KCurve(np.array([0.6, 0.61]), np.full(2, 2e2)))
+        self.uses_phi = self.walker.predict(tried, starts).speed_m_s.ndim > 0
+
+    def footing(self, points: Points) -> Footing:
+        """See ``Chains``."""
+        found = self.walker.footing(*self._inputs(points))
+        return Footing(*(np.broadcast_to(part, points.shape) for part in vars(found).values()))
+
+    def values(self, outputs: tuple[str, ...], points: Points, feet: Feet) -> Array:
+        """See ``Chains``."""
+        inputs, params = self._inputs(points)
+        if outputs == ("sigma_phi",):
+            return np.broadcast_to(self.walker.sigma_phi(inputs, params), (1, *points.shape))
+        footing = Footing(*feet)
+        seen = np.broadcast_to(self.walker.observe(inputs, params, footing).observables, (*points.shape, 4))
+        found = dict(zip(NAMES, np.moveaxis(seen, -1, 0), strict=True))
+        if "margin" in outputs:
+            found["margin"] = self.walker.margin(inputs, params, footing.depth, first_step=False)
+            found["virgin_margin"] = self.walker.margin(
+                inputs, params, footing.virgin_depth, first_step=self.walker.remembers
+            )
+        return np.stack([np.broadcast_to(found[name], points.shape) for name in outputs])
+
+    def _inputs(self, points: Points) -> tuple[Inputs, Params]:
+        at = points.at
+        theta = points.theta[:, None, None, :]
+        return self.model.inputs(theta, points.k, at.omega[:, None], at.phi[..., None], at.clock[:, None], points.curve)

@@ -1,0 +1,286 @@
+"""Executes a chain that was written down as a list of operations (see ``tape``); compiled once, for every chain.
+
+A register holds one quantity at the points that are worked on at once, and every operation runs over all of them. In
+the search for a footing these are the depths tried; what does not depend on the row, cell or node of the fit is done
+once, outside the loop over it.
+"""
+
+# mypy: disable-error-code="no-untyped-def,no-untyped-call"
+
+import math
+
+import numba
+import numpy as np
+
+UNARY = (
+    *("negative", "absolute", "sign", "floor", "sqrt", "exp", "log", "log10", "sin", "cos", "tan"),
+    *("arcsin", "arccos", "arctan", "sinh", "cosh", "tanh"),
+)
+BINARY = ("add", "subtract", "multiply", "divide", "minimum", "maximum", "power", "arctan2", "hypot")
+COMPARISONS = ("less", "less_equal", "greater", "greater_equal", "equal", "not_equal")
+LOGICAL = ("logical_and", "logical_or", "logical_not")
+NUMBER = {name: at for at, name in enumerate((*UNARY, *BINARY, *COMPARISONS, *LOGICAL, "where", "interp", "curve"))}
+"""Numbers of the operations, which are named as numpy does."""
+
+NEGATIVE, ABSOLUTE, SIGN, FLOOR, SQRT, EXP, LOG, LOG10, SIN, COS, TAN, ARCSIN, ARCCOS, ARCTAN, SINH, COSH, TANH = range(
+    17
+)
+ADD, SUBTRACT, MULTIPLY, DIVIDE, MINIMUM, MAXIMUM, POWER, ARCTAN2, HYPOT = range(17, 26)
+LESS, LESS_EQUAL, GREATER, GREATER_EQUAL, EQUAL, NOT_EQUAL, AND, OR, NOT, WHERE, INTERP, CURVE = range(26, 38)
+
+AT_ONCE = 256
+"""Points worked on at once: their registers stay in the processor's cache."""
+
+_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+
+@_compiled
+def _function(operation, x):  # noqa: C901
+    if operation == EXP:
+        return math.exp(x)
+    if operation == SIN:
+        return math.sin(x)
+    if operation == COS:
+        return math.cos(x)
+    if operation == ARCSIN:
+        return math.asin(x)
+    if operation == ARCCOS:
+        return math.acos(x)
+    if operation == LOG:
+        return math.log(x) if x > 0 else (-np.inf if x == 0 else np.nan)
+    if operation == TAN:
+        return math.tan(x)
+    if operation == ARCTAN:
+        return math.atan(x)
+    if operation == TANH:
+        return math.tanh(x)
+    if operation == FLOOR:
+        return np.floor(x)
+    if operation == SIGN:
+        return np.sign(x)
+    if operation == LOG10:
+        return math.log10(x) if x > 0 else (-np.inf if x == 0 else np.nan)
+    if operation == SINH:
+        return math.sinh(x)
+    return math.cosh(x)
+
+
+@_compiled
+def _of_two(operation, x, y):
+    if operation == POWER:
+        return x**y
+    if operation == HYPOT:
+        return math.hypot(x, y)
+    if operation == ARCTAN2:
+        return math.atan2(x, y)
+    if operation == LESS:
+        return 1.0 if x < y else 0.0
+    if operation == LESS_EQUAL:
+        return 1.0 if x <= y else 0.0
+    if operation == GREATER:
+        return 1.0 if x > y else 0.0
+    if operation == GREATER_EQUAL:
+        return 1.0 if x >= y else 0.0
+    if operation == EQUAL:
+        return 1.0 if x == y else 0.0
+    if operation == NOT_EQUAL:
+        return 1.0 if x != y else 0.0
+    if operation == AND:
+        return x * y
+    return max(x, y)
+
+
+@_compiled
+def interpolated(x, xp, fp):
+    """As ``np.interp`` for one x."""
+    if x != x:
+        return x
+    if x >= xp[-1]:
+        return fp[-1]
+    if x < xp[0]:
+        return fp[0]
+    at = np.searchsorted(xp, x, side="right") - 1
+    return (fp[at + 1] - fp[at]) / (xp[at + 1] - xp[at]) * (x - xp[at]) + fp[at]
+
+
+@_compiled
+def _run(code, begin, end, reg, n, tables, phi, k):  # noqa: C901
+    """Do operations ``begin`` to ``end`` at the first ``n`` points; ``phi (levels,)`` and ``k`` are the curve."""
+    for line in range(begin, end):
+        operation, out, a, b, c = code[line, 0], code[line, 1], code[line, 2], code[line, 3], code[line, 4]
+        if operation == MULTIPLY:
+            for i in range(n):
+                reg[out, i] = reg[a, i] * reg[b, i]
+        elif operation == ADD:
+            for i in range(n):
+                reg[out, i] = reg[a, i] + reg[b, i]
+        elif operation == SUBTRACT:
+            for i in range(n):
+                reg[out, i] = reg[a, i] - reg[b, i]
+        elif operation == DIVIDE:
+            for i in range(n):
+                reg[out, i] = reg[a, i] / reg[b, i]
+        elif operation == MINIMUM:
+            for i in range(n):
+                reg[out, i] = reg[a, i] if reg[a, i] < reg[b, i] or reg[a, i] != reg[a, i] else reg[b, i]
+        elif operation == MAXIMUM:
+            for i in range(n):
+                reg[out, i] = reg[a, i] if reg[a, i] > reg[b, i] or reg[a, i] != reg[a, i] else reg[b, i]
+        elif operation == SQRT:
+            for i in range(n):
+                reg[out, i] = math.sqrt(reg[a, i]) if reg[a, i] >= 0.0 else np.nan
+        elif operation == WHERE:
+            for i in range(n):
+                reg[out, i] = reg[b, i] if reg[a, i] != 0.0 else reg[c, i]
+        elif operation == NEGATIVE:
+            for i in range(n):
+                reg[out, i] = -reg[a, i]
+        elif operation == ABSOLUTE:
+            for i in range(n):
+                reg[out, i] = abs(reg[a, i])
+        elif operation == NOT:
+            for i in range(n):
+                reg[out, i] = 1.0 - reg[a, i]
+        elif operation == INTERP:
+            for i in range(n):
+                reg[out, i] = interpolated(reg[a, i], tables[2 * b], tables[2 * b + 1])
+        elif operation == CURVE:
+            for i in range(n):
+                reg[out, i] = interpolated(reg[a, i], phi, k) if len(phi) else reg[b, i]
+        elif operation < ADD:
+            for i in range(n):
+                reg[out, i] = _function(operation, reg[a, i])
+        else:
+            for i in range(n):
+                reg[out, i] = _of_two(operation, reg[a, i], reg[b, i])
+
+
+@_compiled
+def _load(inputs, flat, row, first, n, nodes, reg):
+    """Put the inputs ``(register, offset, strides over rows, cells, nodes)`` of some points of a row in their place."""
+    for at in range(len(inputs)):
+        to, over_cells, over_nodes = inputs[at, 0], inputs[at, 3], inputs[at, 4]
+        begin = inputs[at, 1] + row * inputs[at, 2]
+        if over_cells == 0 and over_nodes == 0:
+            for i in range(n):
+                reg[to, i] = flat[begin]
+        else:
+            cell, node = first // nodes, first % nodes
+            for i in range(n):
+                reg[to, i] = flat[begin + cell * over_cells + node * over_nodes]
+                node += 1
+                if node == nodes:
+                    cell, node = cell + 1, 0
+
+
+@_compiled
+def _registers(count, n, constants):
+    reg = np.empty((count, n))
+    for at in range(len(constants)):
+        reg[int(constants[at, 0])] = constants[at, 1]
+    return reg
+
+
+@_compiled
+def evaluate(program, shape, inputs, flat, curve):
+    """The outputs of a program at points ``(rows, cells, nodes)``: ``(outputs, rows, cells * nodes)``."""
+    code, outputs, count, constants, tables = program
+    rows, cells, nodes = shape
+    phi, k = curve
+    reg = _registers(count, AT_ONCE, constants)
+    found = np.empty((len(outputs), rows, cells * nodes))
+    for row in range(rows):
+        for first in range(0, cells * nodes, AT_ONCE):
+            n = min(AT_ONCE, cells * nodes - first)
+            _load(inputs, flat, row, first, n, nodes, reg)
+            _run(code, 0, len(code), reg, n, tables, phi, k[row % len(k)])
+            for at in range(len(outputs)):
+                found[at, row, first : first + n] = reg[outputs[at], :n]
+    return found
+
+
+@_compiled
+def bracket(program, levels, shape, inputs, flat, curve, depth, grid):
+    """Where on a grid of depths the margin first is not negative, 0 if nowhere, and the margins before it and at it.
+
+    Arrays are ``(rows, cells * nodes)``.
+
+    ``levels`` are the lines of the program at which those begin that depend on the row, cell and node.
+    """
+    code, outputs, count, constants, tables = program
+    rows, cells, nodes = shape
+    phi, k = curve
+    n, margin = len(grid), outputs[0]
+    reg = _registers(count, n, constants)
+    reg[depth] = grid
+    upper = np.zeros((rows, cells * nodes), dtype=np.int64)
+    below, above = np.zeros(upper.shape), np.zeros(upper.shape)
+    _run(code, 0, levels[0], reg, n, tables, phi, k[0])
+    for row in range(rows):
+        of_row = k[row % len(k)]
+        _fill(inputs, flat, row, 0, 0, 1, reg)
+        _run(code, levels[0], levels[1], reg, n, tables, phi, of_row)
+        for cell in range(cells):
+            _fill(inputs, flat, row, cell, 0, 2, reg)
+            _run(code, levels[1], levels[2], reg, n, tables, phi, of_row)
+            for node in range(nodes):
+                _fill(inputs, flat, row, cell, node, 3, reg)
+                _run(code, levels[2], len(code), reg, n, tables, phi, of_row)
+                at, point = 0, cell * nodes + node
+                while at < n and not reg[margin, at] >= 0:
+                    at += 1
+                if at < n:
+                    at = max(at, 1)
+                    upper[row, point], below[row, point], above[row, point] = at, reg[margin, at - 1], reg[margin, at]
+    return upper, below, above
+
+
+@_compiled
+def _fill(inputs, flat, row, cell, node, level, reg):
+    """Put the inputs in their place that depend on the row (level 1), on the cell (2) or on the node (3)."""
+    for at in range(len(inputs)):
+        over_cells, over_nodes = inputs[at, 3], inputs[at, 4]
+        if level == (3 if over_nodes else 2 if over_cells else 1):
+            reg[inputs[at, 0]] = flat[inputs[at, 1] + row * inputs[at, 2] + cell * over_cells + node * over_nodes]
+
+
+@_compiled
+def polish(program, shape, inputs, flat, curve, depth, grid, upper, below, above, steps):
+    """Depth of the crossing by ``steps`` of the Illinois rule within its bracket, the deepest where there is none."""
+    code, outputs, count, constants, tables = program
+    rows, cells, nodes = shape
+    phi, k = curve
+    reg = _registers(count, AT_ONCE, constants)
+    found = np.empty(upper.shape)
+    low, high = np.empty(AT_ONCE), np.empty(AT_ONCE)
+    for row in range(rows):
+        for first in range(0, cells * nodes, AT_ONCE):
+            n = min(AT_ONCE, cells * nodes - first)
+            _load(inputs, flat, row, first, n, nodes, reg)
+            for i in range(n):
+                at = max(upper[row, first + i], 1)
+                low[i], high[i] = grid[at - 1], grid[at]
+            for _ in range(steps):
+                for i in range(n):
+                    reg[depth, i] = _secant(low[i], high[i], below[row, first + i], above[row, first + i])
+                _run(code, 0, len(code), reg, n, tables, phi, k[row % len(k)])
+                for i in range(n):
+                    here = reg[outputs[0], i]
+                    # Illinois: halve the margin of the end that stays, so that it does not stay for ever.
+                    if here >= 0:
+                        high[i], above[row, first + i] = reg[depth, i], here
+                        below[row, first + i] *= 0.5
+                    else:
+                        low[i], below[row, first + i] = reg[depth, i], here
+                        above[row, first + i] *= 0.5
+            for i in range(n):
+                at = _secant(low[i], high[i], below[row, first + i], above[row, first + i])
+                found[row, first + i] = at if upper[row, first + i] else grid[-1]
+    return found
+
+
+@_compiled
+def _secant(low, high, below, above):
+    rise = above - below
+    share = -below / rise if rise > 0 else 0.5
+    return low + min(max(share, 0.0), 1.0) * (high - low)

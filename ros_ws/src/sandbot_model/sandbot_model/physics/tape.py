@@ -1,0 +1,229 @@
+"""The chain as a list of elementary operations, recorded by running it once on quantities that note what is done to
+them: every effect's own ``apply``, a formula and a user's effect alike. ``machine`` executes it.
+
+A recording is one path through the code. An effect that looks at values or shapes, or calls what is not listed here,
+can't be recorded: the chain is then run as it is, on arrays (``Walker``).
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
+
+from sandbot_model.physics.arrays import Array, Ints
+from sandbot_model.physics.chain import Chain
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.machine import COMPARISONS, LOGICAL, NUMBER, UNARY
+from sandbot_model.physics.stages import through
+from sandbot_model.physics.walking import Walker, observables
+
+CONDITIONS = ("k", "omega", "phi", "delta_t", "v_swim", "slow_phase_ratio", "swing_ratio", "slow_begin")
+"""Inputs of the chain that are its quantities; the others are ``effect.parameter``."""
+FEET, VIRGIN = ("depth", "walking"), ("virgin_depth", "virgin_walking")
+"""Inputs that a footing gives, steady and on virgin ground."""
+
+
+class Unrecordable(TypeError):
+    """What is done can't be written down."""
+
+
+class Recorded(NDArrayOperatorsMixin):
+    """A quantity of the chain on a tape: the register that holds it, and whether it is a truth value."""
+
+    def __init__(self, tape: "Tape", register: int, truth: bool = False) -> None:
+        self.tape, self.register, self.truth = tape, register, truth
+        self.dtype = np.dtype(bool if truth else float)
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> "Recorded":
+        if method != "__call__" or options:
+            raise Unrecordable(f"{ufunc.__name__}.{method}")
+        return self.tape.add(ufunc.__name__, *inputs)
+
+    def __array_function__(self, function: Callable[..., Any], _types: Any, args: Any, options: Any) -> Any:
+        if function not in _FUNCTIONS or options:
+            raise Unrecordable(function.__name__)
+        return _FUNCTIONS[function](self.tape, *args)
+
+    def __bool__(self) -> bool:
+        raise Unrecordable("a decision by value")
+
+    def __array__(self, *_args: Any, **_options: Any) -> Array:
+        raise Unrecordable("an array by value")
+
+
+_FUNCTIONS: dict[Callable[..., Any], Callable[..., Any]] = {
+    np.where: lambda tape, *args: tape.add("where", *args),
+    np.clip: lambda tape, x, low, high: tape.add("minimum", tape.add("maximum", x, low), high),
+    np.interp: lambda tape, x, xp, fp: tape.interp(x, xp, fp),
+}
+
+
+class Tape:
+    """Operations ``(operation, out, a, b, c)`` on registers: the inputs, then constants and results as they come."""
+
+    def __init__(self, inputs: Iterable[str]) -> None:
+        self.inputs = {name: register for register, name in enumerate(inputs)}
+        self.constants: dict[float, int] = {}
+        self.code: list[tuple[int, int, int, int, int]] = []
+        self.outputs: dict[str, int] = {}
+        self.tables: list[tuple[Array, Array]] = []
+        self.registers = len(self.inputs)
+        self._known: dict[tuple[int, int, int, int], Recorded] = {}
+
+    def input(self, name: str) -> Recorded:
+        """The quantity that comes from outside under this name."""
+        return Recorded(self, self.inputs[name])
+
+    def output(self, name: str, value: Any) -> None:
+        """Keep a result under this name."""
+        self.outputs[name] = self._register(value)[0]
+
+    def add(self, name: str, *values: Any) -> Recorded:
+        """One more operation, unless the same was done before."""
+        name = _OF_TRUTHS.get(name, name)
+        if name == "power" and isinstance(values[1], int | float) and values[1] in _POWERS:
+            power: Recorded = _POWERS[values[1]](values[0])
+            return power
+        if name in _NEUTRAL and (kept := _unchanged(name, values)) is not None:
+            return kept
+        if name not in NUMBER or len(values) != _COUNT[NUMBER[name]]:
+            raise Unrecordable(name)
+        registers, truths = zip(*map(self._register, values), strict=True)
+        if (name in LOGICAL) != all(truths) and name not in ("where", *COMPARISONS):
+            raise Unrecordable(f"{name} of truth values" if all(truths) else f"{name} of numbers")
+        return self._put((NUMBER[name], *registers, *(0,) * (3 - len(registers))), name in (*COMPARISONS, *LOGICAL))
+
+    def interp(self, x: Any, xp: Any, fp: Any) -> Recorded:
+        """Linear interpolation in a table that stays the same."""
+        self.tables.append((np.array(xp, dtype=float), np.array(fp, dtype=float)))
+        return self._put((NUMBER["interp"], self._register(x)[0], len(self.tables) - 1, 0), False)
+
+    def curve(self, phi: Any) -> Any:
+        """The fitted stiffness at another volume fraction; where there is no curve, the input ``k``."""
+        return self._put((NUMBER["curve"], self._register(phi)[0], self.inputs["k"], 0), False)
+
+    def _put(self, what: tuple[int, int, int, int], truth: bool) -> Recorded:
+        if what not in self._known:
+            operation, *operands = what
+            self.code.append((operation, self.registers, *operands))  # type: ignore[arg-type]
+            self._known[what] = Recorded(self, self.registers, truth)
+            self.registers += 1
+        return self._known[what]
+
+    def _register(self, value: Any) -> tuple[int, bool]:
+        if isinstance(value, Recorded):
+            return value.register, value.truth
+        if np.shape(value) != ():
+            raise Unrecordable(f"an array of shape {np.shape(value)}")
+        number = float(value)
+        if number not in self.constants:
+            self.constants[number] = self.registers
+            self.registers += 1
+        return self.constants[number], isinstance(value, bool | np.bool_)
+
+
+_POWERS: dict[float, Callable[[Any], Any]] = {1: lambda x: x, 2: lambda x: x * x, 0.5: np.sqrt, -1: lambda x: 1.0 / x}
+"""Powers that numpy, too, does without a logarithm."""
+
+
+_OF_TRUTHS = {"invert": "logical_not", "bitwise_and": "logical_and", "bitwise_or": "logical_or"}
+"""What ~, & and | are of truth values; of numbers neither is recorded."""
+
+
+def _unchanged(name: str, values: Sequence[Any]) -> Recorded | None:
+    """What an operation that changes nothing leaves: x + 0, x - 0, 1 x, x/1."""
+    pairs = [tuple(values), tuple(values[::-1])] if name in ("add", "multiply") else [tuple(values)]
+    for kept, other in pairs:
+        constant = not isinstance(other, Recorded) and np.ndim(other) == 0
+        if constant and other == _NEUTRAL[name] and isinstance(kept, Recorded) and not kept.truth:
+            return kept
+    return None
+
+
+_NEUTRAL = {"add": 0.0, "subtract": 0.0, "multiply": 1.0, "divide": 1.0}
+_OPERANDS = {name: 1 for name in (*UNARY, "logical_not")} | {"where": 3, "interp": 1}
+_COUNT = {number: _OPERANDS.get(name, 2) for name, number in NUMBER.items()}
+"""How many registers an operation reads."""
+
+
+def record(walker: Walker) -> Tape | None:
+    """The chain of a walker as operations; None where an effect can't be recorded.
+
+    Outputs are the names of the observables, ``margin`` and ``virgin_margin`` [N] and ``sigma_phi``.
+    """
+    names = [f"{effect.identifier}.{one.name}" for effect in walker.effects for one in effect.parameters]
+    tape = Tape([*CONDITIONS, *FEET, *VIRGIN, *names])
+    try:
+        steady = _chain(tape, walker, FEET[0], first_step=False)
+        virgin = _chain(tape, walker, VIRGIN[0], first_step=True) if walker.remembers else steady
+        walking: Any = [tape.input(name) for name in (FEET[1], VIRGIN[1])]
+        for name, value in observables(steady, virgin, *walking).items():
+            tape.output(name, value)
+        tape.output("margin", steady.margin)
+        tape.output("virgin_margin", virgin.margin)
+        tape.output("sigma_phi", steady.sigma_phi)
+    except Exception:  # whatever a user's effect may do with what it takes for arrays
+        return None
+    return tape
+
+
+def _chain(tape: Tape, walker: Walker, depth: str, *, first_step: bool) -> Chain:
+    quantities: Any = {name: tape.input(name) for name in CONDITIONS} | {"depth": tape.input(depth)}
+    chain = Chain(walker.robot, **quantities, first_step=first_step, k_of_phi=tape.curve)
+    return through(chain, [(effect, _own(tape, effect)) for effect in walker.effects])
+
+
+def _own(tape: Tape, effect: Effect) -> Any:
+    return {one.name: tape.input(f"{effect.identifier}.{one.name}") for one in effect.parameters}
+
+
+class Program(NamedTuple):
+    """What ``machine`` executes."""
+
+    code: Ints
+    outputs: Ints
+    registers: int
+    constants: Array
+    """Register and value ``(n, 2)``."""
+    tables: Array
+    """x and y of each table in turn, ``(2 tables, longest)``, the last point repeated."""
+
+
+def program(tape: Tape, outputs: Sequence[str], level: Mapping[str, int]) -> tuple[Program, Ints, list[str]]:
+    """The operations that these outputs need; where those begin that depend on row, cell and node; the inputs needed.
+
+    ``level`` says of each input whether it depends on the row (1), on the cell (2), on the node (3) or on none (0).
+    """
+    wanted = {tape.outputs[name] for name in outputs}
+    needed = []
+    for operation in reversed(tape.code):
+        if operation[1] in wanted:
+            needed.append(operation)
+            wanted.update(_operands_of(operation))
+    deep = {tape.inputs[name]: at for name, at in level.items()}
+    for operation in reversed(needed):
+        # The curve is the row's.
+        own = 1 if operation[0] == NUMBER["curve"] else 0
+        deep[operation[1]] = max(own, *(deep.get(register, 0) for register in _operands_of(operation)))
+    needed.sort(key=lambda operation: (deep[operation[1]], operation[1]))
+    depths = [deep[operation[1]] for operation in needed]
+    code = np.array(needed, dtype=np.int64).reshape(-1, 5)
+    constants = np.array([(register, value) for value, register in tape.constants.items()]).reshape(-1, 2)
+    made = Program(
+        code, np.array([tape.outputs[name] for name in outputs]), tape.registers, constants, _padded(tape.tables)
+    )
+    inputs = [name for name, register in tape.inputs.items() if register in wanted]
+    return made, np.searchsorted(depths, [1, 2, 3]), inputs
+
+
+def _operands_of(operation: tuple[int, int, int, int, int]) -> tuple[int, ...]:
+    number, _, *registers = operation
+    return tuple(registers[: _COUNT[number]])
+
+
+def _padded(tables: Sequence[tuple[Array, Array]]) -> Array:
+    longest = max((len(x) for x, _ in tables), default=1)
+    return np.array([np.pad(row, (0, longest - len(row)), mode="edge") for table in tables for row in table]).reshape(
+        -1, longest
+    )
