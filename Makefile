@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 PYTHON ?= python3
 RUN := source env.sh &&
-SEED ?= 2009
+SEED ?=
 DEMO_OUT ?= runs/demo
 PYTEST_ARGS ?=
 

@@ -1,27 +1,49 @@
 #!/usr/bin/env bash
-# The main job on the virtual lab, with the commands a user types: run, look, discover, and only then open the truth.
+# The main job on the virtual lab, with the commands a user types: run it live, run it blind in batch, compare, discover,
+# and only then open the truth. Exit code 1 where the live part failed or the verdict was wrong.
 set -euo pipefail
 out=$1
 seed=$2
+tools=$(dirname "$0")
 
 refuse() { echo "demo: $*" >&2; exit 2; }
 step() { printf '\n\033[1m%s\033[0m\n' "$*"; }
 
-[[ $seed =~ ^[0-9]{1,9}$ ]] || refuse "SEED: '$seed' is not a whole number from 0 to 999999999"
+# What is there will be removed: an earlier demo of this name may be, nothing else.
+refuse_all_but_a_demo() {
+  if [[ -e $1 || -L $1 ]] && ! rmdir -- "$1" 2>/dev/null; then
+    [[ -d $1/trials ]] && grep -qsx "name: $2" "$1/campaign.yaml" ||
+      refuse "DEMO_OUT: $1 is no earlier demo (campaign.yaml with 'name: $2', and trials/), so it stays; name another"
+  fi
+}
+
+[[ $seed =~ ^[0-9]{0,9}$ ]] || refuse "SEED: '$seed' is not a whole number from 0 to 999999999"
 [[ -n $out ]] || refuse "DEMO_OUT: a folder's name is needed"
-# What is there will be removed: an earlier demo may be, nothing else.
-if [[ -e $out || -L $out ]] && ! rmdir -- "$out" 2>/dev/null; then
-  [[ -d $out/trials ]] && grep -qsx 'name: demo' "$out/campaign.yaml" ||
-    refuse "DEMO_OUT: $out is no earlier demo (campaign.yaml with 'name: demo', and trials/), so it stays; name another"
-fi
+live=$out-live
+refuse_all_but_a_demo "$out" demo
+refuse_all_but_a_demo "$live" demo-live
 
 config=$(ros2 run sandbot_bringup campaign --config-folder)
-rm -rf -- "$out"
-step "1/4  campaign: 105 trials on the virtual lab, an effect drawn from seed $seed and sealed"
-ros2 run sandbot_bringup campaign "$config/demo.yaml" --out "$out" --batch --hide "$seed"
-step "2/4  compare: the base model against the measurements"
+rm -rf -- "$out" "$live"
+
+step "1/5  live: two trials of the paper's SandBot over the real nodes (DDS), on loosely and on closely packed ground"
+failed=0
+python "$tools/demo_live.py" "$live" || failed=1
+
+if [[ -n $seed ]]; then
+  hidden=(--hide "$seed")
+  step "2/5  blind campaign: 147 trials on the virtual lab; an effect drawn from seed $seed is hidden in it beside the paper's"
+else
+  hidden=()
+  step "2/5  blind campaign: 147 trials on the virtual lab, whose world is sealed"
+fi
+ros2 run sandbot_bringup campaign "$config/li09_demo.yaml" --out "$out" --batch --world "$config/li09_world.yaml" "${hidden[@]}"
+step "3/5  compare: the walking model against the measurements"
 ros2 run sandbot_model compare "$out"
-step "3/4  discover: which physical effect is missing"
-ros2 run sandbot_model discover "$out" --json "$out/discovery.json" --html "$out/report.html"
-step "4/4  the sealed truth is opened"
-ros2 run sandbot_bringup unseal "$out"
+step "4/5  discover: which physical effects are missing"
+ros2 run sandbot_model discover "$out" --max-effects $((3 + ${#hidden[@]} / 2)) --json "$out/discovery.json" --html "$out/report.html"
+ros2 run sandbot_model atlas "$out" --effects "$(python "$tools/demo_found.py" --effects "$out")" | tail -n 1
+step "5/5  the sealed truth is opened"
+ros2 run sandbot_bringup unseal "$out" || failed=1
+python "$tools/demo_found.py" "$out"
+exit $failed

@@ -38,7 +38,7 @@ from sandbot_tracking.offline import OfflineTracker
 CONFIG = config_folder()
 ROBOTS = ("robot.yaml", "sgcs_robot.yaml")
 WORLDS = ("pilot_world.yaml", "outside_world.yaml", "sgcs_world.yaml", "li09_world.yaml")
-PLANS = ("demo.yaml", "li09.yaml", "pilot.yaml", "pilot_next.yaml", "sgcs.yaml")
+PLANS = ("demo.yaml", "li09.yaml", "li09_demo.yaml", "pilot.yaml", "pilot_next.yaml", "sgcs.yaml")
 CAMERAS = read_yaml(CONFIG / "cameras.yaml")
 FEELS_THE_ROBOT = ("finite_depth", "leg_slip", "exact_leg_arc", "cohesion", "bed_slope")
 """Effects in which all of a robot shows; on ground so weak that the tip of the leg is inside it."""

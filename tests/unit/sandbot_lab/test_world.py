@@ -8,7 +8,16 @@ from hypothesis import strategies as st
 
 from sandbot_common.errors import InputError
 from sandbot_lab.effects import DRAWN, EFFECTS
-from sandbot_lab.world import World, draw_world, null_world, read_world, sgcs_world, world_from_mapping, write_world
+from sandbot_lab.world import (
+    World,
+    draw_beside,
+    draw_world,
+    null_world,
+    read_world,
+    sgcs_world,
+    world_from_mapping,
+    write_world,
+)
 
 
 @pytest.mark.parametrize(
@@ -70,6 +79,17 @@ def test_draws_reach_every_effect_and_only_those_asked_for():
         draw_world(1, ["y"])
     with pytest.raises(InputError, match="no effect to draw from"):
         draw_world(1, [])
+
+
+@given(seed=st.integers(0, 2**31))
+def test_an_effect_drawn_beside_others_leaves_them_as_they_are(seed):
+    before = World(delta_t_s=0.18, effects={"belly_coast": {"mu_b": 0.35}})
+    world = draw_beside(before, seed)
+    (name,) = world.effects.keys() - before.effects.keys()
+    assert name != "belly_coast"
+    kept = {key: values for key, values in world.effects.items() if key != name}
+    assert dataclasses.replace(world, effects=kept) == before
+    assert draw_beside(before, seed) == world
 
 
 def test_noise_scale_changes_nothing_else():

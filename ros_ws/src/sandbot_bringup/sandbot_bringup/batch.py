@@ -22,7 +22,7 @@ from sandbot_common.robot import Robot
 from sandbot_lab.bed import LabBed
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.robot import Trace, as_seen, simulate
-from sandbot_lab.world import World, draw_world, null_world, read_world, write_world
+from sandbot_lab.world import World, draw_beside, draw_world, null_world, read_world, write_world
 from sandbot_tracking.calibration import Camera, cameras_from_mapping
 from sandbot_tracking.offline import OfflineTracker
 from sandbot_tracking.period import PeriodMeans
@@ -57,8 +57,13 @@ class Setup:
 
 
 def choose_world(folder: CampaignFolder, robot: Robot, path: Path | None, hide: int | None) -> World:
-    """The world to run in: the folder's own when resuming, else the given file, a drawn one, or the null world."""
-    asked = read_world(path) if path is not None else draw_world(hide) if hide is not None else None
+    """The world to run in: the folder's own when resuming, else the given file, a drawn one, or the null world.
+
+    With both a file and a seed an effect is drawn beside those of the file.
+    """
+    asked = read_world(path) if path is not None else None
+    if hide is not None:
+        asked = draw_world(hide) if asked is None else draw_beside(asked, hide)
     if not folder.truth.exists():
         return asked or null_world()
     sealed = read_world(folder.truth)

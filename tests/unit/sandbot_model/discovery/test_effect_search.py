@@ -1,8 +1,11 @@
 """The search over sets: it goes on while that is worth it, keeps the better of two fits, and builds the ladder."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery import effect_search
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.verdict import judge
 from sandbot_model.physics.catalogue import catalogue
@@ -43,3 +46,22 @@ def test_sets_are_extended_in_the_order_of_the_catalogue_and_by_what_they_lack(p
     first, second = FEW
     assert planted.extended((second,)) == [(first, second)]
     assert planted.extended((first, second)) == []
+
+
+@pytest.mark.parametrize(("of_one", "closer"), [(50.0, "stuck"), (40.0, "gains")], ids=["neutral", "gains"])
+def test_sets_in_which_an_effect_stays_neutral_take_no_ones_place(monkeypatch, drawn, of_one, closer):
+    """A dozen of them are equal to the digit; a set that got stuck near its parent is worth a closer look first."""
+    search = search_of(drawn(levels=2))
+    search.fits = {(): SimpleNamespace(deviance=100.0), ("base",): SimpleNamespace(deviance=50.0)}
+    near = {("base", "gains"): of_one, ("base", "stuck"): 60.0}
+    asked = []
+
+    def fit(stage, sets, *, nearby):
+        asked.append((stage, sets))
+        search.fits |= {names: SimpleNamespace(deviance=near[names]) for names in sets}
+
+    monkeypatch.setattr(search, "fit", fit)
+    monkeypatch.setattr(effect_search, "passes", lambda *_: False)
+    monkeypatch.setattr(effect_search, "REFINED", 1)
+    search._try("pairs", list(near))
+    assert asked[-1] == ("pairs, closer", [("base", closer)])

@@ -78,7 +78,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--plan", dest="next_trials", type=Path, help="add the next_trials of this discovery JSON")
     parser.add_argument("--world", type=Path, help="the virtual lab's world.yaml (--batch; default: the null world)")
     parser.add_argument(
-        "--hide", type=int, metavar="SEED", help="draw a world with a hidden effect from SEED (--batch)"
+        "--hide",
+        type=int,
+        metavar="SEED",
+        help="hide an effect drawn from SEED, beside those of --world (--batch)",
     )
     parser.add_argument(
         "--images", choices=("none", "jpeg", "video", "raw"), help="frames in every bag; default: one trial, JPEG"

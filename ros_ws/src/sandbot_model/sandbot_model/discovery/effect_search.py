@@ -1,5 +1,6 @@
 """The search over sets of effects: none, singles, pairs, triples, each fitted to its global minimum."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 
@@ -121,7 +122,7 @@ class EffectSearch:
         self.fit(stage, [names for names in sets if names not in quick], nearby=False)
         self.fit(stage, quick, nearby=True)
         hopeful = [names for names in quick if not self._parent_passes(names)]
-        hopeful.sort(key=lambda names: self.fits[names].deviance)
+        hopeful.sort(key=lambda names: (self._gains_nothing(names), self.fits[names].deviance))
         self.fit(f"{stage}, closer", hopeful[:REFINED], nearby=False)
 
     def _parent(self, names: Names) -> Fit | None:
@@ -129,6 +130,11 @@ class EffectSearch:
         parts = combinations(names, len(names) - 1) if names else ()
         parents = [self.fits[part] for part in parts if part in self.fits]
         return min(parents, key=lambda parent: parent.deviance, default=self.fits.get(()))
+
+    def _gains_nothing(self, names: Names) -> bool:
+        """Whether the effect that came last stays neutral: a dozen such sets, equal to the digit, are no leaders."""
+        parent = self._parent(names)
+        return parent is not None and math.isclose(self.fits[names].deviance, parent.deviance, rel_tol=1e-6)
 
     def _parent_passes(self, names: Names) -> bool:
         parent = self._parent(names)

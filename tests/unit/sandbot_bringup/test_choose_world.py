@@ -1,0 +1,25 @@
+"""The world of a batch campaign: a file, a drawn one, or a drawn effect beside those of a file."""
+
+import pytest
+
+from sandbot_bringup.batch import choose_world
+from sandbot_bringup.folder import CampaignFolder
+from sandbot_common.robot import SANDBOT
+from sandbot_lab.world import World, draw_beside, draw_world, null_world, write_world
+
+GIVEN = World(delta_t_s=0.18, effects={"belly_coast": {"mu_b": 0.35}})
+
+
+@pytest.fixture
+def file(tmp_path):
+    write_world(GIVEN, tmp_path / "world.yaml")
+    return tmp_path / "world.yaml"
+
+
+def test_a_seed_hides_an_effect_in_the_null_world_or_in_that_of_a_file(tmp_path, file):
+    folder = CampaignFolder(tmp_path / "new")
+    assert choose_world(folder, SANDBOT, None, None) == null_world()
+    assert choose_world(folder, SANDBOT, None, 7) == draw_world(7)
+    assert choose_world(folder, SANDBOT, file, None) == GIVEN
+    assert choose_world(folder, SANDBOT, file, 7) == draw_beside(GIVEN, 7)
+    assert len(draw_beside(GIVEN, 7).effects) == 2

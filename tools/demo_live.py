@@ -1,0 +1,261 @@
+"""demo_live OUT: two trials over the real nodes, /speed while they run, and each bag once more into a second tracker.
+
+Two trackways run beside each other, each in a namespace of its own: /demo is walked on, /replay hears its bags. What
+they print goes to OUT.log. Exit code 1, and one line that says what was missing, where a step does not come to its end.
+"""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any
+
+import rclpy
+from rclpy.node import Node
+
+from sandbot_bringup.config import config_folder
+from sandbot_bringup.plan import Plan, read_plan, trials_of
+from sandbot_common import messages, topics
+from sandbot_common.files import dump_yaml, write_text
+from sandbot_common.node import Stop, stop_signals, subscription, use_shared_memory
+from sandbot_record.bags.reader import Bag
+from sandbot_record.trials.from_bags import row_from_bag
+from sandbot_record.trials.table import Row
+from speed_plot import TOP_M_S, SpeedPlot
+
+PLAN = {
+    "name": "demo-live", "seed": 16, "gait": "SGCS", "order": "as_listed", "phi": [0.600, 0.632], "omega_rad_s": [16],
+    "replicates": 1, "periods": 8, "images": "video",
+    # Shortened, and with longer pulses: a bed of poppy seed takes a quarter of a minute and more.
+    "bed": {
+        "fluidise_s": 0.7, "ramp_s": 0.3, "settle_s": 0.4, "pulse_on_s": 0.4, "pulse_off_s": 0.2, "average_s": 0.15,
+        "tolerance": 0.002,
+    },
+}  # fmt: skip
+CAMPAIGN_S, READY_S, REPLAY_S, END_S = 150.0, 40.0, 60.0, 10.0
+"""Longer than a busy machine needs: what has not come by then does not come."""
+ATTEMPTS = 2
+SAME = 1e-3
+"""Speeds are the same within this part: a replay shows the second tracker the same frames, bit for bit."""
+PATIENCE_S = (3, 10)
+"""So long a replay waits to be found; a busy machine gets a second try."""
+TO_TRACKER = (
+    topics.TRIAL, topics.BED_PHI, topics.BED_STATUS, topics.SYNC_LED, topics.LEG_STATES, topics.DORSAL_IMAGE,
+    topics.LATERAL_IMAGE,
+)  # fmt: skip
+FROM_TRACKER = (topics.COM, topics.FRONT_AXLE, topics.REAR_AXLE, topics.SPEED, topics.SPEED_MEAN, topics.LIFT)
+PATIENT = ("clock.lease_s:=1.0", "clock.robot_s:=1.0", "clock.late_s:=0.25", "lab.legs_lease_s:=1.0")
+"""A demonstration may share its machine with anything."""
+LOOK_S = 0.05
+
+
+class LiveFailed(RuntimeError):
+    """A step of the live part did not come to its end."""
+
+
+def main(out: Path) -> int:
+    """Run it all; whatever was started is ended, however this ends."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    use_shared_memory(frames=False)
+    with stop_signals() as stop, open(f"{out}.log", "w", encoding="utf-8") as log:
+        programs = Programs(log, stop)
+        try:
+            live(out, programs)
+        except LiveFailed as failure:
+            print(f"demo: the live part did not come to its end: {failure}; see {out}.log", file=sys.stderr)
+            return 1
+        finally:
+            programs.end_all()
+    return 0
+
+
+def live(out: Path, programs: "Programs") -> None:
+    """Walk and watch, then replay and compare."""
+    plan_file = Path(f"{out}.yaml")
+    write_text(plan_file, dump_yaml(PLAN | {"robot": str(config_folder() / "sgcs_robot.yaml")}))
+    plan = read_plan(plan_file)
+    nodes = programs.start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", *launch_arguments(plan))
+    tracker = programs.start("ros2", "run", "sandbot_tracking", "tracker", *in_namespace("/replay"))
+    with Watch("/demo") as watch:
+        walk(plan_file, out, programs, nodes, watch)
+        there = "the second tracker's start"
+        programs.until(lambda: watch.second_tracker or ended(tracker), READY_S, there, watch.look)
+    programs.end(nodes)
+
+    print("\nEach bag is played into a second tracker, which sees the frames and nothing of the first one:")
+    for trial in trials_of(plan):
+        compare(programs, out / "trials" / trial.trial_id, out / "replayed" / trial.trial_id)
+
+
+def walk(plan_file: Path, out: Path, programs: "Programs", nodes: "subprocess.Popen[str]", watch: "Watch") -> None:
+    """The campaign; what a busy machine let fail is run again. LiveFailed if it fails for good."""
+    command = ("ros2", "run", "sandbot_bringup", "campaign", str(plan_file), "--out", str(out), "--silence", "5")
+    for _ in range(ATTEMPTS):
+        campaign = programs.start(*command, "--redo", "failed", *in_namespace("/demo"))
+        programs.until(lambda: ended(campaign, nodes), CAMPAIGN_S, "the two trials", watch.look)  # noqa: B023
+        if campaign.poll() == 0:
+            return
+        if ended(nodes):
+            raise LiveFailed("a node has ended")
+    raise LiveFailed("a trial failed again and again; is the machine too busy to render two cameras in real time?")
+
+
+def launch_arguments(plan: Plan) -> list[str]:
+    """The lab as the paper's robot on the paper's ground, the bed's protocol as the plan has it."""
+    files = {"world": "li09_world.yaml", "robot": "sgcs_robot.yaml"}
+    given = [f"{name}:={config_folder() / file}" for name, file in files.items()]
+    return ["namespace:=demo", *given, *(f"bed.{name}:={value}" for name, value in plan.bed.items()), *PATIENT]
+
+
+def ended(*programs: "subprocess.Popen[str]") -> bool:
+    """Whether one of them has ended."""
+    return any(program.poll() is not None for program in programs)
+
+
+def in_namespace(name: str) -> tuple[str, ...]:
+    """ROS arguments that put a node into a namespace."""
+    return ("--ros-args", "-r", f"__ns:={name}")
+
+
+def compare(programs: "Programs", bag: Path, again: Path) -> None:
+    """Print the speed that was measured live and that of the replay; LiveFailed where they differ."""
+    first = row_from_bag(bag)
+    for delay_s in PATIENCE_S:
+        second = replayed(programs, bag, again.with_name(f"{again.name}_{delay_s}"), delay_s)
+        if same := abs(second.speed_m_s - first.speed_m_s) <= SAME * abs(first.speed_m_s):
+            break
+    print(
+        f"  φ {first.phi:.3f}, ω {first.omega_rad_s:g} rad/s: {100 * first.speed_m_s:.3f} cm/s live, "
+        f"{100 * second.speed_m_s:.3f} cm/s replayed: {'the same' if same else 'NOT the same'}",
+        flush=True,
+    )
+    if not same:
+        raise LiveFailed("a replay gave another speed: messages were lost on the way")
+
+
+def replayed(programs: "Programs", bag: Path, again: Path, delay_s: int) -> Row:
+    """What the second tracker makes of a bag, recorded, read as any other bag is."""
+    again.parent.mkdir(exist_ok=True)
+    played = [topic.name for topic in TO_TRACKER]
+    heard = [topic.name for topic in (*TO_TRACKER, *FROM_TRACKER) if "image" not in topic.name]
+    record = programs.start(
+        "ros2", "run", "sandbot_record", "record", *heard, "--out", str(again), *in_namespace("/replay")
+    )
+    replay = programs.start(
+        "ros2", "run", "sandbot_record", "replay", str(bag), "--delay", str(delay_s), "--start",
+        f"{standing_s(bag):.1f}", "--topics", *played, *in_namespace("/replay"),
+    )  # fmt: skip
+    programs.until(lambda: ended(replay), REPLAY_S, "a replay")
+    if replay.poll() != 0:
+        raise LiveFailed(f"the replay of {bag.name} failed")
+    programs.end(record)
+    return row_from_bag(again)
+
+
+def standing_s(bag: Path) -> float:
+    """A moment before the legs start, after the first message that is played: the bed's preparation is left out."""
+    opened = Bag.open(bag)
+    first_ns = min(
+        int(opened.columns(topic.name).log_time_ns[0]) for topic in TO_TRACKER if topic.name in opened.topics
+    )
+    led_ns = int(opened.columns(topics.SYNC_LED.name).log_time_ns[0])
+    return max((led_ns - first_ns) * 1e-9 - 0.5, 0.0)
+
+
+class Programs:
+    """What was started, each in a session of its own so that all of it can be ended."""
+
+    def __init__(self, log: IO[str], stop: Stop) -> None:
+        self._log, self._stop = log, stop
+        self._running: list[subprocess.Popen[str]] = []
+
+    def start(self, *command: str) -> "subprocess.Popen[str]":
+        """A program whose words go to the log."""
+        self._running.append(
+            subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=self._log, stderr=subprocess.STDOUT, text=True,
+                start_new_session=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            )
+        )  # fmt: skip
+        return self._running[-1]
+
+    def until(
+        self, done: Callable[[], bool], limit_s: float, what: str, look: Callable[[], None] = lambda: time.sleep(LOOK_S)
+    ) -> None:
+        """Wait, looking meanwhile; LiveFailed when it takes longer than the limit or somebody asks for an end."""
+        end = time.monotonic() + limit_s
+        while not done():
+            if self._stop.asked:
+                raise LiveFailed(f"stopped: {self._stop.why}")
+            if time.monotonic() > end:
+                raise LiveFailed(f"{what} took longer than {limit_s:g} s")
+            look()
+
+    def end(self, program: "subprocess.Popen[str]") -> None:
+        """Ctrl-C to the program and all it has started; by force where that is not enough."""
+        for sign in (signal.SIGINT, signal.SIGKILL):
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(program.pid, sign)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                program.wait(END_S)
+                return
+
+    def end_all(self) -> None:
+        """The last one first."""
+        for program in reversed(self._running):
+            if program.poll() is None:
+                self.end(program)
+
+
+class Watch:
+    """Listens to /trial and /speed of a trackway, and prints them as a plot; and for the second tracker's health."""
+
+    def __init__(self, namespace: str) -> None:
+        self._namespace, self.second_tracker = namespace, False
+
+    def __enter__(self) -> "Watch":
+        rclpy.init(args=["demo", *in_namespace(self._namespace)])
+        self._node = Node("demo")
+        self._plot = SpeedPlot()
+        subscription(self._node, topics.TRIAL, self._on_trial)
+        subscription(self._node, topics.SPEED, self._on_speed)
+        health = messages.message_class(topics.DIAGNOSTICS.type)
+        self._node.create_subscription(health, f"/replay{topics.DIAGNOSTICS.name}", self._on_second, 10)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._print_rest()
+        rclpy.try_shutdown()
+
+    def look(self) -> None:
+        """Whatever has come, at most one message of each."""
+        rclpy.spin_once(self._node, timeout_sec=LOOK_S)
+
+    def _on_trial(self, message: Any) -> None:
+        told = json.loads(message.data)
+        self._print_rest()
+        self._plot = SpeedPlot()
+        head = f"φ {told['phi_target']:.3f}, ω {told['omega_rad_s']:g} rad/s"
+        top = f"0 to {100 * TOP_M_S:g} cm/s"
+        print(f"\n{head}: the bed is prepared (pulses shortened), then /speed, {top}:", flush=True)
+
+    def _on_speed(self, message: Any) -> None:
+        stamp_s = messages.nanoseconds(message.header.stamp) * 1e-9
+        for line in self._plot.add(stamp_s, message.twist.twist.linear.x):
+            print(line, flush=True)
+
+    def _on_second(self, _: Any) -> None:
+        self.second_tracker = True
+
+    def _print_rest(self) -> None:
+        for line in self._plot.rest():
+            print(line, flush=True)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(Path(sys.argv[1])))

@@ -1,0 +1,43 @@
+"""A speed as it comes, as lines of text: half a second a line, 20 ms a column; the same on a terminal and in a log."""
+
+from collections.abc import Iterator
+
+BLOCKS = " ▁▂▃▄▅▆▇█"
+LINE_S, COLUMNS, TOP_M_S = 0.5, 25, 0.3
+"""A line, its columns, and the speed at which a column is full."""
+
+
+class SpeedPlot:
+    """Gathers speeds and says when a line of them is full."""
+
+    def __init__(self) -> None:
+        self._begun_s: float | None = None
+        self._columns: list[list[float]] = [[] for _ in range(COLUMNS)]
+        self._line = 0
+
+    def add(self, t_s: float, v_m_s: float) -> Iterator[str]:
+        """The lines that are full now that this speed has come; time begins with the first."""
+        if self._begun_s is None:
+            self._begun_s = t_s
+        # Rounded: 0.58 s after the first is the 29th column, whatever the stamps' last digits.
+        place = int(round((t_s - self._begun_s) * COLUMNS / LINE_S, 6))
+        while place // COLUMNS > self._line:
+            yield from self.rest()
+            self._line += 1
+        self._columns[place % COLUMNS].append(v_m_s)
+
+    def rest(self) -> Iterator[str]:
+        """The line that is not full yet, if anything stands in it."""
+        speeds = [v for column in self._columns for v in column]
+        if speeds:
+            bars = "".join(_bar(column) for column in self._columns)
+            yield f"  {(self._line + 1) * LINE_S:4.1f} s  {100 * sum(speeds) / len(speeds):5.1f} cm/s  |{bars}|"
+        self._columns = [[] for _ in range(COLUMNS)]
+
+
+def _bar(speeds: list[float]) -> str:
+    if not speeds:
+        return BLOCKS[0]
+    # What is measured is never blank: at rest a column has the lowest block.
+    height = (len(BLOCKS) - 1) * sum(speeds) / len(speeds) / TOP_M_S
+    return BLOCKS[min(max(round(height), 1), len(BLOCKS) - 1)]
