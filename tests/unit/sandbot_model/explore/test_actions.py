@@ -3,6 +3,8 @@
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from made_up import BOOST
 
 from sandbot_common.errors import InputError
@@ -10,7 +12,15 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.discover import discover
 from sandbot_model.explore import views
-from sandbot_model.explore.actions import act, clicked_cell, values_of, with_controls, with_sliders, with_verdict
+from sandbot_model.explore.actions import (
+    act,
+    clicked_cell,
+    on_slider,
+    values_of,
+    with_controls,
+    with_sliders,
+    with_verdict,
+)
 from sandbot_model.report.theme import LIGHT
 
 
@@ -76,6 +86,14 @@ def test_only_a_slider_that_was_moved_holds_its_parameter():
     shown = {"delta_t_s": 0.4, "v_swim_m_s": 0.02}
     assert with_sliders(Selection(), shown, dict(shown)) == Selection()
     assert with_sliders(Selection(), shown, shown | {"delta_t_s": 0.3}).by_hand == (("delta_t_s", 0.3),)
+
+
+@given(st.floats(1e-6, 1e3), st.floats(1e-6, 1e3))
+def test_moving_one_slider_never_holds_another(delta_t, eta):
+    """Whatever their values are rounded to beside the slider."""
+    shown = {"delta_t_s": delta_t, "stance_overlap.eta": eta}
+    moved = {"delta_t_s": on_slider(1.1 * delta_t), "stance_overlap.eta": on_slider(eta)}
+    assert [name for name, _ in with_sliders(Selection(), shown, moved).by_hand] == ["delta_t_s"]
 
 
 def test_a_click_names_its_cell(session):

@@ -1,5 +1,6 @@
 """What a control does to the selection: pure, so that it can be tested without a page."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -11,8 +12,6 @@ from sandbot_model.report.figures import map_cells
 
 CONTROLS = ("model", "effects", "view", "observable", "cell")
 """The controls that have a value; the others are buttons and sliders."""
-SAME = 2e-5
-"""Relative change below which a slider counts as not moved: it shows five digits."""
 
 
 def act(selection: Selection, control: str, value: Any) -> Selection:
@@ -65,10 +64,15 @@ def with_controls(selection: Selection, shown: Selection, values: Mapping[str, A
     return selection
 
 
+def on_slider(value: float) -> float:
+    """As many digits as fit beside a slider."""
+    return float(f"{value:.5g}")
+
+
 def with_sliders(selection: Selection, shown: Mapping[str, float], sliders: Mapping[str, float]) -> Selection:
-    """With the parameters held whose slider was moved away from the value shown."""
+    """With the parameters held whose slider was moved away from where it stood for the value shown."""
     for name, value in sliders.items():
-        if name in shown and abs(value - shown[name]) > SAME * max(abs(shown[name]), 1e-6):
+        if name in shown and not math.isclose(value, on_slider(shown[name]), rel_tol=1e-9):
             selection = selection.held(name, value)
     return selection
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection
+from sandbot_model.explore.actions import on_slider
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.effect import Effect
 from sandbot_model.report import balance, captions, figures, mechanics, text
@@ -205,8 +206,7 @@ def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) 
     held = dict(selection.by_hand)
     found = []
     for name, parameter in zip(model.names, model.parameters, strict=True):
-        # As many digits as fit beside a slider; ``actions.moved`` knows that much rounding for no move.
-        value = float(f"{held.get(name, current.fit.parameters[name].value):.5g}")
+        value = on_slider(held.get(name, current.fit.parameters[name].value))
         words, unit = text.described(name, effects.values())
         found.append(
             Slider(

@@ -144,7 +144,9 @@ def _serve(app: "Flask", port: int, query: str, said: str = "") -> None:
     port = listening.getsockname()[1]
     server = make_server(HOST, port, app, threaded=True, fd=listening.fileno())
     print(f"explore: http://{HOST}:{port}/{query}  (Ctrl-C ends it)", *([said] if said else []), sep="\n", flush=True)
+    # It ends by Ctrl-C alone, which werkzeug keeps to itself.
     server.serve_forever()
+    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

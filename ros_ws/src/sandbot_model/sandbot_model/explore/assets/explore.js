@@ -23,6 +23,15 @@ new MutationObserver(() => {
   }
 }).observe(document.documentElement, { childList: true, subtree: true });
 
+// Sliders are made anew with every step: the one that had the focus has it again.
+let slid = null;
+document.addEventListener("pointerdown", () => { slid = null; }, true);
+document.addEventListener("focusin", ({ target }) => { slid = target.closest(".slider [id]")?.id ?? null; });
+new MutationObserver(() => {
+  if (slid === null || document.activeElement !== document.body) return;
+  document.getElementById(slid)?.querySelector("[role=slider]")?.focus();
+}).observe(document.documentElement, { childList: true, subtree: true });
+
 // Formulas come as MathML in an attribute.
 new MutationObserver(() => {
   for (const place of document.querySelectorAll("[data-mathml]")) {
