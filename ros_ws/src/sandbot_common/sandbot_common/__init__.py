@@ -4,6 +4,7 @@ errors      InputError: one line that says which file, row or parameter is wrong
 cli         command lines that print that line and exit 2
 lazy        public names of a package that are imported when they are asked for
 parameters  frozen dataclasses with unit, bounds and meaning: YAML checks and ROS descriptors derive from them
+terminal    colour and lines of 80 columns for a person
 suggest     "did you mean …?" for a misspelt name
 files       text, YAML, JSON and CSV in; out through a temporary name, so that nothing is ever half-written
 workers     worker processes that leave Ctrl-C to their parent and end with it

@@ -26,8 +26,16 @@ def test_each_step_names_what_it_adds_and_the_floor_is_last(steps, cells):
     head, *rows = ladder_rows(steps)
     assert [row[0] for row in rows] == ["simple", "+ leg_slip", "+ stance_overlap", "noise floor"]
     assert {len(row) for row in rows} == {len(head)}
-    assert rows[0][1] == f"{100 * steps[0].rmse_m_s:.3f}"
-    assert rows[-1][1] == f"{100 * noise_floor(cells)['speed']:.3f}"
+    assert float(rows[0][1]) == pytest.approx(100 * steps[0].rmse_m_s, abs=0.005)
+    assert float(rows[-1][1]) == pytest.approx(100 * noise_floor(cells)["speed"], abs=0.005)
+
+
+def test_without_replicates_there_is_no_floor(drawn):
+    trials = drawn(levels=2, omega=(8, 14))
+    once = trials.select(trials.replicate == trials.replicate.min())
+    rows = ladder_rows(compare(cells_of(once), {}, []))
+    assert [row[0] for row in rows] == ["model", "simple"]
+    assert not any("nan" in cell for row in rows for cell in row)
 
 
 def test_what_was_not_measured_has_no_column(drawn):

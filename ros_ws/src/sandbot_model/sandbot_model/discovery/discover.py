@@ -108,16 +108,27 @@ class Discovery:
 
     @property
     def headline(self) -> str:
-        """The verdict in a few words: ``identified: stance_overlap``."""
+        """The verdict in a few words: ``identified: stance_overlap``, ``ambiguous: one of 2 sets: a; b``."""
+        if self.verdict.status == "ambiguous":
+            sets = [" + ".join(map(self.in_words, names)) for names in self.verdict.alternatives]
+            return f"ambiguous: one of {len(sets)} sets: {'; '.join(sets)}"
         named = " + ".join(map(self.in_words, self.verdict.effects))
         return f"{self.verdict.status}: {named}" if named else self.verdict.status
+
+    @property
+    def stability_in_words(self) -> str:
+        """How often the set named, or one of those that explain the data alike, is best; empty if not known."""
+        if not np.isfinite(self.stability):
+            return ""
+        which = "one of these is the" if self.verdict.status == "ambiguous" else ""
+        return f"{which} best in {100 * self.stability:.0f} % of bootstrap draws".strip()
 
     def in_words(self, effect: str) -> str:
         """An effect with the convention it holds under, where that is another than the catalogue's."""
         return f"{effect} ({self.variants[effect]})" if effect in self.variants else effect
 
     def __repr__(self) -> str:
-        best = f" (best in {100 * self.stability:.0f} % of bootstrap draws)" if np.isfinite(self.stability) else ""
+        best = f" ({self.stability_in_words})" if self.stability_in_words else ""
         lines = [
             f"{self.headline}{best}",
             textwrap.fill(self.verdict.because, WIDTH),

@@ -13,6 +13,7 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.jacobian import full_jacobian, project_out
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.states import States
+from sandbot_model.fitting.text import to_error
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Parameter
 
@@ -40,8 +41,11 @@ class Limit:
         unit = "" if self.unit == "1" else f" {self.unit}"
         if self.low is None:
             return f"{name} < {self.high:.2g}{unit}"
-        above = f"{self.low:.2g} < {name}"
-        return f"{above}{unit}" if self.high is None else f"{above} < {self.high:.2g}{unit}"
+        if self.high is None:
+            return f"{self.low:.2g} < {name}{unit}"
+        # To a tenth of the interval: both ends may lie near the neutral value.
+        low, high = (to_error(end, 0.1 * (self.high - self.low)) for end in (self.low, self.high))
+        return f"{low} < {name} < {high}{unit}"
 
 
 def limits(search: EffectSearch, named: Fit) -> list[Limit]:

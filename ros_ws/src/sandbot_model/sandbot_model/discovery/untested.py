@@ -7,6 +7,7 @@ from sandbot_model.data.distributions import chi2_ppf
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.verdict import Verdict
+from sandbot_model.fitting.text import counted
 
 CONDITIONS, MORE = 6, 2
 """Conditions to repeat, and replicates to add at each: pure error then has twelve degrees of freedom."""
@@ -18,12 +19,13 @@ def untested(cells: Cells, criteria: Criteria) -> Verdict | None:
     if known and (passing := unnoticed(known, criteria)) <= criteria.gross:
         return None
     what = (
-        f"replicates give {known} degrees of freedom of pure error, on which a model that misses every cell mean by "
-        f"{passing:.0f} standard errors would pass"
+        f"replicates give {counted(known, 'degree')} of freedom of pure error, on which a model that misses every cell "
+        f"mean by {passing:.0f} standard errors would pass"
         if known
         else "no cell has replicates and no error bars are given, so pure error is unknown and nothing can be tested"
     )
-    more = f"{MORE} more trials at each of {min(CONDITIONS, len(cells))} conditions would do (next trials)"
+    where = counted(min(CONDITIONS, len(cells)), "condition")
+    more = f"{MORE} more trials at each of {where} would do (next trials)"
     return Verdict("untested", (), (), f"{what}; {more}")
 
 

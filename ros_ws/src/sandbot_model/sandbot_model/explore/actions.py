@@ -35,6 +35,11 @@ def act(selection: Selection, control: str, value: Any) -> Selection:
     return selection
 
 
+def can_adopt(found: Discovery) -> bool:
+    """Whether there is something to switch on: not where several sets explain the data alike."""
+    return found.verdict.status != "ambiguous" and bool(found.verdict.effects or found.residual)
+
+
 def with_verdict(selection: Selection, found: Discovery) -> Selection:
     """With the verdict's effects switched on, or, where it names none, with the formula of the residual."""
     residual = found.residual

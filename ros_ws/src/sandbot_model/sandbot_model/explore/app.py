@@ -24,6 +24,7 @@ from sandbot_model.explore import cell_trials, controls, views, waveforms
 from sandbot_model.explore.actions import (
     CONTROLS,
     act,
+    can_adopt,
     clicked_cell,
     values_of,
     with_controls,
@@ -350,7 +351,7 @@ class Explorer:
             return _suggestion(controls.progress(*job.stage), running=True)
         if job.found is None:
             return _suggestion(html.P(job.failed))
-        return _suggestion(controls.suggestion(job.found), adopt=bool(job.found.verdict.effects or job.found.residual))
+        return _suggestion(controls.suggestion(job.found), adopt=can_adopt(job.found))
 
     def saved(self, selection: Selection) -> str:
         """The selection as YAML with the numbers that ``compare`` gives for it."""

@@ -188,6 +188,8 @@ def suggestion(found: Discovery) -> list[Any]:
     """Verdict, candidates and next trials of a discovery, with a button that switches its effects on."""
     verdict = found.verdict
     named = " + ".join(map(readable, verdict.effects))
+    if verdict.status == "ambiguous":
+        named = f"one of {len(verdict.alternatives)} sets of effects, these data can't tell which"
     because = verdict.because[:1].upper() + verdict.because[1:]
     parts: list[Any] = [
         html.P([html.Strong(f"{verdict.status.capitalize()}{f': {named}' if named else ''}. "), because]),

@@ -5,13 +5,12 @@ import math
 import textwrap
 from collections.abc import Sequence
 
+from sandbot_common import terminal
 from sandbot_model.physics.observables import CM
 
 UNKNOWN = "not known"
 WIDTH = 100
 """Columns of a line of text at most."""
-TERMINAL = 80
-"""Columns of a terminal."""
 
 Rows = Sequence[Sequence[str]]
 """A table; its first row is the head."""
@@ -29,6 +28,22 @@ def probability(p: float) -> str:
     return "< 0.001" if p < 0.001 else f"{p:.2g}"
 
 
+def counted(number: int, noun: str) -> str:
+    """``1 cell``, ``2 cells``."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def to_error(value: float, error: float) -> str:
+    """A value without its error, to the digits that the error reaches: two of an error up to 35 in its first two, else
+    one (the rule of the Particle Data Group); ``–`` where it is not known.
+    """
+    if not math.isfinite(value):
+        return "–"
+    if not math.isfinite(error) or error <= 0.0:
+        return f"{value:.3g}"
+    return f"{value:.{min(max(0, -math.floor(math.log10(error / 3.55))), 9)}f}"
+
+
 def with_error(value: float, stderr: float) -> str:
     """Value ± standard error, rounded to two digits of the error: ``0.401 ± 0.012``."""
     if not math.isfinite(value):
@@ -42,12 +57,10 @@ def with_error(value: float, stderr: float) -> str:
 def table(rows: Rows, left: Sequence[int] = (0,)) -> str:
     """Rows of text in columns, those of words ``left``, those of numbers right; the first row is underlined.
 
-    A cell of the first row may have several lines.
+    A cell may have several lines; those of the first row stand on the line below it.
     """
-    head = [cell.split("\n") for cell in rows[0]]
-    deep = max(map(len, head))
-    heads = [[lines[at] if at < len(lines) else "" for lines in head] for at in range(deep)]
-    rows = [*heads, *rows[1:]]
+    deep = max(cell.count("\n") + 1 for cell in rows[0])
+    rows = [*_lines([("\n" * (deep - 1 - cell.count("\n"))) + cell for cell in rows[0]]), *_all_lines(rows[1:])]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
         "  ".join(
@@ -56,10 +69,20 @@ def table(rows: Rows, left: Sequence[int] = (0,)) -> str:
         ).rstrip()
         for row in rows
     ]
-    return "\n".join([*lines[:deep], "  ".join("-" * width for width in widths), *lines[deep:]])
+    return "\n".join([*lines[:deep], "  ".join("-" * width for width in widths).rstrip(), *lines[deep:]])
 
 
-def wrapped(rows: Rows, width: int = TERMINAL) -> list[list[str]]:
+def _lines(row: Sequence[str]) -> list[list[str]]:
+    """A row of cells with several lines as rows of one line each."""
+    cells = [cell.split("\n") for cell in row]
+    return [[cell[at] if at < len(cell) else "" for cell in cells] for at in range(max(map(len, cells), default=0))]
+
+
+def _all_lines(rows: Rows) -> list[list[str]]:
+    return [line for row in rows for line in _lines(row)]
+
+
+def wrapped(rows: Rows, width: int = terminal.WIDTH) -> list[list[str]]:
     """The same rows, the last column broken into lines so that the table is no wider than that."""
     taken = sum(max(map(len, column)) + 2 for column in zip(*(row[:-1] for row in rows), strict=True))
     found = []

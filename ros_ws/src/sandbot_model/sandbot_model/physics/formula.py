@@ -40,6 +40,8 @@ SHORT = {"max": "maximum", "min": "minimum", "asin": "arcsin", "acos": "arccos",
 """As the catalogue writes some of them."""
 _AS_TYPED = str.maketrans({"^": "**", "−": "-", "·": "*", "×": "*", "²": "**2", "³": "**3"})
 
+GIVEN = "given on the command line"
+"""The source of an effect that is a line of text."""
 FORM = "name: stage: formula; parameter [unit] in low..high; ..."
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PARAMETER = re.compile(rf"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\])?\s+in\s+({_NUMBER})\s*\.\.\s*({_NUMBER})\s*")
@@ -80,7 +82,7 @@ class _Sets(NamedTuple):
 class _Formula(Effect):
     """Changes quantities of the chain by an expression's value."""
 
-    source = "given on the command line"
+    source = GIVEN
     seen_in = "-"
 
     def __init__(self, name: str, stage: str, sets: _Sets, parameters: tuple[Parameter, ...]) -> None:
@@ -163,7 +165,7 @@ def _parameter(text: str, whole: str) -> Parameter:
         raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high")
     if name in {quantity.name for quantity in fields(Chain)} or name in {*"RhwmgdK", "first"}:
         raise InputError(f"--effect {whole!r}: {name!r} is a quantity of the chain, choose another name")
-    return Parameter(name, unit, low, high, 0.5 * (low + high) + 0.1 * (high - low), "given on the command line")
+    return Parameter(name, unit, low, high, 0.5 * (low + high) + 0.1 * (high - low), GIVEN)
 
 
 def _parsed(expression: str, text: str) -> ast.Expr:

@@ -19,6 +19,8 @@ from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, to_mapp
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ
 from sandbot_model.physics.walking import BASES
 
+ALL = 10**6
+"""More rows than any table has."""
 OF_LEGS = ("leg_mount_rad", "legs_per_tripod", "leg_order")
 """Keys of a robot by which bags were read: another file can't change them afterwards."""
 
@@ -57,6 +59,7 @@ def add_data(parser: Parser) -> None:
     parser.add_argument("--json", type=output, metavar="OUT", help="write the result as JSON")
     parser.add_argument("--html", type=output, metavar="OUT", help="write a self-contained report")
     parser.add_argument("--title", default=None, help="title of the report (default: the name of DATA)")
+    parser.add_argument("--verbose", "-v", action="store_true", help="print all: every effect tried, every miss")
 
 
 def add_setting(parser: Parser) -> None:

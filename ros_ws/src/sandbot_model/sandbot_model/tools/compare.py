@@ -11,11 +11,15 @@ from typing import TYPE_CHECKING
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml, writing
+from sandbot_common.terminal import filled
 from sandbot_model.discovery.choice import Selection, from_mapping, held_by_text, name_of
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
     from sandbot_model.fitting.parallel import Map
+
+FEW = 5
+"""Cell means missed that are listed."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -54,7 +58,7 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     from sandbot_model.physics.catalogue import catalogue
     from sandbot_model.physics.model import model_of
     from sandbot_model.report import write_comparison
-    from sandbot_model.tools import tables
+    from sandbot_model.tools import answer, tables
 
     effects = catalogue(args.effects_from, selection.formulas)
     trials, robot_line = arguments.trials(args)
@@ -62,15 +66,15 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     notes = checked(trials)
     cells = cells_of(trials, readings)
     steps = steps_of(selection, cells, effects)
-    print(tables.data_line(steps[0]))
-    print(robot_line, "\n")
-    print(tables.notes(notes), end="")
+    print(answer.of_comparison(steps), end="\n\n")
+    print(filled(tables.data_line(steps[0])), filled(robot_line), sep="\n")
+    print(tables.notes(notes))
     if selection.by_hand:
         print("last step held by hand:", ", ".join(f"{name} = {value:g}" for name, value in selection.by_hand), "\n")
-    print(tables.ladder(steps), "\n")
-    print(tables.parameters(steps[-1]), "\n")
-    print(tables.fails(steps[-1]), "\n")
-    print(tables.lock_line(steps.lock))
+    parts = [tables.ladder(steps), tables.parameters(steps[-1])]
+    parts.append(tables.fails(steps[-1], arguments.ALL if args.verbose else FEW))
+    parts.append(filled(tables.lock_line(steps.lock)))
+    print("\n\n".join(filter(None, parts)))
     content = steps.to_dict()
     content["data"]["notes"] = list(notes)
     if args.bootstrap is not None:

@@ -1,7 +1,6 @@
 """discover: find the physical effect the model lacks, or say that none is missing, or which can't be told apart."""
 
 import argparse
-import math
 import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -10,11 +9,15 @@ from typing import TYPE_CHECKING
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import writing
+from sandbot_common.terminal import filled
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
     from sandbot_model.discovery.discover import Discovery
     from sandbot_model.fitting.parallel import Map
+
+FEW = 5
+"""Effects tried that are listed."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -42,7 +45,7 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
     from sandbot_model.discovery.discover import discover
     from sandbot_model.physics.catalogue import catalogue
     from sandbot_model.report import write_report
-    from sandbot_model.tools import tables
+    from sandbot_model.tools import answer, tables
 
     effects = catalogue(args.effects_from, args.effect)
     trials, robot_line = arguments.trials(args)
@@ -59,10 +62,10 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
         found = discover(
             cells, effects, base=args.model, max_effects=args.max_effects, fit_all=fit_all, progress=progress
         )
-    print(tables.data_line(found.steps[0]))
-    print(robot_line, "\n")
-    print(tables.notes(notes), end="")
-    _print(found)
+    print(answer.of_discovery(found), end="\n\n")
+    print(filled(tables.data_line(found.steps[0])), filled(robot_line), sep="\n")
+    print(tables.notes(notes))
+    print(_tables(found, args.verbose))
     if args.json is not None:
         content = found.to_dict()
         content["data"]["notes"] = list(notes)
@@ -75,25 +78,25 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
             write_report(args.html, found, trials, title=args.title or args.data[0].stem, frames=frames, data=args.data)
 
 
-def _print(found: "Discovery") -> None:
+def _tables(found: "Discovery", verbose: bool) -> str:
+    """What the verdict rests on and what to measure next; all of it, or what a reader needs first."""
     from sandbot_model.tools import tables
 
-    print(tables.ladder(found.steps), "\n")
-    if found.stages:
-        print(tables.stages(found), "\n")
+    parts = [tables.ladder(found.steps)]
+    if found.stages and verbose:
+        parts.append(tables.stages(found))
     if found.candidates:
-        print(tables.candidates(found), "\n")
-    print(tables.parameters(found.steps[-1]), "\n")
-    print(tables.fails(found.steps[-1]), "\n")
-    if found.limits:
-        print(f"absent, at 95 %: {'; '.join(map(str, found.limits))}\n")
+        parts.append(tables.candidates(found, arguments.ALL if verbose else FEW))
+    if verbose:
+        parts += [tables.parameters(found.steps[-1]), tables.fails(found.steps[-1], arguments.ALL)]
+        parts += [filled(f"absent, at 95 %: {'; '.join(map(str, found.limits))}")] if found.limits else []
     if found.next_trials:
-        print(tables.next_trials(found), "\n")
+        parts.append(f"next trials\n\n{tables.next_trials(found)}")
     if found.residual is not None:
-        print(f"what is left: {found.residual.sentence}\ntry: compare DATA {found.residual.options}\n")
-    if math.isfinite(found.stability):
-        print(f"stability: best in {100 * found.stability:.0f} % of bootstrap draws")
-    print(f"verdict: {found.headline} - {found.verdict.because}")
+        parts.append(
+            f"{filled(f'what is left: {found.residual.sentence}')}\ntry: compare DATA {found.residual.options}"
+        )
+    return "\n\n".join(parts)
 
 
 if __name__ == "__main__":

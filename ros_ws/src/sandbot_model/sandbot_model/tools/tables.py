@@ -1,32 +1,40 @@
 """Plain-text tables of fits, in a reader's units (cm, cm/s)."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from sandbot_common.terminal import filled
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.text import table
+from sandbot_model.fitting.text import counted, table
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import assumption
 from sandbot_model.physics.observables import CM, Observable
+
+WITHOUT_NUISANCES = (
+    "Each alone on the base model, without what trials share (zero of the lift, scale of speed, drift), beside which "
+    "the ladder's last step is fitted."
+)
 
 
 def data_line(fit: Fit) -> str:
     """What was read, in one line."""
     cells = fit.cells
-    left_out = f", {cells.excluded} trials left out" if cells.excluded else ""
+    left_out = f", {counted(cells.excluded, 'trial')} left out" if cells.excluded else ""
     assumed = assumption(cells.gait)
+    conditions = f"{counted(len(cells), 'cell')} ({counted(len(cells.level_phi), 'volume fraction')})"
     return (
-        f"{cells.trials} trials in {len(cells)} cells ({len(cells.level_phi)} volume fractions){left_out}; "
+        f"{counted(cells.trials, 'trial')} in {conditions}{left_out}; "
         f"measured: {', '.join(cells.observables)}{assumed and f'; {assumed}'}"
     )
 
 
 def notes(found: Sequence[str]) -> str:
-    """What is odd about the trials, a line each; nothing where nothing is."""
-    return "".join(f"note: {note}\n" for note in found) + ("\n" if found else "")
+    """What is odd about the trials, one sentence each; nothing where nothing is."""
+    return "".join(f"{filled(f'note: {note}')}\n" for note in found)
 
 
 def ladder(steps: Sequence[Fit]) -> str:
@@ -45,48 +53,56 @@ def bootstrap(fit: Fit, drawn: Mapping[str, float], draws: int) -> str:
 
 def parameters(fit: Fit) -> str:
     """Shared parameters and k(φ) with standard errors (SI units, as their names say)."""
-    rows = [["parameter", "value", "± stderr", ""]]
-    for name, (value, stderr) in fit.parameters.items():
-        flag = (
+    if fit.goodness.dof <= 0:
+        means, unknowns = int(fit.problem.measured.sum()), len(fit.parameters) + len(fit.level_phi)
+        return f"{counted(means, 'cell mean')} can't determine {unknowns} parameters: none is given"
+    rows = [["parameter", "value", ""]]
+    for name, told in fit.estimates():
+        unknown = name in fit.parameters and not np.isfinite(fit.parameters[name].stderr)
+        odd = (
             "at its bound"
             if name in fit.at_bounds
             else "outside its plausible range"
             if name in fit.implausible
             else ""
         )
-        rows.append([name, f"{value:.4g}", f"{stderr:.2g}", flag])
-    for phi, k, stderr in zip(fit.level_phi, fit.k_n_per_m, fit.k_stderr_n_per_m, strict=True):
-        rows.append([f"k_n_per_m at phi {phi:.4f}", f"{k:.1f}", f"{stderr:.2g}", ""])
+        rows.append([name, "not determined" if unknown else told, odd])
     return table(rows)
 
 
 def lock_line(ratio: Array) -> str:
-    """The geometry lock in one line: it needs no fit."""
+    """The geometry lock, which needs no fit; nothing where it can't be checked."""
     finite = np.isfinite(ratio)
     if not finite.any():
-        return "geometry lock: speed and lift of walking cells are needed to check it"
+        return ""
     spread = f"{ratio[finite].min():.3f} to {ratio[finite].max():.3f}"
     return (
         f"geometry lock: step from speed over step from lift is {np.median(ratio[finite]):.3f} "
-        f"(median of {finite.sum()} walking cells, {spread}; 1 where nothing is lost between step and speed)"
+        f"(median of {counted(int(finite.sum()), 'walking cell')}, {spread}; "
+        "1 where nothing is lost between step and speed)"
     )
 
 
-def fails(fit: Fit, most: int = 12) -> str:
+def fails(fit: Fit, most: int) -> str:
     """The worst missed cell means."""
+    if not math.isfinite(fit.lack_of_fit_p):
+        return ""
     if not fit.fails:
         return "no cell mean is missed by more than 3 standard errors"
     rows = [["observable", "phi", "omega [rad/s]", "measured - model", "z"]]
     for fail in fit.fails[:most]:
         residual = f"{CM * fail.residual:+.2f} {Observable[fail.observable].readers_unit}"
         rows.append([fail.observable, f"{fail.phi:.4f}", f"{fail.omega_rad_s:.4g}", residual, f"{fail.z:+.1f}"])
-    more = f"\n… and {len(fit.fails) - most} more" if len(fit.fails) > most else ""
-    return table(rows) + more
+    return table(rows) + _more(len(fit.fails) - most)
 
 
-def candidates(discovery: Discovery, most: int = 10) -> str:
+def _more(count: int) -> str:
+    return f"\n… and {count} more (--verbose)" if count > 0 else ""
+
+
+def candidates(discovery: Discovery, most: int) -> str:
     """Single effects by what they change."""
-    rows = [["effect", "stage", "Δχ²", "ΔBIC", "out of sample [cm/s]", "weight"]]
+    rows = [["effect", "stage", "Δχ²", "ΔBIC", "out of sample\n[cm/s]", "weight"]]
     for candidate in discovery.candidates[:most]:
         rows.append(
             [
@@ -94,11 +110,13 @@ def candidates(discovery: Discovery, most: int = 10) -> str:
                 candidate.stage,
                 f"{candidate.delta_chi2:+.1f}",
                 f"{candidate.delta_bic:+.1f}",
-                f"{CM * candidate.cv_rmse_m_s:.3f}",
-                f"{candidate.weight:.3g}",
+                f"{CM * candidate.cv_rmse_m_s:.2f}" if np.isfinite(candidate.cv_rmse_m_s) else "–",
+                f"{candidate.weight:.2f}",
             ]
         )
-    return table(rows)
+    shared = discovery.fit.nuisances
+    alone = f"\n{filled(WITHOUT_NUISANCES)}" if shared is not None else ""
+    return table(rows, left=(0, 1)) + _more(len(discovery.candidates) - most) + alone
 
 
 def stages(discovery: Discovery) -> str:
@@ -108,20 +126,20 @@ def stages(discovery: Discovery) -> str:
         rows.append(
             [test.stage, test.connects, str(test.cells), f"{test.chi2:.0f}", f"{test.p:.2g}", str(len(test.missed))]
         )
-    return table(rows)
+    return table(rows, left=(0, 1))
 
 
 def next_trials(discovery: Discovery) -> str:
     """What to measure next."""
-    rows = [["at", "look at", "separates", "expected gap [sd]", "replicates"]]
+    rows = [["at", "look at", "separates", "gap\n[sd]", "times"]]
     for trial in discovery.next_trials:
         rows.append(
             [
                 trial.where,
                 trial.observable,
-                " | ".join(trial.separates),
+                " |\n".join(trial.separates),
                 f"{trial.expected_gap_sd:.1f}" if np.isfinite(trial.expected_gap_sd) else "-",
                 str(trial.replicates),
             ]
         )
-    return table(rows)
+    return table(rows, left=(0, 1, 2))

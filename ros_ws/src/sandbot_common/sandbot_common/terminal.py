@@ -1,0 +1,27 @@
+"""What is printed for a person: colour where a terminal shows it, lines no wider than one."""
+
+import os
+import sys
+import textwrap
+
+WIDTH = 80
+"""Columns of a terminal."""
+_CODES = {"bold": "1", "good": "1;32", "open": "1;33", "bad": "1;31"}
+
+
+def styled(text: str, style: str) -> str:
+    """``text`` in bold, or bold and green (``good``), yellow (``open``), red (``bad``).
+
+    Plain where standard output is no terminal, and where NO_COLOR is set (no-color.org).
+    """
+    if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not sys.stdout.isatty():
+        return text
+    return f"\x1b[{_CODES[style]}m{text}\x1b[0m"
+
+
+def filled(text: str, indent: str = "", width: int = WIDTH) -> str:
+    """``text`` in lines of a terminal, all but the first indented further by two columns."""
+    further = f"{indent}  " if indent else ""
+    return textwrap.fill(
+        text, width, initial_indent=indent, subsequent_indent=further, break_long_words=False, break_on_hyphens=False
+    )

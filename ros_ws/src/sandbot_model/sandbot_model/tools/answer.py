@@ -1,0 +1,96 @@
+"""What ``compare`` and ``discover`` say first: the answer, the error before and after, and why."""
+
+import inspect
+import math
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from sandbot_common.terminal import filled, styled
+from sandbot_model.data.conditions import noise_floor
+from sandbot_model.discovery.discover import Discovery
+from sandbot_model.discovery.verdict import passes
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.text import counted, to_error, with_error
+from sandbot_model.physics import effects
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.formula import GIVEN
+from sandbot_model.physics.observables import CM
+
+_STYLES = {"adequate": "good", "identified": "good", "untested": "bad"}
+
+
+def of_discovery(found: Discovery) -> str:
+    """Status and class, each effect in plain words, error before → after → floor, its parameters; then why."""
+    verdict = found.verdict
+    of_a_class = f"ambiguous: one of {len(verdict.alternatives)} sets of effects, these data can't tell which"
+    head = f"verdict: {of_a_class if verdict.status == 'ambiguous' else found.headline}"
+    lines = [styled(filled(head), _STYLES.get(verdict.status, "open"))]
+    named = verdict.effects if verdict.status != "ambiguous" else ()
+    lines += [filled(line, "  ") for name in named for line in _in_words(name, found.fit)]
+    if verdict.status == "ambiguous":
+        of_class = dict.fromkeys(name for names in verdict.alternatives for name in names)
+        lines += [filled(f"{name}: {words(found.fit.model.catalogue[name])}", "  ") for name in of_class]
+    lines.append(filled(errors(found.steps), "  "))
+    best = found.stability_in_words
+    lines += ["", filled(f"why: {verdict.because}{best and f'; {best}'}")]
+    if verdict.status == "ambiguous" and found.next_trials:
+        first = found.next_trials[0]
+        ask = f"ask: {counted(first.replicates, 'trial')} at {first.where}, and look at {first.observable}"
+        lines += ["", filled(f"{ask}; campaign PLAN --plan DISCOVERY.json runs them all")]
+    return "\n".join(lines)
+
+
+def of_comparison(steps: Sequence[Fit]) -> str:
+    """Whether the last model holds, and the error before → after → floor."""
+    last = steps[-1]
+    if not math.isfinite(last.lack_of_fit_p):
+        why = "can't be tested: replicates, or more conditions, are needed"
+        return "\n".join([styled(filled(f"{last.name} {why}"), "bad"), filled(errors(steps), "  ")])
+    missed = len({(fail.phi, fail.omega_rad_s) for fail in last.fails})
+    told = (
+        f"holds: replicates leave nothing to explain (lack of fit p = {last.lack_of_fit_p:.2g})"
+        if passes(last)
+        else f"fails: lack of fit p = {last.lack_of_fit_p:.2g}, {missed} of {counted(len(last.cells), 'cell')} missed"
+    )
+    head = styled(filled(f"{last.name} {told}"), "good" if passes(last) else "open")
+    named = [line for name in last.effects for line in _in_words(name, last)]
+    return "\n".join([head, *(filled(line, "  ") for line in named), filled(errors(steps), "  ")])
+
+
+def errors(steps: Sequence[Fit]) -> str:
+    """Speed error out of sample, before → after, and what replicates scatter; only what is known."""
+    cells = steps[-1].cells
+    floor, dof = noise_floor(cells)["speed"], int(cells.pure_error_dof[0])
+    known = [step.cv_rmse_m_s for step in (steps[0], *steps[1:][-1:]) if math.isfinite(step.cv_rmse_m_s)]
+    # An rms of n values is known to 1/√(2n) of itself.
+    sure = CM * max(known, default=0.0) / math.sqrt(2 * cells.trials)
+    told = " → ".join(to_error(CM * error, sure) for error in known)
+    parts = [f"speed error out of sample: {told} cm/s"] if told else []
+    if math.isfinite(floor) and dof:
+        parts.append(f"replicates scatter by {to_error(CM * floor, CM * floor / math.sqrt(2 * dof))} cm/s")
+    return "; ".join(parts) or "neither the error out of sample nor the scatter of replicates can be told"
+
+
+def _in_words(name: str, fit: Fit) -> Iterator[str]:
+    """What an effect does, then its fitted parameters."""
+    effect = fit.model.catalogue[name]
+    yield f"{name}: {words(effect)}"
+    known: Mapping[str, str] = {
+        one.name: f"{'' if one.unit == '1' else f' {one.unit}'}, {one.doc}" for one in effect.parameters
+    }
+    for full, estimate in fit.parameters.items():
+        owner, _, parameter = full.rpartition(".")
+        if owner == name and np.isfinite(estimate.stderr):
+            yield f"{parameter} = {with_error(*estimate)}{known[parameter]}"
+
+
+def words(effect: Effect) -> str:
+    """An effect in plain words: what its file (a user's: its class) says of it, or the formula it was given as."""
+    cls = type(effect)
+    if effect.source == GIVEN:
+        return effect.formula
+    own = cls.__module__.startswith(f"{effects.__name__}.")
+    said = inspect.getdoc(sys.modules[cls.__module__] if own else cls) or effect.formula
+    return " ".join(said.split("\n\n")[0].split()).rstrip(".")

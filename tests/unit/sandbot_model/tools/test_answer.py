@@ -1,0 +1,142 @@
+"""What compare and discover print: the answer first, plain words, lines of a terminal, no number that can't be told."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sandbot_common import terminal
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.verdict import Verdict
+from sandbot_model.explore.actions import can_adopt
+from sandbot_model.fitting.text import counted, table, to_error, wrapped
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.tools import answer, compare, tables
+from sandbot_model.tools import discover as discover_tool
+
+EXAMPLE = Path(__file__).parents[4] / "examples" / "demo_trials.csv"
+HEAD = "phi,omega_rad_s,speed_m_s\n"
+ONE_CELL = f"{HEAD}0.633,16,0.203\n0.633,16,0.198\n"
+NO_REPLICATES = f"{HEAD}0.633,16,0.203\n0.6,12,0.11\n0.633,12,0.15\n"
+
+
+@pytest.fixture
+def printed(capsys):
+    def run(tool, *arguments):
+        assert tool.main([str(one) for one in arguments]) == 0
+        return capsys.readouterr().out
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def two(drawn):
+    """A discovery in which cable drag and leg slip can't be told apart (a verdict put in by hand)."""
+    few = {name: catalogue()[name] for name in ("leg_slip", "cable_drag")}
+    found = discover(cells_of(drawn(("leg_slip",), levels=2, omega=(8, 14))), few, max_effects=1)
+    verdict = Verdict("ambiguous", ("leg_slip",), (("leg_slip",), ("cable_drag",)), "2 sets explain the data equally")
+    return replace(found, verdict=verdict, stability=1.0)
+
+
+@pytest.mark.slow
+def test_the_answer_comes_first_then_why_then_tables(printed, tmp_path):
+    out = printed(discover_tool, EXAMPLE, "--workers", 1, "--max-effects", 1, "--json", tmp_path / "d.json")
+    lines = out.splitlines()
+    assert lines[0] == "verdict: identified: stance_overlap"
+    assert lines[1] == "  stance_overlap: Both tripods standing at once hold each other back"
+    assert re.match(r"  eta = 0\.12\d* ± 0\.0\d+, share of the speed lost", lines[2])
+    assert lines[3] == "  speed error out of sample: 1.09 → 0.50 cm/s; replicates scatter by 0.51 cm/s"
+    order = [out.index(part) for part in ("verdict:", "why: ", "105 trials in 35 cells", "noise floor", "Δχ²")]
+    assert order == sorted(order)
+    assert max(map(len, lines)) <= terminal.WIDTH
+    assert "absent, at 95 %" not in out
+    because = json.loads((tmp_path / "d.json").read_text())["verdict"]["because"]
+    assert because in " ".join(out.split())
+
+
+@pytest.mark.slow
+def test_verbose_prints_all(printed):
+    few = ("--workers", 1, "--max-effects", 1)
+    brief, all_of_it = (printed(discover_tool, EXAMPLE, *few, *more) for more in ((), ("--verbose",)))
+    for part in ("absent, at 95 %", "mean speed and step from lift", "delta_t_s", "motor_saturation", "crater_refill"):
+        assert part in all_of_it
+    assert "more (--verbose)" in brief
+    assert "more (--verbose)" not in all_of_it
+    assert set(brief.split("\n\n")[0].split()) <= set(all_of_it.split())
+
+
+@pytest.mark.parametrize("content", [ONE_CELL, NO_REPLICATES], ids=["one cell", "no replicates"])
+@pytest.mark.parametrize("tool", [compare, discover_tool])
+def test_what_cannot_be_told_is_not_printed(content, tool, printed, tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text(content)
+    out = printed(tool, path)
+    assert not re.search(r"\bnan\b|\b1 (cells|volume fractions|trials|conditions|degrees)\b", out)
+    # As many parameters as means: no value has an error, so none is given.
+    assert "delta_t_s" not in out
+    assert "missed by more" not in out
+    assert ("noise floor" in out) == (content == ONE_CELL)
+    assert ("replicates scatter by" in out) == (content == ONE_CELL)
+
+
+def test_of_a_class_the_class_is_said_and_not_its_first(two):
+    told = answer.of_discovery(two)
+    assert told.startswith("verdict: ambiguous: one of 2 sets of effects, these data can't tell which\n")
+    assert "  leg_slip: A shallow leg slips back through the grains\n" in told
+    assert "  cable_drag: The cable holds back, the leg creeps\n" in told
+    assert "one of these is the best in 100 % of bootstrap draws" in " ".join(told.split())
+    assert two.headline == "ambiguous: one of 2 sets: leg_slip; cable_drag"
+    assert not can_adopt(two)
+
+
+def test_of_one_that_is_identified_it_is_said_and_offered(two):
+    found = replace(two, verdict=replace(two.verdict, status="identified", alternatives=(("leg_slip",),)))
+    assert answer.of_discovery(found).startswith("verdict: identified: leg_slip\n")
+    assert "; best in 100 % of bootstrap draws" in " ".join(answer.of_discovery(found).split())
+    assert can_adopt(found)
+
+
+def test_candidates_say_what_they_were_fitted_without(two):
+    assert ("without what trials share" in tables.candidates(two, 5)) == (two.fit.nuisances is not None)
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "told"),
+    [
+        (1.0912, 0.075, "1.09"),
+        (0.508, 0.043, "0.51"),
+        (12.3, 4.0, "12"),
+        (0.474, 0.12, "0.47"),
+        (0.02034, 0.0017, "0.0203"),
+        (0.5, float("nan"), "0.5"),
+        (float("nan"), 0.1, "–"),
+    ],
+)
+def test_a_number_ends_where_its_error_begins(value, error, told):
+    assert to_error(value, error) == told
+
+
+def test_one_is_singular():
+    assert [counted(n, "cell") for n in (0, 1, 2)] == ["0 cells", "1 cell", "2 cells"]
+
+
+def test_a_cell_of_a_table_may_have_several_lines():
+    told = table([["at", "a\nb"], ["x\ny", "1"], ["z", "22"]]).splitlines()
+    assert told == ["     a", "at   b", "--  --", "x    1", "y", "z   22"]
+    assert table(wrapped([["at", "said"], ["x", "word " * 40]])).count("\n") > 3
+
+
+@pytest.mark.parametrize(
+    ("terminal_there", "environment", "coloured"),
+    [(True, {}, True), (False, {}, False), (True, {"NO_COLOR": "1"}, False), (True, {"TERM": "dumb"}, False)],
+)
+def test_colour_is_for_terminals_that_want_it(terminal_there, environment, coloured, monkeypatch):
+    for name in ("NO_COLOR", "TERM"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr("sys.stdout.isatty", lambda: terminal_there, raising=False)
+    assert terminal.styled("verdict", "good") == ("\x1b[1;32mverdict\x1b[0m" if coloured else "verdict")
