@@ -1,4 +1,7 @@
-"""Put tools/ros2 into the venv's bin where the host has no real ros2, and take it away where it has. Idempotent."""
+"""Put tools/trackway into the venv's bin, and tools/ros2 where the host has no real ros2; where it has, take ours away.
+
+Idempotent.
+"""
 
 import os
 import sys
@@ -6,6 +9,7 @@ from pathlib import Path
 
 TOOLS = Path(__file__).resolve().parent
 FALLBACK = TOOLS / "ros2"
+DOOR = TOOLS / "trackway"
 
 sys.path.insert(0, str(TOOLS))
 
@@ -28,9 +32,18 @@ def install(binaries: Path) -> str:
     return f"no ros2 on the PATH; {link.name} in {binaries.name}/ is the project's fallback"
 
 
+def install_door(binaries: Path) -> None:
+    """Link ``trackway`` in the folder ``binaries``: it needs nothing sourced."""
+    link = binaries / DOOR.name
+    link.unlink(missing_ok=True)
+    link.symlink_to(os.path.relpath(DOOR, binaries))
+
+
 def main() -> int:
     """Install for the interpreter that runs this."""
-    print(f"trackway: {install(Path(sys.executable).parent)}")
+    binaries = Path(sys.executable).parent
+    install_door(binaries)
+    print(f"trackway: {install(binaries)}")
     return 0
 
 

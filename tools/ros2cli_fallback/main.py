@@ -3,6 +3,7 @@
 import io
 import os
 import shutil
+import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -31,6 +32,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         # As the real one under a terminal: a message is seen when it comes, also through a pipe.
         sys.stdout.reconfigure(line_buffering=True)
     try:
+        if arguments[:1] != ["run"]:
+            # What is run answers by itself, as soon as it can.
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         return _dispatch(arguments)
     except Misused as error:
         print(error, file=sys.stderr)

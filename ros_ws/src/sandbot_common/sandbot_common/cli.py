@@ -4,6 +4,7 @@ import argparse
 import ast
 import io
 import os
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -114,6 +115,8 @@ def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | No
     name = os.path.basename(sys.argv[0])
     speak_line_by_line()
     try:
+        # `trackway` and `ros2 run` hold Ctrl-C back until there is somebody to answer it in one line.
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         return command(sys.argv[1:] if argv is None else argv) or 0
     except InputError as error:
         print(f"{name}: error: {error}", file=sys.stderr)

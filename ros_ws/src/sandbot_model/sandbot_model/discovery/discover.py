@@ -117,8 +117,8 @@ class Discovery:
 
     @property
     def stability_in_words(self) -> str:
-        """How often the set named, or one of those that explain the data alike, is best; empty if not known."""
-        if not np.isfinite(self.stability):
+        """How often the set named, or one of those that explain the data alike, is best; empty if none is named."""
+        if not np.isfinite(self.stability) or self.verdict.status == "unexplained":
             return ""
         which = "one of these is the" if self.verdict.status == "ambiguous" else ""
         return f"{which} best in {100 * self.stability:.0f} % of bootstrap draws".strip()

@@ -1,0 +1,145 @@
+"""The one door: its verbs are the executables, from any folder and with nothing sourced."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import install_ros2_fallback as installer
+from sandbot_common.errors import InputError
+from trackway_door import main as door
+from trackway_door.verbs import VERBS, then, usage
+
+BARE = {"PATH": "/usr/bin:/bin", "HOME": "/tmp"}
+TRACKWAY = installer.DOOR
+NO_FORWARD = {"demo", "doctor", "live"}
+
+
+def trackway(*arguments, **options):
+    return subprocess.run(
+        [TRACKWAY, *arguments], env=BARE, text=True, capture_output=True, timeout=120, check=False, **options
+    )
+
+
+def test_it_is_put_beside_python_and_again_changes_nothing(tmp_path):
+    for _ in range(2):
+        installer.install_door(tmp_path)
+        assert (tmp_path / "trackway").resolve() == TRACKWAY
+        assert not (tmp_path / "trackway").readlink().is_absolute()
+
+
+@pytest.mark.parametrize("name", sorted(VERBS.keys() - NO_FORWARD))
+def test_a_verb_is_the_executable_of_its_name(name):
+    path, *arguments = door.command(name, ["--flag", "x"], {})
+    assert os.access(path, os.X_OK)
+    assert Path(path).name == name
+    assert Path(path).parent.name == VERBS[name].package
+    assert arguments == ["--flag", "x"]
+
+
+def test_every_executable_of_the_workspace_has_a_line_or_is_forwarded_to():
+    others = {name for package in door.PACKAGES for name in door.executables(package)} - VERBS.keys()
+    told = usage(sorted(others))
+    assert {"clock", "bed", "tracker", "camera", "predictor"} <= others
+    for name in (*VERBS, *others):
+        assert name in told
+    assert max(map(len, told.splitlines())) <= 80
+    assert "sandbot_model" not in told
+
+
+def test_demo_runs_the_script_and_live_the_launch_file():
+    assert door.command("demo", [], {})[1:] == [str(door.TOOLS / "demo.sh"), *door.DEMO]
+    assert door.command("demo", ["mine"], {})[2:] == ["mine", door.DEMO[1]]
+    assert (door.TOOLS / "demo.sh").is_file()
+    assert door.command("live", ["console:=true"], {})[-2:] == ["trackway.launch.py", "console:=true"]
+
+
+def test_a_verb_that_is_none_is_answered_with_the_one_that_may_be_meant():
+    with pytest.raises(InputError, match="no verb 'compar', did you mean 'compare'"):
+        door.command("compar", [], {})
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "told"),
+    [
+        ("compare", ["runs/demo", "--model", "full"], ["trackway discover runs/demo", "trackway explore runs/demo"]),
+        ("campaign", ["p.yaml", "--out", "runs/x"], ["trackway compare runs/x", "trackway discover runs/x"]),
+        ("campaign", ["p.yaml"], []),
+        ("record", ["-a", "-o", "bag"], ["trackway info bag", "trackway replay bag"]),
+    ],
+)
+def test_what_is_next_names_what_was_given(name, arguments, told):
+    assert then(VERBS[name], arguments) == told
+
+
+def test_what_is_next_is_a_command_that_exists():
+    for verb in VERBS.values():
+        for line in verb.then:
+            assert line.split()[0] == "trackway"
+            assert line.split()[1] in VERBS
+
+
+def test_from_any_folder_with_nothing_sourced(tmp_path):
+    (tmp_path / "t.csv").write_text("phi,omega_rad_s,speed_m_s\n0.633,16,0.203\n0.633,16,0.198\n")
+    done = trackway("compare", "t.csv", cwd=tmp_path)
+    assert (done.returncode, done.stdout.split("\n")[0][:12]) == (0, "simple model")
+    assert done.stderr == "next: trackway discover t.csv\n      trackway explore t.csv\n"
+    failed = trackway("compare", "none.csv", cwd=tmp_path)
+    assert (failed.returncode, failed.stdout) == (2, "")
+    assert failed.stderr == "compare: error: none.csv: no such file or folder\n"
+    helped = trackway("compare", "--help", cwd=tmp_path)
+    assert helped.stdout.startswith("usage: compare ")
+    assert helped.stderr == ""
+
+
+def test_alone_it_lists_its_verbs_and_a_strange_one_is_one_line(tmp_path):
+    assert trackway(cwd=tmp_path).stdout.startswith("usage: trackway VERB")
+    strange = trackway("comapre", cwd=tmp_path)
+    assert strange.returncode == 2
+    assert strange.stderr == "trackway: error: no verb 'comapre', did you mean 'compare'?\n"
+
+
+RUN = [sys.executable, str(TRACKWAY.with_name("ros2")), "run", "sandbot_model"]
+
+
+def struck():
+    """Ctrl-C before anybody can answer it: held back, as the doors hold it while they import."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+@pytest.mark.parametrize("verb", ["compare", "discover", "explore", "atlas", "effects"])
+@pytest.mark.parametrize("how", [[str(TRACKWAY)], RUN], ids=["trackway", "ros2 run"])
+def test_ctrl_c_while_all_is_being_imported_is_one_line_and_130(how, verb, tmp_path):
+    done = subprocess.run(
+        [*how, verb, "t.csv", "--json", "out.json"], preexec_fn=struck, cwd=tmp_path, text=True, capture_output=True,
+        timeout=120, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (130, "")
+    (line,) = done.stderr.splitlines()
+    assert line.endswith(": interrupted; what was finished is kept")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_not_ours_is_never_started_with_ctrl_c_held_back(tmp_path):
+    asks = "import signal, sys; sys.exit(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ()))"
+    assert door._run([sys.executable, "-c", asks], ours=True) == 1
+    assert door._run([sys.executable, "-c", asks], ours=False) == 0
+
+
+def test_a_verb_that_a_signal_ends_says_so_as_a_shell_does():
+    assert door._run(["sh", "-c", "kill -TERM $$"], ours=False) == 128 + signal.SIGTERM
+
+
+@pytest.fixture(autouse=True)
+def _mask():
+    """Of this process, whose verbs are run in it by some of these tests."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    yield
+    signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
