@@ -7,7 +7,7 @@ from sandbot_model.physics import machine
 from sandbot_model.physics.arrays import Array, Bool, Ints
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.tape import FEET, VIRGIN, Program, Tape, program
-from sandbot_model.physics.walking import POLISH, V_SWIM_M_S, Footing
+from sandbot_model.physics.walking import HELD_N, POLISH, RISES, V_SWIM_M_S, Footing
 
 CELLS = ("omega", "phi", "slow_phase_ratio", "swing_ratio", "slow_begin")
 """Inputs that depend on the cell."""
@@ -48,9 +48,13 @@ class CompiledChains:
         scan, levels = self._sorted[margin]
         at, register = self._at([name for name in names if name != depth], points), self.tape.inputs[depth]
         flat, curve, grid = _flat(points, ()), _curve(points), points.at.depths
-        found = machine.bracket(scan, levels, points.shape, at, flat, curve, register, grid)
-        depth_m = machine.polish(plain, points.shape, at, flat, curve, register, grid, *found, POLISH)
-        return depth_m.reshape(points.shape), (found[0] > 0).reshape(points.shape)
+        found, peak = machine.bracket(scan, levels, points.shape, at, flat, curve, register, grid)
+        common = plain, points.shape, at, flat, curve, register, grid
+        depth_m, walking = machine.polish(*common, *found, POLISH), found[0] > 0
+        if peak[0].any():
+            reaches, rise = machine.follow(*common, *peak, RISES, HELD_N)
+            depth_m, walking = np.where(reaches, rise, depth_m), walking | reaches
+        return depth_m.reshape(points.shape), walking.reshape(points.shape)
 
     def _program(self, outputs: tuple[str, ...]) -> tuple[Program, list[str]]:
         if outputs not in self._plain:

@@ -18,11 +18,10 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Parameter
 
 ITERATIONS = 8
-THRESHOLDS = 9
-"""Values over the plausible range at which a parameter without a standard error is held."""
-NEAR, POINTS = 0.25, 21
-"""How far from the fit, in plausible ranges to either side, one with a standard error is held, and at how many values.
-"""
+AWAY = 0.25 * 2.0 ** -np.arange(8)
+"""How far from the fit, in plausible ranges to either side, a parameter without a standard error is held."""
+SIGMAS = np.array([0.5, 1.0, 2.0, 4.0, 8.0])
+"""How far one with a standard error is, in those."""
 
 
 def profile(problem: Problem, start: States, at: Sequence[int], values: Array) -> States:
@@ -46,8 +45,9 @@ def _profiled(fit: Fit, at: Sequence[int]) -> Array:
     here = np.concatenate([fit.point.theta, fit.point.ln_k])
     axes = [_held(fit.model.parameters[index], here[index], fit.stderr[index]) for index in at]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(at))
+    volume = np.prod(np.meshgrid(*map(_widths, axes), indexing="ij"), axis=0).ravel()
     states = profile(fit.problem, fit.state, at, grid)
-    weight = np.exp(-0.5 * (states.deviance - states.deviance.min()))
+    weight = volume * np.exp(-0.5 * (states.deviance - states.deviance.min()))
     away = np.concatenate([states.theta, states.ln_k], axis=1) - here
     # What is held scatters over the grid alone, all else about each point of it as well.
     own = fit.stderr.copy()
@@ -56,8 +56,12 @@ def _profiled(fit: Fit, at: Sequence[int]) -> Array:
 
 
 def _held(parameter: Parameter, here: float, error: float) -> Array:
-    if np.isnan(error):
-        return np.unique([here, *np.linspace(parameter.low, parameter.high, THRESHOLDS)])
-    reach = NEAR * (parameter.high - parameter.low)
-    low, high = parameter.search
-    return np.unique(np.clip([here, *np.linspace(here - reach, here + reach, POINTS)], low, high))
+    """Values about the fit, closer together the nearer they are."""
+    away = SIGMAS * error if np.isfinite(error) else AWAY * (parameter.high - parameter.low)
+    return np.unique(np.clip([here, *(here - away), *(here + away)], *parameter.search))
+
+
+def _widths(axis: Array) -> Array:
+    """What each value stands for: halfway to its neighbours."""
+    edges = np.concatenate([axis[:1], 0.5 * (axis[1:] + axis[:-1]), axis[-1:]])
+    return np.asarray(np.diff(edges)) if len(axis) > 1 else np.ones(1)

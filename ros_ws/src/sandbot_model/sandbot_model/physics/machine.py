@@ -201,7 +201,8 @@ def evaluate(program, shape, inputs, flat, curve):
 
 @_compiled
 def bracket(program, levels, shape, inputs, flat, curve, depth, grid):
-    """Where on a grid of depths the margin first is not negative, 0 if nowhere, and the margins before it and at it.
+    """Where on a grid of depths the margin first is not negative, 0 if nowhere, and the margins before it and at it;
+    the same of the highest peak below 0 before that, with the margins at the two depths that lead up to it.
 
     Arrays are ``(rows, cells * nodes)``.
 
@@ -213,8 +214,8 @@ def bracket(program, levels, shape, inputs, flat, curve, depth, grid):
     n, margin = len(grid), outputs[0]
     reg = _registers(count, n, constants)
     reg[depth] = grid
-    upper = np.zeros((rows, cells * nodes), dtype=np.int64)
-    below, above = np.zeros(upper.shape), np.zeros(upper.shape)
+    upper, peak = np.zeros((rows, cells * nodes), dtype=np.int64), np.zeros((rows, cells * nodes), dtype=np.int64)
+    below, above, first, second = np.zeros((4, rows, cells * nodes))
     _run(code, 0, levels[0], reg, n, tables, phi, k[0])
     for row in range(rows):
         of_row = k[row % len(k)]
@@ -232,7 +233,21 @@ def bracket(program, levels, shape, inputs, flat, curve, depth, grid):
                 if at < n:
                     at = max(at, 1)
                     upper[row, point], below[row, point], above[row, point] = at, reg[margin, at - 1], reg[margin, at]
-    return upper, below, above
+                top = _highest_peak(reg[margin], at)
+                if top:
+                    before = max(top - 1, 1)
+                    peak[row, point] = top
+                    first[row, point], second[row, point] = reg[margin, before - 1], reg[margin, before]
+    return (upper, below, above), (peak, first, second)
+
+
+@_compiled
+def _highest_peak(margin, end):
+    top = 0
+    for at in range(1, min(end, len(margin) - 1)):
+        if margin[at] > margin[at - 1] and margin[at] >= margin[at + 1] and (top == 0 or margin[at] > margin[top]):
+            top = at
+    return top
 
 
 @_compiled
@@ -277,6 +292,44 @@ def polish(program, shape, inputs, flat, curve, depth, grid, upper, below, above
                 at = _secant(low[i], high[i], below[row, first + i], above[row, first + i])
                 found[row, first + i] = at if upper[row, first + i] else grid[-1]
     return found
+
+
+@_compiled
+def follow(program, shape, inputs, flat, curve, depth, grid, peak, first, second, steps, held):
+    """Whether the margin reaches 0 on its way up to a peak, and at which depth (see ``Walker``)."""
+    code, outputs, count, constants, tables = program
+    rows, cells, nodes = shape
+    phi, k = curve
+    reg = _registers(count, AT_ONCE, constants)
+    reaches, at = np.zeros(peak.shape, dtype=np.bool_), np.zeros(peak.shape)
+    low, here = np.empty(AT_ONCE), np.empty(AT_ONCE)
+    for row in range(rows):
+        for begin in range(0, cells * nodes, AT_ONCE):
+            n = min(AT_ONCE, cells * nodes - begin)
+            if not peak[row, begin : begin + n].any():
+                continue
+            _load(inputs, flat, row, begin, n, nodes, reg)
+            for i in range(n):
+                before = max(peak[row, begin + i] - 1, 1)
+                low[i], here[i], reg[depth, i] = grid[before - 1], second[row, begin + i], grid[before]
+            for _ in range(steps):
+                for i in range(n):
+                    top, now = peak[row, begin + i], reg[depth, i]
+                    beyond = _prolonged(low[i], now, first[row, begin + i], here[i])
+                    if abs(here[i]) >= held and beyond <= grid[min(top + 1, len(grid) - 1)]:
+                        low[i], first[row, begin + i], reg[depth, i] = now, here[i], beyond
+                _run(code, 0, len(code), reg, n, tables, phi, k[row % len(k)])
+                here[:n] = reg[outputs[0], :n]
+            for i in range(n):
+                reaches[row, begin + i] = peak[row, begin + i] > 0 and abs(here[i]) < held
+                at[row, begin + i] = reg[depth, i]
+    return reaches, at
+
+
+@_compiled
+def _prolonged(low, high, below, above):
+    rise = above - below
+    return low - below / rise * max(high - low, 1e-9) if rise > 0 else np.inf
 
 
 @_compiled

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_model.physics.arrays import Array, Bool
+from sandbot_model.physics.arrays import Array, Bool, Ints
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.gait import EVEN, Clock
@@ -35,9 +35,13 @@ V_SWIM_M_S = 0.02
 """Swimming speed of Li09, the same for every φ at ω ≥ 28 rad/s."""
 
 DEPTHS = 40
-"""Depths at which the margin is tried. Ground that holds over less than their spacing (2 mm at the surface, 0.7 mm
-where legs stand) may be missed: a hump of some mN that a sinking body's inertia carries it through."""
+"""Depths at which the margin is tried, 2 mm apart at the surface, 0.7 mm where legs stand. Ground that holds over less
+(feet that disturb it soon weaken it) is found by following its rise; see ``_on_a_rise``."""
 POLISH = 3
+RISES = 3
+"""Secants by which a rise is followed to where it would hold."""
+HELD_N = 1e-4
+"""How near to 0 [N] the margin must come there."""
 JUMP_M = 1e-9
 BEYOND_A_JUMP_M = np.linspace(0.0, 2.4e-3, 13)
 """Right beyond a jump the force needed is least, and ground that feet disturb may hold over a short way only."""
@@ -185,6 +189,7 @@ class Walker:
         margin = self.chain(inputs, params, grid, first_step=first_step).margin
         holds = margin >= 0
         walking = holds.any(axis=-1)
+        peak = _highest_peak(margin, holds)
         upper = np.maximum(holds.argmax(axis=-1), 1)
         low, high = grid[upper - 1], grid[upper]
         margin_low = np.take_along_axis(margin, (upper - 1)[..., None], axis=-1)[..., 0]
@@ -200,7 +205,29 @@ class Walker:
             )
             low, high = np.where(above, low, depth), np.where(above, depth, high)
         depth = _secant(low, high, margin_low, margin_high)
+        if peak.any():
+            held, rise = self._on_a_rise(inputs, params, grid, margin, peak, first_step=first_step)
+            depth, walking = np.where(held, rise, depth), walking | held
         return np.where(walking, depth, deepest_m(self.robot)), np.asarray(walking)
+
+    def _on_a_rise(
+        self, inputs: Inputs, params: Params, grid: Array, margin: Array, peak: Ints, *, first_step: bool
+    ) -> tuple[Bool, Array]:
+        """Whether the margin reaches 0 between two depths of the grid on its way up to a peak, and at which depth.
+
+        The rise before the peak is prolonged to where it would reach 0: the margin there says whether it still rises.
+        """
+        before = np.maximum(peak - 1, 1)
+        low, far = grid[before - 1], grid[np.minimum(peak + 1, len(grid) - 1)]
+        margin_low = np.take_along_axis(margin, (before - 1)[..., None], axis=-1)[..., 0]
+        depth, here = grid[before], np.take_along_axis(margin, before[..., None], axis=-1)[..., 0]
+        for _ in range(RISES):
+            beyond = _prolonged(low, depth, margin_low, here)
+            goes_on = (np.abs(here) >= HELD_N) & (beyond <= far)
+            low, margin_low = np.where(goes_on, depth, low), np.where(goes_on, here, margin_low)
+            depth = np.where(goes_on, beyond, depth)
+            here = self.margin(inputs, params, depth, first_step=first_step)
+        return (peak > 0) & (np.abs(here) < HELD_N), depth
 
     def depths(self, clock: Clock) -> Array:
         """Depths at which the margin is tried, among them both sides of its jumps."""
@@ -231,6 +258,22 @@ def _depth_grid(deepest_m: float) -> Array:
     """Depths from the surface to 2R - h, closer together where the step shrinks fast."""
     u = np.linspace(0.0, 1.0, DEPTHS)
     return deepest_m * u * (2 - u)
+
+
+def _highest_peak(margin: Array, holds: Bool) -> Ints:
+    """Index of the highest local maximum below 0 before the ground first holds, 0 where there is none."""
+    inner = margin[..., 1:-1]
+    peak = (inner > margin[..., :-2]) & (inner >= margin[..., 2:])
+    peak &= ~np.logical_or.accumulate(holds, axis=-1)[..., 1:-1]
+    best = np.where(peak, inner, -np.inf).argmax(axis=-1)
+    return np.where(peak.any(axis=-1), best + 1, 0)
+
+
+def _prolonged(low: Array, high: Array, margin_low: Array, margin_high: Array) -> Array:
+    """Where a line through two margins reaches 0; infinitely far if it does not rise."""
+    rise = margin_high - margin_low
+    share = np.divide(-margin_low, rise, out=np.full_like(rise, np.inf), where=rise > 0)
+    return np.where(rise > 0, low + share * np.maximum(high - low, JUMP_M), np.inf)
 
 
 def _secant(low: Array, high: Array, margin_low: Array, margin_high: Array) -> Array:
