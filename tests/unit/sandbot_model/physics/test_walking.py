@@ -12,7 +12,7 @@ from scipy.optimize import brentq, minimize_scalar
 from sandbot_common.robot import Robot
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.geometry import chord, critical_k_n_per_m, deepest_m
-from sandbot_model.physics.walking import BASES, Inputs, KCurve, Walker, _depth_grid
+from sandbot_model.physics.walking import BASES, Inputs, KCurve, Walker
 
 REFERENCE = yaml.safe_load((Path(__file__).parents[4] / "reference" / "walking.yaml").read_text())
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
