@@ -31,18 +31,18 @@ failed=0
 python "$tools/demo_live.py" "$live" || failed=1
 
 if [[ -n $seed ]]; then
-  hidden=(--hide "$seed")
+  hidden=(--hide "$seed") model=li09
   step "2/5  blind campaign: 147 trials on the virtual lab; an effect drawn from seed $seed is hidden in it beside the paper's"
 else
-  hidden=()
+  hidden=() model=simple
   step "2/5  blind campaign: 147 trials on the virtual lab, whose world is sealed"
 fi
 ros2 run sandbot_bringup campaign "$config/li09_demo.yaml" --out "$out" --batch --world "$config/li09_world.yaml" "${hidden[@]}"
-step "3/5  compare: the walking model against the measurements"
-ros2 run sandbot_model compare "$out"
+step "3/5  compare: the $model model against the measurements"
+ros2 run sandbot_model compare "$out" --model $model
 step "4/5  discover: which physical effects are missing"
-ros2 run sandbot_model discover "$out" --max-effects $((3 + ${#hidden[@]} / 2)) --json "$out/discovery.json" --html "$out/report.html"
-ros2 run sandbot_model atlas "$out" --effects "$(python "$tools/demo_found.py" --effects "$out")" | tail -n 1
+ros2 run sandbot_model discover "$out" --model $model --json "$out/discovery.json" --html "$out/report.html"
+ros2 run sandbot_model atlas "$out" --model $model --effects "$(python "$tools/demo_found.py" --effects "$out")" | tail -n 1
 step "5/5  the sealed truth is opened"
 ros2 run sandbot_bringup unseal "$out" || failed=1
 python "$tools/demo_found.py" "$out"

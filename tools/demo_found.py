@@ -23,13 +23,13 @@ SAID = {
 def found(discovery: Mapping[str, Any]) -> str:
     """The verdict in a sentence for a physicist, with the fitted numbers and the error before and after."""
     first, last = discovery["steps"][0], discovery["steps"][-1]
-    names = discovery["verdict"]["effects"]
+    names, base = discovery["verdict"]["effects"], discovery["model"]
     if not names:
         return f"Found: no effect is claimed; the verdict is {discovery['verdict']['status']}."
     effects = catalogue()
     said = "; ".join(_said(effects[name], last["parameters"]) for name in names)
     return (
-        f"Found: {said}. With that the model misses trials it has not seen by {_cm_s(last)} cm/s, without it by "
+        f"Found: {said}. With that the {base} model misses trials it has not seen by {_cm_s(last)} cm/s, without it by "
         f"{_cm_s(first)}; replicates of one trial differ by {100 * discovery['noise_floor_m_s']:.2f}."
     )
 

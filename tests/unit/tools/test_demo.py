@@ -59,6 +59,7 @@ def test_an_earlier_demo_an_empty_and_an_absent_folder_are_replaced(demo, tmp_pa
     assert len(asked) == 1
     assert asked[0].endswith("li09_world.yaml --hide 7")
     assert f"demo_live.py {tmp_path / 'old one'}-live\n" in done.stdout
+    assert "--model li09 " in done.stdout
     assert not (tmp_path / "old one").exists()  # nobody has written it anew here
 
 
@@ -94,7 +95,7 @@ def test_without_a_seed_the_world_is_the_papers_and_no_effect_is_drawn(demo, tmp
     assert (done.returncode, done.stderr) == (0, "")
     assert "li09_world.yaml\n" in done.stdout
     assert "--hide" not in done.stdout
-    assert "--max-effects 3 " in done.stdout
+    assert "--model simple " in done.stdout
 
 
 @pytest.mark.parametrize("fails", ["demo_live.py", "sandbot_bringup unseal"])
@@ -151,7 +152,7 @@ def test_what_was_found_is_said_with_the_fitted_numbers():
     fitted = {"disturbed_ground.k_l_n_per_m": 181.7, "disturbed_ground.s_c": 0.998, "stance_overlap.eta": 0.123}
     steps = [{"cv_rmse_m_s": 0.077}, {"cv_rmse_m_s": 0.0048}]
     steps[1]["parameters"] = {name: {"value": value} for name, value in fitted.items()}
-    discovery = {"steps": steps, "noise_floor_m_s": 0.0047, "verdict": {"status": "identified"}}
+    discovery = {"model": "simple", "steps": steps, "noise_floor_m_s": 0.0047, "verdict": {"status": "identified"}}
     discovery["verdict"]["effects"] = ["disturbed_ground", "stance_overlap"]
     said = found(discovery)
     assert "within 1.00 R of the last foothold finds ground loosened to 182 N/m" in said
@@ -161,7 +162,7 @@ def test_what_was_found_is_said_with_the_fitted_numbers():
 
 def test_where_nothing_is_named_nothing_is_said_to_be_found():
     """Control."""
-    discovery = {"steps": [{}], "verdict": {"status": "ambiguous", "effects": []}}
+    discovery = {"model": "simple", "steps": [{}], "verdict": {"status": "ambiguous", "effects": []}}
     assert found(discovery) == "Found: no effect is claimed; the verdict is ambiguous."
 
 

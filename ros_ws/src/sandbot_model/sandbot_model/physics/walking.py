@@ -28,8 +28,10 @@ from sandbot_model.physics.stages import through
 BASES: dict[str, tuple[str, ...]] = {
     "simple": (),
     "full": ("exact_vertical_acceleration", "exact_leg_arc"),
+    "li09": ("disturbed_ground", "belly_coast", "slow_phase_speed"),
 }
-"""The base models; the full one (physics §3) is the simple one with two effects that are always on."""
+"""The base models; the full one (physics §3) is the simple one with two effects that are always on, li09 that with what
+Li et al. 2009 found beside it: what is searched for then comes on top."""
 
 V_SWIM_M_S = 0.02
 """Swimming speed of Li09, the same for every φ at ω ≥ 28 rad/s."""
