@@ -3,9 +3,9 @@
 from made_up import walking_bag
 
 from sandbot_model.discovery.choice import Selection
-from sandbot_model.explore import cell_trials, waveforms
+from sandbot_model.explore import cell_trials
 from sandbot_model.explore.app import Explorer
-from sandbot_model.report import write_comparison
+from sandbot_model.report import waveforms, write_comparison
 from sandbot_model.report.provenance import bags_of
 from sandbot_model.report.theme import LIGHT
 

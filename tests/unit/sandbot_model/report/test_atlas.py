@@ -14,7 +14,7 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import GAITS
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.walking import Inputs, Prediction, Walker
-from sandbot_model.report.atlas import motion, speeds, style
+from sandbot_model.report.atlas import gathered, motion, speeds, style
 from sandbot_model.report.atlas.material import Material, Motion, Published
 from sandbot_model.report.atlas.plates import CAPTIONS, PLATES, write
 from sandbot_model.tools import atlas
@@ -113,7 +113,7 @@ def test_the_clock_of_a_leg():
 
 def test_what_the_paper_fits_ends_at_the_largest_speed():
     trials = table()
-    kept = trials.select(atlas._up_to_the_fastest(trials))
+    kept = trials.select(gathered._up_to_the_fastest(trials))
     for phi in K:
         here, all_here = (np.abs(one.phi - phi) < 1e-6 for one in (kept, trials))
         fastest = trials.omega_rad_s[all_here][np.argmax(trials.speed_m_s[all_here])]

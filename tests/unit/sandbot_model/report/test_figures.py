@@ -15,7 +15,7 @@ from sandbot_model.fitting.goodness import Fail
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import Observable
-from sandbot_model.report import balance, captions, figures, mechanics
+from sandbot_model.report import balance, captions, figures, lock, mechanics, residual_map
 from sandbot_model.report.curves import steps
 from sandbot_model.report.theme import DARK, LIGHT
 from sandbot_model.report.view import Step, bands, frequencies
@@ -56,9 +56,9 @@ def test_every_figure_is_one_that_plotly_accepts(theme):
     base, more = made_up_step(cells), made_up_step(cells, effects=("leg_slip",))
     specs = [
         figures.speed(more, base, theme),
-        figures.residual_map(more, "speed", base, theme),
+        residual_map.residual_map(more, "speed", base, theme),
         figures.ladder((base, more), 0.01, 1, theme),
-        figures.geometry_lock(cells, theme),
+        lock.geometry_lock(cells, theme),
     ]
     for spec in specs:
         go.Figure(spec)
@@ -122,7 +122,7 @@ def test_failing_cells_are_marked_by_sign_and_number_not_by_colour_alone():
     up, down, quiet = 3, 8, 5
     z[up, 0], z[down, 0], z[quiet, 0] = 12.4, -5.6, 2.0
     fails = tuple(Fail("speed", cells.phi[i], cells.omega[i], 0.1, z[i, Observable.speed]) for i in (up, down))
-    (trace,) = figures.residual_map(made_up_step(cells, z, fails), "speed")["data"]
+    (trace,) = residual_map.residual_map(made_up_step(cells, z, fails), "speed")["data"]
     text = np.array(trace["text"])
     assert text[cells.level[up], up % 4] == "▲ 12"
     assert text[cells.level[down], down % 4] == "▼ 6"
@@ -135,7 +135,7 @@ def test_a_cell_that_was_not_measured_is_said_to_be_so():
     cells = made_up_cells(speed_m_s=speed, lift_m=lift)
     z = np.zeros((len(cells), 4))
     z[0, 1] = np.nan
-    (trace,) = figures.residual_map(made_up_step(cells, z), "lift")["data"]
+    (trace,) = residual_map.residual_map(made_up_step(cells, z), "lift")["data"]
     assert trace["text"][0][0] == "–"
     assert trace["z"][0][0] is None
     assert trace["text"][0][1] == ""
@@ -145,8 +145,8 @@ def test_colour_saturates_but_the_true_residual_is_kept():
     cells = made_up_cells()
     z = np.zeros((len(cells), 4))
     z[0, 0] = 40.0
-    (trace,) = figures.residual_map(made_up_step(cells, z), "speed")["data"]
-    assert trace["z"][0][0] == figures.Z_COLOUR_END
+    (trace,) = residual_map.residual_map(made_up_step(cells, z), "speed")["data"]
+    assert trace["z"][0][0] == residual_map.Z_COLOUR_END
     assert trace["customdata"][0][0] == [40.0, 0]
 
 
@@ -183,17 +183,17 @@ def test_without_replicates_the_ladder_has_no_floor():
 def test_lock_curve_has_the_reference_values(depth_m, step_over_r):
     """Physics §5: d and s/R at k = 200 and 170 N/m; lift is 2R − h − d."""
     lift = np.array([2 * 0.0355 - 0.025 - depth_m])
-    assert figures.lock_curve(lift, 0.0355)[0] / 0.0355 == pytest.approx(step_over_r, abs=1e-3)
+    assert lock.lock_curve(lift, 0.0355)[0] / 0.0355 == pytest.approx(step_over_r, abs=1e-3)
 
 
 def test_points_of_a_locked_robot_lie_on_the_curve_and_others_do_not():
     lift = np.full(NONE.shape, 0.008)
     omega = np.meshgrid(PHI, OMEGA, [0, 1], indexing="ij")[1].ravel()
-    locked = omega * figures.lock_curve(lift, 0.0355) / np.pi
+    locked = omega * lock.lock_curve(lift, 0.0355) / np.pi
     for share, on_curve in [(1.0, True), (0.85, False)]:
-        spec = figures.geometry_lock(made_up_cells(lift_m=lift, speed_m_s=share * locked))
+        spec = lock.geometry_lock(made_up_cells(lift_m=lift, speed_m_s=share * locked))
         points = np.concatenate([trace["y"] for trace in traces(spec, "markers")])
-        assert np.allclose(points, 100 * figures.lock_curve(lift, 0.0355)[0], rtol=1e-6) == on_curve
+        assert np.allclose(points, 100 * lock.lock_curve(lift, 0.0355)[0], rtol=1e-6) == on_curve
 
 
 @pytest.fixture
@@ -239,7 +239,7 @@ def test_the_modelled_critical_frequency_parts_walking_from_swimming(fitted):
 
 def test_words_under_the_figures_tell_their_numbers(fitted):
     base = fitted[0]
-    failing = figures.failing_cells(base.fit, "speed")
+    failing = residual_map.failing_cells(base.fit, "speed")
     assert failing.any()
     assert f"{failing.sum()} of {len(failing)} cells fail" in captions.residuals(base, "speed")
     worst = np.nanargmax(np.abs(np.where(failing, base.fit.residual_z[:, Observable.speed], np.nan)))

@@ -22,10 +22,11 @@ from sandbot_model.physics.observables import COLUMNS
 from sandbot_model.physics.typeset import mathml
 from sandbot_model.physics.walking import Inputs
 from sandbot_model.report import text, write_comparison, write_report
-from sandbot_model.report.content import _formulas, cells_csv
 from sandbot_model.report.curves import steps
+from sandbot_model.report.data_section import cells_csv
 from sandbot_model.report.page import Page, Section, for_script, render
 from sandbot_model.report.provenance import limits, provenance
+from sandbot_model.report.table_sections import _formulas
 from sandbot_record.trials.table import Row, from_rows
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}

@@ -8,7 +8,7 @@ from typing import Any
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.choice import Selection, with_formula
 from sandbot_model.discovery.discover import Discovery
-from sandbot_model.report.figures import map_cells
+from sandbot_model.report.residual_map import map_cells
 
 CONTROLS = ("model", "effects", "view", "observable", "cell")
 """The controls that have a value; the others are buttons and sliders."""

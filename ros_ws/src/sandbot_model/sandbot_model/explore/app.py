@@ -20,7 +20,7 @@ from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, from_query, to_query, to_yaml
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.reproduce import steps_of
-from sandbot_model.explore import cell_trials, controls, views, waveforms
+from sandbot_model.explore import cell_trials, controls, views
 from sandbot_model.explore.actions import (
     CONTROLS,
     act,
@@ -33,7 +33,8 @@ from sandbot_model.explore.actions import (
 )
 from sandbot_model.explore.loopback import own_host_only
 from sandbot_model.explore.session import Session
-from sandbot_model.report.content import cells_csv
+from sandbot_model.report import waveforms
+from sandbot_model.report.data_section import cells_csv
 from sandbot_model.report.page import source
 from sandbot_model.report.provenance import bags_of, lost_bags, provenance
 from sandbot_model.report.theme import LIGHT, THEMES, Spec, Theme

@@ -1,6 +1,8 @@
 """The trials of a cell on the page: their rows, their waveforms with the model's, tracked video, links to bags."""
 
+import tempfile
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -8,10 +10,12 @@ from urllib.parse import quote
 from dash import html
 
 from sandbot_common.errors import InputError
-from sandbot_model.explore import controls, waveforms
+from sandbot_model.explore import controls
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM, Observable
+from sandbot_model.report import waveforms
 from sandbot_model.report.theme import Theme
+from sandbot_record.trials.film_strip import Strip, film_strip
 from sandbot_record.trials.table import Trials
 
 COLUMNS = (
@@ -44,7 +48,7 @@ def film(bags: Mapping[str, Path], ids: Sequence[str]) -> list[Any]:
     """Tracked video of the first trial that kept its frames; a line that says so where none did."""
     for name in ids:
         try:
-            if strip := waveforms.film_of(bags[name]):
+            if strip := film_of(bags[name]):
                 return [html.H3(f"Lateral video of {name}, tracked axles marked"), controls.film(strip)]
         except InputError as error:
             return [html.P(f"Video of {name}: {error}", className="soft")]
@@ -64,3 +68,13 @@ def _cell(value: Any, scale: float) -> str:
     if isinstance(value, float):
         return f"{scale * value:.4g}" if value == value else "–"
     return str(value)
+
+
+@lru_cache(maxsize=16)
+def film_of(bag: Path) -> tuple[tuple[bytes, str], ...]:
+    """Tracked lateral frames of one bag as (JPEG, caption); empty where its frames were not kept."""
+    with tempfile.TemporaryDirectory() as folder:
+        # ``film_strip`` takes folders of bags.
+        (Path(folder) / bag.name).symlink_to(bag.resolve(), target_is_directory=bag.is_dir())
+        strip: Strip = film_strip(Path(folder))
+    return tuple(strip)

@@ -10,7 +10,7 @@ from sandbot_model.discovery.choice import Selection
 from sandbot_model.explore.actions import on_slider
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.effect import Effect
-from sandbot_model.report import balance, captions, figures, mechanics, text
+from sandbot_model.report import balance, captions, figures, lock, mechanics, residual_map, text
 from sandbot_model.report.theme import Spec, Theme, layout, note
 from sandbot_model.report.view import Step, readable
 
@@ -113,11 +113,11 @@ def figure(selection: Selection, base: Step | None, current: Step, theme: Theme,
 
     draw: Mapping[str, Callable[[], Spec]] = {
         "speed": speed,
-        "residuals": lambda: figures.residual_map(current, selection.observable, base, theme),
+        "residuals": lambda: residual_map.residual_map(current, selection.observable, base, theme),
         "critical": lambda: mechanics.critical(current, theme),
         "step": lambda: mechanics.step_ratio(current, theme),
         "balance": lambda: balance.force_balance(current, frequency(selection, current), base, theme, columns),
-        "lock": lambda: figures.geometry_lock(cells, theme),
+        "lock": lambda: lock.geometry_lock(cells, theme),
         "parameters": speed,
     }
     return draw[selection.view]()

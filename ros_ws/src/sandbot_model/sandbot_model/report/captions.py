@@ -8,8 +8,8 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report import text
 from sandbot_model.report.balance import forces
-from sandbot_model.report.figures import failing_cells
 from sandbot_model.report.mechanics import collapse
+from sandbot_model.report.residual_map import failing_cells
 from sandbot_model.report.view import BAND_SDS, Step, bands, measured, observable_label, residual_z
 
 HOW = {

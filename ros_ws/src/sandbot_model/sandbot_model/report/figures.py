@@ -10,11 +10,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sandbot_model.data.conditions import Cells, Floats
-from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.geometry import step_from_lift
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
 from sandbot_model.report.view import (
@@ -22,20 +19,11 @@ from sandbot_model.report.view import (
     Band,
     Step,
     bands,
-    frequencies,
     measured,
-    observable_label,
     readable,
-    residual_z,
     scatter,
-    walks,
 )
 
-Z_FAIL = 3.0
-"""Marked on the colour bar of residual maps; which cells fail is the fit's own list."""
-Z_COLOUR_END = 8.0
-"""Residual maps share this colour range, so that the steps of the ladder compare."""
-MAX_LABELLED_COLUMNS = 10
 NARROW = 2
 LEGEND_PX = 48
 """Panels in a row of a figure that stands beside another one, and the room its legend takes beyond a line."""
@@ -51,7 +39,7 @@ def speed(
     """
     cells = step.fit.cells
     rows = bands(cells)
-    top = CM * max(_finite_max(measured(cells, "speed")), _finite_max(step.speed_m_s)) * 1.12
+    top = CM * max(finite_max(measured(cells, "speed")), finite_max(step.speed_m_s)) * 1.12
     colours = theme.phi_colours(len(cells.level_phi))
     across = {"title": "ω (rad/s)", "range": _range(step.omega_rad_s, cells.omega)}
     spec = panels(rows, theme, across, {"title": "speed (cm/s)", "range": [-0.02 * top, top]}, columns)
@@ -118,86 +106,6 @@ def _speed_legend(step: Step, base: Step | None, theme: Theme, with_band: bool) 
     return entries
 
 
-def residual_map(step: Step, observable: str, base: Step | None = None, theme: Theme = LIGHT) -> Spec:
-    """Where the model fails: standardised residuals over φ × ω, the base model's map to the left for comparison.
-
-    ▲ measured above the model, ▼ below, – not measured. Colour saturates at ±``Z_COLOUR_END``.
-    """
-    shown = [step] if base is None or base is step else [base, step]
-    rows = len(bands(step.fit.cells))
-    spec: Spec = {
-        "data": [],
-        "layout": layout(theme, 150 + max(28 * rows, 110), plot_bgcolor=theme.empty, showlegend=False, annotations=[]),
-    }
-    spec["layout"]["margin"] |= {"t": 68, "l": 84}
-    for i, drawn in enumerate(shown):
-        key = "" if i == 0 else "2"
-        across = [0.0, 1.0] if len(shown) == 1 else [0.515 * i, 0.515 * i + 0.485]
-        trace = _heatmap(drawn.fit, observable, theme, len(shown) == 1)
-        spec["data"].append(trace | {"xaxis": f"x{key}", "yaxis": f"y{key}", "showscale": i == len(shown) - 1})
-        spec["layout"][f"xaxis{key}"] = axis(
-            theme, "ω (rad/s)", type="category", showgrid=False, ticks="", domain=across, anchor=f"y{key}"
-        )
-        spec["layout"][f"yaxis{key}"] = axis(
-            theme, "", type="category", showgrid=False, ticks="", showticklabels=i == 0, anchor=f"x{key}"
-        )
-        failing = _count(failing_cells(drawn.fit, observable))
-        words = f"<b>{observable_label(observable)}</b><br>{model_name(drawn)}: {failing}"
-        spec["layout"]["annotations"].append(
-            note(words, across[0], 1.0, xanchor="left", yanchor="bottom", yshift=6, align="left", font={"size": 13})
-        )
-    return spec
-
-
-def _heatmap(fit: Fit, observable: str, theme: Theme, roomy: bool) -> Spec:
-    cells = fit.cells
-    rows = bands(cells)
-    omegas, columns = frequencies(cells)
-    failing = failing_cells(fit, observable)
-    all_z = residual_z(fit, observable)
-    z = np.full((len(rows), len(omegas)), np.nan)
-    text = np.full(z.shape, "–", dtype=object)
-    index = np.full(z.shape, None, dtype=object)
-    numbers = len(omegas) <= MAX_LABELLED_COLUMNS * (2 if roomy else 1)
-    for row, band in enumerate(rows):
-        for cell in band.cells:
-            z[row, columns[cell]], index[row, columns[cell]] = all_z[cell], int(cell)
-            text[row, columns[cell]] = _mark(all_z[cell], bool(failing[cell]), numbers)
-    return {
-        "type": "heatmap",
-        "x": [_column_label(w) for w in omegas],
-        "y": [band.label for band in rows],
-        "z": as_json(np.clip(z, -Z_COLOUR_END, Z_COLOUR_END)),
-        "customdata": np.stack([as_json(z), index], axis=-1).tolist(),
-        "text": text.tolist(),
-        "texttemplate": "%{text}",
-        "textfont": {"size": 12},
-        "zmin": -Z_COLOUR_END,
-        "zmax": Z_COLOUR_END,
-        "colorscale": theme.residual_scale(),
-        "xgap": 2,
-        "ygap": 2,
-        "hoverongaps": False,
-        "hovertemplate": "%{y}, ω %{x} rad/s<br>residual %{customdata[0]:.1f} standard errors<extra></extra>",
-        "colorbar": _residual_bar(theme),
-    }
-
-
-def map_cells(cells: Cells) -> dict[tuple[str, str], int]:
-    """(column, row) of the residual map, as it is labelled → the cell there."""
-    omegas, columns = frequencies(cells)
-    return {(_column_label(omegas[columns[i]]), band.label): int(i) for band in bands(cells) for i in band.cells}
-
-
-def _column_label(omega_rad_s: float) -> str:
-    return f"{omega_rad_s:.3g}"
-
-
-def _count(failing: NDArray[np.bool_]) -> str:
-    number = int(failing.sum())
-    return "no cell fails" if number == 0 else f"{number} {'cell fails' if number == 1 else 'cells fail'}"
-
-
 def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme: Theme = LIGHT) -> Spec:
     """Error of mean speed as effects are added: in sample, out of sample, and the noise floor no model can beat."""
     inside = [CM * step.fit.rmse_m_s for step in steps]
@@ -227,7 +135,7 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme:
         "type": "rect", "xref": "x", "yref": "paper", "x0": current - 0.4, "x1": current + 0.4, "y0": 0, "y1": 1,
         "fillcolor": theme.empty, "line": {"width": 0}, "layer": "below",
     }  # fmt: skip
-    top = 1.2 * _finite_max(np.array([*inside, *outside, floor]))
+    top = 1.2 * finite_max(np.array([*inside, *outside, floor]))
     ticks = {"tickvals": places, "ticktext": [_wrapped(step.label) for step in steps], "range": [-0.5, last + 0.5]}
     return {
         "data": traces,
@@ -242,73 +150,6 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme:
     }
 
 
-def lock_curve(lift_m: Floats, radius_m: float) -> Floats:
-    """Step length s = 2√(Δz(2R − Δz)) [m] of a leg of radius R that lifts its axle by Δz [m] (Li09, physics §2)."""
-    return step_from_lift(lift_m, radius_m)
-
-
-def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
-    """Step length from speed, πv̄/ω, against body lift; on the curve the geometry alone explains the speed."""
-    step_length, step_scatter = (CM * np.pi * f(cells, "speed") / cells.omega for f in (measured, scatter))
-    lift, lift_scatter = (CM * f(cells, "lift") for f in (measured, scatter))
-    grid = np.linspace(0.0, max(_finite_max(lift) / CM * 1.15, 1e-3), 121)
-    locked = lock_curve(grid, cells.robot.leg_radius_m)
-    data: list[Spec] = [
-        {
-            "type": "scatter", "mode": "lines", "name": "s = 2√(Δz(2R − Δz))<br>nothing fitted", "hoverinfo": "skip",
-            "x": as_json(CM * grid), "y": as_json(CM * locked), "line": {"color": theme.ink, "width": 1.5},
-        }
-    ]  # fmt: skip
-    walking = walks(cells)
-    swims = ~walking & np.isfinite(lift)
-    if swims.any():
-        faint = {"color": theme.faint, "size": 5, "symbol": "circle-open"}
-        data.append(
-            {
-                "type": "scatter", "mode": "markers", "name": "swimming, any φ", "marker": faint, "hoverinfo": "skip",
-                "x": as_json(lift[swims]), "y": as_json(step_length[swims]),
-            }
-        )  # fmt: skip
-    colours = theme.phi_colours(len(cells.level_phi))
-    for band in bands(cells):
-        at = band.cells[walking[band.cells]]
-        if not at.size:
-            continue
-        colour = colours[band.level]
-        data.append(
-            {
-                "type": "scatter", "mode": "markers", "name": band.label,
-                "x": as_json(lift[at]), "y": as_json(step_length[at]),
-                "error_x": _bars(lift_scatter[at], colour), "error_y": _bars(step_scatter[at], colour),
-                "marker": {"color": colour, "size": 8, "symbol": SYMBOLS[band.level % len(SYMBOLS)]},
-                "customdata": [[float(cells.omega[i]), int(i)] for i in at],
-                "hovertemplate": f"{band.label}, ω %{{customdata[0]:.3g}} rad/s<br>"
-                "lift %{x:.2f} cm, step %{y:.2f} cm<extra></extra>",
-            }
-        )  # fmt: skip
-    beside = {"x": 1.02, "y": 1, "xanchor": "left", "yanchor": "top", "orientation": "v", "yref": "paper"}
-    return {
-        "data": data,
-        "layout": layout(
-            theme,
-            440,
-            xaxis=axis(theme, "body lift Δz (cm)", rangemode="tozero"),
-            yaxis=axis(theme, "step length πv̄/ω (cm)", rangemode="tozero"),
-            legend=beside,
-        ),
-    }
-
-
-def failing_cells(fit: Fit, observable: str) -> NDArray[np.bool_]:
-    """Which cells stand in the fit's list of failing cells for this observable, (n,)."""
-    marked = np.zeros(len(fit.cells), dtype=bool)
-    for fail in fit.fails:
-        if fail.observable == observable:
-            near = np.abs(fit.cells.phi - fail.phi) + np.abs(fit.cells.omega - fail.omega_rad_s)
-            marked[int(np.argmin(near))] = True
-    return marked
-
-
 def model_name(step: Step) -> str:
     """The model's name in a legend."""
     return step.label if not step.fit.effects else f"with {', '.join(map(readable, step.fit.effects))}"
@@ -316,7 +157,7 @@ def model_name(step: Step) -> str:
 
 def as_json(values: Floats) -> list[Any]:
     """As a list for JSON, to ``DIGITS`` digits of the largest: NaN becomes None, which Plotly leaves out."""
-    largest = _finite_max(np.abs(values))
+    largest = finite_max(np.abs(values))
     rounded = np.round(values, DIGITS - math.ceil(math.log10(largest)) if largest > 0 else 0)
     return np.where(np.isfinite(values), rounded, None).tolist()  # type: ignore[call-overload, no-any-return]
 
@@ -362,7 +203,7 @@ def _points(cells: Cells, band: Band, colour: str, theme: Theme) -> Spec:
     return {
         "type": "scatter", "mode": "markers", "showlegend": False, "name": f"{band.label}, measured",
         "x": as_json(cells.omega[at]), "y": as_json(CM * measured(cells, "speed")[at]),
-        "error_y": _bars(CM * scatter(cells, "speed")[at], colour),
+        "error_y": bars(CM * scatter(cells, "speed")[at], colour),
         "marker": {"color": colour, "size": 8, "line": {"color": theme.paper, "width": 1}},
         "customdata": np.stack([cells.n[at, Observable.speed], at], axis=-1).tolist(),
         "hovertemplate": "ω %{x:.3g} rad/s<br>%{y:.2f} cm/s, %{customdata[0]} trials<extra></extra>",
@@ -375,10 +216,6 @@ def _rung(name: str, x: list[int], y: list[float], colour: str, symbol: str, siz
         "line": {"color": colour, "width": 2}, "marker": {"size": size, "symbol": symbol, "line": {"width": 2}},
         "hovertemplate": "%{y:.3f} cm/s<extra>" + name + "</extra>",
     }  # fmt: skip
-
-
-def _bars(sizes: Floats, colour: str) -> Spec:
-    return {"type": "data", "array": as_json(sizes), "color": colour, "thickness": 1.5, "width": 3, "visible": True}
 
 
 def _columns(panels: int, most: int) -> int:
@@ -396,25 +233,6 @@ def _panel(row: int, column: int, rows: int, columns: int) -> tuple[list[float],
     return [left, min(left + width, 1.0)], [max(top - height, 0.0), top - 0.04 / rows]
 
 
-def _mark(z: float, failing: bool, with_number: bool) -> str:
-    if not math.isfinite(z):
-        return "–"
-    if not failing:
-        return ""
-    arrow = "▲" if z > 0 else "▼"
-    return f"{arrow} {abs(z):.0f}" if with_number else arrow
-
-
-def _residual_bar(theme: Theme) -> Spec:
-    end, fail = f"{Z_COLOUR_END:g}", f"{Z_FAIL:g}"
-    return {
-        "title": {"text": "measured − model<br>(standard errors)", "side": "right", "font": {"size": 12}},
-        "thickness": 14, "outlinewidth": 0, "tickcolor": theme.faint,
-        "tickvals": [-Z_COLOUR_END, -Z_FAIL, 0, Z_FAIL, Z_COLOUR_END],
-        "ticktext": [f"≤ −{end}", f"−{fail}", "0", fail, f"≥ {end}"],
-    }  # fmt: skip
-
-
 def _wrapped(label: str) -> str:
     return label.replace(" + ", "<br>+ ")
 
@@ -425,6 +243,12 @@ def _range(*arrays: Floats) -> list[float]:
     return [float(low - edge), float(high + edge)]
 
 
-def _finite_max(values: Floats) -> float:
+def finite_max(values: Floats) -> float:
+    """The largest of the values that are known, 0 where none is."""
     finite = values[np.isfinite(values)]
     return float(finite.max()) if finite.size else 0.0
+
+
+def bars(sizes: Floats, colour: str) -> Spec:
+    """Error bars of these lengths."""
+    return {"type": "data", "array": as_json(sizes), "color": colour, "thickness": 1.5, "width": 3, "visible": True}

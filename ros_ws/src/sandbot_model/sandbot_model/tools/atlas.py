@@ -3,11 +3,8 @@
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
@@ -17,14 +14,10 @@ from sandbot_model.physics.walking import BASES
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
-    from sandbot_model.report.atlas.material import Material, Motion, Published
-    from sandbot_record.trials.table import Trials
+    from sandbot_model.report.atlas.material import Material, Published
 
 WIDTHS_MM = (85.0, 178.0)
 FORMATS = ("pdf", "svg", "png")
-USUAL_OMEGA = 16.0
-"""Leg frequency [rad/s] and volume fraction of the paper's pair of trials, as near as the data have them."""
-LOOSE_PHI = 0.600
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -72,41 +65,18 @@ def _draw(args: argparse.Namespace, folder: Path) -> None:
 def _material(args: argparse.Namespace) -> "Material":
     from sandbot_model.data.conditions import cells_of
     from sandbot_model.discovery.reproduce import steps_of
-    from sandbot_model.fitting.fit import fit
     from sandbot_model.physics.catalogue import catalogue
-    from sandbot_model.physics.model import model_of
-    from sandbot_model.report.atlas.material import Material
+    from sandbot_model.report.atlas.gathered import gathered
+    from sandbot_model.report.provenance import bags_of
 
     names = tuple(name.strip() for name in args.effects.split(",") if name.strip())
     effects = catalogue(args.effects_from, tuple(args.effect))
     trials, robot_line = arguments.trials(args)
     print(robot_line)
-    trials = trials.select(trials.usable)
-    cells = cells_of(trials)
+    cells = cells_of(trials.select(trials.usable))
     steps = steps_of(Selection(args.model, names, tuple(args.effect)), cells, effects)
-    rising = cells_of(_speeds_only(trials.select(_up_to_the_fastest(trials))))
-    simple, full = (fit(model_of(base, (), effects, cells.robot), rising) for base in ("simple", "full"))
     beside = None if args.beside is None else _published(args.beside)
-    return Material(trials, cells, tuple(steps), simple, full, _motions(args.data, trials), beside)
-
-
-def _up_to_the_fastest(trials: "Trials") -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
-    """The trials at each φ up to the leg frequency of its largest mean speed: what the paper fits."""
-    from sandbot_model.data.clustering import phi_levels
-
-    level = phi_levels(trials.phi)
-    keep = np.zeros(len(trials), dtype=bool)
-    for one in np.unique(level):
-        here = np.flatnonzero(level == one)
-        omegas = np.unique(np.round(trials.omega_rad_s[here], 3))
-        means = [np.nanmean(trials.speed_m_s[here][np.isclose(trials.omega_rad_s[here], w, rtol=5e-3)]) for w in omegas]
-        keep[here] = trials.omega_rad_s[here] <= omegas[int(np.nanargmax(means))] * 1.005
-    return keep
-
-
-def _speeds_only(trials: "Trials") -> "Trials":
-    unknown = np.full(len(trials), np.nan)
-    return replace(trials, lift_m=unknown, peak_speed_m_s=unknown, first_step_m=unknown)
+    return gathered(trials, steps, bags_of(args.data), beside)
 
 
 def _published(path: Path) -> "Published":
@@ -116,40 +86,6 @@ def _published(path: Path) -> "Published":
     points = read(path)
     points = points.select(points.usable)
     return Published(path.stem, points.phi, points.omega_rad_s, points.speed_m_s)
-
-
-def _motions(data: Sequence[Path], trials: "Trials") -> "tuple[Motion, ...]":
-    """Two trials that have bags, at one leg frequency: the closest packed, and one near the paper's loose φ."""
-    from sandbot_model.report.provenance import bags_of
-
-    bags = bags_of(data)
-    have = np.flatnonzero([str(name) in bags for name in trials.trial_id])
-    if len(have) < 2:
-        return ()
-    omega = trials.omega_rad_s[have]
-    have = have[np.isclose(omega, omega[np.abs(omega - USUAL_OMEGA).argmin()], rtol=5e-3)]
-    close = have[trials.phi[have].argmax()]
-    loose = have[np.abs(trials.phi[have] - LOOSE_PHI).argmin()]
-    if close == loose:
-        return ()
-    return tuple(_motion(trials, row, bags[str(trials.trial_id[row])]) for row in (close, loose))
-
-
-def _motion(trials: "Trials", row: int, bag: Path) -> "Motion":
-    from sandbot_model.explore import waveforms
-    from sandbot_model.physics.gait import clock_signal
-    from sandbot_model.report.atlas.material import Motion
-
-    trial_id = str(trials.trial_id[row])
-    found, missing = waveforms.read({trial_id: bag}, [trial_id])
-    if missing:
-        raise InputError(missing[0])
-    waveform = found[0]
-    mount = 0.0 if trials.robot is None else trials.robot.leg_mount_rad
-    return Motion(
-        trial_id, float(trials.phi[row]), float(trials.omega_rad_s[row]), clock_signal(str(trials.gait[row])),
-        waveform.time_s, waveform.speed_m_s, waveform.leg_time_s, waveform.leg_angle_rad[:, 0] - mount,
-    )  # fmt: skip
 
 
 def _formats(text: str) -> tuple[str, ...]:

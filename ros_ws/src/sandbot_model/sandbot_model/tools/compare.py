@@ -1,6 +1,7 @@
 """compare: fit a model, with effects added one by one, and show each step's error beside the noise floor."""
 
 import argparse
+import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -41,6 +42,7 @@ def _compare(argv: Sequence[str]) -> None:
     parser.add_argument("--bootstrap", type=int, metavar="N", help="standard errors from N draws of the trials, too")
     arguments.add_fitters(parser)
     args = parser.parse_args(argv)
+    args.typed = shlex.join(["ros2", "run", "sandbot_model", "compare", *argv])
     fitters = arguments.fitters(args)
     if args.dask is not None and args.bootstrap is None:
         raise InputError("--dask: only the draws of --bootstrap N go to a cluster; give that too")
@@ -93,7 +95,7 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
         frames = film_strip(args.data[0])
         with writing(args.html):
             title = args.title or args.data[0].stem
-            write_comparison(args.html, steps, trials, title=title, frames=frames, data=args.data)
+            write_comparison(args.html, steps, trials, title=title, frames=frames, data=args.data, command=args.typed)
 
 
 def _selection(args: argparse.Namespace) -> Selection:

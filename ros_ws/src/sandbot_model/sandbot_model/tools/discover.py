@@ -1,6 +1,7 @@
 """discover: find the physical effect the model lacks, or say that none is missing, or which can't be told apart."""
 
 import argparse
+import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -32,6 +33,7 @@ def _discover(argv: Sequence[str]) -> None:
     parser.add_argument("--max-effects", type=int, default=3, help="largest set of effects tried (default: 3)")
     arguments.add_fitters(parser)
     args = parser.parse_args(argv)
+    args.typed = shlex.join(["ros2", "run", "sandbot_model", "discover", *argv])
     if args.max_effects < 0:
         raise InputError(f"--max-effects {args.max_effects}: 0 or more are needed")
     _run(args, arguments.fitters(args))
@@ -75,7 +77,10 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
 
         frames = film_strip(args.data[0])
         with writing(args.html):
-            write_report(args.html, found, trials, title=args.title or args.data[0].stem, frames=frames, data=args.data)
+            write_report(
+                args.html, found, trials, title=args.title or args.data[0].stem, frames=frames, data=args.data,
+                command=args.typed,
+            )  # fmt: skip
 
 
 def _tables(found: "Discovery", verbose: bool) -> str:

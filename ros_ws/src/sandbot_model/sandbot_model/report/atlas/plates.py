@@ -1,5 +1,6 @@
 """The plates of the atlas in the order in which a reader wants them: the title's figure first."""
 
+import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -37,6 +38,15 @@ def _save(figure: "Figure", stem: Path, formats: tuple[str, ...]) -> None:
         path = stem.with_suffix(f".{kind}")
         with writing(path):
             figure.savefig(path, dpi=PNG_DPI, metadata={"CreationDate": None} if kind == "pdf" else None)
+
+
+def as_svg(plate: Plate, material: Material) -> tuple[bytes, str]:
+    """One plate in memory, at its own width, and its caption. Raises InputError where these data do not give it."""
+    content = io.BytesIO()
+    with typography():
+        figure, caption = plate.draw(material, plate.width_mm)
+        figure.savefig(content, format="svg", metadata={"Date": None})
+    return content.getvalue(), caption
 
 
 def write(

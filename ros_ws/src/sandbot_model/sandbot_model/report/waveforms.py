@@ -1,9 +1,8 @@
 """The trials of a cell: their rows of the table and, where there are bags, v_x(t) of each replicate with the model's
-waveform, and the tracked video where its frames were kept.
+waveform.
 """
 
 import math
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -24,7 +23,6 @@ from sandbot_model.report import text
 from sandbot_model.report.figures import as_json
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
-from sandbot_record.trials.film_strip import Strip, film_strip
 from sandbot_record.trials.from_bags import plan_of, start_ns
 from sandbot_record.trials.legs import leg_columns
 from sandbot_record.trials.setting import of_bag
@@ -158,13 +156,3 @@ def caption(waveforms: Sequence[Waveform], fit: Fit, cell: int) -> str:
         f"{text.cm_s(mean)}, peak {text.cm_s(peak)}. Its waveform (thick grey) is for the first trial's leg angles: "
         "the body follows the leg's arc while the leg holds, and rests in between."
     )
-
-
-@lru_cache(maxsize=16)
-def film_of(bag: Path) -> tuple[tuple[bytes, str], ...]:
-    """Tracked lateral frames of one bag as (JPEG, caption); empty where its frames were not kept."""
-    with tempfile.TemporaryDirectory() as folder:
-        # ``film_strip`` takes folders of bags.
-        (Path(folder) / bag.name).symlink_to(bag.resolve(), target_is_directory=bag.is_dir())
-        strip: Strip = film_strip(Path(folder))
-    return tuple(strip)

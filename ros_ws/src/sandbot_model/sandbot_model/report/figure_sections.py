@@ -1,0 +1,140 @@
+"""The sections of the page that hold its figures: which figure stands where, with its caption and its table."""
+
+from sandbot_model.data.conditions import Cells, noise_floor
+from sandbot_model.physics.observables import Observable
+from sandbot_model.report import balance, captions, figures, lock, mechanics, residual_map, run_order, text
+from sandbot_model.report.page import Figure, Section, Table
+from sandbot_model.report.view import Step
+from sandbot_record.trials.table import Trials
+
+
+def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
+    """Every figure that these observables give, in reading order."""
+    cells = steps[0].fit.cells
+    omega = captions.worst_frequency(steps[0].fit)
+    sections = [
+        Section("speed", "Speed against leg frequency", figures=(_speed_figure(steps),)),
+        Section(
+            "residuals",
+            "Where the model fails",
+            text=(captions.HOW["residuals"],),
+            figures=tuple(_residual_figure(steps, name) for name in cells.observables),
+        ),
+        Section(
+            "ladder", "Error as effects are added", figures=(_ladder_figure(steps, floor),), tables=(_errors(steps),)
+        ),
+    ]
+    if {"speed", "lift"} <= set(cells.observables):
+        lock = Section("lock", "The geometry lock: lift against speed", figures=(_lock_figure(cells),))
+        sections.append(lock)
+    sections += [
+        Section("collapse", "Where walking collapses", figures=(_collapse_figure(steps),)),
+        Section("step", "Step length", figures=(_step_figure(steps),)),
+        Section(
+            "balance", f"Force balance at ω = {omega:.3g} rad/s, where the base model misses most",
+            figures=(_balance_figure(steps, omega),),
+        ),
+    ]  # fmt: skip
+    return sections
+
+
+def _speed_figure(steps: tuple[Step, ...]) -> Figure:
+    return Figure(
+        name="speed",
+        alt=tuple(captions.speed(step) for step in steps),
+        caption=captions.HOW["speed"],
+        draw=lambda theme: [figures.speed(step, steps[0], theme) for step in steps],
+    )
+
+
+def _residual_figure(steps: tuple[Step, ...], observable: str) -> Figure:
+    return Figure(
+        name=f"residuals-{observable}",
+        alt=tuple(captions.residuals(step, observable) for step in steps),
+        caption="",
+        draw=lambda theme: [residual_map.residual_map(step, observable, steps[0], theme) for step in steps],
+    )
+
+
+def run_order_section(trials: Trials, steps: tuple[Step, ...]) -> list[Section]:
+    """Residuals in the order in which the trials were run, where that is known."""
+    if not run_order.drawable(trials, steps[-1].fit):
+        return []
+    figure = Figure(
+        name="run-order",
+        alt=tuple(run_order.caption(trials, step.fit) for step in steps),
+        caption="",
+        draw=lambda theme: [run_order.figure(trials, step.fit, theme) for step in steps],
+    )
+    return [Section("order", "Residuals in run order", figures=(figure,))]
+
+
+def _ladder_figure(steps: tuple[Step, ...], floor: float) -> Figure:
+    return Figure(
+        name="ladder",
+        alt=(captions.ladder(steps, floor),),
+        caption=captions.HOW["ladder"],
+        draw=lambda theme: [figures.ladder(steps, floor, i, theme) for i in range(len(steps))],
+    )
+
+
+def _errors(steps: tuple[Step, ...]) -> Table:
+    """Error per observable, in sample and out of it, for each step and for the replicates alone."""
+    cells = steps[0].fit.cells
+    floor = noise_floor(cells)
+    head = [
+        "model",
+        *(Observable[name].heading for name in cells.observables),
+        "lack of fit, p",
+        "failing cells",
+    ]
+    rows = []
+    for step in steps:
+        errors = (
+            f"{text.centi(step.fit.goodness.rmse[n])} / {text.centi(step.fit.cross_validation.rmse[n])}"
+            for n in cells.observables
+        )
+        failing = len({(fail.phi, fail.omega_rad_s) for fail in step.fit.fails})
+        rows.append((step.label, *errors, text.probability(step.fit.lack_of_fit_p), f"{failing} of {len(cells)}"))
+    rows.append(("noise floor", *(text.centi(floor[name]) for name in cells.observables), "", ""))
+    caption = (
+        "Error in sample / out of sample, per observable. Lack of fit: how often replicates alone would miss the model "
+        "by as much."
+    )
+    return Table(caption, tuple(head), rows, (True, *(False for _ in head[1:])))
+
+
+def _lock_figure(cells: Cells) -> Figure:
+    return Figure(
+        name="lock",
+        alt=(captions.lock(cells),),
+        caption=captions.HOW["lock"],
+        draw=lambda theme: [lock.geometry_lock(cells, theme)],
+    )
+
+
+def _collapse_figure(steps: tuple[Step, ...]) -> Figure:
+    return Figure(
+        name="collapse",
+        alt=tuple(captions.critical(step) for step in steps),
+        caption=captions.HOW["critical"],
+        draw=lambda theme: [mechanics.critical(step, theme) for step in steps],
+    )
+
+
+def _step_figure(steps: tuple[Step, ...]) -> Figure:
+    return Figure(
+        name="step",
+        alt=tuple(captions.step_ratio(step) for step in steps),
+        caption=captions.HOW["step"],
+        draw=lambda theme: [mechanics.step_ratio(step, theme) for step in steps],
+    )
+
+
+def _balance_figure(steps: tuple[Step, ...], omega_rad_s: float) -> Figure:
+    return Figure(
+        name="balance",
+        alt=tuple(captions.balance(step, omega_rad_s) for step in steps),
+        caption=captions.HOW["balance"],
+        draw=lambda theme: [balance.force_balance(step, omega_rad_s, steps[0], theme) for step in steps],
+    )

@@ -1,0 +1,127 @@
+"""Where the model fails: standardised residuals over φ × ω, as Plotly specs."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_model.data.conditions import Cells
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.report.figures import as_json, model_name
+from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
+from sandbot_model.report.view import Step, bands, frequencies, observable_label, residual_z
+
+Z_FAIL = 3.0
+"""Marked on the colour bar of residual maps; which cells fail is the fit's own list."""
+Z_COLOUR_END = 8.0
+"""Residual maps share this colour range, so that the steps of the ladder compare."""
+MAX_LABELLED_COLUMNS = 10
+
+
+def residual_map(step: Step, observable: str, base: Step | None = None, theme: Theme = LIGHT) -> Spec:
+    """Where the model fails: standardised residuals over φ × ω, the base model's map to the left for comparison.
+
+    ▲ measured above the model, ▼ below, – not measured. Colour saturates at ±``Z_COLOUR_END``.
+    """
+    shown = [step] if base is None or base is step else [base, step]
+    rows = len(bands(step.fit.cells))
+    spec: Spec = {
+        "data": [],
+        "layout": layout(theme, 150 + max(28 * rows, 110), plot_bgcolor=theme.empty, showlegend=False, annotations=[]),
+    }
+    spec["layout"]["margin"] |= {"t": 68, "l": 84}
+    for i, drawn in enumerate(shown):
+        key = "" if i == 0 else "2"
+        across = [0.0, 1.0] if len(shown) == 1 else [0.515 * i, 0.515 * i + 0.485]
+        trace = _heatmap(drawn.fit, observable, theme, len(shown) == 1)
+        spec["data"].append(trace | {"xaxis": f"x{key}", "yaxis": f"y{key}", "showscale": i == len(shown) - 1})
+        spec["layout"][f"xaxis{key}"] = axis(
+            theme, "ω (rad/s)", type="category", showgrid=False, ticks="", domain=across, anchor=f"y{key}"
+        )
+        spec["layout"][f"yaxis{key}"] = axis(
+            theme, "", type="category", showgrid=False, ticks="", showticklabels=i == 0, anchor=f"x{key}"
+        )
+        failing = _count(failing_cells(drawn.fit, observable))
+        words = f"<b>{observable_label(observable)}</b><br>{model_name(drawn)}: {failing}"
+        spec["layout"]["annotations"].append(
+            note(words, across[0], 1.0, xanchor="left", yanchor="bottom", yshift=6, align="left", font={"size": 13})
+        )
+    return spec
+
+
+def _heatmap(fit: Fit, observable: str, theme: Theme, roomy: bool) -> Spec:
+    cells = fit.cells
+    rows = bands(cells)
+    omegas, columns = frequencies(cells)
+    failing = failing_cells(fit, observable)
+    all_z = residual_z(fit, observable)
+    z = np.full((len(rows), len(omegas)), np.nan)
+    text = np.full(z.shape, "–", dtype=object)
+    index = np.full(z.shape, None, dtype=object)
+    numbers = len(omegas) <= MAX_LABELLED_COLUMNS * (2 if roomy else 1)
+    for row, band in enumerate(rows):
+        for cell in band.cells:
+            z[row, columns[cell]], index[row, columns[cell]] = all_z[cell], int(cell)
+            text[row, columns[cell]] = _mark(all_z[cell], bool(failing[cell]), numbers)
+    return {
+        "type": "heatmap",
+        "x": [_column_label(w) for w in omegas],
+        "y": [band.label for band in rows],
+        "z": as_json(np.clip(z, -Z_COLOUR_END, Z_COLOUR_END)),
+        "customdata": np.stack([as_json(z), index], axis=-1).tolist(),
+        "text": text.tolist(),
+        "texttemplate": "%{text}",
+        "textfont": {"size": 12},
+        "zmin": -Z_COLOUR_END,
+        "zmax": Z_COLOUR_END,
+        "colorscale": theme.residual_scale(),
+        "xgap": 2,
+        "ygap": 2,
+        "hoverongaps": False,
+        "hovertemplate": "%{y}, ω %{x} rad/s<br>residual %{customdata[0]:.1f} standard errors<extra></extra>",
+        "colorbar": _residual_bar(theme),
+    }
+
+
+def map_cells(cells: Cells) -> dict[tuple[str, str], int]:
+    """(column, row) of the residual map, as it is labelled → the cell there."""
+    omegas, columns = frequencies(cells)
+    return {(_column_label(omegas[columns[i]]), band.label): int(i) for band in bands(cells) for i in band.cells}
+
+
+def _column_label(omega_rad_s: float) -> str:
+    return f"{omega_rad_s:.3g}"
+
+
+def _count(failing: NDArray[np.bool_]) -> str:
+    number = int(failing.sum())
+    return "no cell fails" if number == 0 else f"{number} {'cell fails' if number == 1 else 'cells fail'}"
+
+
+def failing_cells(fit: Fit, observable: str) -> NDArray[np.bool_]:
+    """Which cells stand in the fit's list of failing cells for this observable, (n,)."""
+    marked = np.zeros(len(fit.cells), dtype=bool)
+    for fail in fit.fails:
+        if fail.observable == observable:
+            near = np.abs(fit.cells.phi - fail.phi) + np.abs(fit.cells.omega - fail.omega_rad_s)
+            marked[int(np.argmin(near))] = True
+    return marked
+
+
+def _mark(z: float, failing: bool, with_number: bool) -> str:
+    if not math.isfinite(z):
+        return "–"
+    if not failing:
+        return ""
+    arrow = "▲" if z > 0 else "▼"
+    return f"{arrow} {abs(z):.0f}" if with_number else arrow
+
+
+def _residual_bar(theme: Theme) -> Spec:
+    end, fail = f"{Z_COLOUR_END:g}", f"{Z_FAIL:g}"
+    return {
+        "title": {"text": "measured − model<br>(standard errors)", "side": "right", "font": {"size": 12}},
+        "thickness": 14, "outlinewidth": 0, "tickcolor": theme.faint,
+        "tickvals": [-Z_COLOUR_END, -Z_FAIL, 0, Z_FAIL, Z_COLOUR_END],
+        "ticktext": [f"≤ −{end}", f"−{fail}", "0", fail, f"≥ {end}"],
+    }  # fmt: skip
