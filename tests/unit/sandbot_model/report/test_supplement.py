@@ -79,8 +79,9 @@ def test_of_a_table_only_what_it_tells_is_said(monkeypatch):
 
 def test_the_papers_figures_are_drawn_with_their_captions_and_those_without_bags_are_named():
     (section,) = atlas_section.sections(TRIALS, compare(CELLS, catalogue(), []), {})
-    assert section.pictures[0][1].startswith("Fig. 1e of the paper. Mean speed against volume fraction")
-    assert all(source.startswith("data:image/svg+xml;base64,") for source, _ in section.pictures)
+    assert section.pictures[0].caption.startswith("Fig. 1e of the paper. Mean speed against volume fraction")
+    assert all(picture.source.startswith("data:image/svg+xml;base64,") for picture in section.pictures)
+    assert [picture.caption[:8] for picture in section.pictures if picture.wide] == ["Fig. 2bc"]
     assert len(section.pictures) == 9
     assert "1c: two trials with bags" in section.text[0]
 

@@ -31,6 +31,7 @@ from sandbot_model.explore.actions import (
     with_sliders,
     with_verdict,
 )
+from sandbot_model.explore.atlas_page import AtlasPage
 from sandbot_model.explore.loopback import own_host_only
 from sandbot_model.explore.session import Session
 from sandbot_model.report import waveforms
@@ -58,6 +59,7 @@ INDEX = """<!doctype html>
 SHOWN = (
     "effects.options",
     "preview-clock.disabled",
+    "atlas.href",
     "observable-row.hidden",
     "parameters-box.hidden",
     "by-hand.children",
@@ -137,6 +139,7 @@ class Explorer:
         own_host_only(app.server)
         app.layout = controls.page(self.title, line, provenance, cells)
         app.server.add_url_rule("/bag/<trial_id>/<name>", "bag", self.send_bag)
+        AtlasPage(self.session, self.trials, self.bags, self.title).serve(app.server)
         self._wire(app)
         return app
 
@@ -157,6 +160,7 @@ class Explorer:
         rows = views.parameter_rows(selection, shown.current, effects) if by_hand else None
         return {
             **self._previews(selection),
+            "atlas.href": f"/atlas{to_query(selection)}",
             "observable-row.hidden": selection.view != "residuals",
             "parameters-box.hidden": not by_hand,
             "by-hand.children": sliders,

@@ -266,9 +266,15 @@ def _figures(cells: Cells) -> html.Main:
     labels = _cell_labels(cells)
     return html.Main(
         [
-            dcc.RadioItems(
-                [{"value": view, "label": title} for view, title in TITLES.items()],
-                "speed", id="view", inline=True, className="tabs",
+            html.Div(
+                [
+                    dcc.RadioItems(
+                        [{"value": view, "label": title} for view, title in TITLES.items()],
+                        "speed", id="view", inline=True, className="tabs",
+                    ),
+                    html.A("Atlas", id="atlas", href="/atlas", title="the figures of Li et al. 2009 from these trials"),
+                ],
+                className="tab-row",
             ),
             html.Div(
                 dcc.RadioItems(

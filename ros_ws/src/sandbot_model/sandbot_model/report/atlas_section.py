@@ -6,8 +6,9 @@ from pathlib import Path
 from sandbot_common.errors import InputError
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.report.atlas.gathered import gathered
+from sandbot_model.report.atlas.material import ONE_COLUMN_MM
 from sandbot_model.report.atlas.plates import PLATES, as_svg
-from sandbot_model.report.page import Section, data_uri
+from sandbot_model.report.page import Picture, Section, data_uri
 from sandbot_model.report.view import frequencies
 from sandbot_record.trials.table import Trials
 
@@ -27,6 +28,7 @@ def sections(trials: Trials, fits: Sequence[Fit], bags: Mapping[str, Path]) -> l
         except InputError as error:
             missing.append(f"{plate.number}: {error}")
         else:
-            pictures.append((data_uri(content, "image/svg+xml"), f"Fig. {plate.number} of the paper. {caption}"))
+            told, wide = f"Fig. {plate.number} of the paper. {caption}", plate.width_mm > ONE_COLUMN_MM
+            pictures.append(Picture(data_uri(content, "image/svg+xml"), told, wide))
     lines = (f"Not drawn: {'; '.join(missing)}.",) if missing else ()
     return [Section("atlas", HEADING, text=lines, pictures=tuple(pictures))]

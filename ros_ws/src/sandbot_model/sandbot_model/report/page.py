@@ -58,6 +58,15 @@ class Download:
 
 
 @dataclass(frozen=True)
+class Picture:
+    """A drawn or filmed picture; a ``wide`` one takes the width of the page where others stand in two columns."""
+
+    source: str
+    caption: str
+    wide: bool = False
+
+
+@dataclass(frozen=True)
 class Section:
     """One heading and what stands below it."""
 
@@ -66,8 +75,7 @@ class Section:
     text: tuple[str, ...] = ()
     figures: tuple[Figure, ...] = ()
     tables: tuple[Table, ...] = ()
-    pictures: tuple[tuple[str, str], ...] = ()
-    """(data URI, caption)."""
+    pictures: tuple[Picture, ...] = ()
     downloads: tuple[Download, ...] = ()
 
 

@@ -5,7 +5,7 @@
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const slider = document.getElementById("rung");
   const rungs = [...document.querySelectorAll("[data-rung]")];
-  const PAPER_WIDTH = 690; // px of a portrait page between its margins
+  const PAPER_WIDTH = 940; // px of a portrait page between its margins, zoomed as report.css prints
   let printing = false;
 
   const chosen = () => (slider ? Number(slider.value) : 0);

@@ -32,10 +32,9 @@ def origin(trials: Trials, cells: Cells, bags: Mapping[str, Path], command: str)
         ("source", " ".join(dict.fromkeys(map(_source, opened))) or UNKNOWN),
         ("plan", _plan(cells, [one.get("plan", "") for one in said])),
         ("gait", _listed(cells.gait)),
-        ("robot", "SandBot" if cells.robot == SANDBOT else f"differs from SandBot: {difference(cells.robot, SANDBOT)}"),
-        ("recorded", " to ".join(_ends_of(sorted(str(one)[:19] for one in trials.started if one)))),
-        ("recorded by", _listed(f"trackway {one['software_version']}, commit {one['commit']}" for one in said
-                                if {"software_version", "commit"} <= one.keys())),
+        ("robot", "SandBot" if cells.robot == SANDBOT else f"{difference(cells.robot, SANDBOT)} (SandBot's)"),
+        ("recorded", " to ".join(dict.fromkeys(str(one["start"])[:16] for one in said if "start" in one))),
+        ("recorded by", _listed(map(_software, said))),
         ("analysed by", f"sandbot_model {version('sandbot_model')}"),
         ("command", command),
     ]  # fmt: skip
@@ -65,9 +64,14 @@ def methods(steps: Sequence[Step]) -> Section:
     return Section("methods", "How they were analysed", text=(said, claims))
 
 
+def _software(told: Mapping[str, str]) -> str:
+    known = {"software_version", "commit"} <= told.keys()
+    return f"trackway {told['software_version']}, commit {told['commit']}" if known else ""
+
+
 def _ends(trials: Trials, bags: Mapping[str, Path]) -> list[Bag]:
     """The first and the last trial's recordings, as far as they can be read."""
-    named = [str(name) for name in trials.trial_id[np.argsort(trials.started, kind="stable")] if str(name) in bags]
+    named = [str(name) for name in trials.trial_id[np.argsort(trials.run_order, kind="stable")] if str(name) in bags]
     opened = []
     for name in dict.fromkeys(_ends_of(named)):
         try:

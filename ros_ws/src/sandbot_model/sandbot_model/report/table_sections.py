@@ -10,7 +10,7 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.physics.typeset import mathml
 from sandbot_model.report import text
-from sandbot_model.report.page import Section, Table, data_uri
+from sandbot_model.report.page import Picture, Section, Table, data_uri
 from sandbot_model.report.view import Step, observable_label, readable
 
 Frames = Sequence[tuple[bytes, str]]
@@ -164,7 +164,7 @@ def video(frames: Frames) -> list[Section]:
     """Tracked frames."""
     if not frames:
         return []
-    pictures = tuple((data_uri(content, _media_type(content)), caption) for content, caption in frames)
+    pictures = tuple(Picture(data_uri(content, _media_type(content)), caption) for content, caption in frames)
     return [Section("frames", "Tracked video", pictures=pictures)]
 
 

@@ -1,0 +1,97 @@
+"""The atlas of the explorer: the paper's figures from the trials and the model shown, drawn when asked for."""
+
+import threading
+from collections.abc import Mapping
+from functools import lru_cache
+from html import escape
+from pathlib import Path
+from urllib.parse import urlencode
+
+from flask import Flask, Response, abort, request
+
+from sandbot_common.errors import InputError
+from sandbot_model.discovery.choice import Selection, from_query, to_query
+from sandbot_model.explore.session import Session
+from sandbot_model.report.atlas.gathered import gathered
+from sandbot_model.report.atlas.material import ONE_COLUMN_MM, Material, Plate
+from sandbot_model.report.atlas.plates import PLATES, as_svg
+from sandbot_model.report.page import source
+from sandbot_record.trials.table import Trials
+
+PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
+<title>Atlas: {title}</title><style>{style}</style></head>
+<body><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>Atlas: {title}</h1>
+<p>The figures of Li et al. 2009 from these trials. Model: {model}.</p>
+<main><section id="atlas">{plates}</section></main></body></html>"""
+KEPT = 64
+"""Plates that are kept, should they be asked for again."""
+
+
+class AtlasPage:
+    """``/atlas`` for the selection in its address, and ``/atlas/<stem>.svg``."""
+
+    def __init__(self, session: Session, trials: Trials, bags: Mapping[str, Path], title: str) -> None:
+        """``bags`` are those of the trials by name."""
+        self._session, self._trials, self._bags, self._title = session, trials, bags, title
+        # Matplotlib's settings belong to the process.
+        self._lock = threading.Lock()
+        self._material = lru_cache(maxsize=4)(self._gathered)
+        self._plate = lru_cache(maxsize=KEPT)(self._drawn)
+
+    def serve(self, server: Flask) -> None:
+        """Add both to the explorer's own addresses."""
+        server.add_url_rule("/atlas", "atlas", self.page)
+        server.add_url_rule("/atlas/<stem>.svg", "plate", self.plate)
+
+    def page(self) -> Response:
+        """All plates; one that these data do not give is replaced by the reason."""
+        try:
+            selection = _selection()
+            model = self._session.ladder(selection)[-1].label
+        except InputError as error:
+            return Response(str(error), 400, mimetype="text/plain")
+        shown = "".join(self._figure(plate, selection) for plate in PLATES)
+        content = PAGE.format(
+            title=escape(self._title), style=source("report.css"), query=escape(to_query(selection)),
+            model=escape(model), plates=shown,
+        )  # fmt: skip
+        return Response(content, mimetype="text/html")
+
+    def plate(self, stem: str) -> Response:
+        """One plate as a picture."""
+        plate = next((one for one in PLATES if one.stem == stem), None)
+        if plate is None:
+            abort(404)
+        try:
+            return Response(self._plate(plate, _selection())[0], mimetype="image/svg+xml")
+        except InputError as error:
+            return Response(str(error), 400, mimetype="text/plain")
+
+    def _figure(self, plate: Plate, selection: Selection) -> str:
+        number = f"Fig. {plate.number} of the paper"
+        try:
+            _, caption = self._plate(plate, selection)
+        except InputError as error:
+            return f'<figure class="frame"><figcaption>{number}: not drawn, {escape(str(error))}.</figcaption></figure>'
+        wide = " wide" if plate.width_mm > ONE_COLUMN_MM else ""
+        address = escape(f"/atlas/{plate.stem}.svg{to_query(selection)}")
+        words = escape(f"{number}. {caption}")
+        return (
+            f'<figure class="frame{wide}"><img src="{address}" alt="{words}"><figcaption>{words}</figcaption></figure>'
+        )
+
+    def _drawn(self, plate: Plate, selection: Selection) -> tuple[bytes, str]:
+        with self._lock:
+            return as_svg(plate, self._material(selection))
+
+    def _gathered(self, selection: Selection) -> Material:
+        rungs = self._session.ladder(selection)
+        return gathered(self._trials, [rung.fit for rung in rungs], self._bags)
+
+
+def _selection() -> Selection:
+    """What the address asks for; a cell or a view of the explorer's page draws the same atlas."""
+    asked = from_query(f"?{urlencode(list(request.args.items(multi=True)))}")
+    return Selection(asked.model, asked.effects, asked.formulas)

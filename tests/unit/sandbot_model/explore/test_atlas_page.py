@@ -1,0 +1,55 @@
+"""The atlas of the explorer over HTTP: the figures of the selection in the address, the title's first."""
+
+import re
+
+import pytest
+from flask import Flask
+
+from sandbot_model.discovery.choice import Selection
+from sandbot_model.explore.app import Explorer
+from sandbot_model.explore.atlas_page import AtlasPage
+
+
+@pytest.fixture
+def client(session, trials):
+    server = Flask("test")
+    AtlasPage(session, trials, {}, "my <trials>").serve(server)
+    return server.test_client()
+
+
+def test_the_page_shows_the_papers_figures_for_the_model_in_its_address(client):
+    page = client.get("/atlas?effect=leg_slip&view=lock&cell=2").text
+    assert "Model: + leg slip." in page
+    assert "my &lt;trials&gt;" in page
+    pictures = re.findall(r'src="(/atlas/[^"]+)"', page)
+    assert pictures[0] == "/atlas/fig1e_speed_phi.svg?effect=leg_slip"
+    drawn = client.get(pictures[0])
+    assert drawn.mimetype == "image/svg+xml"
+    assert "<svg" in drawn.text
+    assert "Fig. 1c of the paper: not drawn, two trials with bags" in page
+    assert 'href="/?effect=leg_slip"' in page
+
+
+def test_another_model_gives_other_lines_and_the_same_one_the_same(client):
+    first, again, other = (client.get(f"/atlas/fig2a_speed_omega.svg{query}").text for query in ("", "", "?model=full"))
+    assert first == again != other
+
+
+@pytest.mark.parametrize(
+    "address", ["/atlas?effect=nonsense", "/atlas?tune=1", "/atlas/fig2a_speed_omega.svg?effect=x"]
+)
+def test_an_address_that_means_nothing_is_refused_in_a_line(client, address):
+    answer = client.get(address)
+    assert answer.status_code == 400
+    assert len(answer.text.splitlines()) == 1
+
+
+def test_there_are_no_other_pictures(client):
+    assert client.get("/atlas/passwd.svg").status_code == 404
+
+
+def test_the_explorers_tab_leads_there_with_its_selection(session, trials, tmp_path):
+    explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "test")
+    session.fit_ahead = lambda selection: None
+    assert explorer.show(Selection(effects=("leg_slip",)), "light")["atlas.href"] == "/atlas?effect=leg_slip"
+    assert explorer.app().server.test_client().get("/atlas", base_url="http://127.0.0.1").status_code == 200
