@@ -21,7 +21,7 @@ help:
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock
 	@touch $@
 
-ros_ws/install/.ready: .venv/.ready $(PACKAGE_FILES)
+ros_ws/install/.ready: .venv/.ready $(PACKAGE_FILES) tools/install_ros2_fallback.py
 	@echo "trackway: building the workspace"
 	@rm -rf ros_ws/build ros_ws/install ros_ws/log
 	source .venv/bin/activate && cd ros_ws && colcon build --symlink-install --event-handlers console_direct- status- --executor sequential

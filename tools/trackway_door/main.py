@@ -20,7 +20,9 @@ PACKAGES = (
     *("sandbot_clock", "sandbot_bed", "sandbot_tracking", "sandbot_model", "sandbot_lab", "sandbot_record"),
     *("sandbot_hardware", "sandbot_bringup"),
 )
-DEMO = ("runs/demo", "2009")
+DEMO = ("runs/demo", "")
+FOREIGN = ("demo", "live")
+"""Verbs whose processes know nothing of a Ctrl-C that is held back."""
 LAUNCH = ("ros2", "launch", "sandbot_bringup", "trackway.launch.py")
 
 
@@ -41,7 +43,7 @@ def _main(argv: Sequence[str]) -> int:
 
         code = doctor.main(arguments)
     else:
-        code = _run(command(name, arguments, others), ours=name != "live")
+        code = _run(command(name, arguments, others), ours=name not in FOREIGN)
     verb = VERBS.get(name)
     if verb is not None and code == 0 and not {"-h", "--help"} & set(arguments):
         for number, line in enumerate(then(verb, arguments)):

@@ -35,6 +35,9 @@ def of_discovery(found: Discovery) -> str:
     lines.append(filled(errors(found.steps), "  "))
     best = found.stability_in_words
     lines += ["", filled(f"why: {verdict.because}{best and f'; {best}'}")]
+    if found.residual is not None:
+        left = filled(f"what is left: {found.residual.sentence}")
+        lines += ["", left, f"try: compare DATA {found.residual.options}"]
     if verdict.status == "ambiguous" and found.next_trials:
         first = found.next_trials[0]
         ask = f"ask: {counted(first.replicates, 'trial')} at {first.where}, and look at {first.observable}"
@@ -64,12 +67,12 @@ def errors(steps: Sequence[Fit]) -> str:
     cells = steps[-1].cells
     floor, dof = noise_floor(cells)["speed"], int(cells.pure_error_dof[0])
     known = [step.cv_rmse_m_s for step in (steps[0], *steps[1:][-1:]) if math.isfinite(step.cv_rmse_m_s)]
+    scattered = math.isfinite(floor) and dof > 0
     # An rms of n values is known to 1/√(2n) of itself.
-    sure = CM * max(known, default=0.0) / math.sqrt(2 * cells.trials)
+    sure = CM * (floor / math.sqrt(2 * dof) if scattered else min(known, default=0.0) / math.sqrt(2 * cells.trials))
     told = " → ".join(to_error(CM * error, sure) for error in known)
     parts = [f"speed error out of sample: {told} cm/s"] if told else []
-    if math.isfinite(floor) and dof:
-        parts.append(f"replicates scatter by {to_error(CM * floor, CM * floor / math.sqrt(2 * dof))} cm/s")
+    parts += [f"replicates scatter by {to_error(CM * floor, sure)} cm/s"] if scattered else []
     return "; ".join(parts) or "neither the error out of sample nor the scatter of replicates can be told"
 
 

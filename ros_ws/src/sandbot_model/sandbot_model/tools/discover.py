@@ -97,10 +97,6 @@ def _tables(found: "Discovery", verbose: bool) -> str:
         parts += [filled(f"absent, at 95 %: {'; '.join(map(str, found.limits))}")] if found.limits else []
     if found.next_trials:
         parts.append(f"next trials\n\n{tables.next_trials(found)}")
-    if found.residual is not None:
-        parts.append(
-            f"{filled(f'what is left: {found.residual.sentence}')}\ntry: compare DATA {found.residual.options}"
-        )
     return "\n\n".join(parts)
 
 
