@@ -18,6 +18,7 @@ LEFT_OUT = {
     "sandbot_hardware simulate": "runs until Ctrl-C; test_serial_devices starts it",
     "sandbot_tracking calibrate": "wants a table of points; test_calibrate has one",
     "__ns:=/robot1": "wants a robot in a namespace; test_two_robots has two",
+    "sandbot_model atlas": "draws for ten seconds; test_atlas does, and the run of the whole",
     "unseal": "wants a sealed campaign; in the run of the whole",
 }
 """Commands that are not run here, by a part of them, and why."""

@@ -45,7 +45,7 @@ GIVEN = "given on the command line"
 FORM = "name: stage: formula; parameter [unit] in low..high; ..."
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PARAMETER = re.compile(rf"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\])?\s+in\s+({_NUMBER})\s*\.\.\s*({_NUMBER})\s*")
-_ASSIGNMENT = re.compile(r"\s*([^\W\d]\w*(?:\s*,\s*[^\W\d]\w*)*)\s*(?:([*+]?)=(?!=)|->)\s*(.*)")
+_ASSIGNMENT = re.compile(r"\s*([^\W\d]\w*(?:\s*,\s*[^\W\d]\w*)*)\s*(?:([*+]?)=(?!=)|->|→)\s*(.*)")
 _ALWAYS = {*FUNCTIONS, *SHORT, "pi", "first", "K"}
 _CHANGES: dict[str, Callable[[Array, Array], Array]] = {"*": np.multiply, "+": np.add, "": lambda _, new: new}
 _PARSING = threading.Lock()

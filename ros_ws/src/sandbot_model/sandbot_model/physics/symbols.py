@@ -28,7 +28,7 @@ SYMBOLS = {
     "delta_t": ("Δt", "Delta_t"),
     "depth": ("d",),
     "slow_phase_ratio": ("β", "beta"),
-    "swing_ratio": ("beta_swing",),
+    "swing_ratio": ("β_swing", "beta_swing"),
     "slow_begin": ("d_slow",),
     "peak_ratio": ("peak",),
     "chord": ("s_0",),

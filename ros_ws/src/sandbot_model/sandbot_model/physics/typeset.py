@@ -71,6 +71,19 @@ def mathml_in_pieces(formula: str) -> str:
     return ", ".join(["; ".join(shown)] * bool(shown) + [escape(words)] * bool(words))
 
 
+def plain(formula: str) -> str:
+    """The formula on a line of a terminal, Greek letters for their names; what it shows may be typed."""
+    shown = re.sub(r"[A-Za-z]\w*", lambda name: _letters(name[0]), formula.replace("->", "→").replace("^2", "²"))
+    return shown.replace("*", "·")
+
+
+def _letters(name: str) -> str:
+    head, _, subscript = name.partition("_")
+    if head == "Delta":
+        return f"Δ{_letters(subscript)}"
+    return "_".join(filter(None, (GREEK.get(head, head), GREEK.get(subscript, subscript))))
+
+
 def _line(statement: Statement) -> str:
     sign = "→" if statement.how == "->" else "="
     unit = f"<mtext>&#160;{escape(statement.unit.translate(_RAISED))}</mtext>" if statement.unit else ""

@@ -1,10 +1,16 @@
-"""effects: print the catalogue of physical effects."""
+"""effects: print the catalogue of physical effects, or what is known of some of them."""
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from sandbot_common import cli
+from sandbot_common.errors import InputError
+from sandbot_common.suggest import did_you_mean
 from sandbot_model.tools import arguments
+
+if TYPE_CHECKING:
+    from sandbot_model.physics.effect import Effect
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -14,6 +20,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _effects(argv: Sequence[str]) -> None:
     parser = cli.Parser(prog="effects", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="effects to print a card of (default: list all)")
     arguments.add_catalogue(parser)
     parser.add_argument("--json", type=cli.output, metavar="OUT", help="write the catalogue as JSON")
     parser.add_argument("--quantities", action="store_true", help="print the symbols that a formula may hold")
@@ -25,14 +32,27 @@ def _effects(argv: Sequence[str]) -> None:
     from sandbot_model.physics.catalogue import catalogue, describe
 
     effects = catalogue(args.effects_from, args.effect)
+    for name in args.names:
+        if name not in effects:
+            raise InputError(f"effect {name!r} is not in the catalogue{did_you_mean(name, effects)}")
+    if args.names:
+        from sandbot_model.tools.card import card
+
+        print("\n\n".join(card(effects[name], effects) for name in args.names))
+        effects = {name: effects[name] for name in args.names}
+    else:
+        _list(effects)
+    if args.json is not None:
+        arguments.write_json(args.json, {"schema": "sandbot.effects/1", "effects": describe(effects)})
+
+
+def _list(effects: "Mapping[str, Effect]") -> None:
     for effect in effects.values():
         print(f"{effect.identifier}  [{effect.stage}]  {effect.formula}")
         for parameter in effect.parameters:
             span = f"{parameter.low:g} .. {parameter.high:g}, start {parameter.start:g}"
             print(f"    {parameter.name} [{parameter.unit}] {span}: {parameter.doc}")
         print(f"    seen in {effect.seen_in} ({effect.source})")
-    if args.json is not None:
-        arguments.write_json(args.json, {"schema": "sandbot.effects/1", "effects": describe(effects)})
 
 
 def _quantities() -> str:

@@ -102,7 +102,7 @@ def _more(count: int) -> str:
 
 def candidates(discovery: Discovery, most: int) -> str:
     """Single effects by what they change."""
-    rows = [["effect", "stage", "Δχ²", "ΔBIC", "out of sample\n[cm/s]", "weight"]]
+    rows = [["effect", "stage", "Δχ²", "ΔBIC", "out of\nsample\n[cm/s]", "weight"]]
     for candidate in discovery.candidates[:most]:
         rows.append(
             [

@@ -1,0 +1,69 @@
+"""Where an effect would show: what the base model, fitted to trials of a world that has it, would still miss.
+
+The world is the usual one (k(φ) and Δt of the predictor's defaults), the trials are as exact as the usual cameras make
+them, and the base model's k(φ), Δt and swimming speed have followed: what they absorb is not seen (physics §7).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import hadamard
+
+from sandbot_common.accuracy import Accuracy
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting.fit import fit
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.gait import clock
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.observables import Observable, usual_noise
+from sandbot_model.physics.predictor import PredictorParameters
+from sandbot_model.physics.walking import Inputs
+from sandbot_record.trials.table import Row, from_rows
+
+PHI = (0.58, 0.59, 0.6, 0.615, 0.633)
+OMEGA_RAD_S = (4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0)
+TRIALS = 3
+"""Trials in each condition."""
+SEEN = 3.0
+"""Standard errors of a condition's mean from which on an effect shows in it."""
+_SIGNS = hadamard(8)[:, 1:5]
+"""Eight replicates whose scatter is the usual one in each observable, and in no two of them together."""
+
+
+@dataclass(frozen=True)
+class Fingerprint:
+    """``missed (φ, ω, 4)``: measured minus fitted, in standard errors of the mean of ``TRIALS`` trials."""
+
+    missed: Array
+
+    def largest(self, observable: Observable) -> tuple[float, float, float]:
+        """(standard errors, φ, ω [rad/s]) where one observable shows most."""
+        row, column = np.unravel_index(np.abs(self.missed[..., observable]).argmax(), self.missed.shape[:2])
+        return float(self.missed[row, column, observable]), PHI[row], OMEGA_RAD_S[column]
+
+
+def fingerprint(effect: Effect, catalogue: Mapping[str, Effect]) -> Fingerprint:
+    """Of an effect of the catalogue, at its usual strength (the start of its parameters)."""
+    defaults = PredictorParameters()
+    phi, omega = (axis.ravel() for axis in np.meshgrid(PHI, OMEGA_RAD_S, indexing="ij"))
+    values = {parameter.name: parameter.start for parameter in effect.parameters}
+    k = np.interp(phi, defaults.phi, defaults.k_n_per_m)
+    gait = "SGCS" if effect.clocked else "UNIFORM"
+    given = Inputs(k, omega, defaults.delta_t_s, phi, defaults.v_swim_m_s, clock([gait] * len(phi)))
+    measured = model_of("simple", (effect.identifier,), catalogue).walker.predict(given, [values]).observables
+    sd = usual_noise(Accuracy())
+    scatter = _SIGNS * sd * np.sqrt(1 - 1 / len(_SIGNS))
+    rows = [
+        Row(f"{cell}r{replicate}", phi[cell], 0.0, omega[cell], gait, replicate + 1, mean[0] + extra[0], 0.0,
+            mean[1] + extra[1], mean[2] + extra[2], mean[3] + extra[3])
+        for cell, mean in enumerate(measured.tolist()) for replicate, extra in enumerate(scatter.tolist())
+    ]  # fmt: skip
+    fitted = fit(model_of("simple", (), catalogue), cells_of(from_rows(rows)))
+    # Beside the switch to swimming the fit itself is in doubt of what the robot does.
+    clear = fitted.problem.away_from_switch(fitted.problem.widening(fitted.state.covariance[0]))
+    away = np.nan_to_num((fitted.cells.mean - fitted.predicted) / sd) * np.sqrt(TRIALS)
+    missed = np.where(clear[:, None], away, 0.0)
+    missed = missed[np.lexsort((fitted.cells.omega, fitted.cells.phi))]
+    return Fingerprint(missed.reshape(len(PHI), len(OMEGA_RAD_S), len(Observable)))
