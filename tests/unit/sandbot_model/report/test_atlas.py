@@ -156,3 +156,20 @@ def test_motion_needs_two_trials(material):
     with pytest.raises(InputError, match="two trials with bags"):
         motion.speeds(material, 85.0)
     assert material.robot == SANDBOT
+
+
+def stepped(y):
+    """Pieces drawn of a line over 0, 1, 2, ..., the uprights last."""
+    with style.typography():
+        _, (panel,) = style.sheet(85.0, 60.0)
+        style.stepped_line(panel, np.arange(len(y), dtype=float), np.array(y, dtype=float), 1.0, color="black")
+    return [line.get_xydata().tolist() for line in panel.lines]
+
+
+def test_a_jump_is_drawn_upright_and_a_slope_is_not():
+    assert stepped([5, 5, 2, 2]) == [[[0, 5], [1, 5]], [[2, 2], [3, 2]], [[1.5, 5], [1.5, 2]]]
+    assert stepped([5, 4.5, 4, 3.5]) == [[[0, 5], [1, 4.5], [2, 4], [3, 3.5]]]
+
+
+def test_a_grid_point_amid_a_jump_belongs_to_neither_side():
+    assert stepped([5, 5, 3.5, 2, 2]) == [[[0, 5], [1, 5]], [[3, 2], [4, 2]], [[2, 5], [2, 2]]]

@@ -8,7 +8,7 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.geometry import depth_at
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.atlas.material import Material
-from sandbot_model.report.atlas.style import ABOVE, FAINT, INK, S_IS_R_RAD, key, phi_colours, sheet
+from sandbot_model.report.atlas.style import ABOVE, FAINT, INK, S_IS_R_RAD, key, phi_colours, sheet, stepped_line
 from sandbot_model.report.balance import Forces, forces
 from sandbot_model.report.view import bands, frequencies
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HEADROOM = 1.2
+JUMP = 0.02
+"""Share of the force by which it changes within a step of the depth grid where it jumps."""
 SHOWN_FROM = 0.65
 """Share of the deepest depth from which on forces are shown: legs that walk stand deeper."""
 
@@ -54,7 +56,7 @@ def _families(panel: "Axes", material: Material, fit: Fit, unit_n: float) -> str
         panel.plot(CM * slow.depth_m, given / unit_n, color=colours[band.level], label=f"{band.phi:.3f}")
     for one in found:
         needed = one.needed_n[-1] / unit_n
-        panel.plot(CM * one.depth_m, needed, color=INK, linewidth=0.7)
+        stepped_line(panel, CM * one.depth_m, needed, JUMP * float(needed.mean()), color=INK, linewidth=0.7)
     critical = float(depth_at(robot, np.asarray(S_IS_R_RAD)))
     panel.axvline(CM * critical, color=FAINT, linestyle=(0, (4, 2)), linewidth=0.8)
     panel.set_xlabel("depth d (cm)")

@@ -79,3 +79,15 @@ def speed_line(panel: "Axes", x: Floats, found: Prediction, swim_m_s: float, **l
     for edge in edges:
         ends = slice(edge - 1, edge + 1)
         panel.plot(np.full(2, x[ends].mean()), speed[ends], **{**looks, **SWITCH})
+
+
+def stepped_line(panel: "Axes", x: Floats, y: Floats, least: float, **looks: Any) -> None:
+    """A line with jumps: where y changes by more than ``least`` within one step of the grid, a dotted upright."""
+    edges = np.flatnonzero(np.abs(np.diff(y)) > least) + 1
+    for piece in np.split(np.arange(len(x)), edges):
+        # A grid point amid a jump is on neither side.
+        if len(piece) > 1:
+            panel.plot(x[piece], y[piece], **looks)
+    for run in np.split(edges, np.flatnonzero(np.diff(edges) > 1) + 1) if len(edges) else ():
+        middle = x[[run[0] - 1, run[-1]]].mean()
+        panel.plot([middle, middle], y[[run[0] - 1, run[-1]]], **{**looks, **SWITCH})
