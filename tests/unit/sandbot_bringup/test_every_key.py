@@ -157,6 +157,7 @@ class Rolling:
     x_m = np.array([0.2, 0.6])
     z_m = np.array([0.03, 0.05])
     pitch_rad = np.zeros(2)
+    leg_angle_rad = np.zeros((2, 6))
 
 
 def film(content, name):

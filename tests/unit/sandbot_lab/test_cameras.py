@@ -81,7 +81,8 @@ def test_motion_blurs_over_the_exposure():
 def test_film_agrees_with_render_and_stands_before_the_start():
     trace = trial(QUIET, 0.62, 12.0)
     first, second = (LabCamera("lateral", CAMERAS["lateral"], seed=1) for _ in range(2))
-    assert np.array_equal(first.film(trace, -0.5), second.render(trace.x_m[0], trace.z_m[0]))
+    legs = trace.leg_angle_rad[0]
+    assert np.array_equal(first.film(trace, -0.5), second.render(trace.x_m[0], trace.z_m[0], legs_rad=legs))
     assert first.film(trace, 1.0).dtype == np.uint8
     assert first.film(trace, 1.0).shape == (480, 640)
 
@@ -136,3 +137,44 @@ def test_a_robot_out_of_the_picture_leaves_the_ground(name, x, z):
         assert frame.max() < 200
     assert frame.shape == (480, 640)
     assert LabCamera(name, CAMERAS[name], seed=3).render(0.5, 0.03).max() > 200
+
+
+def filmed(name, body=True):
+    """A camera, and its frames of a walk at 100 a second."""
+    camera, trace = LabCamera(name, CAMERAS[name], seed=1, body=body), trial(QUIET, 0.62, 12.0)
+    return camera, trace, [camera.film(trace, k / 100) for k in range(120)]
+
+
+@pytest.mark.parametrize("name", ["dorsal", "lateral"])
+def test_what_surrounds_a_marker_is_what_it_was_without_legs_surface_and_prints(name):
+    """Same seed, same noise: within 9 px of a marker each pixel is that of a frame without any scenery."""
+    camera, trace, frames = filmed(name)
+    plain = LabCamera(name, CAMERAS[name], seed=1)
+    plain._scenery = None
+    plain._ground = LabCamera(name, CAMERAS[name], seed=1, body=False)._ground
+    differs = 0
+    for k, frame in enumerate(frames):
+        bare = plain.film(trace, k / 100)
+        x, z = (np.interp(k / 100, trace.t_s, values) for values in (trace.x_m, trace.z_m))
+        for u, v in truth_px(camera, x, z):
+            near = (slice(round(v) - 9, round(v) + 10), slice(round(u) - 9, round(u) + 10))
+            rows, columns = np.mgrid[near]
+            close = np.hypot(rows - v, columns - u) < 9.0
+            assert np.array_equal(frame[near][close], bare[near][close])
+        differs += not np.array_equal(frame, bare)
+    assert differs == len(frames)  # control: there is scenery
+
+
+@pytest.mark.parametrize("name", ["dorsal", "lateral"])
+def test_scenery_is_dimmer_than_a_marker_and_prints_stay_where_a_foot_was(name):
+    _, _, frames = filmed(name)
+    assert sum(int((frame > 160).sum()) for frame in frames[:1]) < 3 * 130  # the discs, and nothing else
+    _, _, bare = filmed(name, body=False)
+    assert darkened(frames) > 30
+    assert darkened(bare) < 10  # control: noise alone
+
+
+def darkened(frames):
+    """Pixels of grains that are dark at the end and were not at the beginning."""
+    first, last = (np.mean(frames[k : k + 4], axis=0) for k in (0, 116))
+    return int(((last < 34) & (first > 52)).sum())

@@ -16,6 +16,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_lab.calibration import Calibration, calibration
 from sandbot_lab.drawing import draw_box, draw_disc
+from sandbot_lab.scenery import Scenery
 
 Floats = NDArray[np.float64]
 Frame = NDArray[np.uint8]
@@ -53,6 +54,10 @@ class Motion(Protocol):
     def pitch_rad(self) -> Floats:
         """Nose-up pitch."""
 
+    @property
+    def leg_angle_rad(self) -> Floats:
+        """Shaft angles of the legs, (n, legs)."""
+
 
 class LabCamera:
     """One camera, ``dorsal`` or ``lateral``, over its own piece of ground; all chance comes from ``seed``."""
@@ -71,11 +76,22 @@ class LabCamera:
         self._rng = np.random.default_rng([seed, len(name)])
         self._ground = _ground(self.calibration.height, self.calibration.width, self._rng)
         self._noise = _noise_tile(self.calibration.height + _SLACK[0], self.calibration.width + _SLACK[1])
+        self._scenery = Scenery(name, self.calibration, robot, BODY_WIDTH_M, _PEDESTAL) if body else None
+        if self._scenery is not None:
+            self._scenery.prepare(self._ground)
 
-    def render(self, x_m: ArrayLike, z_m: ArrayLike, pitch_rad: ArrayLike = 0.0, led_on: bool = False) -> Frame:
+    def render(
+        self,
+        x_m: ArrayLike,
+        z_m: ArrayLike,
+        pitch_rad: ArrayLike = 0.0,
+        led_on: bool = False,
+        legs_rad: Floats | None = None,
+    ) -> Frame:
         """A frame (height, width) of the robot with its com at x, its axles at height z, nose-up pitch.
 
-        Arrays are the moments of the exposure, of which the frame is the mean.
+        Arrays are the moments of the exposure, of which the frame is the mean. ``legs_rad`` are the shaft angles of the
+        legs (legs,), amid the exposure; without them none are drawn.
         """
         x, z, pitch = np.broadcast_arrays(
             *(np.atleast_1d(np.asarray(value, np.float64)) for value in (x_m, z_m, pitch_rad))
@@ -83,6 +99,8 @@ class LabCamera:
         image = self._ground.copy()
         if self._body:
             self._draw_body(image, x, z)
+        if self._scenery is not None and legs_rad is not None:
+            self._scenery.legs(image, float(x.mean()), float(z.mean()), legs_rad)
         grey = (BODY_GREY if self._body else GRAIN_GREY) + CONTRAST - _PEDESTAL
         for marker in self.markers(x, z, pitch):
             points = self.calibration.pixels(marker)
@@ -99,7 +117,10 @@ class LabCamera:
         """The frame whose exposure is centred on ``t_s`` of a motion; before and after it the robot stands still."""
         moments = t_s + self.calibration.exposure_s * ((np.arange(EXPOSURES) + 0.5) / EXPOSURES - 0.5)
         x, z = np.interp(moments, motion.t_s, motion.x_m), np.interp(moments, motion.t_s, motion.z_m)
-        return self.render(x, z, np.interp(moments, motion.t_s, motion.pitch_rad), led_on)
+        legs = motion.leg_angle_rad[min(int(np.searchsorted(motion.t_s, t_s)), len(motion.t_s) - 1)]
+        if self._scenery is not None:
+            self._scenery.step(self._ground, float(x.mean()), float(z.mean()), legs)
+        return self.render(x, z, np.interp(moments, motion.t_s, motion.pitch_rad), led_on, legs)
 
     def markers(self, x_m: Floats, z_m: Floats, pitch_rad: Floats) -> tuple[Floats, ...]:
         """Places (n, 3) [m; trackway frame] of this camera's markers: (com,) or (front axle, rear axle)."""

@@ -61,3 +61,16 @@ def draw_box(image: Any, left: Any, right: Any, top: Any, bottom: Any, grey: flo
             covered = down[row] * across[column]
             level = image[first_row + row, first_column + column]
             image[first_row + row, first_column + column] = int(level + covered * (grey - level) + 0.5)
+
+
+@jit
+def draw_stroke(image: Any, u: Any, v: Any, radius: float, grey: float) -> None:
+    """Draw a line of a grey level through the points u, v (n,) [px], as thick as a disc of that radius."""
+    rows, columns = image.shape
+    reach = radius + 1.0
+    for i in range(u.size):
+        for row in range(max(floor(v[i] - reach), 0), min(ceil(v[i] + reach), rows - 1) + 1):
+            for column in range(max(floor(u[i] - reach), 0), min(ceil(u[i] + reach), columns - 1) + 1):
+                covered = _clipped(radius + 0.5 - hypot(column - u[i], row - v[i]), 0.0, 1.0)
+                level = image[row, column]
+                image[row, column] = int(_clipped(level + covered * (grey - level) + 0.5, 0.0, 255.0))

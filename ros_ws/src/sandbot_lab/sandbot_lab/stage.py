@@ -27,10 +27,12 @@ class RecentMotion:
     def __init__(self) -> None:
         """Nothing has moved yet."""
         self._moments: deque[tuple[float, float, float, float]] = deque(maxlen=_REMEMBERED)
+        self._legs: deque[Floats] = deque(maxlen=_REMEMBERED)
 
     def append(self, state: BodyState) -> None:
         """The newest moment."""
         self._moments.append((state.t_s, state.x_m, state.z_m, state.pitch_rad))
+        self._legs.append(state.leg_angle_rad)
 
     def _column(self, index: int) -> Floats:
         return np.array([moment[index] for moment in self._moments])
@@ -54,6 +56,11 @@ class RecentMotion:
     def pitch_rad(self) -> Floats:
         """Nose-up pitch, (n,)."""
         return self._column(3)
+
+    @property
+    def leg_angle_rad(self) -> Floats:
+        """Shaft angles of the legs, (n, legs)."""
+        return np.array(self._legs)
 
 
 class LiveTrial:

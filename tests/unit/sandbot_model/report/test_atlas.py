@@ -167,9 +167,9 @@ def stepped(y):
 
 
 def test_a_jump_is_drawn_upright_and_a_slope_is_not():
-    assert stepped([5, 5, 2, 2]) == [[[0, 5], [1, 5]], [[2, 2], [3, 2]], [[1.5, 5], [1.5, 2]]]
+    assert stepped([5, 5, 2, 2]) == [[[0, 5], [1, 5], [1.5, 5]], [[1.5, 2], [2, 2], [3, 2]], [[1.5, 5], [1.5, 2]]]
     assert stepped([5, 4.5, 4, 3.5]) == [[[0, 5], [1, 4.5], [2, 4], [3, 3.5]]]
 
 
 def test_a_grid_point_amid_a_jump_belongs_to_neither_side():
-    assert stepped([5, 5, 3.5, 2, 2]) == [[[0, 5], [1, 5]], [[3, 2], [4, 2]], [[2, 5], [2, 2]]]
+    assert stepped([5, 5, 3.5, 2, 2]) == [[[0, 5], [1, 5], [2, 5]], [[2, 2], [3, 2], [4, 2]], [[2, 5], [2, 2]]]

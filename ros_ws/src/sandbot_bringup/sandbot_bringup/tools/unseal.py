@@ -34,7 +34,7 @@ def command(argv: Sequence[str]) -> int:
         found = summary(discovery)
         truth = truth_of(read_world(folder.truth), read_plan(folder.plan_file))
         # What the base model has already is not searched for, so the verdict can't name it.
-        agreement = judge(truth - set(BASES[discovery["model"]]), discovery["verdict"])
+        agreement = judge(truth - set(BASES.get(discovery.get("model", ""), ())), discovery["verdict"])
     except (KeyError, TypeError, AttributeError, IndexError) as error:
         raise InputError(f"{path}: not a whole discovery of schema sandbot.discovery/1 or /2: {error!r}") from None
     print(found)

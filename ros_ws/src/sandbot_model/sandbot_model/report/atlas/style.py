@@ -84,10 +84,15 @@ def speed_line(panel: "Axes", x: Floats, found: Prediction, swim_m_s: float, **l
 def stepped_line(panel: "Axes", x: Floats, y: Floats, least: float, **looks: Any) -> None:
     """A line with jumps: where y changes by more than ``least`` within one step of the grid, a dotted upright."""
     edges = np.flatnonzero(np.abs(np.diff(y)) > least) + 1
-    for piece in np.split(np.arange(len(x)), edges):
-        # A grid point amid a jump is on neither side.
-        if len(piece) > 1:
-            panel.plot(x[piece], y[piece], **looks)
-    for run in np.split(edges, np.flatnonzero(np.diff(edges) > 1) + 1) if len(edges) else ():
-        middle = x[[run[0] - 1, run[-1]]].mean()
-        panel.plot([middle, middle], y[[run[0] - 1, run[-1]]], **{**looks, **SWITCH})
+    # Neighbouring steps that change are one jump; a grid point amid it belongs to neither side.
+    jumps = [(run[0] - 1, run[-1]) for run in np.split(edges, np.flatnonzero(np.diff(edges) > 1) + 1) if len(run)]
+    uprights = [(x[before] + x[after]) / 2 for before, after in jumps]
+    starts, ends = [0, *(after for _, after in jumps)], [*(before for before, _ in jumps), len(x) - 1]
+    sides = zip([None, *uprights], starts, ends, [*uprights, None], strict=True)
+    for left, first, last, right in sides:
+        piece = slice(first, last + 1)
+        reach = [(left, y[first])] if left is not None else []
+        onward = [(right, y[last])] if right is not None else []
+        panel.plot(*np.array([*reach, *zip(x[piece], y[piece], strict=True), *onward]).T, **looks)
+    for (before, after), upright in zip(jumps, uprights, strict=True):
+        panel.plot([upright, upright], [y[before], y[after]], **{**looks, **SWITCH})
