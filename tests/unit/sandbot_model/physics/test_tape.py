@@ -9,8 +9,8 @@ from sandbot_model.physics import machine
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.formula import formula_effect
-from sandbot_model.physics.machine import BINARY, COMPARISONS, UNARY
-from sandbot_model.physics.tape import Tape, Unrecordable, program, record
+from sandbot_model.physics.machine import BINARY, COMPARISONS, OF_FEET, UNARY
+from sandbot_model.physics.tape import Tape, Unrecordable, by_depth, program, record
 from sandbot_model.physics.walking import Walker
 
 X = np.array([-2.5, -1.0, -0.5, 0.0, 0.3, 1.0, 2.0, np.nan])
@@ -29,11 +29,10 @@ FUNCTIONS = {
 def executed(function, x, y):
     tape = Tape(["x", "y"])
     tape.output("z", function(tape.input("x"), tape.input("y")))
-    made, _, names = program(tape, ("z",), {})
+    made = program(tape, ("z",), {"x": (OF_FEET, 0), "y": (OF_FEET, 1)}, {})
     n = len(x)
-    at = np.array([(tape.inputs[name], n * (name == "y"), 0, 0, 1) for name in names], dtype=np.int64)
-    curve = np.zeros(0), np.zeros((1, 0))
-    return machine.evaluate(made, (1, 1, n), at, np.concatenate([x, y]), curve)[0, 0]
+    rows = np.zeros((1, 0)), np.zeros((0, 1, 1)), np.zeros((1, 1, n)), np.zeros(0), np.zeros((1, 0))
+    return machine.evaluate(made, rows, np.stack([x, y])[:, None])[0, 0]
 
 
 @pytest.mark.filterwarnings("ignore:invalid value|divide by zero")
@@ -54,7 +53,20 @@ def test_the_same_operation_is_done_once_and_what_no_output_needs_is_not():
     x, y = tape.input("x"), tape.input("y")
     _unused = np.exp(y)
     tape.output("z", (x * y) + (x * y))
-    assert len(program(tape, ("z",), {})[0].code) == 2
+    assert len(program(tape, ("z",), {}, {}).code) == 2
+
+
+def test_what_is_the_same_at_all_points_is_done_once_for_them_and_so_is_what_is_the_same_in_a_row_or_cell():
+    tape = Tape(["theta", "omega", "k", "depth"])
+    theta, omega, k, depth = (tape.input(name) for name in ("theta", "omega", "k", "depth"))
+    tape.output("z", np.exp(theta) * depth + np.sqrt(omega) - k * np.cos(depth))
+    of = {"theta": (machine.OF_ROW, 0), "omega": (machine.OF_CELL, 0), "k": (machine.OF_NODE, 0)}
+    scan, levels = by_depth(program(tape, ("z",), of, {}))
+    assert [machine.NUMBER[name] for name in ("cos", "exp", "multiply", "sqrt", "add", "multiply", "subtract")] == list(
+        scan.code[:, 0]
+    )
+    assert levels.tolist() == [1, 3, 5]
+    assert scan.code[:, 5].tolist() == [0, 1, 0, 1, 0, 0, 0]
 
 
 REFUSED = {

@@ -1,5 +1,6 @@
 """What a model says of the mean of every cell, and how far that scatters: the heart of ``likelihood``."""
 
+from dataclasses import astuple, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,9 +11,9 @@ from sandbot_model.fitting.averaging import NODES, WEIGHTS, along_the_track, nod
 from sandbot_model.fitting.operations import CompiledChains
 from sandbot_model.fitting.points import SEEN, ArrayChains, Chains, Conditions, Points
 from sandbot_model.physics.arrays import Array, Bool
+from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
-from sandbot_model.physics.tape import record
 from sandbot_model.physics.walking import Footing, KCurve
 
 LEAST_SPREAD = 1e-3
@@ -50,11 +51,14 @@ class CellMeans:
 
     def __init__(self, model: Model, cells: Cells, measured: Measured, ln_k_sd: Array) -> None:
         self.cells, self.measured, self.ln_k_sd = cells, measured, ln_k_sd
-        tape = record(model.walker)
-        self.chains: Chains = ArrayChains(model) if tape is None else CompiledChains(model, tape)
+        self.chains: Chains = ArrayChains(model) if model.tape is None else CompiledChains(model, model.tape)
         self.along = along_the_track(model.walker)
         self.at = Conditions.of(model.walker, cells.omega, cells.level_phi[cells.level], cells.clock)
         self._level = np.ascontiguousarray(cells.level)
+        turning = np.stack([cells.omega, *astuple(cells.clock)])
+        (omega, *clock), self._conditions = np.unique(turning, axis=1, return_inverse=True)
+        level_phi = np.repeat(cells.level_phi[:, None], len(omega), axis=1)
+        self._table = Conditions.of(model.walker, omega, level_phi, Clock(*clock))
         self._replicates = np.asarray(cells.n.max(axis=1), dtype=float)
 
     def said(self, theta: Array, ln_k: Array, slope: Array) -> Said:
@@ -82,30 +86,49 @@ class CellMeans:
         moved[np.arange(count), :, np.arange(count)] += step.T
         ln_k = np.repeat(ln_k[None], count + 3, axis=0)
         ln_k[count] += STEP
-        depths = np.repeat(np.stack([feet.depth, feet.virgin_depth])[:, None], count + 3, axis=1)
-        depths[:, count + 1] -= DEPTH_STEP_M
-        walking = [np.repeat(walks[None], count + 3, axis=0) for walks in (feet.walking, feet.virgin_walking)]
+        at = [np.repeat(part[None], count + 3, axis=0) for part in vars(feet).values()]
+        for depth in at[::2]:
+            depth[count + 1] -= DEPTH_STEP_M
         steps = np.concatenate([step.T, np.full((1, rows), STEP), np.full((1, rows), -DEPTH_STEP_M)], axis=0)
-        steps = np.ascontiguousarray(steps)
         slopes = np.repeat(slope[None], count + 3, axis=0)
         points, _ = self._points(*(part.reshape(-1, part.shape[-1]) for part in (moved, ln_k, slopes)))
-        at = [part.reshape(points.shape) for part in (depths[0], walking[0], depths[1], walking[1])]
-        values = self.chains.values(SEEN, points, at).reshape(len(SEEN), count + 3, *feet.depth.shape)
-        seen = np.moveaxis(values[: len(NAMES)], 0, -1)
-        weights = node_weights(seen[-1], self.along)
-        return np.asarray(
-            kernels.local_jacobian(
-                seen,
-                values[-2],
-                values[-1],
-                steps,
-                feet.walking,
-                feet.virgin_walking,
-                weights,
-                self.measured.which,
-                whiten,
-            )
+        seen = self.chains.values(SEEN, points, [part.reshape(points.shape) for part in at])
+        seen = seen.reshape(len(SEEN), count + 3, *feet.depth.shape)
+        weights = node_weights(np.moveaxis(seen[: len(NAMES), -1], 0, -1), self.along)
+        holds, which = (feet.walking, feet.virgin_walking), self.measured.which
+        return np.asarray(kernels.local_jacobian(seen, np.ascontiguousarray(steps), *holds, weights, which, whiten))
+
+    def spread(self, local: Array) -> Array:
+        """The same with a column for ln k of each level, ``(rows, 4 cells, parameters + levels)``."""
+        return np.asarray(kernels.spread(local, self._level, len(self.cells.level_phi)))
+
+    def step(self, *of: Array | Bool) -> Array:
+        """See ``kernels.damped_step``."""
+        return np.asarray(kernels.damped_step(*of))
+
+    def profiled(
+        self, theta: Array, slope: Array, k_curve: Array, k_grid: Array, same: Array, cross: Array
+    ) -> tuple[Array, Array]:
+        """Least deviance over k for each θ ``(m,)``, and that k ``(m, levels)``; see ``starts``.
+
+        ``same (m, levels, k)`` and ``cross (m, levels, k - 1)`` are S_00 and S_01 so far. Levels share a table of
+        predictions unless something depends on φ.
+        """
+        cells, at = self.cells, self._table
+        phi = at.phi if self.chains.uses_phi else at.phi[:1]
+        every = replace(at, phi=np.tile(phi, (len(theta), 1)))
+        points = Points(np.repeat(theta, len(phi), axis=0), every, k_grid[None, None], KCurve(cells.level_phi, k_curve))
+        values = self.chains.values(NAMES, points, vars(self.chains.footing(points)).values())
+        sigma_k = np.zeros((len(theta), len(cells)))
+        if self.chains.varies_phi:
+            feet = np.full(points.shape, 0.01), np.ones(points.shape)
+            track = self.chains.values(("sigma_phi",), points, (*feet, *feet))[0].reshape(len(theta), -1)[:, :1]
+            sigma_k = track * np.abs(slope)[cells.level]
+        table = values.reshape(len(NAMES), len(theta), len(phi), *points.shape[1:])
+        found = kernels.profiled(
+            table, self._conditions, self.measured, self._level, k_grid, sigma_k, NODES, WEIGHTS, same, cross
         )
+        return found[0], found[1]
 
     def _points(self, theta: Array, ln_k: Array, slope: Array) -> tuple[Points, Array]:
         """The nodes of every cell, and the standard deviation of φ along its track ``(rows or 1, cells or 1)``."""

@@ -12,7 +12,7 @@ from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.scans import bounded, k_response, look_along_k, look_along_theta
 from sandbot_model.fitting.starts import Start, resample, starts
-from sandbot_model.fitting.states import States
+from sandbot_model.fitting.states import States, joined
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.geometry import critical_k_n_per_m
 from sandbot_model.physics.model import Model
@@ -21,6 +21,10 @@ FIRST_ITERATIONS = 4
 """Steps of a descent after which the worse ones are dropped."""
 HALVING = (4, 1)
 """How many descents are kept after each round."""
+ROUNDS = 3
+"""Rounds of descents and scans."""
+SAME_VALLEY = 1e-4
+"""Rows that agree so well in every parameter have come to the same end."""
 BASE_STARTS = 5
 """Starts of the base model whose descents are carried to their end."""
 HOPELESS = 1.5
@@ -122,9 +126,7 @@ def _search(problem: Problem, near: WarmStart | None) -> States:
         return states
     if near is None:
         # What everything else is measured against: several descents are carried to their end.
-        first = _begin(problem, found[:BASE_STARTS])
-        ends = [_settled(problem, first.take(np.array([row]))) for row in range(len(first.theta))]
-        states = min([_settled(problem, states), *ends], key=lambda end: end.deviance[0])
+        states = _settled(problem, joined([states, _begin(problem, found[:BASE_STARTS])]))
     states = _settled(problem, states)
     # Step and depth feed back on each other where a leg meets what its predecessors left behind: many valleys.
     hopeful = states.deviance[0] < HOP_WITHIN * problem.measured.sum()
@@ -164,14 +166,30 @@ def _jumps(problem: Problem, states: States, draw: np.random.Generator, size: fl
 
 
 def _settled(problem: Problem, states: States) -> States:
-    """Alternate descents and scans until neither gains anything. One row."""
-    for _ in range(3):
+    """Alternate descents and scans until neither gains anything: the best of all rows."""
+    ends: list[States] = []
+    moving: list[States] = []
+    for _ in range(ROUNDS):
         states = descend(problem, problem.states(states.theta, states.ln_k, _slopes(problem, states.ln_k)))
-        moved = look_along_theta(problem, look_along_k(problem, states))
-        if moved is states:
+        moving = []
+        for row in _valleys(states):
+            end = states.take(np.array([row]))
+            moved = look_along_theta(problem, look_along_k(problem, end))
+            (ends if moved is end else moving).append(moved)
+        if not moving:
             break
-        states = moved
-    return states
+        states = joined(moving)
+    return min([*ends, *moving], key=lambda end: float(end.deviance[0]))
+
+
+def _valleys(states: States) -> list[int]:
+    """Rows that are in valleys of their own, the best of each."""
+    at = np.concatenate([states.theta, states.ln_k], axis=1)
+    found: list[int] = []
+    for row in np.argsort(states.deviance, kind="stable").tolist():
+        if not any(np.allclose(at[row], at[other], rtol=SAME_VALLEY, atol=SAME_VALLEY) for other in found):
+            found.append(row)
+    return found
 
 
 def nearby_state(problem: Problem, near: WarmStart) -> States:

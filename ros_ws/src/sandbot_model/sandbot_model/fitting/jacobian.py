@@ -12,13 +12,9 @@ STEP = 1e-5
 
 def full_jacobian(problem: Problem, states: States) -> Array:
     """d(whitened prediction)/d(θ, ln k of every level, nuisances): a row for each of ``States.all_residuals``."""
-    local = cell_jacobian(problem, states)
-    cells, count, levels = problem.cells, states.theta.shape[1], states.ln_k.shape[1]
-    full = np.zeros((len(local), len(cells), 4, count + levels))
-    full[..., :count] = local[..., :count]
-    each = np.arange(len(cells))
-    full[:, each, :, count + cells.level] = np.moveaxis(local[..., count], 1, 0)
-    full = np.concatenate([full.reshape(len(local), -1, count + levels), readings_jacobian(problem, states)], axis=1)
+    full = problem.cell_means.spread(cell_jacobian(problem, states))
+    if problem.cells.pressed is not None:
+        full = np.concatenate([full, readings_jacobian(problem, states)], axis=1)
     if problem.nuisances is None:
         return full
     return _with_nuisances(full, problem.whitened(states.whiten, problem.nuisances), problem.nuisances.sd)

@@ -89,40 +89,139 @@ def _widen(deviation, weights, measured, replicates, covariance, whiten):
 
 
 @_compiled
-def local_jacobian(values, margin, virgin_margin, steps, walking, virgin_walking, weights, measured, whiten):
+def local_jacobian(seen, steps, walking, virgin_walking, weights, measured, whiten):
     """d(whitened prediction)/d(θ, ln k) ``(rows, cells, 4, parameters + 1)``.
 
-    ``values (parameters + 3, rows, cells, nodes, 4)`` and margins are those with each parameter, ln k and the depth
-    moved by ``steps (parameters + 2, rows)``, and unmoved.
+    ``seen (6, parameters + 3, rows, cells, nodes)`` are the observables and margins with each parameter, ln k and the
+    depth moved by ``steps (parameters + 2, rows)``, and unmoved.
     """
     count, (rows, cells, nodes) = len(steps) - 1, walking.shape
     found = np.zeros((rows, cells, 4, count))
-    slope = np.empty(4)
+    slope, by_depth, sinks = np.empty((count, 4)), np.empty(4), np.empty(2)
     for row in range(rows):
         for cell in range(cells):
             weight = weights[row % len(weights), cell % weights.shape[1]]
-            for p in range(count):
-                slope[:] = 0.0
-                for node in range(nodes):
-                    at = (row, cell, node)
-                    sink = _sinking(margin, p, at, steps) if walking[at] else 0.0
-                    first = _sinking(virgin_margin, p, at, steps) if virgin_walking[at] else 0.0
-                    for i in range(4):
-                        unmoved = values[-1, row, cell, node, i]
-                        direct = (values[p, row, cell, node, i] - unmoved) / steps[p, row]
-                        by_depth = (values[count, row, cell, node, i] - unmoved) / steps[count, row]
-                        slope[i] += weight[node, i] * (direct + by_depth * (first if i == 3 else sink))
+            slope[:] = 0.0
+            for node in range(nodes):
+                holds = walking[row, cell, node], virgin_walking[row, cell, node]
+                unmoved, at_depth = seen[:, count + 1, row, cell, node], seen[:, count, row, cell, node]
                 for i in range(4):
-                    for j in range(i + 1):
-                        if measured[cell, j]:
-                            found[row, cell, i, p] += whiten[row, cell, i, j] * slope[j]
+                    by_depth[i] = (at_depth[i] - unmoved[i]) / steps[count, row]
+                for p in range(count):
+                    values = seen[:, p, row, cell, node]
+                    for step in range(2):
+                        # By dd/dθ = -(∂M/∂θ)/(∂M/∂d); a depth at a jump of the margin does not move.
+                        stiff = (at_depth[4 + step] - unmoved[4 + step]) / steps[count, row]
+                        pull = (values[4 + step] - unmoved[4 + step]) / steps[p, row]
+                        sinks[step] = -pull / stiff if holds[step] and stiff > 1e-6 else 0.0
+                    for i in range(4):
+                        direct = (values[i] - unmoved[i]) / steps[p, row]
+                        slope[p, i] += weight[node, i] * (direct + by_depth[i] * sinks[i // 3])
+            for i in range(4):
+                for j in range(i + 1):
+                    if measured[cell, j]:
+                        for p in range(count):
+                            found[row, cell, i, p] += whiten[row, cell, i, j] * slope[p, j]
     return found
 
 
 @_compiled
-def _sinking(margin, p, at, steps):
-    """dd/dθ for a parameter or ln k; a depth at a jump of the margin does not move."""
-    row, cell, node = at
-    unmoved, count = margin[-1, row, cell, node], len(steps) - 1
-    stiff = (margin[count, row, cell, node] - unmoved) / steps[count, row]
-    return -(margin[p, row, cell, node] - unmoved) / steps[p, row] / stiff if stiff > 1e-6 else 0.0
+def damped_step(jacobian, residual, theta, low, high, free, damping):
+    """Each row's step of Levenberg and Marquardt ``(rows, unknowns)``, scaled as Marquardt does.
+
+    Parameters, the first of the unknowns, that are not ``free`` or are pressed against a bound stay where they are.
+    """
+    rows, _, unknowns = jacobian.shape
+    found = np.empty((rows, unknowns))
+    for row in range(rows):
+        transposed = np.ascontiguousarray(jacobian[row].T)
+        gradient, normal = transposed @ residual[row], transposed @ jacobian[row]
+        scale = np.maximum(np.sqrt(np.diag(normal)), 1e-9)
+        for p in range(unknowns):
+            gradient[p] /= scale[p]
+            for q in range(unknowns):
+                normal[p, q] = normal[p, q] / scale[p] / scale[q]
+        for p in range(theta.shape[1]):
+            ends = (theta[row, p] <= low[p] and gradient[p] < 0) or (theta[row, p] >= high[p] and gradient[p] > 0)
+            if ends or not free[p]:
+                normal[p], normal[:, p], normal[p, p], gradient[p] = 0.0, 0.0, 1.0, 0.0
+        for p in range(unknowns):
+            normal[p, p] += damping[row]
+        found[row] = np.linalg.solve(normal, gradient) / scale
+    return found
+
+
+@_compiled
+def spread(local, level, levels):
+    """The same with a column for ln k of each level, ``(rows, 4 cells, parameters + levels)``."""
+    rows, cells, _, count = local.shape
+    found = np.zeros((rows, 4 * cells, count - 1 + levels))
+    for row in range(rows):
+        for cell in range(cells):
+            for i in range(4):
+                found[row, 4 * cell + i, : count - 1] = local[row, cell, i, : count - 1]
+                found[row, 4 * cell + i, count - 1 + level[cell]] = local[row, cell, i, count - 1]
+    return found
+
+
+@_compiled
+def profiled(table, condition, data, level, k_grid, sigma_k, nodes, weights, same, cross):
+    """Least deviance over k for each θ ``(m,)``, and that k ``(m, levels)``.
+
+    ``table (4, m, φ, conditions, k)`` are predictions, which a cell averages along its track by σ_k ``(m, cells)``.
+    Adds to ``same`` and ``cross``, see ``starts``.
+    """
+    measured, mean, _, whiten, _ = data
+    deviance, k = np.zeros(len(same)), np.empty(same.shape[:2])
+    residual, last = np.empty(4), np.empty(4)
+    for row in range(len(same)):
+        for cell in range(len(level)):
+            of = table[:, row, level[cell] if table.shape[2] > 1 else 0, condition[cell]]
+            if sigma_k[row, cell] > 0:
+                of = _along(of, k_grid, sigma_k[row, cell], nodes, weights)
+            for at in range(len(k_grid)):
+                for i in range(4):
+                    last[i], residual[i] = residual[i], 0.0
+                    for j in range(i + 1):
+                        if measured[cell, j]:
+                            residual[i] += whiten[cell, i, j] * (mean[cell, j] - of[j, at])
+                    same[row, level[cell], at] += residual[i] ** 2
+                    if at:
+                        cross[row, level[cell], at - 1] += residual[i] * last[i]
+        for at in range(same.shape[1]):
+            least, k[row, at] = _least(same[row, at], cross[row, at], k_grid)
+            deviance[row] += least
+    return deviance, k
+
+
+@_compiled
+def _least(same, cross, k_grid):
+    """The least of all parabolas between nodes of a grid, and k there."""
+    least, k = np.inf, 0.0
+    for at in range(len(cross)):
+        low, high = same[at], same[at + 1]
+        bend = low - 2 * cross[at] + high
+        t = min(max((low - cross[at]) / bend, 0.0), 1.0) if bend > 1e-12 else 0.0
+        value = (1 - t) ** 2 * low + 2 * t * (1 - t) * cross[at] + t**2 * high
+        if value < least:
+            least, k = value, k_grid[at] * (1 - t) + k_grid[at + 1] * t
+    return least, k
+
+
+@_compiled
+def _along(table, k_grid, sigma, nodes, weights):
+    """A cell's predictions ``(4, k)`` averaged along the track; lift is that of the median step, peak the best."""
+    found = np.zeros(table.shape)
+    for at in range(len(k_grid)):
+        found[1, at], found[2, at] = table[1, at], -np.inf
+        for node in range(len(nodes)):
+            wanted = min(max(k_grid[at] + sigma * nodes[node], k_grid[0]), k_grid[-1])
+            upper = min(max(np.searchsorted(k_grid, wanted), 1), len(k_grid) - 1)
+            share = (wanted - k_grid[upper - 1]) / (k_grid[upper] - k_grid[upper - 1])
+            for i in (0, 2, 3):
+                value = (1 - share) * table[i, upper - 1] + share * table[i, upper]
+                if i != 2:
+                    found[i, at] += weights[node] * value
+                elif abs(nodes[node]) < 2:
+                    found[i, at] = max(found[i, at], value)
+    return found

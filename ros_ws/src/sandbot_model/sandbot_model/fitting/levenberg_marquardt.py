@@ -45,19 +45,11 @@ def _moved(problem: Problem, states: States, damping: Array, fixed: Sequence[int
     """Each row after one damped step, parameters that are fixed or pressed against a bound held."""
     low, high = bounds(problem)
     count = states.theta.shape[1]
-    jacobian = full_jacobian(problem, states)
-    transposed = np.swapaxes(jacobian, 1, 2)
-    gradient = (transposed @ states.all_residuals[..., None])[..., 0]
-    normal = transposed @ jacobian
-    scale = np.maximum(np.sqrt(np.diagonal(normal, axis1=1, axis2=2)), 1e-9)
-    down, up = gradient[:, :count] < 0, gradient[:, :count] > 0
-    held = np.zeros(gradient.shape, dtype=bool)
-    held[:, :count] = ((states.theta <= low) & down) | ((states.theta >= high) & up)
-    held[:, list(fixed)] = True
-    normal = normal / scale[:, :, None] / scale[:, None, :]
-    normal = np.where(held[:, :, None] | held[:, None, :], 0.0, normal)
-    normal += np.eye(normal.shape[1]) * (damping[:, None, None] + held[:, :, None])
-    step = np.linalg.solve(normal, np.where(held, 0.0, gradient / scale)[..., None])[..., 0] / scale
+    free = np.ones(count, dtype=bool)
+    free[list(fixed)] = False
+    step = problem.cell_means.step(
+        full_jacobian(problem, states), states.all_residuals, states.theta, low, high, free, damping
+    )
     theta = np.clip(states.theta + step[:, :count], low, high)
     levels = states.ln_k.shape[1]
     return problem.states(theta, states.ln_k + np.clip(step[:, count : count + levels], -0.2, 0.2), states.slope)

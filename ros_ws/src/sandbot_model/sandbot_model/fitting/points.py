@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -14,6 +15,8 @@ from sandbot_model.physics.walking import Footing, Inputs, KCurve, Params, Walke
 
 Feet = Iterable[Any]
 """The fields of a ``Footing``, arrays ``(rows, cells, nodes)``."""
+CONDITIONS = ("phi", "omega", "slow_phase_ratio", "swing_ratio", "slow_begin")
+"""Inputs of a chain that a cell is."""
 SEEN = (*NAMES, "margin", "virgin_margin")
 """What derivatives are taken of: the observables, and the force margins [N], steady and on virgin ground."""
 
@@ -28,6 +31,13 @@ class Conditions:
     slow_begin: Array
     depths: Array
     """Those at which the margin is tried."""
+
+    @cached_property
+    def packed(self) -> Array:
+        """``CONDITIONS`` in one piece, ``(5, rows or 1, cells)``."""
+        phi = np.atleast_2d(self.phi)
+        others = (self.omega, self.clock.slow_ratio, self.clock.swing_ratio, self.slow_begin)
+        return np.stack([phi, *(np.broadcast_to(each, phi.shape) for each in others)])
 
     @classmethod
     def of(cls, walker: Walker, omega: Array, phi: Array, clock: Clock) -> "Conditions":

@@ -8,19 +8,14 @@ is known:
     q(t) = |(1 - t) r_0 + t r_1|²,   t* = (S_00 - S_01)/(S_00 - 2 S_01 + S_11) in [0, 1]
 """
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
-from sandbot_model.fitting.averaging import NODES, WEIGHTS
 from sandbot_model.fitting.likelihood import Problem
-from sandbot_model.fitting.points import Conditions, Points
 from sandbot_model.physics.arrays import Array
-from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.geometry import critical_k_n_per_m
 from sandbot_model.physics.model import Model
-from sandbot_model.physics.observables import NAMES, Observable
-from sandbot_model.physics.walking import KCurve
 
 K_GRID = 48
 K_RANGE = (0.55, 4.0)
@@ -113,25 +108,15 @@ def _closer(k: Array, k_grid: Array) -> Array:
 
 def profile(problem: Problem, theta: Array, slope: Array, k_curve: Array, k_grid: Array) -> tuple[Array, Array]:
     """The least deviance over all k for each θ ``(m, parameters)``, shape ``(m,)``, and the ln k ``(m, levels)``."""
-    cells = problem.cells
-    table = _table(problem, theta, k_grid, slope, k_curve)
-    gap = np.where(problem.measured[:, None, None, :], cells.mean[:, None, None, :] - table, 0.0)
-    residual = np.einsum("nij,nbkj->nbki", problem.whiten, gap, optimize=True)
-    first = np.unique(cells.level, return_index=True)[1]
-    same = np.add.reduceat(np.einsum("nbki,nbki->nbk", residual, residual), first, axis=0)
-    cross = np.add.reduceat(np.einsum("nbki,nbki->nbk", residual[:, :, :-1], residual[:, :, 1:]), first, axis=0)
+    same = np.zeros((len(theta), len(problem.cells.level_phi), len(k_grid)))
+    cross = np.zeros((*same.shape[:2], len(k_grid) - 1))
     if problem.cells.pressed is not None:
-        missed = _pressed_table(problem, theta, k_grid, slope)
-        np.add.at(same, problem.cells.pressed.level, missed**2)
-        np.add.at(cross, problem.cells.pressed.level, missed[..., :-1] * missed[..., 1:])
-    low, high = same[..., :-1], same[..., 1:]
-    bend = low - 2 * cross + high
-    t = np.clip(np.divide(low - cross, bend, out=np.zeros_like(bend), where=bend > 1e-12), 0.0, 1.0)
-    value = (1 - t) ** 2 * low + 2 * t * (1 - t) * cross + t**2 * high
-    best = value.argmin(axis=-1)[..., None]
-    share = np.take_along_axis(t, best, axis=-1)[..., 0]
-    k = k_grid[best[..., 0]] * (1 - share) + k_grid[best[..., 0] + 1] * share
-    return np.take_along_axis(value, best, axis=-1)[..., 0].sum(axis=0), np.log(k).T
+        missed, level = _pressed_table(problem, theta, k_grid, slope), problem.cells.pressed.level
+        for at, each in zip(level, missed, strict=True):
+            same[:, at] += each**2
+            cross[:, at] += each[:, :-1] * each[:, 1:]
+    deviance, k = problem.cell_means.profiled(theta, slope, k_curve, k_grid, same, cross)
+    return deviance, np.log(k)
 
 
 def _pressed_table(problem: Problem, theta: Array, k_grid: Array, slope: Array) -> Array:
@@ -139,42 +124,6 @@ def _pressed_table(problem: Problem, theta: Array, k_grid: Array, slope: Array) 
     ln_k = np.repeat(np.log(k_grid)[:, None], len(problem.cells.level_phi), axis=1)
     missed = [problem.pressed(np.repeat(row[None], len(k_grid), axis=0), ln_k, slope) for row in theta]
     return np.moveaxis(np.array(missed), -1, 0)
-
-
-def _table(problem: Problem, theta: Array, k_grid: Array, slope: Array, k_curve: Array) -> Array:
-    """Predictions ``(cells, m, k, 4)``; levels share them unless an effect depends on φ."""
-    cells, means = problem.cells, problem.cell_means
-    turning = np.stack([cells.omega, *astuple(cells.clock)])
-    (omega, *clock), index = np.unique(turning, axis=1, return_inverse=True)
-    phi = cells.level_phi if means.chains.uses_phi else cells.level_phi[:1]
-    every_phi = np.tile(np.repeat(phi[:, None], len(omega), axis=1), (len(theta), 1))
-    at = Conditions.of(problem.model.walker, omega, every_phi, Clock(*clock))
-    points = Points(np.repeat(theta, len(phi), axis=0), at, k_grid[None, None], KCurve(cells.level_phi, k_curve))
-    values = means.chains.values(NAMES, points, vars(means.chains.footing(points)).values())
-    values = np.moveaxis(values.reshape(len(NAMES), len(theta), len(phi), len(omega), len(k_grid)), 0, -1)
-    table = np.asarray(values[:, cells.level if len(phi) > 1 else np.zeros_like(cells.level), index])
-    table = np.ascontiguousarray(np.moveaxis(table, 1, 0))
-    if not means.chains.varies_phi:
-        return table
-    feet = np.full(points.shape, 0.01), np.ones(points.shape)
-    sigma = means.chains.values(("sigma_phi",), points, (*feet, *feet))[0].reshape(len(theta), -1)[:, 0]
-    return _averaged(table, k_grid, np.abs(slope)[cells.level][:, None] * sigma) if sigma.any() else table
-
-
-def _averaged(table: Array, k_grid: Array, sigma_k: Array) -> Array:
-    """The table ``(cells, m, k, 4)`` averaged along the track, σ_k ``(cells, m)`` (see ``problem``)."""
-    total, peak = np.zeros_like(table), np.full(table.shape[:-1], -np.inf)
-    for node, weight in zip(NODES, WEIGHTS, strict=True):
-        wanted = np.clip(k_grid + sigma_k[..., None] * node, k_grid[0], k_grid[-1])
-        upper = np.clip(np.searchsorted(k_grid, wanted), 1, len(k_grid) - 1)
-        share = ((wanted - k_grid[upper - 1]) / (k_grid[upper] - k_grid[upper - 1]))[..., None]
-        below, above = (np.take_along_axis(table, at[..., None], axis=2) for at in (upper - 1, upper))
-        value = (1 - share) * below + share * above
-        total += weight * value
-        if abs(node) < 2:
-            peak = np.maximum(peak, value[..., Observable.peak_speed])
-    total[..., Observable.lift], total[..., Observable.peak_speed] = table[..., Observable.lift], peak
-    return total
 
 
 def search_box(model: Model) -> tuple[Array, Array]:

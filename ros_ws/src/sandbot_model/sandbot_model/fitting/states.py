@@ -1,6 +1,8 @@
 """The likelihood evaluated at several points of the search at once."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,28 +30,44 @@ class States:
     shared: Array
     """Minus the nuisances in units of their priors ``(rows, nuisances)``: a reading of 0 each."""
 
-    @property
+    @cached_property
     def deviance(self) -> Array:
         """χ² plus what the mixture's wider variance costs, -2 ln likelihood up to a constant ``(rows,)``."""
         prior = np.sum(self.pressed**2, axis=1) + np.sum(self.shared**2, axis=1)
         return np.asarray(self.cell_deviance.sum(axis=1) + prior)
 
-    @property
+    @cached_property
     def all_residuals(self) -> Array:
         """All whitened residuals: cells, readings, priors, ``(rows, 4 cells + readings + nuisances)``."""
         return np.concatenate([self.residual.reshape(len(self.residual), -1), self.pressed, self.shared], axis=1)
 
     def take(self, rows: Ints) -> "States":
         """Some of the rows."""
-        arrays = {name: value[rows] for name, value in vars(self).items() if name != "footing"}
+        if len(rows) == len(self.theta) and (rows == np.arange(len(rows))).all():
+            return self
+        arrays = {name: getattr(self, name)[rows] for name in _ARRAYS}
         return States(footing=Footing(*(value[rows] for value in vars(self.footing).values())), **arrays)
 
     def where(self, better: Bool, other: "States") -> "States":
         """Rows of ``other`` where ``better (rows,)``, else of these."""
+        if better.all():
+            return other
+        if not better.any():
+            return self
 
         def pick(mine: Any, its: Any) -> Any:
             return np.where(better.reshape(-1, *(1,) * (mine.ndim - 1)), its, mine)
 
-        arrays = {n: pick(v, getattr(other, n)) for n, v in vars(self).items() if n != "footing"}
+        arrays = {name: pick(getattr(self, name), getattr(other, name)) for name in _ARRAYS}
         feet = [pick(m, i) for m, i in zip(vars(self.footing).values(), vars(other.footing).values(), strict=True)]
         return States(footing=Footing(*feet), **arrays)
+
+
+def joined(parts: Sequence[States]) -> States:
+    """The rows of all."""
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS}
+    feet = zip(*(vars(part.footing).values() for part in parts), strict=True)
+    return States(footing=Footing(*(np.concatenate(each) for each in feet)), **arrays)
+
+
+_ARRAYS = [field.name for field in fields(States) if field.name != "footing"]

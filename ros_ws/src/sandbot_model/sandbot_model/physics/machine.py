@@ -28,6 +28,8 @@ NEGATIVE, ABSOLUTE, SIGN, FLOOR, SQRT, EXP, LOG, LOG10, SIN, COS, TAN, ARCSIN, A
 ADD, SUBTRACT, MULTIPLY, DIVIDE, MINIMUM, MAXIMUM, POWER, ARCTAN2, HYPOT = range(17, 26)
 LESS, LESS_EQUAL, GREATER, GREATER_EQUAL, EQUAL, NOT_EQUAL, AND, OR, NOT, WHERE, INTERP, CURVE = range(26, 38)
 
+OF_ROW, OF_CELL, OF_NODE, OF_FEET = range(4)
+"""What an input depends on."""
 AT_ONCE = 256
 """Points worked on at once: their registers stay in the processor's cache."""
 
@@ -108,6 +110,10 @@ def _run(code, begin, end, reg, n, tables, phi, k):  # noqa: C901
     """Do operations ``begin`` to ``end`` at the first ``n`` points; ``phi (levels,)`` and ``k`` are the curve."""
     for line in range(begin, end):
         operation, out, a, b, c = code[line, 0], code[line, 1], code[line, 2], code[line, 3], code[line, 4]
+        points = n
+        if code[line, 5]:
+            # The same at all points: done once.
+            points, n = n, 1
         if operation == MULTIPLY:
             for i in range(n):
                 reg[out, i] = reg[a, i] * reg[b, i]
@@ -153,21 +159,32 @@ def _run(code, begin, end, reg, n, tables, phi, k):  # noqa: C901
         else:
             for i in range(n):
                 reg[out, i] = _of_two(operation, reg[a, i], reg[b, i])
+        if n < points:
+            n = points
+            for i in range(1, n):
+                reg[out, i] = reg[out, 0]
 
 
 @_compiled
-def _load(inputs, flat, row, first, n, nodes, reg):
-    """Put the inputs ``(register, offset, strides over rows, cells, nodes)`` of some points of a row in their place."""
+def _load(inputs, points, feet, row, first, n, reg):
+    """Put the inputs of some points of a row, in the order of (cells, nodes), into their registers."""
+    theta, conditions, k = points[0], points[1], points[2]
+    nodes = k.shape[2]
     for at in range(len(inputs)):
-        to, over_cells, over_nodes = inputs[at, 0], inputs[at, 3], inputs[at, 4]
-        begin = inputs[at, 1] + row * inputs[at, 2]
-        if over_cells == 0 and over_nodes == 0:
+        to, kind, column = inputs[at, 0], inputs[at, 1], inputs[at, 2]
+        cell, node = first // nodes, first % nodes
+        if kind == OF_ROW:
             for i in range(n):
-                reg[to, i] = flat[begin]
+                reg[to, i] = theta[row, column]
+        elif kind == OF_FEET:
+            for i in range(n):
+                reg[to, i] = feet[column, row, first + i]
         else:
-            cell, node = first // nodes, first % nodes
             for i in range(n):
-                reg[to, i] = flat[begin + cell * over_cells + node * over_nodes]
+                if kind == OF_CELL:
+                    reg[to, i] = conditions[column, row % conditions.shape[1], cell]
+                else:
+                    reg[to, i] = k[row % k.shape[0], cell % k.shape[1], node]
                 node += 1
                 if node == nodes:
                     cell, node = cell + 1, 0
@@ -182,51 +199,76 @@ def _registers(count, n, constants):
 
 
 @_compiled
-def evaluate(program, shape, inputs, flat, curve):
-    """The outputs of a program at points ``(rows, cells, nodes)``: ``(outputs, rows, cells * nodes)``."""
-    code, outputs, count, constants, tables = program
-    rows, cells, nodes = shape
-    phi, k = curve
+def evaluate(program, points, feet):
+    """The outputs of a program at points: ``(outputs, rows, cells * nodes)``.
+
+    ``points`` are the inputs of the rows ``(rows, columns)``, those of the cells ``(columns, rows or 1, cells)``, k
+    ``(rows or 1, cells or 1, nodes)``, and φ ``(levels,)`` and k ``(rows or 1, levels)`` of the fitted curve; ``feet
+    (columns, rows, cells * nodes)`` say where the legs are.
+    """
+    code, inputs, outputs, count, constants, tables = program
+    rows, each, phi, curve = len(points[0]), points[1].shape[2] * points[2].shape[2], points[3], points[4]
     reg = _registers(count, AT_ONCE, constants)
-    found = np.empty((len(outputs), rows, cells * nodes))
+    found = np.empty((len(outputs), rows, each))
     for row in range(rows):
-        for first in range(0, cells * nodes, AT_ONCE):
-            n = min(AT_ONCE, cells * nodes - first)
-            _load(inputs, flat, row, first, n, nodes, reg)
-            _run(code, 0, len(code), reg, n, tables, phi, k[row % len(k)])
+        for first in range(0, each, AT_ONCE):
+            n = min(AT_ONCE, each - first)
+            _load(inputs, points, feet, row, first, n, reg)
+            _run(code, 0, len(code), reg, n, tables, phi, curve[row % len(curve)])
             for at in range(len(outputs)):
                 found[at, row, first : first + n] = reg[outputs[at], :n]
     return found
 
 
 @_compiled
-def bracket(program, levels, shape, inputs, flat, curve, depth, grid):
-    """Where on a grid of depths the margin first is not negative, 0 if nowhere, and the margins before it and at it;
-    the same of the highest peak below 0 before that, with the margins at the two depths that lead up to it.
+def footing(scan, levels, plain, points, depth, grid, steps, rises, held):
+    """Depth and whether the ground holds at all, ``(rows, cells * nodes)``.
 
-    Arrays are ``(rows, cells * nodes)``.
-
-    ``levels`` are the lines of the program at which those begin that depend on the row, cell and node.
+    The margin is tried on a grid of depths, by a program ``scan`` of which the lines that depend on row, cell and node
+    begin at ``levels``; where it first is not negative is found by ``steps`` of the Illinois rule, by a ``plain`` one.
+    Before that, a peak below 0 may hold between the grid's depths (see ``Walker``).
     """
-    code, outputs, count, constants, tables = program
-    rows, cells, nodes = shape
-    phi, k = curve
+    (upper, below, above), (peak, first, second) = _bracket(scan, levels, points, depth, grid)
+    found, walking = _polish(plain, points, depth, grid, upper, below, above, steps), upper > 0
+    if peak.any():
+        _follow(plain, points, depth, grid, peak, first, second, rises, held, found, walking)
+    return found, walking
+
+
+@_compiled
+def _bracket(program, levels, points, depth, grid):  # noqa: C901
+    """Where on the grid the margin first is not negative, 0 if nowhere, and the margins before it and at it.
+
+    The same of the highest peak below 0 before that, with the margins at the two depths that lead up to it.
+    """
+    code, inputs, outputs, count, constants, tables = program
+    theta, conditions, k, phi, curve = points
+    rows, cells, nodes = len(theta), conditions.shape[2], k.shape[2]
     n, margin = len(grid), outputs[0]
     reg = _registers(count, n, constants)
     reg[depth] = grid
+    stiffness = -1
     upper, peak = np.zeros((rows, cells * nodes), dtype=np.int64), np.zeros((rows, cells * nodes), dtype=np.int64)
     below, above, first, second = np.zeros((4, rows, cells * nodes))
-    _run(code, 0, levels[0], reg, n, tables, phi, k[0])
+    _run(code, 0, levels[0], reg, n, tables, phi, curve[0])
     for row in range(rows):
-        of_row = k[row % len(k)]
-        _fill(inputs, flat, row, 0, 0, 1, reg)
-        _run(code, levels[0], levels[1], reg, n, tables, phi, of_row)
+        own = curve[row % len(curve)]
+        for at in range(len(inputs)):
+            if inputs[at, 1] == OF_ROW:
+                reg[inputs[at, 0]] = theta[row, inputs[at, 2]]
+            elif inputs[at, 1] == OF_NODE:
+                stiffness = inputs[at, 0]
+        _run(code, levels[0], levels[1], reg, n, tables, phi, own)
         for cell in range(cells):
-            _fill(inputs, flat, row, cell, 0, 2, reg)
-            _run(code, levels[1], levels[2], reg, n, tables, phi, of_row)
+            for at in range(len(inputs)):
+                if inputs[at, 1] == OF_CELL:
+                    reg[inputs[at, 0]] = conditions[inputs[at, 2], row % conditions.shape[1], cell]
+            _run(code, levels[1], levels[2], reg, n, tables, phi, own)
             for node in range(nodes):
-                _fill(inputs, flat, row, cell, node, 3, reg)
-                _run(code, levels[2], len(code), reg, n, tables, phi, of_row)
+                if stiffness >= 0:
+                    for i in range(n):
+                        reg[stiffness, i] = k[row % k.shape[0], cell % k.shape[1], node]
+                _run(code, levels[2], len(code), reg, n, tables, phi, own)
                 at, point = 0, cell * nodes + node
                 while at < n and not reg[margin, at] >= 0:
                     at += 1
@@ -251,34 +293,24 @@ def _highest_peak(margin, end):
 
 
 @_compiled
-def _fill(inputs, flat, row, cell, node, level, reg):
-    """Put the inputs in their place that depend on the row (level 1), on the cell (2) or on the node (3)."""
-    for at in range(len(inputs)):
-        over_cells, over_nodes = inputs[at, 3], inputs[at, 4]
-        if level == (3 if over_nodes else 2 if over_cells else 1):
-            reg[inputs[at, 0]] = flat[inputs[at, 1] + row * inputs[at, 2] + cell * over_cells + node * over_nodes]
-
-
-@_compiled
-def polish(program, shape, inputs, flat, curve, depth, grid, upper, below, above, steps):
-    """Depth of the crossing by ``steps`` of the Illinois rule within its bracket, the deepest where there is none."""
-    code, outputs, count, constants, tables = program
-    rows, cells, nodes = shape
-    phi, k = curve
+def _polish(program, points, depth, grid, upper, below, above, steps):
+    """Depth of the crossing within its bracket, the deepest where there is none."""
+    code, inputs, outputs, count, constants, tables = program
+    rows, each, phi, curve = len(points[0]), points[1].shape[2] * points[2].shape[2], points[3], points[4]
     reg = _registers(count, AT_ONCE, constants)
-    found = np.empty(upper.shape)
+    found, none = np.empty(upper.shape), np.empty((0, 0, 0))
     low, high = np.empty(AT_ONCE), np.empty(AT_ONCE)
     for row in range(rows):
-        for first in range(0, cells * nodes, AT_ONCE):
-            n = min(AT_ONCE, cells * nodes - first)
-            _load(inputs, flat, row, first, n, nodes, reg)
+        for first in range(0, each, AT_ONCE):
+            n = min(AT_ONCE, each - first)
+            _load(inputs, points, none, row, first, n, reg)
             for i in range(n):
                 at = max(upper[row, first + i], 1)
                 low[i], high[i] = grid[at - 1], grid[at]
             for _ in range(steps):
                 for i in range(n):
                     reg[depth, i] = _secant(low[i], high[i], below[row, first + i], above[row, first + i])
-                _run(code, 0, len(code), reg, n, tables, phi, k[row % len(k)])
+                _run(code, 0, len(code), reg, n, tables, phi, curve[row % len(curve)])
                 for i in range(n):
                     here = reg[outputs[0], i]
                     # Illinois: halve the margin of the end that stays, so that it does not stay for ever.
@@ -295,20 +327,18 @@ def polish(program, shape, inputs, flat, curve, depth, grid, upper, below, above
 
 
 @_compiled
-def follow(program, shape, inputs, flat, curve, depth, grid, peak, first, second, steps, held):
-    """Whether the margin reaches 0 on its way up to a peak, and at which depth (see ``Walker``)."""
-    code, outputs, count, constants, tables = program
-    rows, cells, nodes = shape
-    phi, k = curve
-    reg = _registers(count, AT_ONCE, constants)
-    reaches, at = np.zeros(peak.shape, dtype=np.bool_), np.zeros(peak.shape)
+def _follow(program, points, depth, grid, peak, first, second, steps, held, found, walking):
+    """Put in where the margin reaches 0 on its way up to a peak."""
+    code, inputs, outputs, count, constants, tables = program
+    rows, each, phi, curve = len(points[0]), points[1].shape[2] * points[2].shape[2], points[3], points[4]
+    reg, none = _registers(count, AT_ONCE, constants), np.empty((0, 0, 0))
     low, here = np.empty(AT_ONCE), np.empty(AT_ONCE)
     for row in range(rows):
-        for begin in range(0, cells * nodes, AT_ONCE):
-            n = min(AT_ONCE, cells * nodes - begin)
+        for begin in range(0, each, AT_ONCE):
+            n = min(AT_ONCE, each - begin)
             if not peak[row, begin : begin + n].any():
                 continue
-            _load(inputs, flat, row, begin, n, nodes, reg)
+            _load(inputs, points, none, row, begin, n, reg)
             for i in range(n):
                 before = max(peak[row, begin + i] - 1, 1)
                 low[i], here[i], reg[depth, i] = grid[before - 1], second[row, begin + i], grid[before]
@@ -318,12 +348,11 @@ def follow(program, shape, inputs, flat, curve, depth, grid, peak, first, second
                     beyond = _prolonged(low[i], now, first[row, begin + i], here[i])
                     if abs(here[i]) >= held and beyond <= grid[min(top + 1, len(grid) - 1)]:
                         low[i], first[row, begin + i], reg[depth, i] = now, here[i], beyond
-                _run(code, 0, len(code), reg, n, tables, phi, k[row % len(k)])
+                _run(code, 0, len(code), reg, n, tables, phi, curve[row % len(curve)])
                 here[:n] = reg[outputs[0], :n]
             for i in range(n):
-                reaches[row, begin + i] = peak[row, begin + i] > 0 and abs(here[i]) < held
-                at[row, begin + i] = reg[depth, i]
-    return reaches, at
+                if peak[row, begin + i] > 0 and abs(here[i]) < held:
+                    found[row, begin + i], walking[row, begin + i] = reg[depth, i], True
 
 
 @_compiled

@@ -1,8 +1,9 @@
 """A base model with a set of effects and the parameters they share: what a fit searches."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,9 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.gait import EVEN, Clock
 from sandbot_model.physics.walking import BASES, V_SWIM_M_S, Inputs, KCurve, Params, Walker
+
+if TYPE_CHECKING:
+    from sandbot_model.physics.tape import Tape
 
 BASE_PARAMETERS = (
     Parameter("delta_t_s", "s", 0.1, 1.2, 0.4, "time in which the body is brought to leg speed", hard_low=0.02),
@@ -34,6 +38,10 @@ class Model:
     held: Mapping[str, float] = field(default_factory=dict)
     """Shared parameters that are not fitted but held at a value, by their names in ``names``."""
 
+    def __getstate__(self) -> dict[str, object]:
+        """What is computed when it is asked for is not pickled."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
     @cached_property
     def identifiers(self) -> tuple[str, ...]:
         """The effects on top of the base model."""
@@ -44,6 +52,14 @@ class Model:
         """The chain with all effects, in the order of the catalogue so that results do not depend on naming order."""
         wanted = {*BASES[self.base], *self.identifiers}
         return Walker(tuple(effect for name, effect in self.catalogue.items() if name in wanted), self.robot)
+
+    @cached_property
+    def tape(self) -> "Tape | None":
+        """The chain as operations; None where an effect can't be recorded."""
+        # Imported now: nobody who fits nothing waits for the compiler.
+        from sandbot_model.physics.tape import record
+
+        return record(self.walker)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -5,7 +5,7 @@ A recording is one path through the code. An effect that looks at values or shap
 can't be recorded: the chain is then run as it is, on arrays (``Walker``).
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from sandbot_model.physics.arrays import Array, Ints
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect
-from sandbot_model.physics.machine import COMPARISONS, LOGICAL, NUMBER, UNARY
+from sandbot_model.physics.machine import COMPARISONS, LOGICAL, NUMBER, OF_ROW, UNARY
 from sandbot_model.physics.stages import through
 from sandbot_model.physics.walking import Walker, observables
 
@@ -69,6 +69,8 @@ class Tape:
         self.outputs: dict[str, int] = {}
         self.tables: list[tuple[Array, Array]] = []
         self.registers = len(self.inputs)
+        self.programs: dict[Hashable, Any] = {}
+        """What has been made of it before."""
         self._known: dict[tuple[int, int, int, int], Recorded] = {}
 
     def input(self, name: str) -> Recorded:
@@ -102,6 +104,10 @@ class Tape:
     def curve(self, phi: Any) -> Any:
         """The fitted stiffness at another volume fraction; where there is no curve, the input ``k``."""
         return self._put((NUMBER["curve"], self._register(phi)[0], self.inputs["k"], 0), False)
+
+    def close(self) -> None:
+        """Nothing more is recorded."""
+        self._known.clear()
 
     def _put(self, what: tuple[int, int, int, int], truth: bool) -> Recorded:
         if what not in self._known:
@@ -163,6 +169,7 @@ def record(walker: Walker) -> Tape | None:
         tape.output("margin", steady.margin)
         tape.output("virgin_margin", virgin.margin)
         tape.output("sigma_phi", steady.sigma_phi)
+        tape.close()
     except Exception:  # whatever a user's effect may do with what it takes for arrays
         return None
     return tape
@@ -182,6 +189,9 @@ class Program(NamedTuple):
     """What ``machine`` executes."""
 
     code: Ints
+    """Operation, the register of the result, those it is made of, whether it is the same at all points."""
+    inputs: Ints
+    """Register, what it depends on (``machine.OF_ROW`` and so on), and which of those it is."""
     outputs: Ints
     registers: int
     constants: Array
@@ -190,10 +200,12 @@ class Program(NamedTuple):
     """x and y of each table in turn, ``(2 tables, longest)``, the last point repeated."""
 
 
-def program(tape: Tape, outputs: Sequence[str], level: Mapping[str, int]) -> tuple[Program, Ints, list[str]]:
-    """The operations that these outputs need; where those begin that depend on row, cell and node; the inputs needed.
+def program(
+    tape: Tape, outputs: Sequence[str], inputs: Mapping[str, tuple[int, int]], fixed: Mapping[str, float]
+) -> Program:
+    """The operations that these outputs need, in order.
 
-    ``level`` says of each input whether it depends on the row (1), on the cell (2), on the node (3) or on none (0).
+    ``inputs`` say what each depends on and which of those it is; others have values that are ``fixed``.
     """
     wanted = {tape.outputs[name] for name in outputs}
     needed = []
@@ -201,23 +213,46 @@ def program(tape: Tape, outputs: Sequence[str], level: Mapping[str, int]) -> tup
         if operation[1] in wanted:
             needed.append(operation)
             wanted.update(_operands_of(operation))
-    deep = {tape.inputs[name]: at for name, at in level.items()}
-    for operation in reversed(needed):
-        # The curve is the row's.
-        own = 1 if operation[0] == NUMBER["curve"] else 0
-        deep[operation[1]] = max(own, *(deep.get(register, 0) for register in _operands_of(operation)))
-    needed.sort(key=lambda operation: (deep[operation[1]], operation[1]))
-    depths = [deep[operation[1]] for operation in needed]
-    code = np.array(needed, dtype=np.int64).reshape(-1, 5)
-    constants = np.array([(register, value) for value, register in tape.constants.items()]).reshape(-1, 2)
-    made = Program(
-        code, np.array([tape.outputs[name] for name in outputs]), tape.registers, constants, _padded(tape.tables)
+    own = [(tape.inputs[name], *of) for name, of in inputs.items() if tape.inputs[name] in wanted]
+    constants = [(register, value) for value, register in tape.constants.items()]
+    constants += [(tape.inputs[name], value) for name, value in fixed.items()]
+    same = {register for register, of, _ in own if of == OF_ROW} | {register for register, _ in constants}
+    return Program(
+        _marked(np.array(needed[::-1], dtype=np.int64).reshape(-1, 5), same),
+        np.array(own, dtype=np.int64).reshape(-1, 3),
+        np.array([tape.outputs[name] for name in outputs]),
+        tape.registers,
+        np.array(constants, dtype=float).reshape(-1, 2),
+        _padded(tape.tables),
     )
-    inputs = [name for name, register in tape.inputs.items() if register in wanted]
-    return made, np.searchsorted(depths, [1, 2, 3]), inputs
 
 
-def _operands_of(operation: tuple[int, int, int, int, int]) -> tuple[int, ...]:
+def by_depth(plain: Program) -> tuple[Program, Ints]:
+    """A program sorted by how deep in the loops its lines belong; where those of a row, a cell and a node begin."""
+    level = {int(register): 1 + int(of) for register, of, _ in plain.inputs}
+    for line in plain.code.tolist():
+        # The curve is the row's.
+        own = 1 if line[0] == NUMBER["curve"] else 0
+        level[line[1]] = max(own, *(level.get(register, 0) for register in _operands_of(line)))
+    levels = np.array([level[line[1]] for line in plain.code.tolist()], dtype=np.int64)
+    order = np.argsort(levels, kind="stable")
+    # All but the depths tried is the same at all of them.
+    same = {*plain.inputs[:, 0].tolist(), *plain.constants[:, 0].astype(int).tolist()}
+    return plain._replace(code=_marked(plain.code[order, :5], same)), np.searchsorted(levels[order], [1, 2, 3])
+
+
+def _marked(code: Ints, same: set[int]) -> Ints:
+    """The code with a column that says which results are the same at all points, as those inputs are."""
+    same = set(same)
+    marks = []
+    for line in code.tolist():
+        marks.append(all(register in same for register in _operands_of(line)))
+        if marks[-1]:
+            same.add(line[1])
+    return np.column_stack([code, np.array(marks, dtype=np.int64)])
+
+
+def _operands_of(operation: Sequence[int]) -> tuple[int, ...]:
     number, _, *registers = operation
     return tuple(registers[: _COUNT[number]])
 
