@@ -9,7 +9,7 @@ PYTEST_ARGS ?=
 PACKAGE_FILES := $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg ros_ws/src/*/package.xml \
 	ros_ws/src/sandbot_bringup/launch/* ros_ws/src/sandbot_bringup/config/*)
 
-.PHONY: help setup demo faults test test-quick test-whole lint bench screenshots notebook lock browser clean
+.PHONY: help setup demo faults test test-quick test-whole lint bench screenshots notebook docs reference lock browser clean
 
 help:
 	@sed -n '1p' Makefile
@@ -66,6 +66,15 @@ screenshots: setup browser
 # docs/python.md run, its outputs written back, and examples/python.ipynb made of it.
 notebook: setup
 	$(RUN) python tools/notebook.py
+
+# docs/lookup written anew from the code.
+reference: setup
+	$(RUN) python tools/reference.py
+
+# docs/ as a site in runs/site, strict about links. Its wheels are fetched for it alone: nothing else needs them.
+docs: reference
+	$(RUN) python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-docs.lock
+	$(RUN) NO_MKDOCS_2_WARNING=1 mkdocs build --strict --quiet && echo "runs/site/index.html"
 
 # Chromium for the browser tests comes from the distribution; nothing to do where it is there already.
 browser:

@@ -9,12 +9,14 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-BEGINS = ("ros2 ", "make ", "source ", "cut ", "trackway ", ".venv/bin/trackway ")
+BEGINS = ("ros2 ", "make ", "source ", "cut ", "printf ", "trackway ", ".venv/bin/trackway ")
 LEFT_OUT = {
     "ros2 launch": "runs until Ctrl-C; test_readme checks its arguments, test_live_trial its nodes",
     "ros2 service call": "asks a robot that walks",
     "make ": "test_readme checks the targets",
     "sandbot_model explore": "serves until Ctrl-C; tests/browser opens it",
+    "trackway explore": "the same",
+    "trackway doctor": "starts nodes; test_doctor does",
     "sandbot_hardware simulate": "runs until Ctrl-C; test_serial_devices starts it",
     "sandbot_tracking calibrate": "wants a table of points; test_calibrate has one",
     "__ns:=/robot1": "wants a robot in a namespace; test_two_robots has two",
@@ -40,6 +42,7 @@ QUICK = list(
         if not any(part in line for part in LEFT_OUT)
     }.values()
 )[::-1]
+TUTORIAL = [line for line in commands(ROOT / "docs" / "tutorial.md") if "explore" not in line]
 README = [line for line in commands(ROOT / "README.md") if not re.match(r"make |ros2 launch|.*runs/monday", line)]
 
 
@@ -91,6 +94,7 @@ def as_typed(line):
 def test_the_pages_are_read():
     assert len(QUICK) > 12
     assert len(README) > 20
+    assert len(TUTORIAL) > 8
     assert any("campaign demo.yaml" in line for line in QUICK)
     assert all(any(part in line for line in ALL) for part in LEFT_OUT)
 
@@ -107,6 +111,21 @@ def test_every_command_is_understood_in_a_fresh_shell(desk):
 def test_a_command_that_is_wrong_would_be_seen(desk):
     codes = fresh_shell(["source env.sh", "ros2 run sandbot_bringup campaign dmo.yaml --dry-run"], desk, 100)
     assert list(codes.values()) == [0, 2]
+
+
+@pytest.mark.whole
+@pytest.mark.timeout(1800)
+def test_the_tutorial_from_its_first_line_to_its_last(desk):
+    codes = fresh_shell(TUTORIAL, desk, 1700)
+    assert {line: code for line, code in codes.items() if code} == {}, (desk / "err.txt").read_text()
+    told = (desk / "out.txt").read_text()
+    for promised in (
+        "simple model fails",
+        "verdict: identified: stance_overlap",
+        "truth:   agrees",
+        "verdict: untested",
+    ):
+        assert promised in told
 
 
 @pytest.mark.whole

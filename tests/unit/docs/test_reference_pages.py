@@ -1,0 +1,68 @@
+"""docs/lookup says what the code does; the site has every page, and a quarter for each."""
+
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+import reference
+
+ROOT = Path(__file__).parents[3]
+DOCS = ROOT / "docs"
+MAKERS = {
+    "commands.md": reference.commands,
+    "files.md": reference.files,
+    "topics.md": reference.all_topics,
+    "formulas.md": reference.formulas,
+}
+
+
+def words(text):
+    """Without line breaks: where argparse puts them differs from Python to Python."""
+    return " ".join(text.split())
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_a_page_is_what_the_code_says(name):
+    if name == "commands.md" and sys.version_info >= (3, 13):
+        pytest.skip("argparse words its help otherwise")
+    made = MAKERS[name]()
+    page = (DOCS / "lookup" / name).read_text(encoding="utf-8")
+    assert words(page) == words(made), "make reference writes it anew"
+    assert page.startswith(reference.MADE)
+
+
+def test_the_page_of_json_knows_what_the_design_promises():
+    page = (DOCS / "lookup" / "json.md").read_text(encoding="utf-8")
+    for key in ("schema", "noise_floor_m_s", "steps[].cv_rmse_m_s", "verdict.status", "verdict.because", "data.trials"):
+        assert f"| `{key}` |" in page
+
+
+def listed(nav):
+    """The pages of a navigation, however deep."""
+    for entry in nav:
+        if isinstance(entry, str):
+            yield entry
+        else:
+            for value in entry.values():
+                yield from [value] if isinstance(value, str) else listed(value)
+
+
+def test_every_page_has_its_place():
+    nav = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]
+    assert [next(iter(quarter)) for quarter in nav[1:]] == [
+        "Tutorial",
+        "How-to",
+        "Reference",
+        "Explanation",
+        "Glossary",
+    ]
+    there = {str(path.relative_to(DOCS)) for path in DOCS.rglob("*.md") if path.parent.name != "decisions"}
+    assert set(listed(nav)) == there
+
+
+def test_every_wheel_of_the_site_is_pinned():
+    lines = (ROOT / "requirements-docs.lock").read_text(encoding="utf-8").split()
+    assert any(line.startswith("mkdocs-material==") for line in lines)
+    assert all(line.count("==") == 1 for line in lines)

@@ -1,0 +1,200 @@
+"""``make docs``: the reference pages, written from the code they describe (docs/lookup/)."""
+
+import argparse
+import contextlib
+import dataclasses
+import io
+import math
+import os
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from importlib.metadata import distribution
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "docs" / "lookup"
+MADE = "<!-- made by tools/reference.py from the code; change it there -->\n"
+PACKAGES = (
+    *("sandbot_model", "sandbot_record", "sandbot_bringup", "sandbot_tracking", "sandbot_lab", "sandbot_hardware"),
+    *("sandbot_clock", "sandbot_bed"),
+)
+FILES = {
+    "A plan (campaign.yaml)": ("sandbot_bringup.plan", "Plan"),
+    "extra_trials of a plan": ("sandbot_bringup.plan", "ExtraTrials"),
+    "bed of a plan": ("sandbot_bed.protocol", "ProtocolParameters"),
+    "gait_parameters of a plan": ("sandbot_clock.gait", "Gait"),
+    "robot.yaml": ("sandbot_common.robot", "Robot"),
+    "accuracy in cameras.yaml": ("sandbot_common.accuracy", "Accuracy"),
+    "world.yaml of the virtual lab": ("sandbot_lab.world", "World"),
+    "noise in world.yaml": ("sandbot_lab.world", "Noise"),
+    "week in world.yaml": ("sandbot_lab.week", "Week"),
+}
+EXAMPLE = "examples/demo_trials.csv"
+
+
+def main() -> int:
+    """Write every page; say which."""
+    FOLDER.mkdir(exist_ok=True)
+    for name, text in pages():
+        (FOLDER / name).write_text(text, encoding="utf-8")
+        print(f"docs/lookup/{name}")
+    return 0
+
+
+def pages() -> Iterator[tuple[str, str]]:
+    """Each page's file name and text."""
+    yield "commands.md", commands()
+    yield "files.md", files()
+    yield "topics.md", all_topics()
+    yield "formulas.md", formulas()
+    yield "json.md", schemas()
+
+
+def commands() -> str:
+    """--help of every executable."""
+    parts = [
+        f"{MADE}# Commands\n\nEach is `ros2 run PACKAGE NAME` after `source env.sh`, or `trackway NAME` without.\n"
+    ]
+    for package in PACKAGES:
+        parts.append(f"## {package}\n")
+        for entry in sorted(
+            distribution(package).entry_points.select(group="console_scripts"), key=lambda one: one.name
+        ):
+            parts.append(f"### {entry.name}\n\n```text\n{help_of(entry.name, entry.load())}\n```\n")
+    return "\n".join(parts)
+
+
+def help_of(name: str, command: Any) -> str:
+    """What ``--help`` prints, on lines of 100 columns."""
+    said, before = io.StringIO(), (sys.argv, os.environ.get("COLUMNS"))
+    sys.argv, os.environ["COLUMNS"] = [name], "100"
+    try:
+        with contextlib.redirect_stdout(said), contextlib.suppress(SystemExit):
+            command(["--help"])
+    finally:
+        sys.argv = before[0]
+        os.environ.pop("COLUMNS") if before[1] is None else os.environ.update(COLUMNS=before[1])
+    return said.getvalue().strip()
+
+
+def files() -> str:
+    """The keys of every YAML file."""
+    parts = [f"{MADE}# Keys of YAML files\n\nAn unknown key is an error; a key that is left out has its default.\n"]
+    for title, (module, name) in FILES.items():
+        parts.append(f"## {title}\n\n{keys(getattr(import_module(module), name))}\n")
+    return "\n".join(parts)
+
+
+def keys(cls: type) -> str:
+    """The parameters of a dataclass as a table."""
+    from sandbot_common.parameters import specs
+
+    defaults = {field.name: _default(field) for field in dataclasses.fields(cls)}
+    rows = [
+        (f"`{spec.name}`", spec.unit or "–", _range(spec), f"`{defaults[spec.name]}`", spec.doc) for spec in specs(cls)
+    ]
+    return table(("key", "unit", "range", "default", "meaning"), rows)
+
+
+def _default(field: "dataclasses.Field[Any]") -> str:
+    if field.default is not dataclasses.MISSING:
+        return repr(field.default)
+    return "needed" if field.default_factory is dataclasses.MISSING else repr(field.default_factory())
+
+
+def _range(spec: Any) -> str:
+    if spec.choices:
+        return ", ".join(map(str, spec.choices))
+    low, high = ("" if math.isinf(end) else f"{end:g}" for end in (spec.low, spec.high))
+    return f"{low} to {high}".strip() if low or high else "–"
+
+
+def all_topics() -> str:
+    """Names, types and QoS of the topics."""
+    from sandbot_common import topics
+
+    rows = [
+        (f"`{topic.name}`", f"`{topic.type}`", "latched" if topic.latched else "–")
+        for topic in (*topics.ALL, topics.CAMPAIGN_STATUS, topics.MODEL_CURVE, topics.HEARTBEAT)
+    ]
+    return f"{MADE}# Topics\n\n{table(('topic', 'type', 'QoS'), list(dict.fromkeys(rows)))}\n"
+
+
+def formulas() -> str:
+    """The language of formulas."""
+    from sandbot_model.physics import formula, symbols
+
+    rows = [(", ".join(f"`{s}`" for s in one.spellings), one.unit, one.stage, one.doc) for one in symbols.listed()]
+    functions = ", ".join(f"`{name}`" for name in sorted({*formula.FUNCTIONS, *formula.SHORT}))
+    return (
+        f"{MADE}# The language of formulas\n\n"
+        f"`--effect 'NAME: STAGE: FORMULA; parameter [unit] in LOW..HIGH; ...'`\n\n"
+        f"A bare formula is the new value of its stage's quantity: "
+        f"{', '.join(f'{stage} sets `{name}`' for stage, name in formula.MAIN.items())}. `X -> ...` or `X = ...` sets "
+        "another one, `X *= ...` and `X += ...` change it, `X, Y *= ...` several alike. Products are `*` or `·`, "
+        f"powers `^`, `**` or `²`. Functions: {functions}; `pi`.\n\n"
+        f"{table(('symbol', 'unit', 'from stage', 'meaning'), rows)}\n"
+    )
+
+
+def schemas() -> str:
+    """The keys of what compare and discover write, taken from what they write of the example."""
+    from sandbot_model.tools import compare, discover
+
+    parts = [
+        f"{MADE}# Keys of JSON results\n\nAs written of {EXAMPLE}; `[]` is one of a list, `*` a name of its own.\n"
+    ]
+    for name, run in (("compare", compare.main), ("discover", discover.main)):
+        content = _written(run)
+        parts.append(f"## {name} --json (`{content['schema']}`)\n")
+        parts.append(table(("key", "type"), sorted(dict.fromkeys(_paths(content)))) + "\n")
+    return "\n".join(parts)
+
+
+def _written(run: Any) -> dict[str, Any]:
+    import json
+
+    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
+        out = Path(folder) / "out.json"
+        more = (
+            ["--max-effects", "1", "--workers", "1"]
+            if "discover" in run.__module__
+            else ["--effects", "stance_overlap"]
+        )
+        with contextlib.redirect_stderr(io.StringIO()):
+            assert run([str(ROOT / EXAMPLE), *more, "--json", str(out)]) == 0
+        found: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
+        return found
+
+
+NAMED = ("parameters", "rmse", "cv_rmse", "lack_of_fit", "noise_floor", "variants", "correlations")
+"""Keys below which are names of parameters, observables or effects."""
+_TYPES = {str: "text", bool: "true or false", int: "number", float: "number", type(None): "null or number"}
+
+
+def _paths(content: Any, above: str = "") -> Iterator[tuple[str, str]]:
+    if isinstance(content, dict):
+        for key, value in content.items():
+            own = "*" if above.split(".")[-1] in NAMED else key
+            yield from _paths(value, f"{above}.{own}".lstrip("."))
+    elif isinstance(content, list):
+        if not content:
+            yield f"`{above}`", "list"
+        for value in content:
+            yield from _paths(value, f"{above}[]")
+    else:
+        yield f"`{above}`", _TYPES[type(content)]
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of Markdown."""
+    lines = [head, ["---"] * len(head), *([cell.replace("|", "\\|") for cell in row] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+if __name__ == "__main__":
+    argparse.ArgumentParser(description=__doc__).parse_args()
+    raise SystemExit(main())
