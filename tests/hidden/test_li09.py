@@ -1,5 +1,6 @@
 """The paper's own conclusion from the lab's rendering of its robot: disturbed ground ends walking."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -63,3 +64,25 @@ def test_discover_finds_them_by_itself():
     verdict = discover(cells(), EFFECTS).verdict
     assert verdict.status == "identified"
     assert set(verdict.effects) == {"slow_phase_speed", "disturbed_ground", "belly_coast"}
+
+
+CHANGED = {
+    "without disturbed_ground": ({"disturbed_ground": None}, "simple", {"belly_coast", "slow_phase_speed"}),
+    "without belly_coast": ({"belly_coast": None}, "simple", {"disturbed_ground", "slow_phase_speed"}),
+    "with swimming_thrust": ({"swimming_thrust": {"a_m_s2": 0.45}}, "li09", {"swimming_thrust"}),
+    "with crater_refill": ({"crater_refill": {"z0_m": 0.004}}, "li09", {"crater_refill"}),
+    "as it is": ({}, "li09", set()),
+}
+"""The paper's world with an effect removed or added; the base model of the search; what it is to name."""
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize(("changes", "base", "named"), CHANGED.values(), ids=CHANGED)
+def test_an_effect_removed_or_added_is_discovered(changes, base, named):
+    """docs/li09.md; the last case is the control."""
+    world = read_world(CONFIG / "li09_world.yaml").walked_by(ROBOT)
+    effects = {name: values for name, values in {**world.effects, **changes}.items() if values is not None}
+    rows = direct_trials(replace(world, effects=effects), PHI, OMEGA, "SGCS", 3, seed=3)
+    verdict = discover(cells_of(from_rows([Row(**row) for row in rows], ROBOT)), EFFECTS, base=base).verdict
+    assert verdict.status == ("identified" if named else "adequate")
+    assert set(verdict.effects) == named

@@ -32,8 +32,15 @@ GHOST: dict[str, Any] = {"color": FAINT, "linewidth": 0.7, "linestyle": (0, (4, 
 
 
 def against_phi(material: Material, width_mm: float) -> "tuple[Figure, str]":
-    """Fig. 1e: one line and colour a leg frequency; points are trials at their measured φ."""
+    """Fig. 1e."""
     figure, (panel,) = sheet(width_mm, 0.85 * width_mm)
+    omegas, _ = frequencies(material.cells)
+    phi_panel(panel, material)
+    return figure, _of_phi(material, omegas)
+
+
+def phi_panel(panel: "Axes", material: Material) -> None:
+    """Mean speed against φ: one line and colour a leg frequency; points are trials at their measured φ."""
     trials, cells = material.trials, material.cells
     omegas, _ = frequencies(cells)
     phi = np.linspace(cells.level_phi[0] - 0.001, cells.level_phi[-1] + 0.001, POINTS)
@@ -51,17 +58,12 @@ def against_phi(material: Material, width_mm: float) -> "tuple[Figure, str]":
     panel.set_ylabel("mean speed (cm/s)")
     panel.set_ylim(bottom=0)
     key(panel, "ω (rad/s)", loc="upper left")
-    return figure, _of_phi(material, omegas)
 
 
 def against_omega(material: Material, width_mm: float) -> "tuple[Figure, str]":
-    """Fig. 2a: one line and colour a φ; dashed the simple model as the paper fits it."""
+    """Fig. 2a, dashed the simple model as the paper fits it."""
     figure, (panel,) = sheet(width_mm, 0.8 * width_mm)
-    _lines(panel, material, material.fit, first=material.simple)
-    _points(panel, material)
-    _beside(panel, material, "omega_rad_s")
-    _of_omega(panel, material)
-    key(panel, "φ", loc="upper left")
+    omega_panel(panel, material, first=material.simple)
     best = [float(np.nanmax(material.cells.mean[band.cells, 0])) for band in bands(material.cells)]
     return figure, (
         f"Mean speed against leg frequency, points trials, lines {_named(material.fit)}; grey dashes the simple model, "
@@ -69,6 +71,15 @@ def against_omega(material: Material, width_mm: float) -> "tuple[Figure, str]":
         f"{CM * best[0]:.1f} cm/s at φ {material.cells.level_phi[0]:.3f} to {CM * best[-1]:.1f} cm/s at "
         f"{material.cells.level_phi[-1]:.3f}. {CONVENTION}"
     )
+
+
+def omega_panel(panel: "Axes", material: Material, first: Fit | None = None) -> None:
+    """Mean speed against ω: one line and colour a φ; ``first`` is dashed."""
+    _lines(panel, material, material.fit, first=first)
+    _points(panel, material)
+    _beside(panel, material, "omega_rad_s")
+    _of_omega(panel, material)
+    key(panel, "φ", loc="upper left")
 
 
 def simple_and_full(material: Material, width_mm: float) -> "tuple[Figure, str]":
