@@ -9,7 +9,8 @@ from sandbot_common.accuracy import USUAL
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.sharing import BATCH, STRUCTURE, bed_scatter, shared_by, structure_p
+from sandbot_model.discovery.sharing import bed_scatter, shared_by
+from sandbot_model.discovery.structure import BATCH, STRUCTURE, at_random, smoothness, structure_p
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
@@ -113,4 +114,20 @@ def test_offsets_that_grow_with_the_frequency_are_no_scatter(drawn):
     trend = own.slope[:, :, :7] @ np.linspace(-0.2, 0.2, 7) ** 2
     cells = dataclasses.replace(plain.cells, mean=plain.cells.mean + trend)
     assert structure_p(fitted_at(plain.model, cells, plain.point, own)) < STRUCTURE
-    assert np.isnan(structure_p(plain))
+    assert at_random(plain, DEFAULT)
+
+
+def test_offsets_that_are_smooth_are_no_scatter(drawn):
+    """A resonance is no trend of second order over φ and ω, but it is smooth."""
+    plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="")))
+    own = shared_by(plain, DEFAULT, 0.01)
+    by_cell = own.slope[:, :, [name == BATCH for name in own.names]]
+    scattered = 0.02 * np.random.default_rng(1).standard_normal(len(plain.cells))
+    resonant = 0.06 * np.exp(-0.5 * ((plain.cells.omega - 12) / 4) ** 2)
+    found = []
+    for offsets in (scattered, resonant):
+        cells = dataclasses.replace(plain.cells, mean=plain.cells.mean + by_cell @ offsets)
+        found.append(fitted_at(plain.model, cells, plain.point, own))
+    assert at_random(found[0], DEFAULT)
+    assert smoothness(found[0]) < DEFAULT.shared < smoothness(found[1])
+    assert not at_random(found[1], DEFAULT)

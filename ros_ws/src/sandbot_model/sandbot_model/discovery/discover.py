@@ -27,6 +27,7 @@ from sandbot_model.discovery.partial import Partial, partly
 from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.sharing import Shared, reconsidered
+from sandbot_model.discovery.smooth import taken_back
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
 from sandbot_model.discovery.untested import repeats, untested
@@ -212,7 +213,9 @@ def discover(
 def _concluded(search: EffectSearch) -> Shared:
     """The verdict on what was tried, beside what trials share."""
     plain = judge(search.fits, search.criteria)
-    return reconsidered(search, plain) or Shared(plain, search.fits, search.fits[plain.effects])
+    found = reconsidered(search, plain) or Shared(plain, search.fits, search.fits[plain.effects])
+    refused = taken_back(found.verdict, found.fits)
+    return found if refused is None else Shared(refused, search.fits, search.fits[()])
 
 
 def _between(search: EffectSearch, unexplained: Shared) -> tuple[Shared, Partial | None]:

@@ -14,12 +14,13 @@ import numpy as np
 
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
+from sandbot_model.discovery.structure import BATCH, at_random, batch_share
 from sandbot_model.discovery.verdict import Verdict, judge, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, solve_near
 from sandbot_model.fitting.jacobian import cell_jacobian, full_jacobian
 from sandbot_model.fitting.likelihood import WIDENED
-from sandbot_model.fitting.nuisances import Nuisances, scatter_of_batches, trend_p
+from sandbot_model.fitting.nuisances import Nuisances, scatter_of_batches
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import Observable
 
@@ -27,13 +28,11 @@ LEADING = 6
 """Larger sets that are tried again, the best."""
 MAX_SCATTER = 2.5
 """Largest σ_b, in units of its prior."""
-STRUCTURE = 0.01
-"""p-value below which offsets follow something, and are no nuisance."""
 GAINED = 0.5
 """Fall of the deviance that makes a fit better than another."""
 ALONG = [Observable.speed, Observable.peak_speed, Observable.first_step]
-BATCH, LIFT_ZERO, SPEED_SCALE = "ln_k", "lift_zero_m", "speed_scale"
-"""Names of every batch's offset, of the zero of the lift and of the scale along the track."""
+LIFT_ZERO, SPEED_SCALE = "lift_zero_m", "speed_scale"
+"""Names of the zero of the lift and of the scale along the track."""
 WORDS = {
     "drift": ("a drift of k", 1e2, "%"),
     SPEED_SCALE: ("a speed scale off", 1e2, "%"),
@@ -113,7 +112,7 @@ def _beside(search: EffectSearch, plain: Verdict, size: int, scatter: float) -> 
     while verdict.effects and (lower := _smaller_from(fits, verdict.effects, search.criteria, scatter)):
         fits |= lower
         verdict = judge(fits, search.criteria)
-    if verdict.status == "unexplained" or not _random(fits[verdict.effects]):
+    if verdict.status == "unexplained" or not at_random(fits[verdict.effects], search.criteria):
         return None
     if plain.status == "adequate" != verdict.status:
         return None
@@ -203,12 +202,6 @@ def shared_by(fit: Fit, criteria: Criteria, scatter: float) -> Nuisances:
     return Nuisances(names, np.array(sd), np.stack(slopes, axis=-1), own)
 
 
-def batch_share(fit: Fit) -> Array:
-    """Share of each cell's trials in each batch; every cell is one of its own where no batches are given."""
-    given = fit.cells.batch_share
-    return np.eye(len(fit.cells)) if given is None else given
-
-
 def _by_ln_k(fit: Fit) -> Array:
     """d(cell mean)/d ln k ``(cells, 4)``, 0 for cells that walk or swim by chance: a slope says nothing there."""
     problem, state = fit.problem, fit.state
@@ -231,36 +224,6 @@ def bed_scatter(fit: Fit, criteria: Criteria) -> float:
         values, jacobian, unit[:, batches], unit[:, ~batches], tried, criteria.bed_scatter
     )
     return scatter if gain > criteria.shared else 0.0
-
-
-def _random(fit: Fit) -> bool:
-    """Whether the batches' offsets follow nothing."""
-    p = structure_p(fit)
-    return bool(np.isnan(p) or p >= STRUCTURE)
-
-
-def structure_p(fit: Fit) -> float:
-    """p-value of no trend of the batches' offsets over φ, ω (to second order) and run order; NaN without offsets."""
-    own, state = fit.nuisances, fit.state
-    if own is None or BATCH not in own.names:
-        return float("nan")
-    jacobian = full_jacobian(fit.problem, state)[0][: -len(own.sd)]
-    unknowns = jacobian.shape[1] - len(own.sd)
-    shift = jacobian[:, unknowns:]
-    residual = state.all_residuals[0][: len(jacobian)] - shift @ (state.shared[0] * own.sd)
-    covariance = np.eye(len(jacobian)) + (shift * own.sd**2) @ shift.T
-    batches = np.array([name == BATCH for name in own.names])
-    return trend_p(residual, jacobian[:, :unknowns], covariance, shift[:, batches] @ _trends(fit))
-
-
-def _trends(fit: Fit) -> Array:
-    """Smooth functions of where and when a batch was ``(batches, t)``."""
-    share, cells = batch_share(fit), fit.cells
-    at = np.stack([cells.phi, cells.omega, *([] if cells.order is None else [cells.order])], axis=1)
-    at = (share / share.sum(axis=0)).T @ ((at - at.mean(axis=0)) / np.maximum(at.std(axis=0), 1e-12))
-    phi, omega = at[:, 0], at[:, 1]
-    trends = np.stack([*at.T, phi**2, omega**2, phi * omega], axis=1)
-    return np.asarray(trends - trends.mean(axis=0))
 
 
 def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, scatter: float, criteria: Criteria) -> Verdict:

@@ -51,15 +51,20 @@ def scatter_of_batches(
     of a half-normal prior of σ_b. Of the contrasts free of all that was fitted, those that batches share have the
     variances 1 + σ_b² s_i².
     """
-    white = np.linalg.inv(np.linalg.cholesky(np.eye(len(residual)) + others @ others.T))
-    basis, singular, _ = np.linalg.svd(white @ jacobian)
-    contrasts = basis[:, np.count_nonzero(singular > 1e-9 * singular[0]) :].T @ white
+    contrasts = free_of(jacobian, others)
     axes, shares, _ = np.linalg.svd(contrasts @ batches, full_matrices=False)
     missed = axes.T @ (contrasts @ residual)
     variance = 1 + np.outer(tried, shares) ** 2
     value = np.sum(np.log(variance) + missed**2 / variance, axis=1) + (tried / prior) ** 2
     best = int(np.argmin(value))
     return float(tried[best]), float(value[0] - value[best])
+
+
+def free_of(jacobian: Array, others: Array) -> Array:
+    """Contrasts ``(n - rank, n)`` of unit variance, free of all that was fitted; arguments as above."""
+    white = np.linalg.inv(np.linalg.cholesky(np.eye(len(jacobian)) + others @ others.T))
+    basis, singular, _ = np.linalg.svd(white @ jacobian)
+    return np.asarray(basis[:, np.count_nonzero(singular > 1e-9 * singular[0]) :].T @ white)
 
 
 def trend_p(residual: Array, jacobian: Array, covariance: Array, trends: Array) -> float:

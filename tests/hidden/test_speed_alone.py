@@ -1,0 +1,53 @@
+"""From mean speed alone, at the noise of a plain lab, nothing is named that something smooth explains as well."""
+
+import numpy as np
+import pytest
+from worlds import BY_NAME, EFFECTS, hidden
+
+from sandbot_lab.direct import direct_trials
+from sandbot_lab.world import Noise, World
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery import discover as rooms
+from sandbot_model.discovery.smooth import smooth_gain
+from sandbot_model.physics.observables import Observable
+from sandbot_record.trials.table import Row, from_rows
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+OTHERS = dict.fromkeys(("lift_m", "peak_speed_m_s", "first_step_m"), np.nan)
+OUTSIDE = "x_traction_loss(loss=0.4)"
+
+
+def cells(name, seed):
+    effects = {one: dict(values) for one, values in BY_NAME[name].effects.items()}
+    world = World(effects=effects, noise=Noise(speed_sd_m_s=0.008))
+    rows = direct_trials(world, hidden.PHI, hidden.OMEGA, "UNIFORM", 3, seed)
+    return cells_of(from_rows([Row(**{**row, **OTHERS}) for row in rows]))
+
+
+def verdict(name, seed):
+    return rooms.discover(cells(name, seed), EFFECTS, max_effects=1).verdict
+
+
+def test_a_ground_outside_the_catalogue_is_not_named():
+    found = verdict(OUTSIDE, 1)
+    assert (found.status, found.effects) == ("unexplained", ())
+    assert "any smooth change of mean speed over φ and ω" in found.because
+    assert "measure body lift" in found.because
+
+
+def test_it_would_be_named_if_nothing_smooth_were_thought_of(monkeypatch):
+    monkeypatch.setattr(rooms, "taken_back", lambda verdict, fits: None)
+    assert verdict(OUTSIDE, 1).effects == ("dilation",)
+
+
+def test_an_effect_that_is_there_is_still_in_the_set():
+    assert ("exact_vertical_acceleration",) in verdict("exact_vertical_acceleration()", 1).alternatives
+
+
+def test_something_smooth_gains_where_there_is_something_and_little_where_there_is_nothing():
+    there, nothing = (
+        smooth_gain(rooms.discover(cells(name, 2), EFFECTS, max_effects=1).steps[0], Observable.speed)
+        for name in (OUTSIDE, "null")
+    )
+    assert there > 30
+    assert 0 <= nothing < 12
