@@ -62,5 +62,5 @@ def test_what_does_not_show_has_no_limit(drawn):
 def test_a_limit_reads_as_a_person_writes_it():
     assert str(Limit("stance_overlap", "eta", "1", None, 0.0213)) == "stance_overlap.eta < 0.021"
     assert str(Limit("cable_drag", "f_c_n", "N", None, 0.05)) == "cable_drag.f_c_n < 0.05 N"
-    assert str(Limit("a", "b", "1", -0.05, 0.1)) == "-0.05 < a.b < 0.1"
+    assert str(Limit("a", "b", "1", -0.05, 0.1)) == "-0.050 < a.b < 0.100"
     assert str(Limit("a", "b", "m", 0.5, None)) == "0.5 < a.b m"
