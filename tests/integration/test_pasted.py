@@ -79,6 +79,7 @@ def prepared(folder):
         ]
         text = "\n".join(["trial_id,phi,phi_sd,omega_rad_s,gait,replicate,speed_m_s", *rows]) + "\n"
         (folder / "runs" / name / "trials.csv").write_text(text)
+    (folder / "robot.yaml").write_text("leg_radius_m: 0.036\n")
     (folder / "plan.yaml").write_text("name: mine\ngait: UNIFORM\nphi: [0.6]\nomega_rad_s: [8]\nreplicates: 1\n")
     return folder
 
