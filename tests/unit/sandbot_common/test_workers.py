@@ -39,6 +39,32 @@ def test_workers_leave_ctrl_c_to_their_parent_and_run_what_is_asked_first():
     assert readiness(0) is None
 
 
+HASTY = """
+import os, signal, sys
+from sandbot_common.workers import pool
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, lambda *_: None)
+    with pool(1, "spawn") as workers:
+        task = workers.submit(os.getpid)
+        os.killpg(0, signal.SIGINT)
+        print(task.result())
+else:
+    # A worker is being imported: Ctrl-C comes just now.
+    os.kill(os.getpid(), signal.SIGINT)
+"""
+
+
+def test_ctrl_c_while_a_worker_is_being_born_is_its_parents_affair(tmp_path):
+    script = tmp_path / "hasty.py"
+    script.write_text(HASTY)
+    done = subprocess.run(
+        [sys.executable, str(script)], text=True, capture_output=True, start_new_session=True, timeout=120, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert int(done.stdout) > 0
+
+
 @pytest.mark.parametrize("start", ["fork", "spawn"])
 def test_a_worker_ends_with_a_parent_that_was_killed(tmp_path, start):
     script = tmp_path / "orphans.py"

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing.connection import wait
+from multiprocessing.context import ForkContext, ForkProcess, SpawnContext, SpawnProcess
 from typing import Literal
 
 
@@ -16,13 +17,41 @@ def pool(count: int, start: Literal["fork", "spawn"], also: Callable[[], None] |
     A forked worker sees what its parent has loaded (a user's effects could not be found again by name). Where the
     parent has threads (DDS, numba) spawn is needed: it starts from nothing.
     """
-    context = multiprocessing.get_context(start)
+    context = _Spawned() if start == "spawn" else _Forked()
     return ProcessPoolExecutor(count, mp_context=context, initializer=_start, initargs=(also,))
+
+
+class _Starts:
+    """A process that is born with Ctrl-C blocked: in the middle of its imports it would die of it, with a trace."""
+
+    def start(self) -> None:
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            super().start()  # type: ignore[misc]
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _SpawnedProcess(_Starts, SpawnProcess):
+    pass
+
+
+class _ForkedProcess(_Starts, ForkProcess):
+    pass
+
+
+class _Spawned(SpawnContext):
+    Process = _SpawnedProcess
+
+
+class _Forked(ForkContext):
+    Process = _ForkedProcess
 
 
 def _start(also: Callable[[], None] | None) -> None:
     # Ctrl-C reaches the whole process group; the parent decides, a worker finishes its task.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if also is not None:
         also()
