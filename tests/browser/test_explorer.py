@@ -253,8 +253,19 @@ def test_a_wrong_formula_gives_a_message_and_loses_nothing_a_right_one_is_fitted
     assert (page.text("status"), page.driver.current_url) == (before, address_before)
     box.send_keys(Keys.CONTROL, "a")
     box.send_keys(BOOST)
+    page.until(lambda: "a from -5 to 5" in page.text("formula-read"))
+    assert page.driver.find_elements(By.CSS_SELECTOR, "#formula-read math")
     page.press("add")
     page.until(lambda: "disturbed ground + boost" in page.text("status") and page.text("message") == "")
+    # Another one, with a symbol by a press on it.
+    box.send_keys(Keys.CONTROL, "a")
+    box.send_keys("more: strength: k*(1 + b*")
+    page.unfold()
+    page.driver.find_element(By.CSS_SELECTOR, "[data-symbol='φ']").click()
+    page.until(lambda: "is not an expression" in page.text("formula-read"))
+    page.keys("); b in 0..1")
+    page.until(lambda: "b from 0 to 1" in page.text("formula-read"))
+    assert box.get_attribute("value") == "more: strength: k*(1 + b*φ); b in 0..1"
 
 
 def test_an_effect_that_fails_half_way_is_named_and_the_page_goes_on(page, folder, tmp_path):

@@ -10,7 +10,7 @@ from made_up import Inline, made_up_trials
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import Selection, from_mapping
-from sandbot_model.explore import app, no_data
+from sandbot_model.explore import app, controls, no_data
 from sandbot_model.explore.actions import values_of
 from sandbot_model.explore.app import SHOWN, Beside, Explorer
 from sandbot_model.explore.session import Session
@@ -132,3 +132,18 @@ def test_only_this_host_is_answered(session, trials, tmp_path):
     client = Explorer(session, trials, [tmp_path / "x.csv"], "test").app().server.test_client()
     assert client.get("/", headers={"Host": "127.0.0.1:8050"}).status_code == 200
     assert client.get("/", headers={"Host": "elsewhere.example"}).status_code == 403
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("", None),
+        ("boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5", "a from -5 to 5"),
+        ("boost: strength: k*(1 + a*(phj - 0.6)); a [1] in -5..5", "did you mean 'phi'?"),
+        ("boost", "expected 'name: stage: formula"),
+    ],
+)
+def test_a_formula_is_read_while_it_is_typed(typed, said):
+    found = str(controls.formula_read(typed))
+    assert found == "[]" if said is None else said in found
+    assert ("data-mathml" in found) == (said is not None and said.startswith("a from"))

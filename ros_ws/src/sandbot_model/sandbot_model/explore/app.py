@@ -265,6 +265,9 @@ class Explorer:
             state={"search": State("address", "search")},
             prevent_initial_call=True,
         )(self.on_suggest)
+        app.callback(Output("formula-read", "children"), Input("formula", "value"), prevent_initial_call=True)(
+            lambda typed: controls.formula_read(typed or "")
+        )
         app.clientside_callback(
             "window.dash_clientside.explore.theme", Output("theme", "data"), Input("address", "pathname")
         )

@@ -6,11 +6,14 @@ from typing import Any
 
 from dash import dcc, html
 
+from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.explore.views import TITLES, Pane, Slider, preview, values
 from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.observables import Observable
+from sandbot_model.physics.symbols import listed
 from sandbot_model.physics.typeset import mathml_in_pieces
 from sandbot_model.physics.walking import BASES
 from sandbot_model.report import text
@@ -91,6 +94,32 @@ def effect_options(
         )
         options.append({"value": name, "label": label, "title": effect.seen_in})
     return options
+
+
+def formula_read(typed: str) -> list[Any]:
+    """How a formula is understood while it is typed: set as mathematics, or what is wrong with it."""
+    if not typed.strip():
+        return []
+    try:
+        effect = formula_effect(typed)
+    except InputError as error:
+        return [str(error).partition(f"{typed!r}: ")[2] or str(error)]
+    ranges = (
+        f"{p.name} from {p.low:g} to {p.high:g}{'' if p.unit == '1' else f' {p.unit}'}" for p in effect.parameters
+    )
+    return [_typeset(effect.formula), html.Br(), html.Small("; ".join(ranges))]
+
+
+def _symbols() -> html.Table:
+    """All symbols; a press on one puts it into the formula (explore.js)."""
+    rows = [
+        (
+            [html.Button(name, type="button", **{"data-symbol": name}) for name in one.spellings[:1]],
+            one.unit, one.stage, one.doc,
+        )
+        for one in listed()
+    ]  # fmt: skip
+    return _table("Quantities of the chain, in its order", ("symbol", "unit", "from stage", "meaning"), rows)
 
 
 def _typeset(formula: str) -> html.Span:
@@ -254,6 +283,8 @@ def _controls() -> html.Section:
                     html.Label("name: stage: formula; parameter [unit] in low..high", htmlFor="formula"),
                     dcc.Input(id="formula", type="text", placeholder=FORMULA_EXAMPLE, debounce=False, n_submit=0),
                     html.Button("Add and fit", id="add", type="button", n_clicks=0),
+                    html.P(id="formula-read", className="formula-read", role="status"),
+                    html.Details([html.Summary("Symbols a formula may hold"), _symbols()]),
                 ]
             ),
         ],

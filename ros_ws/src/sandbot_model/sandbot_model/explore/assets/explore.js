@@ -13,6 +13,19 @@ document.addEventListener("click", ({ target }) => {
   if (plot) window.sandbotExport.save(plot, format, figure);
 });
 
+// A symbol goes into the formula where the cursor is; React hears of it as if it had been typed.
+document.addEventListener("click", ({ target }) => {
+  const symbol = target.dataset?.symbol;
+  const box = symbol && document.getElementById("formula");
+  if (!box) return;
+  const [from, to] = [box.selectionStart ?? box.value.length, box.selectionEnd ?? box.value.length];
+  const set = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set;
+  set.call(box, box.value.slice(0, from) + symbol + box.value.slice(to));
+  box.dispatchEvent(new Event("input", { bubbles: true }));
+  box.focus();
+  box.setSelectionRange(from + symbol.length, from + symbol.length);
+});
+
 // The library's sliders have no names of their own: each is called what stands above it.
 new MutationObserver(() => {
   for (const box of document.querySelectorAll(".slider")) {
