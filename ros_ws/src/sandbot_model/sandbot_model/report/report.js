@@ -6,6 +6,7 @@
   const slider = document.getElementById("rung");
   const rungs = [...document.querySelectorAll("[data-rung]")];
   const PAPER_WIDTH = 940; // px of a portrait page between its margins, zoomed as report.css prints
+  const FLATTER = 0.9; // than on a screen, so that two or three figures share a page
   let printing = false;
 
   const chosen = () => (slider ? Number(slider.value) : 0);
@@ -16,7 +17,8 @@
     const drawn = Object.entries(figures).map(([name, themes]) => {
       const perStep = themes[theme];
       const figure = perStep[Math.min(step, perStep.length - 1)];
-      const layout = printing ? { ...figure.layout, width: PAPER_WIDTH } : figure.layout;
+      const { height } = figure.layout;
+      const layout = printing ? { ...figure.layout, width: PAPER_WIDTH, height: FLATTER * height } : figure.layout;
       return Plotly.react(`plot-${name}`, figure.data, layout, {
         responsive: true,
         displaylogo: false,
@@ -43,7 +45,14 @@
     if (format) window.sandbotExport.save(document.getElementById(`plot-${figure}`), format, figure);
   });
   dark.addEventListener("change", draw);
-  window.addEventListener("beforeprint", () => { printing = true; draw(); });
-  window.addEventListener("afterprint", () => { printing = false; draw(); });
+  const cells = document.querySelectorAll("#data details");
+  function print(now) {
+    printing = now;
+    for (const folded of cells) folded.open = now; // a supplement has its data
+    draw();
+  }
+
+  window.addEventListener("beforeprint", () => print(true));
+  window.addEventListener("afterprint", () => print(false));
   draw();
 })();

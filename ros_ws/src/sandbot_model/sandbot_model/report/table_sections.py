@@ -74,7 +74,8 @@ def parameters(steps: tuple[Step, ...]) -> Section:
     first = steps[0].fit
     for i, phi in enumerate(first.level_phi):
         values = (text.with_error(float(s.fit.k_n_per_m[i]), float(s.fit.k_stderr_n_per_m[i])) for s in steps)
-        rows.append((f"k at φ = {phi:.3f}, stiffness of the ground under a leg", "N/m", *values))
+        words = ", stiffness of the ground under a leg" if i == 0 else ""
+        rows.append((f"k at φ = {phi:.3f}{words}", "N/m", *values))
     table = Table(
         "Fitted value ± standard error; – where the model does not have the parameter.",
         ("parameter", "unit", *(step.label for step in steps)),
