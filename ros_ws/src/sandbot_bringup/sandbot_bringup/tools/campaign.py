@@ -12,6 +12,7 @@ from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import Plan, PlannedTrial, read_plan, trials_of, with_next_trials
 from sandbot_common import cli
 from sandbot_common.errors import InputError
+from sandbot_common.terminal import filled
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -29,7 +30,9 @@ def command(argv: Sequence[str]) -> int:
     files = files_of(plan, options.plan if options.plan.is_dir() else options.plan.parent, folder.path)
     trials = sorted(trials_of(plan), key=lambda trial: trial.run_order)
     if options.dry_run:
-        print(describe(plan, trials))
+        from sandbot_bringup.foresight import foresight
+
+        print(describe(plan, trials), filled(foresight(plan, trials, files)), sep="\n")
         return 0
     if options.batch and ros_arguments:
         raise InputError("--ros-args: --batch runs without ROS; leave one of the two out")
@@ -99,7 +102,9 @@ def _parser() -> argparse.ArgumentParser:
         help="a node that is silent for longer ends the live trial under way; default: 1",
     )
     parser.add_argument("--config-folder", action="store_true", help="print where the example plans lie, and stop")
-    parser.add_argument("--dry-run", action="store_true", help="check the plan and say what would be done")
+    parser.add_argument(
+        "--dry-run", action="store_true", help="check the plan; say what would be done, and what could be found"
+    )
     return parser
 
 

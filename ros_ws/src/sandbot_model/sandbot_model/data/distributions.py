@@ -1,8 +1,8 @@
-"""Tails of the χ², F and t distributions, as scipy.stats has them, without the time it takes to import that."""
+"""Tails of the χ², F, t and beta distributions, as scipy.stats has them, without the time it takes to import that."""
 
 from typing import Any
 
-from scipy.special import chdtrc, fdtrc, fdtri, gammaincinv, stdtr
+from scipy.special import betaincinv, chdtrc, fdtrc, fdtri, gammaincinv, stdtr
 
 
 def chi2_sf(value: Any, dof: Any) -> Any:
@@ -28,3 +28,8 @@ def f_isf(tail: float, dof: float, error_dof: float) -> float:
 def t_sf(value: float, dof: float) -> float:
     """Probability that Student's t with ``dof`` degrees of freedom is above ``value``."""
     return float(stdtr(dof, -value))
+
+
+def beta_ppf(probability: float, a: float, b: float) -> float:
+    """The value below which a beta variate lies with this probability."""
+    return float(betaincinv(a, b, probability))

@@ -3,7 +3,7 @@
 import argparse
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
@@ -15,8 +15,13 @@ from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
     from sandbot_model.discovery.discover import Discovery
-    from sandbot_model.fitting.parallel import Map
+    from sandbot_model.discovery.error_rates import ErrorRates
+    from sandbot_model.fitting.parallel import Map, Progress
+    from sandbot_model.physics.effect import Effect
+    from sandbot_record.trials.table import Trials
 
+CAMPAIGNS = 20
+"""Simulated campaigns by default."""
 FEW = 5
 """Effects tried that are listed."""
 
@@ -31,11 +36,21 @@ def _discover(argv: Sequence[str]) -> None:
     arguments.add_data(parser)
     arguments.add_catalogue(parser)
     parser.add_argument("--max-effects", type=int, default=3, help="largest set of effects tried (default: 3)")
+    parser.add_argument(
+        "--calibrate",
+        type=int,
+        nargs="?",
+        const=CAMPAIGNS,
+        metavar="N",
+        help=f"judge N simulated campaigns of this design as well: the verdict's error rates (default: {CAMPAIGNS})",
+    )
     arguments.add_fitters(parser)
     args = parser.parse_args(argv)
     args.typed = shlex.join(["ros2", "run", "sandbot_model", "discover", *argv])
     if args.max_effects < 0:
         raise InputError(f"--max-effects {args.max_effects}: 0 or more are needed")
+    if args.calibrate is not None and args.calibrate < 1:
+        raise InputError(f"--calibrate {args.calibrate}: 1 or more campaigns are needed")
     _run(args, arguments.fitters(args))
 
 
@@ -64,13 +79,18 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
         found = discover(
             cells, effects, base=args.model, max_effects=args.max_effects, fit_all=fit_all, progress=progress
         )
+        rates = _rates(args, found, trials, effects, fit_all, progress) if args.calibrate else []
     print(answer.of_discovery(found), end="\n\n")
     print(filled(tables.data_line(found.steps[0])), filled(robot_line), sep="\n")
     print(tables.notes(notes))
     print(_tables(found, args.verbose))
+    if rates:
+        print()
+        print(filled(f"simulated campaigns of this design: {'; '.join(map(str, rates))}"))
     if args.json is not None:
         content = found.to_dict()
         content["data"]["notes"] = list(notes)
+        content |= {"error_rates": [one.to_dict() for one in rates]} if rates else {}
         arguments.write_json(args.json, content)
     if args.html is not None:
         from sandbot_record.trials.film_strip import film_strip
@@ -81,6 +101,27 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
                 args.html, found, trials, title=args.title or args.data[0].stem, frames=frames, data=args.data,
                 command=args.typed,
             )  # fmt: skip
+
+
+def _rates(
+    args: argparse.Namespace,
+    found: "Discovery",
+    trials: "Trials",
+    effects: "Mapping[str, Effect]",
+    fit_all: "Map",
+    progress: "Progress",
+) -> "list[ErrorRates]":
+    """Of campaigns with nothing hidden, and with what was named."""
+    from sandbot_model.discovery.error_rates import error_rates
+
+    truths = [found.steps[0], *([found.fit] if found.verdict.status == "identified" else [])]
+    return [
+        error_rates(
+            trials, truth, effects, campaigns=args.calibrate, max_effects=args.max_effects, fit_all=fit_all,
+            progress=progress,
+        )
+        for truth in truths
+    ]  # fmt: skip
 
 
 def _tables(found: "Discovery", verbose: bool) -> str:

@@ -42,7 +42,7 @@ def of_bag(bag: Bag, plan: Mapping[str, Any], frame_rate_hz: float) -> Setting:
     accuracy = None
     if CAMERAS in bag.attachments:
         where = f"{bag.path}: attachment {CAMERAS}"
-        accuracy = _accuracy(parse_yaml(bag.attachments[CAMERAS].decode(errors="replace"), where), where)
+        accuracy = accuracy_of(parse_yaml(bag.attachments[CAMERAS].decode(errors="replace"), where), where)
     return Setting(str(bag.path), robot, frame_rate_hz, accuracy)
 
 
@@ -56,10 +56,11 @@ def of_campaign(folder: Path) -> Setting:
 def of_cameras(path: Path) -> tuple[float, Accuracy | None]:
     """Frames a second of the slowest camera in a cameras.yaml, and the accuracy it tells. Raises InputError."""
     content = read_yaml(path)
-    return _frame_rate(content, path), _accuracy(content, str(path))
+    return _frame_rate(content, path), accuracy_of(content, str(path))
 
 
-def _accuracy(content: object, where: str) -> Accuracy | None:
+def accuracy_of(content: object, where: str) -> Accuracy | None:
+    """What a cameras.yaml's content tells of the accuracy; None if nothing. Raises InputError."""
     given = content.get(SECTION) if isinstance(content, Mapping) else None
     return None if given is None else accuracy_from_mapping(given, where)
 

@@ -1,0 +1,38 @@
+"""What a campaign will be able to find, said before it is run."""
+
+from collections.abc import Mapping, Sequence
+
+from sandbot_bringup.config import robot_of
+from sandbot_bringup.plan import Plan, PlannedTrial
+from sandbot_common.errors import InputError
+
+
+def foresight(plan: Plan, trials: Sequence[PlannedTrial], files: Mapping[str, str]) -> str:
+    """One sentence; it supposes the ground of Li09 and the scatter that the cameras' file has as usual."""
+    import yaml
+
+    from sandbot_model.discovery.effect_search import EffectSearch
+    from sandbot_model.discovery.power import detectable, expected, in_words
+    from sandbot_model.physics.catalogue import catalogue
+    from sandbot_record.trials.setting import accuracy_of
+    from sandbot_record.trials.table import Row, from_rows
+
+    cameras = yaml.safe_load(files["cameras.yaml"])
+    rows = [
+        Row(
+            trial_id=trial.trial_id,
+            phi=trial.phi,
+            omega_rad_s=trial.omega_rad_s,
+            gait=trial.gait or plan.gait_name,
+            replicate=trial.replicate,
+            speed_m_s=0.0,
+            batch=trial.batch,
+            run_order=trial.run_order,
+        )
+        for trial in trials
+    ]
+    try:
+        base = expected(from_rows(rows, robot_of(files), accuracy=accuracy_of(cameras, "cameras.yaml")))
+    except InputError as error:
+        return f"what it will be able to find can't be said: {error}"
+    return f"effects {in_words(detectable(EffectSearch(base.cells, catalogue(), 'simple'), base))}"

@@ -1,0 +1,168 @@
+"""The verdict's own error rates for one design: campaigns simulated from a fit, each judged as the real one was.
+
+A simulated campaign has the trials of the real one, each at its φ and ω, with the scatter of its replicates and with
+nuisances of its own: offsets of k by batch where the fit has them, its drift, and a zero of the lift and a speed scale
+drawn from their priors.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sandbot_model.data.conditions import OMEGA_TOLERANCE, Cells, cells_of
+from sandbot_model.data.distributions import beta_ppf
+from sandbot_model.discovery.criteria import DEFAULT, Criteria
+from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.sharing import ALONG, LIFT_ZERO, SPEED_SCALE
+from sandbot_model.discovery.structure import BATCH
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.parallel import Map, Progress
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.gait import clock
+from sandbot_model.physics.observables import COLUMNS, Observable, shared_variance
+from sandbot_record.trials.table import Trials
+
+CLAIMS = ("identified", "partial", "ambiguous")
+"""Verdicts that name effects."""
+SURE = 0.95
+
+
+@dataclass(frozen=True)
+class Rate:
+    """How often something was said of simulated campaigns, with its interval at 95 % (Clopper & Pearson 1934)."""
+
+    count: int
+    campaigns: int
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Lower and upper end."""
+        tail, k, n = 0.5 * (1 - SURE), self.count, self.campaigns
+        low = beta_ppf(tail, k, n - k + 1) if k else 0.0
+        return low, beta_ppf(1 - tail, k + 1, n - k) if k < n else 1.0
+
+    def __str__(self) -> str:
+        return f"{self.count} of {self.campaigns} ({100 * self.interval[0]:.0f} to {100 * self.interval[1]:.0f} %)"
+
+
+@dataclass(frozen=True)
+class ErrorRates:
+    """What is said of campaigns of one design in which certain effects are hidden."""
+
+    hidden: tuple[str, ...]
+    statuses: Mapping[str, int]
+    named: Rate
+    """Verdicts that name what is hidden, or have it among their alternatives; ``adequate`` if nothing is hidden."""
+    false_claims: Rate
+    """Verdicts that name effects none of whose alternatives is what is hidden."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, as ``discover --json`` has it."""
+        rates = {"named": self.named, "false_claims": self.false_claims}
+        return {
+            "hidden": list(self.hidden),
+            "statuses": dict(self.statuses),
+            **{name: {"count": one.count, "of": one.campaigns, "at_95": one.interval} for name, one in rates.items()},
+        }
+
+    def __str__(self) -> str:
+        what = f"with {' + '.join(self.hidden)} hidden: named" if self.hidden else "with nothing hidden: adequate"
+        return f"{what} in {self.named}, false claims in {self.false_claims}"
+
+
+def error_rates(
+    trials: Trials,
+    truth: Fit,
+    effects: Mapping[str, Effect],
+    *,
+    campaigns: int,
+    max_effects: int = 3,
+    criteria: Criteria = DEFAULT,
+    seed: int = 0,
+    fit_all: Map = map,
+    progress: Progress = lambda _stage, _done, _total: None,
+) -> ErrorRates:
+    """Judge ``campaigns`` simulated ones in which ``truth`` is true."""
+    hidden, statuses = frozenset(truth.effects), Counter[str]()
+    named = claimed = 0
+    for done, child in enumerate(np.random.SeedSequence(seed).spawn(campaigns), start=1):
+        cells = cells_of(simulated(trials, truth, np.random.default_rng(child)))
+        verdict = discover(
+            cells, effects, base=truth.model.base, max_effects=max_effects, criteria=criteria, fit_all=fit_all
+        ).verdict
+        statuses[verdict.status] += 1
+        right = hidden in map(frozenset, verdict.alternatives) if hidden else verdict.status == "adequate"
+        named += right
+        claimed += verdict.status in CLAIMS and not right
+        progress("simulated campaigns", done, campaigns)
+    return ErrorRates(truth.effects, dict(statuses), Rate(named, campaigns), Rate(claimed, campaigns))
+
+
+def simulated(trials: Trials, truth: Fit, rng: np.random.Generator) -> Trials:
+    """The trials of a campaign, their observables drawn anew from a fit; what was not measured is not."""
+    cells = truth.cells
+    cell = _cell(trials, cells)
+    known = cell >= 0
+    drawn = np.full((len(trials), len(Observable)), np.nan)
+    drawn[known] = _observed(trials.select(known), cell[known], truth, rng)
+    measured = np.stack([np.asarray(getattr(trials, column), dtype=float) for column in COLUMNS], axis=-1)
+    drawn[~np.isfinite(measured)] = np.nan
+    columns: dict[str, Any] = {column: drawn[:, index] for index, column in enumerate(COLUMNS)}
+    return replace(trials, **columns)
+
+
+def _observed(trials: Trials, cell: Array, truth: Fit, rng: np.random.Generator) -> Array:
+    """Observables ``(trials, 4)`` with everything that differs between trials, and that trials share."""
+    offset = _ln_k_offset(trials, cell, truth, rng)
+    values = np.empty((len(trials), len(Observable)))
+    clocks = clock(tuple(str(one) for one in trials.gait))
+    for one in np.unique(offset):
+        at = offset == one
+        shifted = replace(truth, point=replace(truth.point, ln_k=truth.point.ln_k + one))
+        values[at] = shifted.predict(trials.phi[at], trials.omega_rad_s[at], clocks[at]).observables
+    values += np.einsum("tij,tj->ti", _root(truth.cells)[cell], rng.standard_normal(values.shape))
+    accuracy = truth.cells.accuracy
+    values[:, Observable.lift] += accuracy.lift_zero_m * rng.standard_normal()
+    values[:, ALONG] *= 1 + accuracy.speed_scale * rng.standard_normal()
+    return values
+
+
+def _ln_k_offset(trials: Trials, cell: Array, truth: Fit, rng: np.random.Generator) -> Array:
+    """What ln k of each trial differs by: the drift that was found, and an offset drawn for each batch."""
+    offset = np.zeros(len(trials))
+    own = truth.nuisances
+    if own is None:
+        return offset
+    known = dict(zip(own.names, own.sd.tolist(), strict=True))
+    if BATCH in known:
+        names = cell if truth.cells.batch_share is None else np.asarray(trials.batch)
+        _, batch = np.unique(names, return_inverse=True)
+        offset += known[BATCH] * rng.standard_normal(int(batch.max()) + 1)[batch]
+    for name, (value, _) in zip(own.names, truth.shared, strict=True):
+        if name not in (BATCH, LIFT_ZERO, SPEED_SCALE) and truth.cells.order is not None:
+            offset += value * truth.cells.order[cell]
+    return offset
+
+
+def _root(cells: Cells) -> Array:
+    """Cholesky root of the covariance of one trial in each cell ``(n, 4, 4)``, without what replicates share."""
+    shared = shared_variance(cells.accuracy, np.nan_to_num(cells.mean))[:, :, None] * np.eye(len(Observable))
+    count = np.sqrt(np.maximum(cells.n, 1).astype(float))
+    both = np.isfinite(cells.mean[:, :, None]) & np.isfinite(cells.mean[:, None, :])
+    one = np.where(both, (cells.covariance - shared) * count[:, :, None] * count[:, None, :], 0.0)
+    variance, axes = np.linalg.eigh(one)
+    return np.asarray(axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :])
+
+
+def _cell(trials: Trials, cells: Cells) -> Array:
+    """Index of each trial's cell; -1 for trials that are in none."""
+    gait = np.array([str(one) for one in trials.gait])
+    same = gait[:, None] == np.array(cells.gait)
+    same &= np.abs(trials.omega_rad_s[:, None] / cells.omega - 1) < 2 * OMEGA_TOLERANCE
+    same &= trials.usable[:, None]
+    away = np.where(same, np.abs(trials.phi[:, None] - cells.phi), np.inf)
+    return np.where(same.any(axis=1), away.argmin(axis=1), -1)

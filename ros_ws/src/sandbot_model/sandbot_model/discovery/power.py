@@ -1,0 +1,117 @@
+"""How strong an effect must be to show in a design: before a campaign, or beside a verdict.
+
+To first order about a fit an effect of strength p moves the cell means by Δy(p); what the fit's own parameters and the
+nuisances can't absorb gains λ = |P Δy/σ|² in deviance, with a scatter of 2√λ. It is claimed with probability Φ(z) where
+√λ = √claim + z.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sandbot_common.accuracy import USUAL
+from sandbot_common.robot import SANDBOT
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.criteria import DEFAULT, Criteria
+from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.sharing import shared_by
+from sandbot_model.discovery.verdict import claim
+from sandbot_model.fitting.fit import Fit, fit, fitted_at
+from sandbot_model.fitting.jacobian import project_out, tangent_basis
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.effect import Parameter
+from sandbot_model.physics.gait import clock
+from sandbot_model.physics.model import model_of
+from sandbot_model.physics.observables import Observable, usual_noise
+from sandbot_model.physics.predictor import PredictorParameters
+from sandbot_model.physics.walking import KCurve
+from sandbot_record.trials.table import Trials
+
+OFTEN, Z = 0.9, 1.2816
+"""Share of campaigns in which an effect is to be found, and the normal quantile of it."""
+STRENGTHS = 60
+"""Values tried between the neutral one and the end of the plausible range."""
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """The weakest strength of an effect found in nine campaigns of ten; None: none in its plausible range."""
+
+    effect: str
+    parameter: str
+    unit: str
+    value: float | None
+
+    def __str__(self) -> str:
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return self.effect if self.value is None else f"{self.effect}.{self.parameter} {self.value:.3g}{unit}"
+
+
+def detectable(search: EffectSearch, base: Fit) -> list[Detectable]:
+    """Of every effect on top of a fit that vanishes at a value of one parameter."""
+    found = []
+    for effect in map(search.effects.__getitem__, search.names):
+        strengths = [one for one in effect.parameters if one.neutral is not None]
+        if effect.identifier not in base.effects and len(strengths) == 1:
+            weakest = _weakest(search, base, effect.identifier, strengths[0])
+            found.append(Detectable(effect.identifier, strengths[0].name, strengths[0].unit, weakest))
+    return found
+
+
+def in_words(found: list[Detectable]) -> str:
+    """One sentence for a reader."""
+    shown = ", ".join(str(one) for one in found if one.value is not None)
+    hidden = ", ".join(str(one) for one in found if one.value is None)
+    parts = [f"would show in {OFTEN:.0%} of such campaigns from this strength on: {shown}"] * bool(shown)
+    parts += [f"at no usual strength: {hidden}"] * bool(hidden)
+    return "; ".join(parts)
+
+
+def expected(design: Trials, criteria: Criteria = DEFAULT) -> Fit:
+    """The base model fitted to a campaign that has not been run: the ground of Li09, usual scatter, nothing hidden."""
+    robot, usual = design.robot or SANDBOT, PredictorParameters()
+    phi, k = np.array(usual.phi), np.array(usual.k_n_per_m)
+    model = model_of("simple", (), catalogue(), robot)
+    theta = np.array([getattr(usual, name) for name in model.names])
+    clocks = clock(tuple(str(gait) for gait in design.gait))
+    strength = np.interp(design.phi, phi, k)
+    inputs, params = model.inputs(theta, strength, design.omega_rad_s, design.phi, clocks, KCurve(phi, k))
+    values = np.broadcast_to(model.walker.predict(inputs, params).observables, (len(design), len(Observable)))
+    noise = np.random.default_rng(0).standard_normal(values.shape)
+    values = values + usual_noise(design.accuracy or USUAL) * noise
+    columns: dict[str, Any] = {one.column: values[:, one] for one in Observable}
+    plain = fit(model, cells_of(replace(design, **columns)))
+    return fitted_at(model, plain.cells, plain.point, shared_by(plain, criteria, 0.0))
+
+
+def _weakest(search: EffectSearch, base: Fit, name: str, parameter: Parameter) -> float | None:
+    model = search.model(search.extended(base.effects, [name])[0])
+    problem = Problem(model, base.cells, base.nuisances)
+    index, neutral = model.names.index(f"{name}.{parameter.name}"), float(parameter.neutral or 0.0)
+    least = np.sqrt(claim(base, search.criteria)) + Z
+    ends = [end for end in (parameter.high, parameter.low) if end != neutral]
+    tried = [np.linspace(neutral, end, STRENGTHS + 1) for end in ends]
+    shown = []
+    for strengths in tried:
+        # From there on: a gap may close again where an effect turns walking into swimming and back.
+        hidden = int(np.flatnonzero(_gap(problem, base, index, strengths) < least)[-1])
+        shown += [float(strengths[hidden + 1])] if hidden < STRENGTHS else []
+    return min(shown, key=lambda value: abs(value - neutral), default=None)
+
+
+def _gap(problem: Problem, base: Fit, index: int, strengths: Array) -> Array:
+    """√λ of every strength of one parameter, the first of which is the neutral one."""
+    values = {f"{one.identifier}.{p.name}": p.start for one in problem.model.effects for p in one.parameters}
+    values |= {name: estimate.value for name, estimate in base.parameters.items()}
+    theta = np.tile([values.get(name, 0.0) for name in problem.model.names], (len(strengths), 1))
+    theta[:, index] = strengths
+    rows = np.zeros(len(strengths), dtype=np.int64)
+    shared = None if base.nuisances is None else -base.state.shared[rows] * base.nuisances.sd
+    states = problem.states(theta, base.state.ln_k[rows], base.state.slope[rows], shared)
+    moved = np.where(problem.measured, states.predicted - states.predicted[0], 0.0)
+    gap = np.zeros((len(base.state.all_residuals[0]), len(strengths)))
+    gap[: moved[0].size] = np.einsum("cij,rcj->rci", base.state.whiten[0], moved).reshape(len(strengths), -1).T
+    return np.asarray(np.linalg.norm(project_out(gap, tangent_basis(base.problem, base.state)), axis=0))
