@@ -28,7 +28,8 @@ rm -rf -- "$out" "$live"
 
 step "1/5  live: two trials of the paper's SandBot over the real nodes (DDS), on loosely and on closely packed ground"
 failed=0
-python "$tools/demo_live.py" "$live" || failed=1
+python "$tools/demo_live.py" "$live" || failed=$?
+((failed != 130)) || exit 130  # Ctrl-C
 
 if [[ -n $seed ]]; then
   hidden=(--hide "$seed") model=li09
@@ -46,4 +47,4 @@ ros2 run sandbot_model atlas "$out" --model $model --effects "$(python "$tools/d
 step "5/5  the sealed truth is opened"
 ros2 run sandbot_bringup unseal "$out" || failed=1
 python "$tools/demo_found.py" "$out"
-exit $failed
+exit $((failed != 0))

@@ -1,7 +1,8 @@
 """demo_live OUT: two trials over the real nodes, /speed while they run, and each bag once more into a second tracker.
 
 Two trackways run beside each other, each in a namespace of its own: /demo is walked on, /replay hears its bags. What
-they print goes to OUT.log. Exit code 1, and one line that says what was missing, where a step does not come to its end.
+they print goes to OUT.log. Where a step does not come to its end, one line says what was missing: exit code 1, or 130
+after Ctrl-C.
 """
 
 import contextlib
@@ -17,10 +18,13 @@ from typing import IO, Any
 
 import rclpy
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 from sandbot_bringup.config import config_folder
 from sandbot_bringup.plan import Plan, read_plan, trials_of
 from sandbot_common import messages, topics
+from sandbot_common.cli import INTERRUPTED
+from sandbot_common.errors import InputError
 from sandbot_common.files import dump_yaml, write_text
 from sandbot_common.node import Stop, stop_signals, subscription, use_shared_memory
 from sandbot_record.bags.reader import Bag
@@ -66,9 +70,9 @@ def main(out: Path) -> int:
         programs = Programs(log, stop)
         try:
             live(out, programs)
-        except LiveFailed as failure:
+        except (LiveFailed, InputError) as failure:
             print(f"demo: the live part did not come to its end: {failure}; see {out}.log", file=sys.stderr)
-            return 1
+            return INTERRUPTED if stop.asked else 1
         finally:
             programs.end_all()
     return 0
@@ -219,7 +223,8 @@ class Watch:
         self._namespace, self.second_tracker = namespace, False
 
     def __enter__(self) -> "Watch":
-        rclpy.init(args=["demo", *in_namespace(self._namespace)])
+        # Ctrl-C is ours: what was started is to be ended.
+        rclpy.init(args=["demo", *in_namespace(self._namespace)], signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node("demo")
         self._plot = SpeedPlot()
         subscription(self._node, topics.TRIAL, self._on_trial)
