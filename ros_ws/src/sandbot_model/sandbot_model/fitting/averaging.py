@@ -12,6 +12,7 @@ from sandbot_model.physics.walking import Walker
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 NODES = _NODES
+EVERYWHERE = np.tile(WEIGHTS[:, None], (1, 1, 1, 4))
 STEPS = 10
 """Steps over which a trial averages what varies along the track; about as many as four periods have."""
 
@@ -29,7 +30,7 @@ def node_weights(values: Array, along_the_track: bool) -> Array:
     median step and its peak that of the best one; its speed is the average still, as every step takes as long.
     """
     if not along_the_track:
-        return np.ascontiguousarray(np.broadcast_to(WEIGHTS[:, None], (1, 1, len(NODES), 4)))
+        return EVERYWHERE
     weights = np.broadcast_to(WEIGHTS[:, None], values.shape).copy()
     weights[..., Observable.lift] = np.arange(len(NODES)) == len(NODES) // 2
     reached = np.where(np.abs(NODES) < 2, values[..., Observable.peak_speed], -np.inf)

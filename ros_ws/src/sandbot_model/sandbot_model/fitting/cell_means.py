@@ -7,7 +7,14 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting import kernels
-from sandbot_model.fitting.averaging import NODES, WEIGHTS, along_the_track, node_weights, share_between_trials
+from sandbot_model.fitting.averaging import (
+    EVERYWHERE,
+    NODES,
+    WEIGHTS,
+    along_the_track,
+    node_weights,
+    share_between_trials,
+)
 from sandbot_model.fitting.operations import CompiledChains
 from sandbot_model.fitting.points import SEEN, ArrayChains, Chains, Conditions, Points
 from sandbot_model.physics.arrays import Array, Bool
@@ -66,8 +73,8 @@ class CellMeans:
         slope = slope + np.zeros_like(ln_k)
         points, track = self._points(theta, ln_k, slope)
         footing = self.chains.footing(points)
-        values = np.moveaxis(self.chains.values(NAMES, points, vars(footing).values()), 0, -1)
-        weights = node_weights(values, self.along)
+        values = self.chains.values(NAMES, points, vars(footing).values())
+        weights = self._weights(values)
         share = share_between_trials(self.along, self.cells.phi_scatter, track)
         replicates = self._independent(ln_k, slope)
         found = kernels.judged(values, footing.walking, weights, WEIGHTS, self.measured, share, replicates)
@@ -94,7 +101,7 @@ class CellMeans:
         points, _ = self._points(*(part.reshape(-1, part.shape[-1]) for part in (moved, ln_k, slopes)))
         seen = self.chains.values(SEEN, points, [part.reshape(points.shape) for part in at])
         seen = seen.reshape(len(SEEN), count + 3, *feet.depth.shape)
-        weights = node_weights(np.moveaxis(seen[: len(NAMES), -1], 0, -1), self.along)
+        weights = self._weights(seen[: len(NAMES), -1])
         holds, which = (feet.walking, feet.virgin_walking), self.measured.which
         return np.asarray(kernels.local_jacobian(seen, np.ascontiguousarray(steps), *holds, weights, which, whiten))
 
@@ -129,6 +136,9 @@ class CellMeans:
             table, self._conditions, self.measured, self._level, k_grid, sigma_k, NODES, WEIGHTS, same, cross
         )
         return found[0], found[1]
+
+    def _weights(self, values: Array) -> Array:
+        return node_weights(np.moveaxis(values, 0, -1), True) if self.along else EVERYWHERE
 
     def _points(self, theta: Array, ln_k: Array, slope: Array) -> tuple[Points, Array]:
         """The nodes of every cell, and the standard deviation of φ along its track ``(rows or 1, cells or 1)``."""

@@ -25,6 +25,8 @@ ROUNDS = 3
 """Rounds of descents and scans."""
 SAME_VALLEY = 1e-4
 """Rows that agree so well in every parameter have come to the same end."""
+VALLEYS = 4
+"""Ends of descents from which scans go on, the best."""
 BASE_STARTS = 5
 """Starts of the base model whose descents are carried to their end."""
 HOPELESS = 1.5
@@ -189,7 +191,7 @@ def _valleys(states: States) -> list[int]:
     for row in np.argsort(states.deviance, kind="stable").tolist():
         if not any(np.allclose(at[row], at[other], rtol=SAME_VALLEY, atol=SAME_VALLEY) for other in found):
             found.append(row)
-    return found
+    return found[:VALLEYS]
 
 
 def nearby_state(problem: Problem, near: WarmStart) -> States:

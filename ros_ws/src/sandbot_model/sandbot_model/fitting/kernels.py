@@ -33,43 +33,54 @@ def node_k(level_k, slope, level, sigma_phi, ln_k_sd, nodes, least_spread):
 def judged(values, walking, weights, between, data, share, replicates):
     """Mean ``(rows, cells, 4)``, covariance, its whitening ``(..., 4, 4)``, whitened residual, deviance of each cell.
 
-    ``weights (rows or 1, cells or 1, nodes, 4)`` are the nodes' in the mean, ``between (nodes,)`` in its variance.
+    Of ``values (4, rows, cells, nodes)``; ``weights (rows or 1, cells or 1, nodes, 4)`` are the nodes' in the mean,
+    ``between (nodes,)`` in its variance.
     """
     measured, mean, covariance, whiten, log_det = data
-    rows, cells, count, _ = values.shape
+    _, rows, cells, count = values.shape
     predicted, residual, deviance = np.zeros((rows, cells, 4)), np.zeros((rows, cells, 4)), np.empty((rows, cells))
     wider, whitens = np.empty((rows, cells, 4, 4)), np.empty((rows, cells, 4, 4))
-    gap = np.empty(4)
     for row in range(rows):
         for cell in range(cells):
-            weight, walks, change = weights[row % len(weights), cell % weights.shape[1]], 0, 0.0
+            weight, walks = weights[row % len(weights), cell % weights.shape[1]], 0
             for node in range(count):
                 walks += walking[row, cell, node]
                 for i in range(4):
-                    predicted[row, cell, i] += weight[node, i] * values[row, cell, node, i]
-            wider[row, cell], whitens[row, cell] = covariance[cell], whiten[cell]
+                    predicted[row, cell, i] += weight[node, i] * values[i, row, cell, node]
+            for i in range(4):
+                for j in range(4):
+                    wider[row, cell, i, j], whitens[row, cell, i, j] = covariance[cell, i, j], whiten[cell, i, j]
+            deviance[row, cell] = 0.0
             if 0 < walks < count:
-                deviation = share[row % len(share), cell % share.shape[1]] * (values[row, cell] - predicted[row, cell])
-                n = replicates[row % len(replicates), cell]
-                change = (
-                    _widen(deviation, between, measured[cell], n, wider[row, cell], whitens[row, cell]) - log_det[cell]
-                )
+                of = share[row % len(share), cell % share.shape[1]], replicates[row % len(replicates), cell]
+                spread = values[:, row, cell], predicted[row, cell], between
+                here = measured[cell], wider[row, cell], whitens[row, cell]
+                deviance[row, cell] = _widen(spread, of, here) - log_det[cell]
+            _whitened(mean[cell], predicted[row, cell], measured[cell], whitens[row, cell], residual[row, cell])
             for i in range(4):
-                gap[i] = mean[cell, i] - predicted[row, cell, i] if measured[cell, i] else 0.0
-            for i in range(4):
-                for j in range(i + 1):
-                    residual[row, cell, i] += whitens[row, cell, i, j] * gap[j]
-            deviance[row, cell] = np.sum(residual[row, cell] ** 2) + change
+                deviance[row, cell] += residual[row, cell, i] ** 2
     return predicted, wider, whitens, residual, deviance
 
 
 @_compiled
-def _widen(deviation, weights, measured, replicates, covariance, whiten):
+def _whitened(mean, predicted, measured, whiten, residual):
+    for i in range(4):
+        for j in range(i + 1):
+            if measured[j]:
+                residual[i] += whiten[i, j] * (mean[j] - predicted[j])
+
+
+@_compiled
+def _widen(spread, of, here):
     """Add the scatter of a cell's nodes to its covariance, and whiten by that; the ln of its determinant."""
+    values, mean, weights = spread
+    share, replicates = of
+    measured, covariance, whiten = here
     for i in range(4):
         for j in range(4):
             if measured[i] and measured[j]:
-                covariance[i, j] += np.sum(weights * deviation[:, i] * deviation[:, j]) / replicates
+                both = share[i] * (values[i] - mean[i]) * share[j] * (values[j] - mean[j])
+                covariance[i, j] += np.sum(weights * both) / replicates
     root = np.zeros((4, 4))
     log_det = 0.0
     for i in range(4):

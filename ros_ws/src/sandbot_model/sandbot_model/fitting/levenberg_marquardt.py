@@ -37,8 +37,7 @@ def descend(problem: Problem, states: States, iterations: int = ITERATIONS, fixe
 
 def bounds(problem: Problem) -> tuple[Array, Array]:
     """What a fit may search, ``(parameters,)`` each."""
-    search = np.array([parameter.search for parameter in problem.model.parameters])
-    return search[:, 0], search[:, 1]
+    return problem.model.bounds
 
 
 def _moved(problem: Problem, states: States, damping: Array, fixed: Sequence[int]) -> States:

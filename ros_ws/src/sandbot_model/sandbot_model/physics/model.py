@@ -70,6 +70,12 @@ class Model:
         )
 
     @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """What a fit may search, ``(parameters,)`` each."""
+        low, high = zip(*(parameter.search for parameter in self.parameters), strict=True)
+        return np.array(low), np.array(high)
+
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the shared parameters, those of effects ``effect.parameter``."""
         return tuple(self._by_name)
