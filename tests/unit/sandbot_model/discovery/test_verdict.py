@@ -12,7 +12,7 @@ from sandbot_model.discovery.verdict import claim, judge, passes, worth
 CELLS = 20
 
 
-def made(*effects, deviance, p=0.5, one_cell=0.0, at_bounds=(), each=None, replicates=10_000):
+def made(*effects, deviance, p=0.5, one_cell=0.0, at_bounds=(), each=None, replicates=10_000, delta_t=(0.4, 0.01)):
     """A fit whose cells miss alike, but for the first, which misses by ``one_cell`` more."""
     parts = np.full(CELLS, (deviance - one_cell) / CELLS)
     parts[0] += one_cell
@@ -24,6 +24,7 @@ def made(*effects, deviance, p=0.5, one_cell=0.0, at_bounds=(), each=None, repli
         lack_of_fit_p=p,
         goodness=SimpleNamespace(chi2=50.0, dof=60, lack_of_fit=each or {"speed": p}),
         at_bounds=at_bounds,
+        parameters={"delta_t_s": delta_t},
         implausible=(),
         fails=(),
         level_phi=np.array([0.6]),
@@ -81,7 +82,14 @@ def test_one_odd_cell_buys_no_effect():
 def test_a_parameter_at_its_bound_passes_nothing():
     assert passes(made("a", deviance=60.0))
     assert not passes(made("a", deviance=60.0, at_bounds=("a.x",)))
-    assert passes(made("a", deviance=60.0, at_bounds=("delta_t_s",)))
+    assert passes(made("a", deviance=60.0, at_bounds=("v_swim_m_s",)))
+
+
+def test_an_effect_that_needs_an_impossible_response_time_is_none():
+    """Unless the data do not say what it is."""
+    assert not passes(made("a", deviance=60.0, at_bounds=("delta_t_s",), delta_t=(1.75, 0.4)))
+    assert passes(made("a", deviance=60.0, at_bounds=("delta_t_s",), delta_t=(1.75, 1.5)))
+    assert passes(made(deviance=60.0, at_bounds=("delta_t_s",), delta_t=(1.75, 0.4)))
 
 
 def test_a_single_observable_can_refuse_a_model():

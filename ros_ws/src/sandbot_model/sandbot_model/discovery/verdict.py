@@ -12,6 +12,7 @@ from sandbot_model.fitting.diagnose import stage_tests
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
 
+RESPONSE_TIME = "delta_t_s"
 Sets = Mapping[tuple[str, ...], Fit]
 """Fits by the effects on top of the base model."""
 
@@ -34,13 +35,19 @@ def passes(fit: Fit, criteria: Criteria = DEFAULT) -> bool:
 
 
 def sound(fit: Fit) -> bool:
-    """Whether every parameter of an effect is inside its range."""
+    """Whether every parameter of an effect is inside its range, and Δt where there is an effect."""
     return not _odd(fit)
 
 
 def _odd(fit: Fit) -> list[str]:
-    """Parameters of effects that are at a bound, or are not believable."""
-    return [name for name in (*fit.at_bounds, *fit.implausible) if "." in name]
+    """Parameters of effects that are at a bound, or are not believable; an effect that needs such a Δt is none."""
+    asked = RESPONSE_TIME if fit.effects and _known(*fit.parameters[RESPONSE_TIME]) else ""
+    return [name for name in (*fit.at_bounds, *fit.implausible) if "." in name or name == asked]
+
+
+def _known(value: float, stderr: float) -> bool:
+    """Whether data say what a value is: where they don't, any will do."""
+    return bool(stderr < 0.5 * abs(value))
 
 
 def worth(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria = DEFAULT) -> bool:
