@@ -394,6 +394,7 @@ def test_unseal_agrees_where_the_seal_and_the_discovery_are_whole(tmp_path, run)
     assert run(unseal, [str(tmp_path)])[0] == 0
 
 
+@pytest.mark.slow
 def test_libraries_below_keep_quiet_about_a_bad_video(tmp_path):
     # In a process of its own: FFmpeg writes past Python's stderr.
     fill(tmp_path, {"top.mp4": "hello", "c.yaml": CAMERAS})

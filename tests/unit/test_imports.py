@@ -47,6 +47,7 @@ def loaded(*names: str) -> set[str]:
     return set(subprocess.run(command, capture_output=True, text=True, check=True).stdout.split())
 
 
+@pytest.mark.slow
 def test_no_analysis_import_loads_ros_dash_or_opencv():
     assert loaded(*ANALYSIS).isdisjoint(HEAVY)
 

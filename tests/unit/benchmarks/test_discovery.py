@@ -62,6 +62,7 @@ def few(peers, monkeypatch):
 
 
 @pytest.mark.usefixtures("few")
+@pytest.mark.slow
 def test_lmfit_names_what_is_there_and_nothing_where_nothing_is(peers):
     method = peers.lmfit_aic((0, 1, 2, 3))
     found = method(draw(("stance_overlap",), [{"eta": 0.15}]))

@@ -51,6 +51,7 @@ def test_the_anchors(anchor):
     assert oscillation(*at) == pytest.approx(anchor["oscillation_m_s"], abs=anchor["oscillation_tolerance_m_s"])
 
 
+@pytest.mark.slow
 def test_the_top_speed():
     top = PAPER["top_speed"]
     assert max(curve(phi).max() for phi in PHI) == pytest.approx(top["speed_m_s"], abs=top["tolerance_m_s"])

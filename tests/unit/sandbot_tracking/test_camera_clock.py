@@ -130,6 +130,7 @@ def test_a_camera_without_a_robot_is_taken_as_stamped_in_the_end():
     st.lists(st.integers(30, 270), max_size=40, unique=True),
     st.lists(st.integers(30, 270), max_size=20, unique=True),
 )
+@pytest.mark.slow
 def test_what_is_dropped_and_doubled_is_counted(seed, jitter, dropped, doubled):
     rng = np.random.default_rng(seed)
     stamps = ((np.arange(300) + jitter * rng.uniform(-1, 1, 300)) * PERIOD * NANO).astype(int)

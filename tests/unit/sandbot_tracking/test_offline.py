@@ -107,6 +107,7 @@ def test_a_tracker_without_dorsal_camera_is_refused(cameras):
         OfflineTracker({"lateral": cameras["lateral"]})
 
 
+@pytest.mark.slow
 def test_track_video_from_files(scene, cameras, rng, tmp_path, capsys):
     (tmp_path / "cameras.yaml").write_text(yaml.safe_dump({"dorsal": DORSAL, "lateral": LATERAL}))
     beds = scene.grains(rng), scene.grains(rng)

@@ -28,6 +28,7 @@ def run(t, x, z, omega, angle=None):
 
 @settings(max_examples=12)
 @given(st.floats(4, 30), st.floats(0, 1), st.integers(0, 2**32 - 1), st.floats(0, 2e-5))
+@pytest.mark.slow
 def test_live_means_are_the_tables_speed(omega, phase, seed, noise):
     rng = np.random.default_rng(seed)
     t = np.append(0.0, (np.arange(round(400 * 2 * np.pi / omega)) + 0.01 + 0.99 * phase) / 100)

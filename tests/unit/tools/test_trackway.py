@@ -82,6 +82,7 @@ def test_what_is_next_is_a_command_that_exists():
             assert line.split()[1] in VERBS
 
 
+@pytest.mark.slow
 def test_from_any_folder_with_nothing_sourced(tmp_path):
     (tmp_path / "t.csv").write_text("phi,omega_rad_s,speed_m_s\n0.633,16,0.203\n0.633,16,0.198\n")
     done = trackway("compare", "t.csv", cwd=tmp_path)

@@ -10,6 +10,7 @@ FEW = {name: effect for name, effect in catalogue().items() if name in ("stance_
 SPARED = "o: speed: kept *= 1 - 0.1*(1 - first)"
 
 
+@pytest.mark.slow
 def test_an_overlap_that_spares_the_first_step_is_an_overlap(drawn):
     found = discover(cells_of(drawn(formulas=(SPARED,), seed=5)), FEW, max_effects=1)
     assert (found.verdict.status, found.verdict.effects) == ("identified", ("stance_overlap",))

@@ -28,6 +28,7 @@ def tried(trials):
     return search
 
 
+@pytest.mark.slow
 def test_an_effect_that_holds_in_all_observables_but_one_is_named_with_the_rest(drawn):
     """An overlap that turns round in the first step: no convention of ours."""
     found = discover(cells_of(drawn(formulas=(OVERLAP,), seed=5, levels=4)), EFFECTS, max_effects=1)

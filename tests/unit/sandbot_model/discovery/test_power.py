@@ -29,6 +29,7 @@ def test_replicates_show_weaker_effects(drawn):
     assert many < 0.75 * few
 
 
+@pytest.mark.slow
 def test_at_that_strength_it_is_claimed_in_most_campaigns_and_far_below_in_none(drawn):
     eta = weakest(drawn(levels=4))["stance_overlap"]
     claimed = Counter()
@@ -76,6 +77,7 @@ def test_a_simulated_campaign_is_the_fit_with_the_scatter_of_its_replicates(draw
     assert cells.noise[Observable.speed] == pytest.approx(truth.cells.noise[Observable.speed], rel=0.3)
 
 
+@pytest.mark.slow
 def test_verdicts_on_simulated_campaigns_are_counted(drawn):
     trials = drawn(("stance_overlap",), levels=4)
     cells = cells_of(trials)

@@ -17,6 +17,7 @@ def client(session, trials):
     return server.test_client()
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_papers_figures_for_the_model_in_its_address(client):
     page = client.get("/atlas?effect=leg_slip&view=lock&cell=2").text
     assert "Model: + leg slip." in page

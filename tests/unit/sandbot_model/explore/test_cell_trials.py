@@ -1,5 +1,6 @@
 """What stands behind a cell: its trials, their waveforms and their bags."""
 
+import pytest
 from made_up import walking_bag
 
 from sandbot_model.discovery.choice import Selection
@@ -28,6 +29,7 @@ def test_a_cell_shows_its_trials_waveforms_and_recordings(session, trials, tmp_p
     assert b"not shown" not in client.get(f"/bag/{name}/..%2Fother.mcap", headers={"Host": "127.0.0.1:1"}).data
 
 
+@pytest.mark.slow
 def test_a_torn_bag_is_said_on_the_page(session, trials, tmp_path):
     bag = walking_bag(tmp_path / "torn", v_x=lambda t: 0.1)
     recording = bag / "torn_0.mcap"

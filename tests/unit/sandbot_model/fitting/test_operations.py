@@ -94,6 +94,7 @@ class Deciding(Effect):
         chain.kept = chain.kept * (1 - p["eta"]) if chain.depth.shape else chain.kept
 
 
+@pytest.mark.slow
 def test_an_effect_that_can_not_be_recorded_is_fitted_all_the_same(drawn):
     """On arrays, to the same minimum as its recorded twin."""
     cells = cells_of(drawn(levels=3))

@@ -61,6 +61,7 @@ def nobody():
         yield f"tcp://127.0.0.1:{taken.getsockname()[1]}"
 
 
+@pytest.mark.slow
 def test_a_cluster_keeps_the_order_in_other_processes(scheduler):
     with cluster(scheduler) as fit_all:
         found = list(fit_all(lambda task: (task * task, os.getpid()), range(50)))
@@ -122,6 +123,7 @@ def test_a_scheduler_without_workers_is_one_line():
         pass
 
 
+@pytest.mark.slow
 def test_a_cluster_that_is_lost_is_one_line():
     from distributed import LocalCluster
 

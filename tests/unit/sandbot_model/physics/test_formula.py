@@ -162,6 +162,7 @@ class Straggler:
             pass
 
 
+@pytest.mark.slow
 def test_formulas_are_parsed_by_threads_at_once(hasty_threads):
     """As the explorer does, which reads the address's formulas in each of its threads."""
     usual = gc.get_threshold()

@@ -71,6 +71,7 @@ def test_every_plate_of_a_table(material, tmp_path):
             assert float(width) == pytest.approx(plate.width_mm / 25.4 * 72, abs=0.5)
 
 
+@pytest.mark.slow
 def test_bags_give_the_motion_too(material, tmp_path):
     said = {plate.number: caption for plate, caption in write(tmp_path, with_motions(material), 85.0, ("svg",))}
     assert not any("not drawn" in caption for caption in said.values())
@@ -120,6 +121,7 @@ def test_what_the_paper_fits_ends_at_the_largest_speed():
         assert kept.omega_rad_s[here].max() == pytest.approx(fastest)
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path, capsys):
     write_csv(table(), tmp_path / "t.csv")
     points = Published("p", np.array([0.6]), np.array([8.0]), np.array([0.08]))

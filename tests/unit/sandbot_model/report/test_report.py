@@ -212,6 +212,7 @@ def test_excluded_trials_are_named_with_the_reason(trials, fits):
     assert provenance(trials, fits[0].cells).excluded == ()
 
 
+@pytest.mark.slow
 def test_what_is_odd_about_the_trials_stands_at_the_top(trials, fits, tmp_path):
     odd = replace(trials, first_step_m=np.zeros_like(trials.first_step_m))
     for name, given in (("clean", trials), ("odd", odd)):

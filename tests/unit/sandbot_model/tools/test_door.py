@@ -72,6 +72,7 @@ def test_a_result_pickles_small_and_comes_back(found):
     assert repr(back) == repr(found)
 
 
+@pytest.mark.slow
 def test_the_door_says_what_the_command_says(trials, found, tmp_path, capsys):
     write_csv(trials, tmp_path / "table.csv")
     out = tmp_path / "found.json"
@@ -136,6 +137,7 @@ def test_a_base_model_alone_has_no_ghost(trials):
     assert not [line for line in panels[-1].lines if line.get_linestyle() == "--"]
 
 
+@pytest.mark.slow
 def test_a_report_is_written_or_the_path_is_named(found, tmp_path):
     assert "stance overlap" in found.report(tmp_path / "report.html").read_text()
     (tmp_path / "file").write_text("")
@@ -143,6 +145,7 @@ def test_a_report_is_written_or_the_path_is_named(found, tmp_path):
         found.report(tmp_path / "file" / "report.html")
 
 
+@pytest.mark.slow
 def test_nothing_of_ros_or_of_the_page_is_loaded():
     code = (
         "import sys, sandbot_model as sm; sm.discover; sm.compare; sm.Effect\n"

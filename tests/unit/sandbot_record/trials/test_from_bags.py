@@ -114,6 +114,7 @@ def campaign(tmp_path, count=3):
     return tmp_path / "c"
 
 
+@pytest.mark.slow
 def test_a_campaign_in_the_same_order_in_one_process_and_in_two(tmp_path, monkeypatch):
     folder = campaign(tmp_path)
     first = table.campaign(folder, workers=1)
