@@ -356,6 +356,12 @@ def test_a_cell_of_the_map_leads_to_its_trials_waveforms_video_and_bags(page, ca
         mouse.move_to_element_with_offset(middle, size["width"] // 4, -size["height"] // 4)
         mouse.pause(0.3).click().perform()
         page.until(lambda: "phi0.6330_w16.000_r01" in page.text("trials"))
+        seen = "const box = document.getElementById('trials').getBoundingClientRect(); return [box.top, innerHeight]"
+        page.until(lambda: -1 <= page.driver.execute_script(seen)[0] < page.driver.execute_script(seen)[1] / 2)
+        framed = (
+            "return (document.querySelector('#figure .js-plotly-plot').layout.shapes || []).map((s) => [s.x0, s.y0])"
+        )
+        page.until(lambda: page.driver.execute_script(framed) == [[0.5, 0.5]])
         plots = "[...document.querySelectorAll('#waveforms .js-plotly-plot')]"
         names = f"return {plots}.flatMap((plot) => plot.data.map((trace) => trace.name))"
         page.until(lambda: len(page.driver.execute_script(names)) == 3)

@@ -8,6 +8,7 @@ import numpy as np
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.explore.actions import on_slider
+from sandbot_model.explore.chosen import mark
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.effect import Effect
 from sandbot_model.report import balance, captions, figures, lock, mechanics, residual_map, text
@@ -120,7 +121,7 @@ def figure(selection: Selection, base: Step | None, current: Step, theme: Theme,
         "lock": lambda: lock.geometry_lock(cells, theme),
         "parameters": speed,
     }
-    return draw[selection.view]()
+    return mark(draw[selection.view](), selection.cell, theme)
 
 
 def caption(selection: Selection, current: Step) -> str:

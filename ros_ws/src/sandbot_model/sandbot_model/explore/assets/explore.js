@@ -45,6 +45,16 @@ new MutationObserver(() => {
   document.getElementById(slid)?.querySelector("[role=slider]")?.focus();
 }).observe(document.documentElement, { childList: true, subtree: true });
 
+// The trials of a point lie below the figure: whoever clicks it is led there, once they have come.
+let clicked = false;
+document.addEventListener("pointerup", ({ target }) => { clicked = target.closest("#figure .js-plotly-plot") !== null; }, true);
+new MutationObserver((changes) => {
+  const trials = document.getElementById("trials");
+  if (!clicked || !changes.some(({ target, addedNodes }) => addedNodes.length && trials?.contains(target))) return;
+  clicked = false;
+  trials.scrollIntoView({ block: "start" });
+}).observe(document.documentElement, { childList: true, subtree: true });
+
 // Formulas come as MathML in an attribute.
 new MutationObserver(() => {
   for (const place of document.querySelectorAll("[data-mathml]")) {
