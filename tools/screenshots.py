@@ -111,7 +111,7 @@ def main() -> int:
             for shot in EXPLORER:
                 take(driver, shot, address + shot.query, FITTED)
         report = Path(folder) / "report.html"
-        run("sandbot_model.tools.compare", data, "--effects", HIDDEN, "--html", report, "--title", TITLE)
+        ros2("sandbot_model", "compare", data, "--effects", HIDDEN, "--html", report, "--title", TITLE)
         for shot in REPORT:
             take(driver, shot, report.as_uri(), DRAWN)
     return 0
@@ -122,13 +122,14 @@ def campaign(folder: Path) -> Path:
     plan, world, out = folder / "plan.yaml", folder / "world.yaml", folder / "collapse"
     plan.write_text(PLAN, encoding="utf-8")
     world.write_text(WORLD, encoding="utf-8")
-    run("sandbot_bringup.tools.campaign", plan, "--out", out, "--batch", "--world", world)
+    ros2("sandbot_bringup", "campaign", plan, "--out", out, "--batch", "--world", world)
     return out
 
 
-def run(module: str, *arguments: object) -> None:
+def ros2(package: str, executable: str, *arguments: object) -> None:
     """One of the project's commands."""
-    subprocess.run([sys.executable, "-m", module, *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
+    command = ["ros2", "run", package, executable, *map(str, arguments)]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.physics.geometry import step_from_lift
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.figures import SYMBOLS, as_json, bars, finite_max
-from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
+from sandbot_model.report.theme import LEGEND_ABOVE, LIGHT, Spec, Theme, axis, layout
 from sandbot_model.report.view import bands, measured, scatter, walks
 
 
@@ -54,7 +54,6 @@ def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
                 "lift %{x:.2f} cm, step %{y:.2f} cm<extra></extra>",
             }
         )  # fmt: skip
-    beside = {"x": 1.02, "y": 1, "xanchor": "left", "yanchor": "top", "orientation": "v", "yref": "paper"}
     return {
         "data": data,
         "layout": layout(
@@ -62,6 +61,6 @@ def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
             440,
             xaxis=axis(theme, "body lift Δz (cm)", rangemode="tozero"),
             yaxis=axis(theme, "step length πv̄/ω (cm)", rangemode="tozero"),
-            legend=beside,
+            margin=LEGEND_ABOVE,
         ),
     }

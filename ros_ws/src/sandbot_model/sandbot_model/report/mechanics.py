@@ -8,7 +8,7 @@ from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report.figures import SYMBOLS, as_json, model_name
-from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout
+from sandbot_model.report.theme import LEGEND_ABOVE, LIGHT, Spec, Theme, axis, layout
 from sandbot_model.report.view import Step, bands, measured, scatter, walks
 
 PHI_POINTS = 60
@@ -112,7 +112,6 @@ def step_ratio(step: Step, theme: Theme = LIGHT) -> Spec:
         "type": "rect", "xref": "paper", "x0": 0, "x1": 1, "yref": "y", "y0": 0.9, "y1": 1.0,
         "fillcolor": theme.empty, "line": {"width": 0}, "layer": "below",
     }  # fmt: skip
-    beside = {"x": 1.02, "y": 1, "xanchor": "left", "yanchor": "top", "orientation": "v", "yref": "paper"}
     return {
         "data": data,
         "layout": layout(
@@ -121,7 +120,7 @@ def step_ratio(step: Step, theme: Theme = LIGHT) -> Spec:
             xaxis=axis(theme, "ω (rad/s)"),
             yaxis=axis(theme, "step length over leg radius, s/R", rangemode="tozero"),
             shapes=[threshold],
-            legend=beside,
+            margin=LEGEND_ABOVE,
         ),
     }
 

@@ -60,6 +60,10 @@ DARK = Theme(
 THEMES = {"light": LIGHT, "dark": DARK}
 
 
+LEGEND_ABOVE = {"l": 64, "r": 24, "t": 96, "b": 56}
+"""Margins of a figure whose legend needs several lines on a narrow screen."""
+
+
 def layout(theme: Theme, height: int, **more: Any) -> Spec:
     """The layout every figure starts from."""
     return {
