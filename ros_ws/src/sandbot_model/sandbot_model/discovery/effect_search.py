@@ -10,7 +10,7 @@ from sandbot_model.discovery.verdict import Verdict, passes, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve, solve_near
 from sandbot_model.fitting.parallel import Map, Progress
-from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.model import Model, model_of
 
 SURVIVORS = 9
@@ -67,6 +67,14 @@ class EffectSearch:
     def extended(self, names: Names, more: Iterable[str] | None = None) -> list[Names]:
         """The set with each effect more, of all or of those given."""
         return [self._sorted((*names, name)) for name in more or self.names if name not in names]
+
+    def strengths(self, beside: Names) -> list[tuple[str, Parameter]]:
+        """Effects that are not in a set and vanish at a value of one parameter, and that parameter."""
+        found = []
+        for name in self.names:
+            own = [one for one in self.effects[name].parameters if one.neutral is not None]
+            found += [(name, own[0])] if name not in beside and len(own) == 1 else []
+        return found
 
     def model(self, names: Names, held: Mapping[str, float] | None = None) -> Model:
         """The model of a set, some parameters held at a value."""

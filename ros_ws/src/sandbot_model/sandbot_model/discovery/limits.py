@@ -50,13 +50,8 @@ class Limit:
 
 def limits(search: EffectSearch, named: Fit) -> list[Limit]:
     """Limits of all effects that are not named, vanish at a value of one parameter, and show in these data."""
-    found = []
-    for effect in map(search.effects.__getitem__, search.names):
-        strengths = [one for one in effect.parameters if one.neutral is not None]
-        if effect.identifier not in named.effects and len(strengths) == 1:
-            limit = _limit(search, named, effect.identifier, strengths[0])
-            found += [limit] if limit is not None else []
-    return found
+    found = [_limit(search, named, name, strength) for name, strength in search.strengths(named.effects)]
+    return [limit for limit in found if limit is not None]
 
 
 def _limit(search: EffectSearch, named: Fit, name: str, parameter: Parameter) -> Limit | None:

@@ -52,13 +52,10 @@ class Detectable:
 
 def detectable(search: EffectSearch, base: Fit) -> list[Detectable]:
     """Of every effect on top of a fit that vanishes at a value of one parameter."""
-    found = []
-    for effect in map(search.effects.__getitem__, search.names):
-        strengths = [one for one in effect.parameters if one.neutral is not None]
-        if effect.identifier not in base.effects and len(strengths) == 1:
-            weakest = _weakest(search, base, effect.identifier, strengths[0])
-            found.append(Detectable(effect.identifier, strengths[0].name, strengths[0].unit, weakest))
-    return found
+    return [
+        Detectable(name, strength.name, strength.unit, _weakest(search, base, name, strength))
+        for name, strength in search.strengths(base.effects)
+    ]
 
 
 def in_words(found: list[Detectable]) -> str:
