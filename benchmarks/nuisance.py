@@ -8,6 +8,7 @@ python benchmarks/nuisance.py [--seeds 20] [--only NAME] [--out runs/nuisance.js
 import argparse
 import dataclasses
 import json
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -128,8 +129,15 @@ def standardised(case: Case, found: Any) -> dict[str, float]:
     }
     for index, (phi, k, error) in enumerate(zip(step.level_phi, step.k_n_per_m, step.k_stderr_n_per_m, strict=True)):
         if np.isfinite(error) and error > 0:
-            z[f"k[{index}]"] = (k - case.world.stiffness_n_per_m(float(phi))) / error
+            z[f"k[{index}]"] = (k - _usual_k(case, float(phi))) / error
     return {name: float(value) for name, value in z.items()}
+
+
+def _usual_k(case: Case, phi: float) -> float:
+    """k over the campaign as a whole, at the φ that was read: drift and jumps move it from where it began."""
+    week = case.world.week
+    jumps = sum(1.0 - place for place in week.k_jumps_at) * math.log1p(week.k_jump)
+    return case.world.stiffness_n_per_m(phi - week.phi_zero) * math.exp(0.5 * math.log1p(week.k_drift) + jumps)
 
 
 def report(results: Sequence[Mapping[str, Any]]) -> str:
