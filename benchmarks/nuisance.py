@@ -141,16 +141,39 @@ def _usual_k(case: Case, phi: float) -> float:
 
 
 def report(results: Sequence[Mapping[str, Any]]) -> str:
-    """A row for each nuisance, dose, order and truth, in Markdown."""
-    head = ["nuisance", "dose", "order", "truth", "worlds", *STATUSES, "Δt 1σ/2σ", "k 1σ/2σ", "effect 1σ/2σ"]
+    """A row for each nuisance, dose and order, with nothing hidden and with an effect, in Markdown."""
+    head = ["nuisance", "dose", "order", "hidden", "worlds", *STATUSES, "Δt 1σ/2σ", "k 1σ/2σ", "effect 1σ/2σ"]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    keys = dict.fromkeys((one["nuisance"], one["dose"], one["order"], one["truth"]) for one in results)
-    for key in keys:
-        some = [one for one in results if (one["nuisance"], one["dose"], one["order"], one["truth"]) == key]
+    for key in dict.fromkeys(map(_row, results)):
+        some = [one for one in results if _row(one) == key]
         counts = Counter(one["outcome"] for one in some)
         shares = [_covered(some, kind) for kind in ("delta_t_s", "k[", ".")]
         lines.append(f"| {' | '.join([*key, str(len(some)), *(str(counts[one]) for one in STATUSES), *shares])} |")
     return "\n".join(lines) + "\n"
+
+
+def _row(one: Mapping[str, Any]) -> tuple[str, str, str, str]:
+    return one["nuisance"], one["dose"], one["order"], "an effect" if TRUTHS[one["truth"]] else "nothing"
+
+
+def document(results: Sequence[Mapping[str, Any]]) -> str:
+    """The whole report, in Markdown."""
+    seeds, hidden = len({one["seed"] for one in results}), [name for name in TRUTHS if TRUTHS[name]]
+    lines = [
+        "# Verdicts under what a real week in a lab does",
+        "",
+        f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × 3 trials, {seeds} seed(s) of the matrix; "
+        f"`discover` with up to two effects. Hidden: nothing, or one of {', '.join(hidden)}. "
+        "A false claim names effects, none of whose alternatives is what is hidden. Rows share the noise of a seed: "
+        "what they cover is no independent sample, k and Δt of one seed least of all.",
+        "",
+    ]
+    for dose in ("clean", *DOSES):
+        some = [one for one in results if dose == ("clean" if one["nuisance"] == "clean" else one["dose"])]
+        right = sum(one["outcome"] == ("named" if TRUTHS[one["truth"]] else "adequate") for one in some)
+        false = sum(one["outcome"] == "false claim" for one in some)
+        lines.append(f"* {dose}: {right} of {len(some)} right, {false} false claims")
+    return "\n".join([*lines, "", report(results)])
 
 
 def _covered(some: Sequence[Mapping[str, Any]], kind: str) -> str:
@@ -177,8 +200,8 @@ def collect(wanted: Sequence[Case], path: Path, workers: int | None = None, own:
 
 
 def main() -> str:
-    """The whole matrix; the section of the report, in Markdown."""
-    return report(collect(list(cases(SEEDS)), OUT))
+    """The whole matrix; the report, in Markdown."""
+    return document(collect(list(cases(SEEDS)), OUT))
 
 
 def command() -> None:

@@ -46,5 +46,5 @@ def test_what_is_known_is_not_run_again_and_coverage_is_counted(tmp_path):
     assert found == [known]
     assert len(path.read_text().splitlines()) == 1
     assert nuisance.report(found).splitlines()[2] == (
-        "| drift | mild | as_listed | null | 1 | 1 | 0 | 0 | 0 | 0 | 0 | 0 | 1.00/1.00 | 0.00/0.50 | – |"
+        "| drift | mild | as_listed | nothing | 1 | 1 | 0 | 0 | 0 | 0 | 0 | 0 | 1.00/1.00 | 0.00/0.50 | – |"
     )
