@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.sharing import LIFT_ZERO, SPEED_SCALE, in_words, shared_by
-from sandbot_model.discovery.verdict import claim
+from sandbot_model.discovery.verdict import claim, parts_of
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 
@@ -18,8 +18,7 @@ def would_fall(search: EffectSearch, named: Fit) -> str:
     One clause; empty where no such reading is there to be off.
     """
     assert named.nuisances is not None
-    parts = [tuple(name for name in named.effects if name != left_out) for left_out in named.effects]
-    weakest = min((search.fits[part] for part in parts if part in search.fits), key=lambda fit: fit.deviance)
+    weakest = min(map(search.fits.__getitem__, parts_of(named.effects, search.fits)), key=lambda fit: fit.deviance)
     free = [(name, _freed(search, weakest, name)) for name in (LIFT_ZERO, SPEED_SCALE) if name in named.nuisances.names]
     price = claim(named, search.criteria)
     enough = [(name, fit) for name, fit in free if fit.deviance - named.deviance < price]

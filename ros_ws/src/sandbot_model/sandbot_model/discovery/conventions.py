@@ -1,10 +1,10 @@
 """Where no set fits: the leading effects under other conventions of their formulas (see ``physics.variants``)."""
 
 from collections.abc import Sequence
-from itertools import combinations, product
+from itertools import product
 
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.verdict import sound
+from sandbot_model.discovery.verdict import parts_of, sound
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, solve
 from sandbot_model.physics.effect import Effect
@@ -35,7 +35,7 @@ def _better(search: EffectSearch, names: Names) -> bool:
         model_of(search.base, names, {**search.effects, **swapped}, search.cells.robot)
         for swapped in _swaps(search, names)
     ]
-    start = min((search.fits[part] for part in _parts(search, names)), key=lambda fit: fit.deviance).warm_start
+    start = min((search.fits[part] for part in parts_of(names, search.fits)), key=lambda fit: fit.deviance).warm_start
     found = [fit for fit in _fitted(search, models, start, nearby=True) if sound(fit)]
     best = min(found, key=lambda fit: fit.deviance, default=search.fits[names])
     if best.deviance >= search.fits[names].deviance - search.criteria.clearly:
@@ -60,10 +60,6 @@ def _leading(search: EffectSearch) -> list[Names]:
     for size, most in ((1, len(best)), (2, PAIRS)):
         found += [names for names in best if len(names) == size][:most]
     return found
-
-
-def _parts(search: EffectSearch, names: Names) -> list[Names]:
-    return [part for part in combinations(names, len(names) - 1) if part in search.fits]
 
 
 def _swaps(search: EffectSearch, names: Names) -> list[dict[str, Effect]]:

@@ -6,7 +6,7 @@ from itertools import combinations
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.verdict import Verdict, passes, worth
+from sandbot_model.discovery.verdict import Verdict, parts_of, passes, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve, solve_near
 from sandbot_model.fitting.parallel import Map, Progress
@@ -135,8 +135,7 @@ class EffectSearch:
 
     def _parent(self, names: Names) -> Fit | None:
         """The best set with one effect less that has been fitted, or the base model's fit."""
-        parts = combinations(names, len(names) - 1) if names else ()
-        parents = [self.fits[part] for part in parts if part in self.fits]
+        parents = [self.fits[part] for part in parts_of(names, self.fits)]
         return min(parents, key=lambda parent: parent.deviance, default=self.fits.get(()))
 
     def _gains_nothing(self, names: Names) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.jacobian import full_jacobian, project_out
+from sandbot_model.fitting.jacobian import full_jacobian, project_out, spanned
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.states import States
 from sandbot_model.fitting.text import to_error
@@ -98,8 +98,7 @@ def _profile(problem: Problem, start: States, jacobian: Array, index: int, value
     shift = np.where(problem.measured, moved.predicted - start.predicted, 0.0)
     residual = np.repeat(start.all_residuals, len(values), axis=0)
     residual[:, : shift[0].size] -= np.einsum("cij,rcj->rci", start.whiten[0], shift).reshape(len(values), -1)
-    basis, singular, _ = np.linalg.svd(np.delete(jacobian, index, axis=1), full_matrices=False)
-    left = project_out(residual.T, basis[:, singular > 1e-9 * singular[0]])
+    left = project_out(residual.T, spanned(np.delete(jacobian, index, axis=1)))
     return np.asarray(np.sum(left**2, axis=0))
 
 

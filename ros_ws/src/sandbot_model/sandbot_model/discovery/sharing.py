@@ -15,7 +15,7 @@ import numpy as np
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.structure import BATCH, at_random, batch_share
-from sandbot_model.discovery.verdict import Verdict, judge, sound, worth
+from sandbot_model.discovery.verdict import Verdict, judge, parts_of, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, solve_near
 from sandbot_model.fitting.jacobian import cell_jacobian, full_jacobian
@@ -122,7 +122,7 @@ def _beside(search: EffectSearch, plain: Verdict, size: int, scatter: float) -> 
 
 def _survivor(search: EffectSearch, names: Names, scatter: float) -> Fit | None:
     """A set beside the nuisances, where every effect of it still earns its place."""
-    parts = [part for part in combinations(names, len(names) - 1) if part in search.fits]
+    parts = parts_of(names, search.fits)
     fits = _refitted(search, [names, *parts], scatter)
     fits |= _smaller_from(fits, names, search.criteria, scatter)
     return fits[names] if all(worth(fits, names, part, search.criteria) for part in parts) else None
@@ -134,14 +134,13 @@ def _smaller_from(fits: dict[Names, Fit], names: Names, criteria: Criteria, scat
     They are tried near where the larger set has come to.
     """
     found = {}
-    for part in combinations(names, len(names) - 1):
-        if part in fits:
-            before = fits[part]
-            own = shared_by(before, criteria, scatter)
-            point = solve_near((before.model, before.cells, (fits[names].warm_start, before.warm_start), own))
-            better = fitted_at(before.model, before.cells, point, own)
-            if better.deviance < before.deviance - GAINED:
-                found[part] = better
+    for part in parts_of(names, fits):
+        before = fits[part]
+        own = shared_by(before, criteria, scatter)
+        point = solve_near((before.model, before.cells, (fits[names].warm_start, before.warm_start), own))
+        better = fitted_at(before.model, before.cells, point, own)
+        if better.deviance < before.deviance - GAINED:
+            found[part] = better
     return found
 
 
@@ -177,8 +176,7 @@ def _refitted(search: EffectSearch, sets: Sequence[Names], scatter: float) -> di
 
 def _starts(search: EffectSearch, fit: Fit) -> tuple[WarmStart, ...]:
     """Where it was, and the best set with one effect less: with nuisances the effect may have nothing left to do."""
-    parts = combinations(fit.effects, len(fit.effects) - 1) if fit.effects else ()
-    smaller = [search.fits[part] for part in parts if part in search.fits]
+    smaller = [search.fits[part] for part in parts_of(fit.effects, search.fits)]
     best = sorted(smaller, key=lambda part: part.deviance)[:1]
     return tuple(found.warm_start for found in (fit, *best))
 

@@ -15,7 +15,7 @@ import numpy as np
 from sandbot_model.discovery.verdict import Sets, Verdict
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.jacobian import full_jacobian
-from sandbot_model.fitting.nuisances import free_of
+from sandbot_model.fitting.nuisances import free_of, gains
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import Observable
 
@@ -71,6 +71,4 @@ def kernels(at: Array) -> list[Array]:
 def _gain(missed: Array, slope: Array, kernel: Array, sizes: Array) -> float:
     """Of the best size."""
     shares, axes = np.linalg.eigh(slope @ kernel @ slope.T)
-    variance = 1.0 + np.outer(sizes**2, np.maximum(shares, 0.0))
-    along = (axes.T @ missed) ** 2
-    return float(np.max(along.sum() - np.sum(along / variance + np.log(variance), axis=1)))
+    return float(gains(axes.T @ missed, np.maximum(shares, 0.0), sizes).max())

@@ -117,8 +117,12 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
 
 
 def _all_needed(fits: Sets, key: tuple[str, ...], criteria: Criteria) -> bool:
-    parts = [part for part in combinations(key, len(key) - 1) if part in fits]
-    return all(worth(fits, key, part, criteria) for part in parts)
+    return all(worth(fits, key, part, criteria) for part in parts_of(key, fits))
+
+
+def parts_of(names: tuple[str, ...], fits: Sets) -> list[tuple[str, ...]]:
+    """The sets with one effect less that were tried; none of the base model."""
+    return [part for part in combinations(names, len(names) - 1) if part in fits] if names else []
 
 
 def _because(fits: Sets, best: Fit) -> str:

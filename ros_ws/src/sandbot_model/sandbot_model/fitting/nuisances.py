@@ -53,11 +53,16 @@ def scatter_of_batches(
     """
     contrasts = free_of(jacobian, others)
     axes, shares, _ = np.linalg.svd(contrasts @ batches, full_matrices=False)
-    missed = axes.T @ (contrasts @ residual)
-    variance = 1 + np.outer(tried, shares) ** 2
-    value = np.sum(np.log(variance) + missed**2 / variance, axis=1) + (tried / prior) ** 2
-    best = int(np.argmin(value))
-    return float(tried[best]), float(value[0] - value[best])
+    gain = gains(axes.T @ (contrasts @ residual), shares**2, tried) - (tried / prior) ** 2
+    best = int(np.argmax(gain))
+    return float(tried[best]), float(gain[best])
+
+
+def gains(missed: Array, shares: Array, sizes: Array) -> Array:
+    """Fall of -2 ln likelihood of contrasts ``missed (n,)`` whose variances are 1 + size² ``shares (n,)`` and not 1,
+    ``(sizes,)``."""
+    variance = 1.0 + np.outer(sizes**2, shares)
+    return np.asarray(np.sum(missed**2 * (1.0 - 1.0 / variance) - np.log(variance), axis=1))
 
 
 def free_of(jacobian: Array, others: Array) -> Array:
