@@ -123,6 +123,15 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi))
 
 
+def cell_of(trials: Trials, cells: Cells) -> Ints:
+    """Index of the cell that each trial belongs to ``(trials,)``, excluded ones too; -1 for those of none."""
+    level = np.abs(trials.phi[:, None] - cells.level_phi).argmin(axis=1)
+    same = (level[:, None] == cells.level) & np.isfinite(trials.phi)[:, None]
+    same &= np.abs(trials.omega_rad_s[:, None] - cells.omega) <= OMEGA_TOLERANCE * cells.omega
+    same &= np.array([str(gait) for gait in trials.gait])[:, None] == np.array(cells.gait)
+    return np.where(same.any(axis=1), same.argmax(axis=1), -1)
+
+
 @dataclass(frozen=True, eq=False)
 class _Groups:
     """Which group each trial belongs to, ``index (trials,)``, and how many groups there are."""

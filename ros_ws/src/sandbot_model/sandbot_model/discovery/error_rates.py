@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_model.data.conditions import OMEGA_TOLERANCE, Cells, cells_of
+from sandbot_model.data.conditions import Cells, cell_of, cells_of
 from sandbot_model.data.distributions import beta_ppf
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import discover
@@ -104,8 +104,7 @@ def error_rates(
 
 def simulated(trials: Trials, truth: Fit, rng: np.random.Generator) -> Trials:
     """The trials of a campaign, their observables drawn anew from a fit; what was not measured is not."""
-    cells = truth.cells
-    cell = _cell(trials, cells)
+    cell = np.where(trials.usable, cell_of(trials, truth.cells), -1)
     known = cell >= 0
     drawn = np.full((len(trials), len(Observable)), np.nan)
     drawn[known] = _observed(trials.select(known), cell[known], truth, rng)
@@ -156,13 +155,3 @@ def _root(cells: Cells) -> Array:
     one = np.where(both, (cells.covariance - shared) * count[:, :, None] * count[:, None, :], 0.0)
     variance, axes = np.linalg.eigh(one)
     return np.asarray(axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :])
-
-
-def _cell(trials: Trials, cells: Cells) -> Array:
-    """Index of each trial's cell; -1 for trials that are in none."""
-    gait = np.array([str(one) for one in trials.gait])
-    same = gait[:, None] == np.array(cells.gait)
-    same &= np.abs(trials.omega_rad_s[:, None] / cells.omega - 1) < 2 * OMEGA_TOLERANCE
-    same &= trials.usable[:, None]
-    away = np.where(same, np.abs(trials.phi[:, None] - cells.phi), np.inf)
-    return np.where(same.any(axis=1), away.argmin(axis=1), -1)

@@ -15,7 +15,7 @@ from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.legs import leg_mount_rad
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_model.data.conditions import Cells, Floats
+from sandbot_model.data.conditions import Cells, Floats, cell_of
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.physics.predictor import Predictor
@@ -28,7 +28,6 @@ from sandbot_record.trials.legs import leg_columns
 from sandbot_record.trials.setting import of_bag
 from sandbot_record.trials.table import Trials
 
-NEAR_OMEGA = 5e-3
 MAX_POINTS = 1500
 DASHES = ("solid", "dot", "dash", "dashdot")
 """Replicates differ in colour and in dash."""
@@ -54,10 +53,7 @@ def files_of(bag: Path) -> dict[str, Path]:
 
 def trials_of(trials: Trials, cells: Cells, cell: int) -> np.ndarray[Any, np.dtype[np.int64]]:
     """Rows of the table that belong to a cell, excluded ones too."""
-    level = np.abs(trials.phi[:, None] - cells.level_phi).argmin(axis=1)
-    near = np.abs(trials.omega_rad_s - cells.omega[cell]) <= NEAR_OMEGA * cells.omega[cell]
-    same_gait = np.array([str(gait) == cells.gait[cell] for gait in trials.gait])
-    return np.flatnonzero((level == cells.level[cell]) & near & same_gait & np.isfinite(trials.phi))
+    return np.flatnonzero(cell_of(trials, cells) == cell)
 
 
 def read(bags: Mapping[str, Path], trial_ids: Sequence[str]) -> tuple[list[Waveform], list[str]]:
