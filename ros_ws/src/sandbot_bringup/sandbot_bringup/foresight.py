@@ -5,19 +5,18 @@ from collections.abc import Mapping, Sequence
 from sandbot_bringup.config import robot_of
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_common.errors import InputError
+from sandbot_common.files import parse_yaml
 
 
 def foresight(plan: Plan, trials: Sequence[PlannedTrial], files: Mapping[str, str]) -> str:
     """One sentence; it supposes the ground of Li09 and the scatter that the cameras' file has as usual."""
-    import yaml
-
     from sandbot_model.discovery.effect_search import EffectSearch
     from sandbot_model.discovery.power import detectable, expected, in_words
     from sandbot_model.physics.catalogue import catalogue
     from sandbot_record.trials.setting import accuracy_of
     from sandbot_record.trials.table import Row, from_rows
 
-    cameras = yaml.safe_load(files["cameras.yaml"])
+    cameras = parse_yaml(files["cameras.yaml"], "cameras.yaml")
     rows = [
         Row(
             trial_id=trial.trial_id,
