@@ -1,6 +1,5 @@
 """The page without a browser: its outputs, its address, its second pane, and who may ask for it."""
 
-import time
 from dataclasses import replace
 
 import pytest
@@ -55,10 +54,8 @@ def test_a_discovery_that_fails_says_so(session, trials, tmp_path, monkeypatch):
         raise InputError("no replicates")
 
     monkeypatch.setattr(session, "suggest", refuse)
-    explorer.start_discovery(Selection())
-    limit = time.monotonic() + 5
-    while explorer.job.running and time.monotonic() < limit:
-        time.sleep(0.01)
+    explorer.job.start(Selection()).join(60)
+    assert not explorer.job.running
     assert explorer.job.failed == "No suggestion: no replicates"
 
 

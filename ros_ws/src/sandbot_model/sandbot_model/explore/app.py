@@ -1,28 +1,25 @@
-"""The page itself: Dash wiring between the controls, the session and the figures. It listens on this host only.
+"""The page itself: what it answers to its controls (``wiring``). It listens on this host only.
 
 The address is the state: every control changes it, everything shown follows from it, so undo is the browser's own
 "back" and a page can be bookmarked or sent. The two are separate steps: changing the address takes no fit, so that a
 control used while figures are still on their way (and those are then dropped) adds to the change before it.
 """
 
-import threading
 import traceback
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dash import ALL, Dash, Input, Output, State, ctx, html, no_update, set_props
+from dash import Dash, ctx, html, no_update, set_props
 from dash.exceptions import PreventUpdate
 from flask import Response, abort, send_file
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, from_query, to_query, to_yaml
-from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.reproduce import steps_of
 from sandbot_model.explore import cell_trials, controls, views
 from sandbot_model.explore.actions import (
-    CONTROLS,
     act,
     can_adopt,
     clicked_cell,
@@ -32,65 +29,15 @@ from sandbot_model.explore.actions import (
     with_verdict,
 )
 from sandbot_model.explore.atlas_page import AtlasPage
+from sandbot_model.explore.job import Job
 from sandbot_model.explore.loopback import own_host_only
 from sandbot_model.explore.session import Session
+from sandbot_model.explore.wiring import SHOWN, bare, wire
 from sandbot_model.report import waveforms
 from sandbot_model.report.data_section import cells_csv
-from sandbot_model.report.page import source
 from sandbot_model.report.provenance import bags_of, lost_bags, provenance
 from sandbot_model.report.theme import LIGHT, THEMES, Spec, Theme
 from sandbot_record.trials.table import Trials
-
-INDEX = """<!doctype html>
-<html lang="en">
-<head>
-{%metas%}
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<title>{%title%}</title>
-{%favicon%}
-{%css%}
-</head>
-<body>
-{%app_entry%}
-<footer>{%config%}{%scripts%}{%renderer%}<script>{export}</script></footer>
-</body>
-</html>"""
-SHOWN = (
-    "effects.options",
-    "preview-clock.disabled",
-    "atlas.href",
-    "observable-row.hidden",
-    "parameters-box.hidden",
-    "by-hand.children",
-    "figure.figure",
-    "figure.style",
-    "figure-how.children",
-    "figure-says.children",
-    "pane-title.children",
-    "pane-title.hidden",
-    "unpin.hidden",
-    "ladder.figure",
-    "ladder.style",
-    "ladder-says.children",
-    "parameters.children",
-    "beside.children",
-    "trials.children",
-    "status.children",
-    "message.children",
-)
-"""What follows from the address: component.property."""
-
-
-@dataclass
-class Job:
-    """The discovery that is running or has run; one at a time."""
-
-    lock: threading.Lock = field(default_factory=threading.Lock)
-    stage: tuple[str, int, int] = ("the base model", 0, 1)
-    found: Discovery | None = None
-    failed: str = ""
-    running: bool = False
 
 
 @dataclass(frozen=True)
@@ -116,7 +63,7 @@ class Explorer:
         self.beside, self.options, self.robot_line = beside, tuple(options), robot_line
         self.bags = bags_of([path for path in data if path.exists()])
         self.provenance = provenance(trials, session.cells, lost_bags(self.bags, trials))
-        self.job = Job()
+        self.job = Job(session)
 
     def app(self) -> Dash:
         """The Dash application; nothing in it comes from the network."""
@@ -126,21 +73,12 @@ class Explorer:
             f"{len(cells.level_phi)} volume fractions"
         )
         line += f"; {self.robot_line}" if self.robot_line else ""
-        app = Dash(
-            "sandbot_explorer",
-            title=self.title,
-            update_title="",
-            assets_folder=str(Path(__file__).parent / "assets"),
-            serve_locally=True,
-            suppress_callback_exceptions=True,
-            on_error=_on_error,
-            index_string=INDEX.replace("{export}", source("export.js")),
-        )
+        app = bare(self.title, _on_error)
         own_host_only(app.server)
         app.layout = controls.page(self.title, line, provenance, cells)
         app.server.add_url_rule("/bag/<trial_id>/<name>", "bag", self.send_bag)
         AtlasPage(self.session, self.trials, self.bags, self.title).serve(app.server)
-        self._wire(app)
+        wire(app, self)
         return app
 
     def show(self, selection: Selection, theme_name: str | None) -> dict[str, Any]:
@@ -220,64 +158,6 @@ class Explorer:
         files = waveforms.files_of(self.bags[trial_id]) if trial_id in self.bags else {}
         return send_file(files[name].resolve(), as_attachment=True) if name in files else abort(404)
 
-    def _wire(self, app: Dash) -> None:
-        app.callback(
-            output=_outputs(*SHOWN),
-            inputs={"search": Input("address", "search"), "theme": Input("theme", "data")},
-            state={"displayed": {name: State(name, "value") for name in CONTROLS}},
-        )(self.on_address)
-        # What is shown sets the controls and they set the address, all by set_props: Outputs would be a circle to Dash,
-        # and it would let a control wait until the figures before have come, and then set it back.
-        app.callback(
-            inputs={
-                "values": {name: Input(name, "value") for name in CONTROLS},
-                "_clicks": [
-                    Input("figure", "clickData"),
-                    *(Input(name, "n_clicks") for name in ("add", "release", "adopt", "pin", "unpin")),
-                    Input("formula", "n_submit"),
-                ],
-                "sliders": Input({"by_hand": ALL}, "value"),
-            },
-            state={
-                "slider_ids": State({"by_hand": ALL}, "id"),
-                "formula": State("formula", "value"),
-                "search": State("address", "search"),
-                "shown_query": State("shown", "data"),
-            },
-            prevent_initial_call=True,
-        )(self.on_control)
-        app.callback(
-            output=_outputs("effects.options", "preview-clock.disabled", allow_duplicate=True),
-            inputs={"_tick": Input("preview-clock", "n_intervals")},
-            state={"shown_query": State("shown", "data")},
-            prevent_initial_call=True,
-        )(self.on_preview_clock)
-        app.callback(
-            Output("download", "data"),
-            Input("save", "n_clicks"),
-            Input("save-csv", "n_clicks"),
-            State("address", "search"),
-            prevent_initial_call=True,
-        )(self.on_save)
-        app.callback(
-            output=_outputs("suggestion.children", "suggest-clock.disabled", "adopt.hidden"),
-            inputs={"_clicks": Input("suggest", "n_clicks"), "_tick": Input("suggest-clock", "n_intervals")},
-            state={"search": State("address", "search")},
-            prevent_initial_call=True,
-        )(self.on_suggest)
-        app.callback(Output("formula-read", "children"), Input("formula", "value"), prevent_initial_call=True)(
-            lambda typed: controls.formula_read(typed or "")
-        )
-        app.clientside_callback(
-            "window.dash_clientside.explore.theme", Output("theme", "data"), Input("address", "pathname")
-        )
-        app.clientside_callback(
-            "window.dash_clientside.explore.undo",
-            Output("undone", "data"),
-            Input("undo", "n_clicks"),
-            prevent_initial_call=True,
-        )
-
     def on_address(self, search: str | None, theme: str | None, displayed: Mapping[str, Any]) -> dict[str, Any]:
         """The address has changed: show what it says, and set the controls that differ from it."""
         if theme is None:
@@ -352,7 +232,7 @@ class Explorer:
         job = self.job
         if ctx.triggered_id == "suggest":
             try:
-                self.start_discovery(from_query(search or ""))
+                job.start(from_query(search or ""))
             except InputError as error:
                 return _suggestion(html.P(str(error)))
         if job.running:
@@ -370,34 +250,6 @@ class Explorer:
             "noise_floor_m_s": self.session.noise_floor_m_s,
         }
         return to_yaml(selection, [str(path) for path in self.data], result, self.options)
-
-    def start_discovery(self, selection: Selection) -> None:
-        """Start a discovery in its own thread, unless one is running."""
-        job = self.job
-        with job.lock:
-            if job.running:
-                return
-            job.running, job.found, job.failed, job.stage = True, None, "", ("the base model", 0, 1)
-
-        def report_progress(stage: str, done: int, total: int) -> None:
-            job.stage = (stage, done, total)
-
-        def run() -> None:
-            try:
-                job.found = self.session.suggest(selection, report_progress)
-            except Exception as error:  # nothing else reports what fails in this thread
-                if not isinstance(error, InputError):
-                    traceback.print_exception(error)
-                job.failed = f"No suggestion: {error}"
-            finally:
-                job.running = False
-
-        threading.Thread(target=run, name="suggest", daemon=True).start()
-
-
-def _outputs(*names: str, allow_duplicate: bool = False) -> dict[str, Output]:
-    """The outputs of a callback by component.property."""
-    return {name: Output(*name.split("."), allow_duplicate=allow_duplicate) for name in names}
 
 
 def _suggestion(children: Any, *, running: bool = False, adopt: bool = False) -> dict[str, Any]:

@@ -1,0 +1,153 @@
+"""Which control asks what of the explorer, and which parts of the page its answers fill."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+from dash import ALL, Dash, Input, Output, State
+
+from sandbot_model.explore import controls
+from sandbot_model.explore.actions import CONTROLS
+from sandbot_model.report.page import source
+
+INDEX = """<!doctype html>
+<html lang="en">
+<head>
+{%metas%}
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<title>{%title%}</title>
+{%favicon%}
+{%css%}
+</head>
+<body>
+{%app_entry%}
+<footer>{%config%}{%scripts%}{%renderer%}<script>{export}</script></footer>
+</body>
+</html>"""
+SHOWN = (
+    "effects.options",
+    "preview-clock.disabled",
+    "atlas.href",
+    "observable-row.hidden",
+    "parameters-box.hidden",
+    "by-hand.children",
+    "figure.figure",
+    "figure.style",
+    "figure-how.children",
+    "figure-says.children",
+    "pane-title.children",
+    "pane-title.hidden",
+    "unpin.hidden",
+    "ladder.figure",
+    "ladder.style",
+    "ladder-says.children",
+    "parameters.children",
+    "beside.children",
+    "trials.children",
+    "status.children",
+    "message.children",
+)
+"""What follows from the address: component.property."""
+
+
+class Answers(Protocol):
+    """What the page asks for; each is answered in a thread of the server's, with what ``wire`` says."""
+
+    def on_address(self, *args: Any, **given: Any) -> Mapping[str, Any]:
+        """The address has changed."""
+
+    def on_control(self, *args: Any, **given: Any) -> None:
+        """A control was used."""
+
+    def on_preview_clock(self, *args: Any, **given: Any) -> Mapping[str, Any]:
+        """Fits may have ended."""
+
+    def on_save(self, *args: Any, **given: Any) -> Mapping[str, Any]:
+        """A file is asked for."""
+
+    def on_suggest(self, *args: Any, **given: Any) -> Mapping[str, Any]:
+        """A discovery is asked for, or how far it is."""
+
+
+def bare(title: str, on_error: Callable[[Exception], None]) -> Dash:
+    """The application without its parts; nothing in it comes from the network."""
+    return Dash(
+        "sandbot_explorer",
+        title=title,
+        update_title="",
+        assets_folder=str(Path(__file__).parent / "assets"),
+        serve_locally=True,
+        suppress_callback_exceptions=True,
+        on_error=on_error,
+        index_string=INDEX.replace("{export}", source("export.js")),
+    )
+
+
+def wire(app: Dash, answers: Answers) -> None:
+    """Tie every control to its answer."""
+    app.callback(
+        output=_outputs(*SHOWN),
+        inputs={"search": Input("address", "search"), "theme": Input("theme", "data")},
+        state={"displayed": {name: State(name, "value") for name in CONTROLS}},
+    )(answers.on_address)
+    # What is shown sets the controls and they set the address, all by set_props: Outputs would be a circle to Dash,
+    # and it would let a control wait until the figures before have come, and then set it back.
+    app.callback(
+        inputs={
+            "values": {name: Input(name, "value") for name in CONTROLS},
+            "_clicks": [
+                Input("figure", "clickData"),
+                *(Input(name, "n_clicks") for name in ("add", "release", "adopt", "pin", "unpin")),
+                Input("formula", "n_submit"),
+            ],
+            "sliders": Input({"by_hand": ALL}, "value"),
+        },
+        state={
+            "slider_ids": State({"by_hand": ALL}, "id"),
+            "formula": State("formula", "value"),
+            "search": State("address", "search"),
+            "shown_query": State("shown", "data"),
+        },
+        prevent_initial_call=True,
+    )(answers.on_control)
+    app.callback(
+        output=_outputs("effects.options", "preview-clock.disabled", allow_duplicate=True),
+        inputs={"_tick": Input("preview-clock", "n_intervals")},
+        state={"shown_query": State("shown", "data")},
+        prevent_initial_call=True,
+    )(answers.on_preview_clock)
+    app.callback(
+        Output("download", "data"),
+        Input("save", "n_clicks"),
+        Input("save-csv", "n_clicks"),
+        State("address", "search"),
+        prevent_initial_call=True,
+    )(answers.on_save)
+    app.callback(
+        output=_outputs("suggestion.children", "suggest-clock.disabled", "adopt.hidden"),
+        inputs={"_clicks": Input("suggest", "n_clicks"), "_tick": Input("suggest-clock", "n_intervals")},
+        state={"search": State("address", "search")},
+        prevent_initial_call=True,
+    )(answers.on_suggest)
+    app.callback(Output("formula-read", "children"), Input("formula", "value"), prevent_initial_call=True)(
+        lambda typed: controls.formula_read(typed or "")
+    )
+    _wire_clientside(app)
+
+
+def _wire_clientside(app: Dash) -> None:
+    app.clientside_callback(
+        "window.dash_clientside.explore.theme", Output("theme", "data"), Input("address", "pathname")
+    )
+    app.clientside_callback(
+        "window.dash_clientside.explore.undo",
+        Output("undone", "data"),
+        Input("undo", "n_clicks"),
+        prevent_initial_call=True,
+    )
+
+
+def _outputs(*names: str, allow_duplicate: bool = False) -> dict[str, Output]:
+    """The outputs of a callback by component.property."""
+    return {name: Output(*name.split("."), allow_duplicate=allow_duplicate) for name in names}
