@@ -295,6 +295,24 @@ def test_suggest_names_the_hidden_effect_and_switches_it_on(page, address):
     page.until(lambda: "disturbed ground" in page.text("status"))
 
 
+def test_why_argues_the_verdict_and_the_slider_sets_its_rivals_beside(page, address):
+    """Asked for at once, without a suggestion: the discovery is run, and the page comes when it has ended."""
+    page.driver.get(f"{address}why?model=simple")
+    drawn = "return document.documentElement.dataset.drawn ?? ''"
+    page.until(lambda: page.driver.execute_script(drawn) == "light 1")
+    said = page.driver.find_element(By.CLASS_NAME, "verdict").text
+    assert said.startswith("Identified. With disturbed_ground")
+    thick = """const plot = document.getElementById("plot-rivals");
+      return plot.data.filter((trace) => trace.showlegend && trace.line.width > 3).map((trace) => trace.name)"""
+    assert page.driver.execute_script(thick) == ["+ disturbed ground"]
+    page.driver.find_element(By.ID, "rung").send_keys(Keys.ARROW_LEFT)
+    page.until(lambda: page.driver.execute_script(drawn) == "light 0")
+    assert page.driver.execute_script(thick) == ["simple model"]
+    page.driver.find_element(By.LINK_TEXT, "Back to the explorer").click()
+    page.until(lambda: "error" in page.text("status"))
+    assert page.complaints() == []
+
+
 def test_the_saved_file_reproduces_the_numbers_from_the_command_line(page, address, folder):
     page.open(f"{address}?effect={HIDDEN}&hold=delta_t_s%3D0.35")
     page.press("save")
@@ -331,7 +349,8 @@ def test_two_models_and_two_data_sets_stand_side_by_side(page, address, folder):
     page.choose("effects", HIDDEN)
     page.until(lambda: page.text("pane-title").endswith("+ disturbed ground"))
     assert "simple model: error" in page.text("beside")
-    page.until(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#beside .main-svg"))
+    page.until(lambda: "Difference of the two" in page.text("beside"))
+    page.until(lambda: len(page.driver.find_elements(By.CSS_SELECTOR, "#beside .main-svg")) >= 2)
     page.press("unpin")
     page.until(lambda: page.text("beside") == "")
     assert page.complaints() == []

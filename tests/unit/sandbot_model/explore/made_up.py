@@ -31,11 +31,13 @@ class Inline(Executor):
         return future
 
 
-def made_up_trials(phis=(0.60, 0.615, 0.633), replicates=2, omegas=(4, 10, 16, 22), lift=True):
+def made_up_trials(phis=(0.60, 0.615, 0.633), replicates=2, omegas=(4, 10, 16, 22), lift=True, effect=None):
     rng = np.random.default_rng(1)
     phi, omega, replicate = (a.ravel() for a in np.meshgrid(phis, omegas, range(replicates), indexing="ij"))
     k = np.interp(phi, [0.58, 0.60, 0.633], [170, 185, 220])
-    values = model_of("simple", (), EFFECTS).walker.predict(Inputs(k, omega, 0.4, phi)).observables
+    name, parameters = effect or ("", {})
+    walker = model_of("simple", (name,) if name else (), EFFECTS).walker
+    values = walker.predict(Inputs(k, omega, 0.4, phi), [parameters] if name else []).observables
     values = values + rng.normal(0, 1, values.shape) * [0.005, 0.0002, 0.008, 0.002]
     if not lift:
         values[:, Observable.lift] = np.nan

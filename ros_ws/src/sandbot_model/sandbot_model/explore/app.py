@@ -32,6 +32,7 @@ from sandbot_model.explore.atlas_page import AtlasPage
 from sandbot_model.explore.job import Job
 from sandbot_model.explore.loopback import own_host_only
 from sandbot_model.explore.session import Session
+from sandbot_model.explore.why_page import WhyPage
 from sandbot_model.explore.wiring import SHOWN, bare, wire
 from sandbot_model.report import waveforms
 from sandbot_model.report.data_section import cells_csv
@@ -78,6 +79,7 @@ class Explorer:
         app.layout = controls.page(self.title, line, provenance, cells)
         app.server.add_url_rule("/bag/<trial_id>/<name>", "bag", self.send_bag)
         AtlasPage(self.session, self.trials, self.bags, self.title).serve(app.server)
+        WhyPage(self.job, self.provenance, self.title).serve(app.server)
         wire(app, self)
         return app
 
@@ -91,7 +93,7 @@ class Explorer:
         panes = self._panes(selection, theme)
         if panes:
             shown = replace(shown, figure=self._narrow(selection, shown, theme))
-            views.same_ranges([shown.figure, *(pane.figure for pane in panes if pane.figure)])
+            views.same_ranges([shown.figure, *(pane.figure for pane in panes if pane.same_axes and pane.figure)])
         by_hand = selection.view == "parameters"
         # Sliders are slow to make and seldom looked at: only with their view.
         sliders = controls.by_hand(views.sliders(selection, shown.current, effects)) if by_hand else []
@@ -99,6 +101,7 @@ class Explorer:
         return {
             **self._previews(selection),
             "atlas.href": f"/atlas{to_query(selection)}",
+            "why.href": f"/why{to_query(selection)}",
             "observable-row.hidden": selection.view != "residuals",
             "parameters-box.hidden": not by_hand,
             "by-hand.children": sliders,
@@ -140,6 +143,7 @@ class Explorer:
         if (other := selection.other) is not None:
             title = f"{self.title}: {self.session.step(other).label}, set beside"
             shown.append(views.beside(self.session, other, title, theme))
+            shown.append(views.difference(self.session, selection, other, theme))
         return shown
 
     def _narrow(self, selection: Selection, shown: views.Shown, theme: Theme) -> Spec:
@@ -239,7 +243,7 @@ class Explorer:
             return _suggestion(controls.progress(*job.stage), running=True)
         if job.found is None:
             return _suggestion(html.P(job.failed))
-        return _suggestion(controls.suggestion(job.found), adopt=can_adopt(job.found))
+        return _suggestion(controls.suggestion(job.found, f"/why{search or ''}"), adopt=can_adopt(job.found))
 
     def saved(self, selection: Selection) -> str:
         """The selection as YAML with the numbers that ``compare`` gives for it."""

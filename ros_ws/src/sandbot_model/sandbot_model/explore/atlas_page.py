@@ -5,12 +5,12 @@ from collections.abc import Mapping
 from functools import lru_cache
 from html import escape
 from pathlib import Path
-from urllib.parse import urlencode
 
-from flask import Flask, Response, abort, request
+from flask import Flask, Response, abort
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import Selection, from_query, to_query
+from sandbot_model.discovery.choice import Selection, to_query
+from sandbot_model.explore.asked import asked_selection
 from sandbot_model.explore.session import Session
 from sandbot_model.report.atlas.gathered import gathered
 from sandbot_model.report.atlas.material import ONE_COLUMN_MM, Material, Plate
@@ -48,7 +48,7 @@ class AtlasPage:
     def page(self) -> Response:
         """All plates; one that these data do not give is replaced by the reason."""
         try:
-            selection = _selection()
+            selection = asked_selection()
             model = self._session.ladder(selection)[-1].label
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
@@ -65,7 +65,7 @@ class AtlasPage:
         if plate is None:
             abort(404)
         try:
-            return Response(self._plate(plate, _selection())[0], mimetype="image/svg+xml")
+            return Response(self._plate(plate, asked_selection())[0], mimetype="image/svg+xml")
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
 
@@ -89,9 +89,3 @@ class AtlasPage:
     def _gathered(self, selection: Selection) -> Material:
         rungs = self._session.ladder(selection)
         return gathered(self._trials, [rung.fit for rung in rungs], self._bags)
-
-
-def _selection() -> Selection:
-    """What the address asks for; a cell or a view of the explorer's page draws the same atlas."""
-    asked = from_query(f"?{urlencode(list(request.args.items(multi=True)))}")
-    return Selection(asked.model, asked.effects, asked.formulas)

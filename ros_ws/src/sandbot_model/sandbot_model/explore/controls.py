@@ -213,8 +213,8 @@ def film(strip: Sequence[tuple[bytes, str]]) -> html.Div:
     return html.Div(frames, className="film")
 
 
-def suggestion(found: Discovery) -> list[Any]:
-    """Verdict, candidates and next trials of a discovery, with a button that switches its effects on."""
+def suggestion(found: Discovery, why: str = "/why") -> list[Any]:
+    """Verdict, candidates and next trials of a discovery; ``why`` is the address of its argument."""
     verdict = found.verdict
     named = " + ".join(map(readable, verdict.effects))
     if verdict.status == "ambiguous":
@@ -222,6 +222,7 @@ def suggestion(found: Discovery) -> list[Any]:
     because = verdict.because[:1].upper() + verdict.because[1:]
     parts: list[Any] = [
         html.P([html.Strong(f"{verdict.status.capitalize()}{f': {named}' if named else ''}. "), because]),
+        html.P(html.A("Why: the argument, the rivals and the plan of the next trials", href=why)),
         _table(
             "Best single effects",
             ("effect", "ΔBIC", "out of sample"),
@@ -303,6 +304,7 @@ def _figures(cells: Cells) -> html.Main:
                         [{"value": view, "label": title} for view, title in TITLES.items()],
                         "speed", id="view", inline=True, className="tabs",
                     ),
+                    html.A("Why", id="why", href="/why", title="the argument for the verdict on these trials"),
                     html.A("Atlas", id="atlas", href="/atlas", title="the figures of Li et al. 2009 from these trials"),
                 ],
                 className="tab-row",

@@ -19,6 +19,7 @@ class Job:
     session: Session
     stage: tuple[str, int, int] = BEGIN
     """What is tried, how many of these are done, and how many there are."""
+    asked: Selection | None = None
     found: Discovery | None = None
     failed: str = ""
     running: bool = False
@@ -29,10 +30,16 @@ class Job:
         with self._lock:
             if self.running:
                 return None
-            self.running, self.found, self.failed, self.stage = True, None, "", BEGIN
+            self.running, self.asked, self.found, self.failed, self.stage = True, selection, None, "", BEGIN
         thread = threading.Thread(target=self._run, args=(selection,), name="suggest", daemon=True)
         thread.start()
         return thread
+
+    def found_for(self, selection: Selection) -> Discovery | None:
+        """What was found, if it was asked of the same base model and with the same formulas."""
+        asked, found = self.asked, self.found
+        same = asked is not None and (asked.model, asked.formulas) == (selection.model, selection.formulas)
+        return found if same else None
 
     def _run(self, selection: Selection) -> None:
         try:

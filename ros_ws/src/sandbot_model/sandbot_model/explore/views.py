@@ -1,7 +1,7 @@
 """What the explorer shows for a selection, as plain data: the figure, the ladder, captions and numbers."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from sandbot_model.explore.actions import on_slider
 from sandbot_model.explore.chosen import mark
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.effect import Effect
-from sandbot_model.report import balance, captions, figures, lock, mechanics, residual_map, text
+from sandbot_model.report import apart, balance, captions, figures, lock, mechanics, residual_map, text
 from sandbot_model.report.theme import Spec, Theme, layout, note
 from sandbot_model.report.view import Step, readable
 
@@ -55,6 +55,8 @@ class Pane:
     title: str
     caption: str
     figure: Spec | None = None
+    same_axes: bool = True
+    """Whether its axes are those of the first figure."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,19 @@ def beside(session: Session, selection: Selection, title: str, theme: Theme) -> 
         return Pane(title, missing)
     said = f"{status(selection, current, session.noise_floor_m_s)} {caption(selection, current)}"
     return Pane(title, said, figure(selection, None, current, theme, columns=PANE_COLUMNS))
+
+
+def difference(session: Session, selection: Selection, other: Selection, theme: Theme) -> Pane:
+    """Where the model shown and the one set beside it differ, over the conditions measured."""
+    observable = selection.observable if selection.view == "residuals" else "speed"
+    try:
+        pair = session.step(selection), session.step(other)
+    except InputError as error:
+        return Pane("Difference", str(error))
+    if observable not in pair[0].fit.cells.observables:
+        return Pane("Difference", absent(replace(selection, view="residuals", observable=observable), pair[0]))
+    spec = mark(apart.difference_map(*pair, observable, theme), selection.cell, theme)
+    return Pane("Difference of the two", apart.difference_says(*pair, observable), spec, same_axes=False)
 
 
 def figure(selection: Selection, base: Step | None, current: Step, theme: Theme, columns: int = COLUMNS) -> Spec:

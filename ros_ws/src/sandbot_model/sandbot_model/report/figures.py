@@ -39,15 +39,13 @@ def speed(
     """
     cells = step.fit.cells
     rows = bands(cells)
-    top = CM * max(finite_max(measured(cells, "speed")), finite_max(step.speed_m_s)) * 1.12
     colours = theme.phi_colours(len(cells.level_phi))
-    across = {"title": "ω (rad/s)", "range": _range(step.omega_rad_s, cells.omega)}
-    spec = panels(rows, theme, across, {"title": "speed (cm/s)", "range": [-0.02 * top, top]}, columns)
+    spec = speed_panels([step], theme, columns)
     for i, band in enumerate(rows):
         colour = colours[band.level]
-        traces = [_line(step, i, {"color": colour, "width": 2.5}), _points(cells, band, colour, theme)]
+        traces = [line(step, i, {"color": colour, "width": 2.5}), points(cells, band, colour, theme)]
         if base is not None and base is not step:
-            traces.insert(0, _line(base, i, {"color": theme.faint, "width": 1.5, "dash": "dash"}))
+            traces.insert(0, line(base, i, {"color": theme.faint, "width": 1.5, "dash": "dash"}))
         if with_band:
             traces.insert(0, _band(step, i, colour))
         spec["data"] += in_panel(i, traces)
@@ -55,29 +53,43 @@ def speed(
     return spec
 
 
+def speed_panels(steps: Sequence[Step], theme: Theme, columns: int = 4) -> Spec:
+    """Empty panels, one a φ, for the speeds that were measured and those of all these models."""
+    cells = steps[0].fit.cells
+    top = 1.12 * CM * max(finite_max(measured(cells, "speed")), *(finite_max(step.speed_m_s) for step in steps))
+    across = {"title": "ω (rad/s)", "range": _range(steps[0].omega_rad_s, cells.omega)}
+    return panels(bands(cells), theme, across, {"title": "speed (cm/s)", "range": [-0.02 * top, top]}, columns)
+
+
 def panels(rows: Sequence[Band], theme: Theme, x: Spec, y: Spec, columns: int = 4) -> Spec:
     """An empty figure with one panel a band, titled by its φ; titles stand on the outer axes only."""
     columns = _columns(len(rows), columns)
-    lines = math.ceil(len(rows) / columns)
-    spec: Spec = {"data": [], "layout": layout(theme, 110 + 190 * lines, annotations=[])}
+    spec = grid_of_panels([f"<b>{band.label}</b>" for band in rows], theme, columns)
     if columns <= NARROW:
         # The legend needs several lines.
         spec["layout"]["height"] += LEGEND_PX
         spec["layout"]["margin"]["t"] += LEGEND_PX
-    for i, band in enumerate(rows):
-        row, column = divmod(i, columns)
+    for i in range(len(rows)):
         key = _key(i)
-        across, up = _panel(row, column, lines, columns)
         x_title = x["title"] if i + columns >= len(rows) else ""
-        spec["layout"][f"xaxis{key}"] = axis(
-            theme, x_title, domain=across, anchor=f"y{key}", range=x["range"], nticks=6
-        )
-        y_title = y["title"] if column == 0 else ""
-        spec["layout"][f"yaxis{key}"] = axis(
-            theme, y_title, domain=up, anchor=f"x{key}", range=y["range"], nticks=6, showticklabels=column == 0
-        )
-        title = note(f"<b>{band.label}</b>", across[1], up[1], xanchor="right", yanchor="bottom", font={"size": 13})
-        spec["layout"]["annotations"].append(title)
+        spec["layout"][f"xaxis{key}"] |= axis(theme, x_title, range=x["range"], nticks=6)
+        first = i % columns == 0
+        y_title = y["title"] if first else ""
+        spec["layout"][f"yaxis{key}"] |= axis(theme, y_title, range=y["range"], nticks=6, showticklabels=first)
+    return spec
+
+
+def grid_of_panels(titles: Sequence[str], theme: Theme, columns: int, height: int = 190) -> Spec:
+    """An empty figure with a panel ``height`` px high below each title; its axes have places and nothing else."""
+    lines = math.ceil(len(titles) / columns)
+    spec: Spec = {"data": [], "layout": layout(theme, 110 + height * lines, annotations=[])}
+    for i, title in enumerate(titles):
+        key, (row, column) = _key(i), divmod(i, columns)
+        across, up = _panel(row, column, lines, columns)
+        spec["layout"][f"xaxis{key}"] = {"domain": across, "anchor": f"y{key}"}
+        spec["layout"][f"yaxis{key}"] = {"domain": up, "anchor": f"x{key}"}
+        above = note(title, across[1], up[1], xanchor="right", yanchor="bottom", font={"size": 13})
+        spec["layout"]["annotations"].append(above)
     return spec
 
 
@@ -165,9 +177,10 @@ def as_json(values: Floats) -> list[Any]:
 SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "triangle-down", "hexagon")
 
 
-def _line(step: Step, band: int, line: Spec) -> Spec:
+def line(step: Step, band: int, look: Spec) -> Spec:
+    """A model's curve in one panel."""
     return {
-        "type": "scatter", "mode": "lines", "line": line, "hoverinfo": "skip", "showlegend": False,
+        "type": "scatter", "mode": "lines", "line": look, "hoverinfo": "skip", "showlegend": False,
         "name": f"{bands(step.fit.cells)[band].label}, {model_name(step)}",
         "x": as_json(step.omega_rad_s), "y": as_json(CM * step.speed_m_s[band]),
     }  # fmt: skip
@@ -198,7 +211,8 @@ def _key(panel: int) -> str:
     return "" if panel == 0 else str(panel + 1)
 
 
-def _points(cells: Cells, band: Band, colour: str, theme: Theme) -> Spec:
+def points(cells: Cells, band: Band, colour: str, theme: Theme) -> Spec:
+    """Measured mean speeds of one panel."""
     at = band.cells
     return {
         "type": "scatter", "mode": "markers", "showlegend": False, "name": f"{band.label}, measured",

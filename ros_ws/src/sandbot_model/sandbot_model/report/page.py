@@ -93,7 +93,11 @@ class Page:
     truth_line: str | None = None
     cautions: tuple[tuple[str, str], ...] = ()
     steps: tuple[tuple[str, str], ...] = field(default=())
-    """(label, error) of each step of the ladder."""
+    """(label, error) of each model that the figures can show: the steps of the ladder, or rivals."""
+    opened: int = -1
+    """Which of them is shown first."""
+    back: str = ""
+    """Address of the page that led here."""
 
 
 def write(path: Path, page: Page) -> None:

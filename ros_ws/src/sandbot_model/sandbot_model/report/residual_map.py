@@ -65,7 +65,7 @@ def _heatmap(fit: Fit, observable: str, theme: Theme, roomy: bool) -> Spec:
             text[row, columns[cell]] = _mark(all_z[cell], bool(failing[cell]), numbers)
     return {
         "type": "heatmap",
-        "x": [_column_label(w) for w in omegas],
+        "x": [column_label(w) for w in omegas],
         "y": [band.label for band in rows],
         "z": as_json(np.clip(z, -Z_COLOUR_END, Z_COLOUR_END)),
         "customdata": np.stack([as_json(z), index], axis=-1).tolist(),
@@ -86,10 +86,11 @@ def _heatmap(fit: Fit, observable: str, theme: Theme, roomy: bool) -> Spec:
 def map_cells(cells: Cells) -> dict[tuple[str, str], int]:
     """(column, row) of the residual map, as it is labelled → the cell there."""
     omegas, columns = frequencies(cells)
-    return {(_column_label(omegas[columns[i]]), band.label): int(i) for band in bands(cells) for i in band.cells}
+    return {(column_label(omegas[columns[i]]), band.label): int(i) for band in bands(cells) for i in band.cells}
 
 
-def _column_label(omega_rad_s: float) -> str:
+def column_label(omega_rad_s: float) -> str:
+    """A frequency above its column of a map."""
     return f"{omega_rad_s:.3g}"
 
 

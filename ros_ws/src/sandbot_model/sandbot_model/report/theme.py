@@ -24,6 +24,16 @@ class Theme:
     """Where on the plasma scale the loosest and the closest packing lie; closer packing stands out more."""
     diverging: tuple[str, str, str]
     """Measured below the model, equal, above."""
+    of_sets: tuple[str, ...]
+    """Of models laid over each other; they differ in their dash as well."""
+
+    def sets(self, count: int) -> list[str]:
+        """One colour for each of ``count`` models: the base model's is faint."""
+        return [self.faint, *(self.of_sets[i % len(self.of_sets)] for i in range(count - 1))]
+
+    def gap_scale(self) -> list[list[Any]]:
+        """From no difference to a clear one."""
+        return [[0.0, self.diverging[1]], [1.0, self.diverging[2]]]
 
     def phi_colours(self, count: int) -> list[str]:
         """One colour for each of ``count`` φ levels, loosest first."""
@@ -46,6 +56,7 @@ LIGHT = Theme(
     empty="#f2f3f5",
     phi_span=(0.78, 0.0),
     diverging=("#1f5fa8", "#f6f6f4", "#c25a00"),
+    of_sets=("#0b63a5", "#c25a00", "#12704f", "#8b3a8b", "#7a6400"),
 )
 DARK = Theme(
     ink="#e8eaed",
@@ -56,6 +67,7 @@ DARK = Theme(
     empty="#22262c",
     phi_span=(0.35, 0.97),
     diverging=("#5fa4ee", "#2a2f36", "#f09142"),
+    of_sets=("#6cb6f5", "#f09142", "#5fc9a0", "#d795d7", "#e0c65a"),
 )
 THEMES = {"light": LIGHT, "dark": DARK}
 

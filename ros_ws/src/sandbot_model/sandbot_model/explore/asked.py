@@ -1,0 +1,13 @@
+"""What the address of one of the explorer's further pages asks for."""
+
+from urllib.parse import urlencode
+
+from flask import request
+
+from sandbot_model.discovery.choice import Selection, from_query
+
+
+def asked_selection() -> Selection:
+    """The model asked for: a cell or a view of the explorer's page changes nothing here. Raises InputError."""
+    asked = from_query(f"?{urlencode(list(request.args.items(multi=True)))}")
+    return Selection(asked.model, asked.effects, asked.formulas)

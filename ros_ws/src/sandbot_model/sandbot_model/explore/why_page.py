@@ -1,0 +1,75 @@
+"""``/why``: the argument for the verdict on the base model shown; a discovery is run first where there is none yet."""
+
+import json
+from functools import lru_cache
+from html import escape
+
+from flask import Flask, Response
+
+from sandbot_common.errors import InputError
+from sandbot_model.discovery.choice import to_query
+from sandbot_model.discovery.discover import Discovery
+from sandbot_model.explore.asked import asked_selection
+from sandbot_model.explore.job import Job
+from sandbot_model.report.argument import argument_page
+from sandbot_model.report.page import render, source
+from sandbot_model.report.view import Provenance
+
+WAITING = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
+<title>Why: {title}</title><style>{style}</style></head>
+<body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>{title}</h1></header>
+<main><p id="stage" role="status">Trying the catalogue on these trials.</p>
+<progress id="done" value="0" max="1" aria-label="Sets of effects tried"></progress></main>
+<script>{script}</script></body></html>"""
+SCRIPT = """"use strict";
+(async function ask() {
+  const { running, failed, stage, done, total } = await (await fetch("/why/progress")).json();
+  if (failed) { document.getElementById("stage").textContent = failed; return; }
+  if (!running) { location.reload(); return; }
+  document.getElementById("stage").textContent = `Trying ${stage}: ${done} of ${total}`;
+  Object.assign(document.getElementById("done"), { max: Math.max(total, 1), value: done });
+  setTimeout(ask, 300);
+})();
+"""
+
+
+class WhyPage:
+    """``/why`` for the selection in its address, and ``/why/progress``."""
+
+    def __init__(self, job: Job, provenance: Provenance, title: str) -> None:
+        self._job, self._provenance, self._title = job, provenance, title
+        self._rendered = lru_cache(maxsize=4)(self._render)
+
+    def serve(self, server: Flask) -> None:
+        """Add both to the explorer's own addresses."""
+        server.add_url_rule("/why", "why", self.page)
+        server.add_url_rule("/why/progress", "why_progress", self.progress)
+
+    def page(self) -> Response:
+        """The argument, or how far the discovery is that it needs."""
+        try:
+            selection = asked_selection()
+            self._job.session.model(selection)
+        except InputError as error:
+            return Response(str(error), 400, mimetype="text/plain")
+        query = to_query(selection)
+        found = self._job.found_for(selection)
+        if found is not None:
+            return Response(self._rendered(found, query), mimetype="text/html")
+        self._job.start(selection)
+        waiting = WAITING.format(
+            title=escape(self._title), style=source("report.css"), query=escape(query), script=SCRIPT
+        )
+        return Response(waiting, mimetype="text/html")
+
+    def progress(self) -> Response:
+        """How far it is, as JSON."""
+        job = self._job
+        stage, done, total = job.stage
+        state = {"running": job.running, "failed": job.failed, "stage": stage, "done": done, "total": total}
+        return Response(json.dumps(state), mimetype="application/json")
+
+    def _render(self, found: Discovery, query: str) -> str:
+        return render(argument_page(found, self._provenance, title=self._title, back=f"/{query}"))

@@ -1,0 +1,173 @@
+"""Where models differ: the difference of two over φ × ω, and where rivals differ most, with the next trials on it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from sandbot_model.discovery.next_trials import PENETRATION, NextTrial, Predicted, between
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.observables import CM, NAMES, Observable
+from sandbot_model.report import text
+from sandbot_model.report.figures import as_json, model_name
+from sandbot_model.report.residual_map import MAX_LABELLED_COLUMNS, column_label
+from sandbot_model.report.theme import Spec, Theme, axis, layout, note
+from sandbot_model.report.view import Step, bands, frequencies, observable_label
+
+CLEAR_SD = 3.0
+"""Difference of two predictions, in standard deviations of one trial, that a trial or two shows."""
+COLOUR_END_SD = 8.0
+
+
+def difference(first: Step, second: Step, observable: str) -> Array:
+    """First minus second model's prediction of each cell mean [SI], (n,)."""
+    column = Observable[observable]
+    return np.asarray(first.fit.predicted[:, column] - second.fit.predicted[:, column])
+
+
+def difference_map(first: Step, second: Step, observable: str, theme: Theme) -> Spec:
+    """First minus second over the conditions measured, in the reader's unit."""
+    cells = first.fit.cells
+    rows = bands(cells)
+    omegas, columns = frequencies(cells)
+    away = CM * difference(first, second, observable)
+    z, index = np.full((len(rows), len(omegas)), np.nan), np.full((len(rows), len(omegas)), None, dtype=object)
+    for row, band in enumerate(rows):
+        z[row, columns[band.cells]], index[row, columns[band.cells]] = away[band.cells], band.cells
+    end = float(np.nanmax(np.abs(z))) or 1.0
+    unit = Observable[observable].readers_unit
+    shown = [["" if not np.isfinite(v) or abs(v) < 0.05 * end else text.number(v) for v in row] for row in z]
+    heat = _heat(
+        [column_label(omega) for omega in omegas], [band.label for band in rows], z, theme.residual_scale(), -end, end,
+        f"difference ({unit})",
+    ) | {
+        "customdata": np.stack([as_json(z), index], axis=-1).tolist(),
+        "hovertemplate": f"%{{y}}, ω %{{x}} rad/s<br>%{{z:.2f}} {unit}<extra></extra>",
+    }  # fmt: skip
+    if len(omegas) <= 2 * MAX_LABELLED_COLUMNS:
+        heat |= {"text": shown, "texttemplate": "%{text}", "textfont": {"size": 12}}
+    spec = _map([heat], len(rows), theme)
+    words = f"<b>{observable_label(observable)}</b><br>{_less(first, second)}"
+    spec["layout"]["annotations"] = [_heading(words)]
+    return spec
+
+
+def difference_says(first: Step, second: Step, observable: str) -> str:
+    """Where the two differ most."""
+    cells, away = first.fit.cells, difference(first, second, observable)
+    if not np.isfinite(away).any():
+        return f"{observable_label(observable).capitalize()} was not measured."
+    most = int(np.nanargmax(np.abs(away)))
+    return (
+        f"{observable_label(observable).capitalize()}, {_less(first, second)}. The largest difference is "
+        f"{text.number(CM * away[most], 2)} {Observable[observable].readers_unit}, at φ {cells.phi[most]:.3f}, ω "
+        f"{cells.omega[most]:.3g} rad/s."
+    )
+
+
+def _less(first: Step, second: Step) -> str:
+    """Which is taken from which."""
+    return f"model {model_name(first)} less {model_name(second)}".replace("model simple", "simple")
+
+
+@dataclass(frozen=True, eq=False)
+class Gaps:
+    """Where rivals differ: at each (φ, ω) the trial that separates a pair of them best."""
+
+    phi: Array
+    """Of the levels."""
+    omega: Array
+    """Frequencies [rad/s], finer than those measured."""
+    best: Mapping[tuple[float, float], NextTrial]
+    """Without the places where no pair differs by more than scatter."""
+
+
+def gaps(fits: Sequence[Fit]) -> Gaps:
+    """Of all pairs, two at least."""
+    predicted = [Predicted.by(fit) for fit in fits]
+    best: dict[tuple[float, float], NextTrial] = {}
+    for pair in combinations(predicted, 2):
+        for trial in between(*pair):
+            at = (trial.phi, trial.omega_rad_s)
+            if trial.observable in NAMES and (at not in best or best[at].expected_gap_sd < trial.expected_gap_sd):
+                best[at] = trial
+    return Gaps(predicted[0].phi, predicted[0].omega, best)
+
+
+def separation_map(found: Gaps, trials: Sequence[NextTrial], theme: Theme) -> Spec:
+    """By how many standard deviations of one trial rivals differ at most, over φ × ω; stars are the next trials."""
+    phi, omega = found.phi, found.omega
+    at = [[found.best.get((p, w)) for w in omega] for p in phi]
+    z = np.array([[trial.expected_gap_sd if trial else 0.0 for trial in row] for row in at])
+    rows = [f"φ {value:.3f}" for value in phi]
+    heat = _heat(
+        as_json(omega), rows, np.minimum(z, COLOUR_END_SD), theme.gap_scale(), 0.0, COLOUR_END_SD,
+        "difference (standard<br>deviations of a trial)",
+    ) | {
+        "customdata": [[[trial.expected_gap_sd if trial else 0.0, _watched(trial)] for trial in row] for row in at],
+        "hovertemplate": "%{y}, ω %{x:.3g} rad/s<br>%{customdata[0]:.1f} s.d. %{customdata[1]}<extra></extra>",
+    }  # fmt: skip
+    walks = [trial for trial in trials if trial.observable != PENETRATION]
+    stars = {
+        "type": "scatter", "mode": "markers+text", "name": "next trials", "showlegend": False,
+        "x": [trial.omega_rad_s for trial in walks],
+        "y": [rows[int(np.argmin(np.abs(phi - trial.phi)))] for trial in walks],
+        "text": [str(n) for n, _ in enumerate(walks, start=1)], "textposition": "middle right",
+        "textfont": {"size": 14, "color": theme.ink},
+        "marker": {"symbol": "star", "size": 15, "color": theme.paper, "line": {"color": theme.ink, "width": 1.5}},
+        "customdata": [[trial.expected_gap_sd, _watched(trial)] for trial in walks],
+        "hovertemplate": "next: %{y}, ω %{x:.3g} rad/s<br>%{customdata[0]:.1f} s.d. %{customdata[1]}<extra></extra>",
+    }  # fmt: skip
+    spec = _map([heat, stars], len(rows), theme)
+    spec["layout"]["xaxis"] |= {"type": "linear"}
+    spec["layout"]["annotations"] = [_heading("<b>Where they differ most</b><br>stars: next trials, best first")]
+    return spec
+
+
+def separation_says(found: Gaps, trials: Sequence[NextTrial]) -> str:
+    """Where they differ most, by what, and what is proposed."""
+    best = found.best
+    if not best:
+        return "Within this range of φ and ω no trial tells these models apart."
+    most = max(best.values(), key=lambda trial: trial.expected_gap_sd)
+    one, other = (name.replace("_", " ") for name in most.separates)
+    proposed = f" {len(trials)} measurements are proposed." if trials else ""
+    return (
+        f"They differ most at {most.where}: {one} from {other} by {text.number(most.expected_gap_sd)} standard "
+        f"deviations of a trial, in {observable_label(most.observable).lower()}.{proposed}"
+    )
+
+
+def _watched(trial: NextTrial | None) -> str:
+    """What to watch, and what it tells apart."""
+    if trial is None:
+        return ""
+    one, other = (name.replace("_", " ") for name in trial.separates)
+    return f"of {observable_label(trial.observable)}<br>{one} from {other}"
+
+
+def _heat(x: list[str], y: list[str], z: Array, scale: list[list[object]], low: float, high: float, title: str) -> Spec:
+    bar = {"title": {"text": title, "side": "right", "font": {"size": 12}}, "thickness": 14, "outlinewidth": 0}
+    return {
+        "type": "heatmap", "x": x, "y": y, "z": as_json(z), "zmin": low, "zmax": high, "colorscale": scale,
+        "xgap": 1, "ygap": 2, "hoverongaps": False, "colorbar": bar,
+    }  # fmt: skip
+
+
+def _map(data: list[Spec], rows: int, theme: Theme) -> Spec:
+    spec: Spec = {
+        "data": data,
+        "layout": layout(
+            theme, 150 + max(28 * rows, 110), plot_bgcolor=theme.empty, showlegend=False,
+            xaxis=axis(theme, "ω (rad/s)", type="category", showgrid=False, ticks=""),
+            yaxis=axis(theme, "", type="category", showgrid=False, ticks=""),
+        ),
+    }  # fmt: skip
+    spec["layout"]["margin"] |= {"t": 68, "l": 84}
+    return spec
+
+
+def _heading(words: str) -> Spec:
+    return note(words, 0.0, 1.0, xanchor="left", yanchor="bottom", yshift=6, align="left", font={"size": 13})

@@ -1,0 +1,167 @@
+"""How well each parameter is known: profile curves of the deviance, and how the parameters' errors hang together."""
+
+from functools import lru_cache
+from textwrap import wrap
+
+import numpy as np
+
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.profile import profile
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.typeset import plain
+from sandbot_model.report import text
+from sandbot_model.report.figures import as_json, grid_of_panels, in_panel, legend_entry
+from sandbot_model.report.theme import Spec, Theme, axis, layout
+from sandbot_model.report.view import Step
+
+SIGMAS = np.linspace(-3.5, 3.5, 15)
+"""Where a parameter is held, in standard errors about the fit."""
+WITHOUT_ERROR = 0.02
+"""What stands for a standard error that is not known, in plausible ranges of the parameter."""
+RISES = ((1.0, "68 %"), (3.84, "95 %"))
+"""Rise of the deviance at the ends of an interval for one parameter (Wilks), and the interval's confidence."""
+TOP = 12.0
+PANEL_WIDTH = 44
+"""Characters of a title below a panel."""
+SYMBOLS = {"delta_t_s": "Δt", "v_swim_m_s": "v_swim"}
+"""Of the base model's parameters."""
+
+
+@lru_cache(maxsize=128)
+def curve(fit: Fit, index: int) -> tuple[Array, Array]:
+    """Values of one shared parameter and how far the deviance rises when it is held there and all else fitted."""
+    parameter, here, error = fit.model.parameters[index], float(fit.point.theta[index]), float(fit.stderr[index])
+    unit = error if np.isfinite(error) and error > 0 else WITHOUT_ERROR * (parameter.high - parameter.low)
+    values = np.unique(np.clip(here + unit * SIGMAS, *parameter.search))
+    states = profile(fit.problem, fit.state, [index], values[:, None])
+    return values, np.maximum(states.deviance - fit.deviance, 0.0)
+
+
+def profiles(step: Step, theme: Theme) -> Spec:
+    """A panel for each shared parameter: the profile, and the parabola its standard error stands for."""
+    fit = step.fit
+    names = list(fit.model.names)
+    spec = grid_of_panels([f"<b>{symbol(fit, name)}</b>" for name in names], theme, 3, height=240)
+    for i, name in enumerate(names):
+        values, rise = curve(fit, i)
+        estimate = fit.parameters[name]
+        key = "" if i == 0 else str(i + 1)
+        spec["layout"][f"xaxis{key}"] |= axis(theme, _title(fit, name), nticks=5)
+        first = i % 3 == 0
+        up = "rise of the deviance" if first else ""
+        spec["layout"][f"yaxis{key}"] |= axis(theme, up, range=[-0.4, TOP], nticks=5, showticklabels=first)
+        spec["data"] += in_panel(i, _panel(values, rise, estimate.value, estimate.stderr, theme))
+    looks = {"mode": "lines", "line": {"color": theme.accent, "width": 2.5}}
+    spec["data"] += [
+        legend_entry("profile, all else fitted again", **looks),
+        legend_entry("what ± the standard error stands for", mode="lines", line=_dashed(theme)),
+        legend_entry("68 % and 95 %", mode="lines", line={"color": theme.faint, "width": 1, "dash": "dot"}),
+    ]
+    return spec
+
+
+def _panel(values: Array, rise: Array, here: float, error: float, theme: Theme) -> list[Spec]:
+    ends = [float(values[0]), float(values[-1])]
+    traces: list[Spec] = [
+        {"type": "scatter", "mode": "lines", "x": ends, "y": [level] * 2, "hoverinfo": "skip", "showlegend": False,
+         "name": confidence, "line": {"color": theme.faint, "width": 1, "dash": "dot"}}
+        for level, confidence in RISES
+    ]  # fmt: skip
+    if np.isfinite(error) and error > 0:
+        fine = np.linspace(ends[0], ends[1], 61)
+        traces.append({
+            "type": "scatter", "mode": "lines", "name": "parabola", "x": fine.tolist(), "hoverinfo": "skip",
+            "y": as_json(((fine - here) / error) ** 2), "line": _dashed(theme), "showlegend": False,
+        })  # fmt: skip
+    traces.append({
+        "type": "scatter", "mode": "lines+markers", "name": "profile", "x": values.tolist(), "y": as_json(rise),
+        "line": {"color": theme.accent, "width": 2.5}, "marker": {"size": 5}, "showlegend": False,
+        "hovertemplate": "%{x:.5g}: %{y:.1f}<extra></extra>",
+    })  # fmt: skip
+    return traces
+
+
+def _dashed(theme: Theme) -> Spec:
+    return {"color": theme.ink, "width": 1.2, "dash": "dash"}
+
+
+def symbol(fit: Fit, name: str) -> str:
+    """What the formula calls a parameter: ``Δt``, ``k_L``."""
+    parameter = fit.model.parameters[fit.model.names.index(name)]
+    called = plain(parameter.symbol or parameter.name.removesuffix(f"_{parameter.unit}"))
+    return SYMBOLS.get(parameter.name, called)
+
+
+def _title(fit: Fit, name: str) -> str:
+    """What a parameter is, and its unit, in lines as wide as a panel."""
+    words, unit = text.described(name, fit.model.catalogue.values())
+    return "<br>".join(wrap(f"{words} ({unit})" if unit else words, PANEL_WIDTH))
+
+
+def correlations(step: Step, theme: Theme) -> Spec:
+    """Correlations of the errors of all unknowns, k of every level among them."""
+    fit = step.fit
+    names = [symbol(fit, name) for name in fit.model.names]
+    names += [f"k at φ {phi:.3f}" for phi in fit.level_phi]
+    values = correlation(fit.covariance[: len(names), : len(names)])
+    words = [[text.number(v, 1) if abs(v) >= 0.3 and i != j else "" for j, v in enumerate(row)]
+             for i, row in enumerate(np.nan_to_num(values))]  # fmt: skip
+    heat = {
+        "type": "heatmap", "x": names, "y": names, "z": as_json(values), "zmin": -1, "zmax": 1,
+        "colorscale": theme.residual_scale(), "xgap": 1, "ygap": 1, "hoverongaps": False, "text": words,
+        "texttemplate": "%{text}", "hovertemplate": "%{y} and %{x}: %{z:.2f}<extra></extra>",
+        "colorbar": {"title": {"text": "correlation", "side": "right"}, "thickness": 14, "outlinewidth": 0},
+    }  # fmt: skip
+    bare = {"showgrid": False, "ticks": ""}
+    spec: Spec = {
+        "data": [heat],
+        "layout": layout(
+            theme, 120 + 30 * len(names), showlegend=False, plot_bgcolor=theme.empty,
+            xaxis=axis(theme, "", tickangle=-40, **bare), yaxis=axis(theme, "", autorange="reversed", **bare),
+        ),
+    }  # fmt: skip
+    spec["layout"]["margin"] |= {"l": 100, "b": 90, "t": 20}
+    return spec
+
+
+def correlation(covariance: Array) -> Array:
+    """Correlations, NaN where an error is not known."""
+    sd = np.sqrt(np.diag(covariance))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(covariance / np.outer(sd, sd))
+
+
+def curves_say(step: Step) -> str:
+    """For which parameters the standard error says all, and for which it does not."""
+    fit = step.fit
+    names = [text.described(name, fit.model.catalogue.values())[0] for name in fit.model.names]
+    odd = [name for i, name in enumerate(names) if not _parabolic(fit, i)]
+    if not odd:
+        return f"For all {len(names)} parameters the profile is close to the parabola of the standard error."
+    return f"The standard error does not say all of: {'; '.join(odd)}."
+
+
+def _parabolic(fit: Fit, index: int) -> bool:
+    """Whether the deviance one and two standard errors away has risen by about 1 and 4."""
+    error = float(fit.stderr[index])
+    if not np.isfinite(error) or error <= 0:
+        return False
+    values, rise = curve(fit, index)
+    away = np.array([-2.0, -1.0, 1.0, 2.0])
+    at = np.interp(fit.point.theta[index] + error * away, values, rise)
+    return bool((np.abs(at - away**2) < 0.5 * away**2).all())
+
+
+def correlations_say(step: Step) -> str:
+    """Which errors hang together most."""
+    fit = step.fit
+    names = [text.described(name, fit.model.catalogue.values())[0] for name in fit.model.names]
+    values = np.nan_to_num(correlation(fit.covariance[: len(names), : len(names)]))
+    values[np.tril_indices(len(names))] = 0.0
+    if not values.any():
+        return "The errors of the shared parameters do not hang together."
+    one, other = np.unravel_index(np.abs(values).argmax(), values.shape)
+    return (
+        f"Errors of {names[int(one)]} and {names[int(other)]} hang together most: correlation "
+        f"{text.number(float(values[one, other]), 2)}."
+    )

@@ -1,0 +1,66 @@
+"""Rival explanations of the same trials: which these are, and their speeds laid over each other."""
+
+from collections.abc import Sequence
+
+from sandbot_model.discovery.discover import Discovery
+from sandbot_model.discovery.verdict import sound
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.report import text
+from sandbot_model.report.figures import in_panel, legend_entry, line, points, speed_panels
+from sandbot_model.report.page import Table
+from sandbot_model.report.theme import Spec, Theme
+from sandbot_model.report.view import Step, bands
+
+MOST = 4
+DASHES = ("dot", "solid", "dash", "dashdot", "longdash")
+"""Rivals differ in colour and in dash."""
+
+
+def rivals(discovery: Discovery) -> tuple[Fit, ...]:
+    """The base model, then what the verdict names, then what explains the trials as well, or next best."""
+    verdict = discovery.verdict
+    by_effects = {fit.effects: fit for fit in reversed((*discovery.steps[-1:], *discovery.fits))}
+    alike = [by_effects[names] for names in verdict.alternatives if names in by_effects]
+    size = max(len(verdict.effects), 1)
+    next_best = [
+        fit for fit in discovery.fits
+        if sound(fit) and (len(fit.effects) == size or (verdict.status == "unexplained" and fit.effects))
+    ]  # fmt: skip
+    chosen = [discovery.fit, *alike, *next_best]
+    apart = {fit.effects: fit for fit in reversed(chosen) if fit.effects}
+    ordered = [apart[names] for names in dict.fromkeys(fit.effects for fit in chosen) if names]
+    return discovery.steps[0], *ordered[:MOST]
+
+
+def overlay(steps: Sequence[Step], chosen: int, theme: Theme) -> Spec:
+    """Mean speed against ω with the curve of every rival, the chosen one thicker; one panel a φ."""
+    cells = steps[0].fit.cells
+    colours = theme.sets(len(steps))
+    spec = speed_panels(steps, theme)
+    for i, band in enumerate(bands(cells)):
+        drawn = [line(step, i, _look(n, n == chosen, colours)) for n, step in enumerate(steps)]
+        spec["data"] += in_panel(i, [*drawn, points(cells, band, theme.ink, theme)])
+    spec["data"] += [
+        legend_entry(step.label, mode="lines", line=_look(n, n == chosen, colours)) for n, step in enumerate(steps)
+    ]
+    return spec
+
+
+def _look(n: int, chosen: bool, colours: Sequence[str]) -> Spec:
+    return {"color": colours[n], "width": 3.5 if chosen else 1.8, "dash": DASHES[n % len(DASHES)]}
+
+
+def compared(steps: Sequence[Step]) -> Table:
+    """What speaks for each: ΔBIC to the best, error, lack of fit and conditions missed."""
+    best = min(step.fit.bic for step in steps)
+    rows = [
+        (
+            step.label, text.number(step.fit.bic - best), text.centi(step.fit.rmse_m_s),
+            text.centi(step.fit.cv_rmse_m_s), text.probability(step.fit.lack_of_fit_p),
+            str(len({(fail.phi, fail.omega_rad_s) for fail in step.fit.fails})),
+        )
+        for step in steps
+    ]  # fmt: skip
+    caption = "ΔBIC to the best of these: above 10, the data speak strongly against it. Errors of mean speed."
+    head = ("model", "ΔBIC", "error (cm/s)", "out of sample (cm/s)", "lack of fit, p", "conditions missed")
+    return Table(caption, head, rows, (True, *[False] * 5))

@@ -1,0 +1,80 @@
+"""At which stage of the chain the base model fails: which conditions each stage test misses."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sandbot_model.data.conditions import Cells, Floats
+from sandbot_model.fitting.diagnose import StageTest
+from sandbot_model.report import text
+from sandbot_model.report.figures import as_json, grid_of_panels, in_panel, legend_entry
+from sandbot_model.report.page import Table
+from sandbot_model.report.theme import Spec, Theme, axis
+
+COLUMNS = 4
+
+
+def stage_map(stages: Sequence[StageTest], cells: Cells, theme: Theme) -> Spec:
+    """A panel for each stage: the conditions, and on them those that its test misses."""
+    spec = grid_of_panels([f"<b>{stage.stage}</b>: {_outcome(stage)}" for stage in stages], theme, COLUMNS, height=210)
+    for i, stage in enumerate(stages):
+        key = "" if i == 0 else str(i + 1)
+        first = i % COLUMNS == 0
+        spec["layout"][f"xaxis{key}"] |= axis(theme, "ω (rad/s)", nticks=6)
+        spec["layout"][f"yaxis{key}"] |= axis(theme, "φ" if first else "", nticks=5, showticklabels=first)
+        missed = np.array(stage.missed).reshape(-1, 2)
+        spec["data"] += in_panel(
+            i,
+            [
+                _marks(cells.phi, cells.omega, "tested", _seen(theme)),
+                _marks(missed[:, 0], missed[:, 1], "missed", _lost(theme)),
+            ],
+        )
+    spec["data"] += [
+        legend_entry("condition", mode="markers", marker=_seen(theme)),
+        legend_entry("missed by more than 3 standard errors", mode="markers", marker=_lost(theme)),
+    ]
+    return spec
+
+
+def _outcome(stage: StageTest) -> str:
+    return f"misses {len(stage.missed)} of {stage.cells}" if stage.missed else "holds"
+
+
+def _marks(phi: Floats, omega: Floats, name: str, marker: Spec) -> Spec:
+    return {
+        "type": "scatter", "mode": "markers", "name": name, "x": as_json(omega),
+        "y": as_json(phi), "marker": marker, "showlegend": False,
+        "hovertemplate": "φ %{y:.3f}, ω %{x:.3g} rad/s<extra>" + name + "</extra>",
+    }  # fmt: skip
+
+
+def _seen(theme: Theme) -> Spec:
+    return {"size": 5, "color": theme.faint}
+
+
+def _lost(theme: Theme) -> Spec:
+    return {"size": 11, "symbol": "square-open", "color": theme.diverging[2], "line": {"width": 3}}
+
+
+def stage_table(stages: Sequence[StageTest]) -> Table:
+    """χ² and p of each test."""
+    rows = [
+        (s.stage, s.connects, text.number(s.chi2, 0), str(s.cells), text.probability(s.p), str(len(s.missed)))
+        for s in stages
+    ]  # fmt: skip
+    caption = (
+        "Each test compares two measured things, or one with the base model, that only this stage connects. p: how "
+        "often scatter of the replicates alone would give as large a χ²."
+    )
+    head = ("stage", "connects", "χ²", "conditions", "p", "missed")
+    return Table(caption, head, rows, (True, True, False, False, False, False))
+
+
+def stages_say(stages: Sequence[StageTest]) -> str:
+    """Which stages fail, the worst first."""
+    failing = sorted((stage for stage in stages if stage.missed), key=lambda stage: stage.p)
+    if not failing:
+        return "Every stage of the base model holds in these trials."
+    names = "; ".join(f"{stage.stage} ({stage.connects}) at {len(stage.missed)} conditions" for stage in failing)
+    return f"The base model fails at: {names}."

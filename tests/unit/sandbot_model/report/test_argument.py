@@ -1,0 +1,157 @@
+"""The argument for a verdict: rivals, differences, next trials as a plan, profiles; nothing is judged anew."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from made_up import EFFECTS, made_up_trials
+
+from sandbot_bringup.plan import read_plan, trials_of
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.next_trials import PENETRATION, NextTrial
+from sandbot_model.discovery.verdict import Verdict
+from sandbot_model.physics.observables import Observable
+from sandbot_model.report import apart, profiles, rivals, stages
+from sandbot_model.report.argument import MOST_REPLICATES, argument_page, plan
+from sandbot_model.report.curves import steps
+from sandbot_model.report.page import render
+from sandbot_model.report.provenance import provenance
+from sandbot_model.report.theme import DARK, LIGHT
+
+TRIED = ("disturbed_ground", "leg_slip", "cable_drag", "exact_leg_arc", "crater_refill")
+NEXT = (
+    NextTrial(0.615, 12.5, "speed", ("leg_slip", "cable_drag"), 4.2, 170),
+    NextTrial(0.6, 8.0, "lift", ("leg_slip", "cable_drag"), 2.1, 3),
+    NextTrial(0.6, float("nan"), PENETRATION, ("leg_slip", "cable_drag"), 9.0, 2, 0.02),
+)
+
+
+@pytest.fixture(scope="module")
+def trials():
+    return made_up_trials(replicates=3, effect=("disturbed_ground", {"k_l_n_per_m": 172.0, "s_c": 0.95}))
+
+
+@pytest.fixture(scope="module")
+def found(trials):
+    return discover(cells_of(trials), {name: EFFECTS[name] for name in TRIED}, max_effects=1)
+
+
+@pytest.fixture(scope="module")
+def undecided(found):
+    """The same with another verdict: two sets explain the trials alike."""
+    sets = (("leg_slip",), ("cable_drag",))
+    (best,) = (fit for fit in found.fits if fit.effects == sets[0])
+    verdict = Verdict("ambiguous", sets[0], sets, "2 sets do")
+    return replace(found, verdict=verdict, steps=(found.steps[0], best), next_trials=NEXT)
+
+
+@pytest.fixture(scope="module")
+def shown(found):
+    return steps(rivals.rivals(found))
+
+
+def test_rivals_are_the_base_model_what_is_named_and_what_comes_next(found, undecided):
+    assert found.verdict.effects == ("disturbed_ground",)
+    named = [fit.effects for fit in rivals.rivals(found)]
+    assert named[:2] == [(), ("disturbed_ground",)]
+    assert len(named) == len(set(named)) > 2
+    assert [fit.effects for fit in rivals.rivals(undecided)][:3] == [(), *undecided.verdict.alternatives]
+
+
+def test_rivals_are_laid_over_each_other_and_the_chosen_one_is_thickest(shown):
+    for chosen in range(len(shown)):
+        spec = rivals.overlay(shown, chosen, LIGHT)
+        legend = [trace for trace in spec["data"] if trace.get("showlegend")]
+        assert [trace["name"] for trace in legend] == [step.label for step in shown]
+        widths = [trace["line"]["width"] for trace in legend]
+        assert widths.index(max(widths)) == chosen
+        assert len({(trace["line"]["color"], trace["line"]["dash"]) for trace in legend}) == len(shown)
+
+
+def test_the_difference_of_two_models_is_that_of_their_predictions(shown):
+    base, named, *_ = shown
+    heat = apart.difference_map(base, named, "speed", LIGHT)["data"][0]
+    meant = 100 * (base.fit.predicted - named.fit.predicted)[:, Observable.speed]
+    drawn = {told[1]: z for row, zs in zip(heat["customdata"], heat["z"], strict=True)
+             for told, z in zip(row, zs, strict=True) if told[1] is not None}  # fmt: skip
+    assert [drawn[cell] for cell in range(len(meant))] == pytest.approx(meant, abs=1e-4)
+    largest = re.search(r"largest difference is (−?[\d.]+) cm/s", apart.difference_says(base, named, "speed"))[1]
+    assert float(largest.replace("−", "-")) == pytest.approx(meant[np.abs(meant).argmax()], abs=0.005)
+
+
+def test_a_model_does_not_differ_from_itself(shown):
+    heat = apart.difference_map(shown[1], shown[1], "lift", DARK)["data"][0]
+    assert {z for row in heat["z"] for z in row} == {0.0}
+    assert "is 0.00 cm" in apart.difference_says(shown[1], shown[1], "lift")
+    fit = shown[1].fit
+    assert not apart.gaps([fit, fit]).best
+    assert "no trial tells these models apart" in apart.separation_says(apart.gaps([fit, fit]), ())
+
+
+def test_the_map_of_differences_holds_the_next_trials_as_stars(shown, undecided):
+    gaps = apart.gaps([step.fit for step in shown[:2]])
+    best = max(gaps.best.values(), key=lambda trial: trial.expected_gap_sd)
+    assert set(best.separates) == {"base", "disturbed_ground"}
+    heat, stars = apart.separation_map(gaps, undecided.next_trials, LIGHT)["data"]
+    assert max(told[0] for row in heat["customdata"] for told in row) == best.expected_gap_sd
+    assert (stars["x"], stars["text"]) == ([12.5, 8.0], ["1", "2"])
+    assert set(stars["y"]) <= set(heat["y"])
+
+
+def test_the_plan_is_one_that_a_campaign_runs(undecided, tmp_path):
+    path = tmp_path / "next.yaml"
+    path.write_text(plan(undecided), encoding="utf-8")
+    planned = trials_of(read_plan(path))
+    asked = {(trial.phi, trial.omega_rad_s) for trial in planned}
+    assert asked == {(0.615, 12.5), (0.6, 8.0)}
+    assert len(planned) == MOST_REPLICATES + 3
+    assert yaml.safe_load(path.read_text(encoding="utf-8"))["gait"] == "UNIFORM"
+
+
+def test_a_profile_rises_from_the_fit_as_its_standard_error_says(found):
+    base = found.steps[0]
+    names = base.model.names
+    at = names.index("v_swim_m_s")
+    values, rise = profiles.curve(base, at)
+    assert rise.min() == pytest.approx(0.0, abs=0.05)
+    here, error = base.parameters["v_swim_m_s"]
+    assert np.interp(here + 2 * error * np.array([-1, 1]), values, rise) == pytest.approx([4.0, 4.0], rel=0.5)
+
+
+def test_errors_hang_together_with_themselves_and_no_more_than_that(found):
+    values = profiles.correlation(found.fit.covariance)
+    known = np.isfinite(np.diag(values))
+    assert np.diag(values)[known] == pytest.approx(1.0)
+    assert np.nanmax(np.abs(values)) <= 1 + 1e-9
+    (step,) = steps([found.fit])
+    names = profiles.correlations(step, LIGHT)["data"][0]["x"]
+    assert names[:4] == ["Δt", "v_swim", "k_L", "s_c"]
+
+
+def test_a_stage_that_holds_is_said_to_hold(found):
+    failing = [stage for stage in found.stages if stage.missed]
+    assert failing
+    said = stages.stages_say(found.stages)
+    assert all(f"{stage.stage} (" in said for stage in failing)
+    held = [replace(stage, missed=()) for stage in found.stages]
+    assert "Every stage" in stages.stages_say(held)
+    titles = [one["text"] for one in stages.stage_map(held, found.cells, LIGHT)["layout"]["annotations"]]
+    assert all(title.endswith("holds") for title in titles)
+
+
+@pytest.mark.parametrize("verdict", ["found", "undecided"])
+def test_the_page_argues_from_geometry_to_the_plan(verdict, trials, request):
+    discovery = request.getfixturevalue(verdict)
+    page = argument_page(discovery, provenance(trials, discovery.cells, []), title="<lab>", back="/?model=full")
+    ids = [section.id for section in page.sections]
+    assert ids == ["lock", "stages", "maps", "rivals", "difference", "next", "parameters"]
+    for figure in (figure for section in page.sections for figure in section.figures):
+        assert len(figure.draw(LIGHT)) in (1, len(page.steps))
+        assert len(figure.alt) in (1, len(page.steps))
+    html = render(page)
+    assert 'href="/?model=full"' in html
+    assert "&lt;lab&gt;" in html
+    assert ('download="next.yaml"' in html) == (verdict == "undecided")
