@@ -96,6 +96,7 @@ EXPLORER = (
     Shot("14-dark", f"{ON}&view=residuals", (1360, 980), dark=True),
     Shot("15-narrow", f"{ON}&view=lock", (500, 1500)),
 )
+WHY = Shot("18-why", "why?model=simple", (1180, 1500))
 REPORT = (
     Shot("16-report", "", (1180, 1500)),
     Shot("17-report-dark", "", (1180, 1500), dark=True, scroll_to="#lock"),
@@ -110,6 +111,7 @@ def main() -> int:
         with explorer(data) as address:
             for shot in EXPLORER:
                 take(driver, shot, address + shot.query, FITTED)
+            take(driver, WHY, address + WHY.query, DRAWN)
         report = Path(folder) / "report.html"
         ros2("sandbot_model", "compare", data, "--effects", HIDDEN, "--html", report, "--title", TITLE)
         for shot in REPORT:
