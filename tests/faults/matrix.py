@@ -5,16 +5,20 @@ table tells the seconds until legs were at rest and air was off, as robot and be
 """
 
 import argparse
+import fcntl
 import itertools
+import json
 import os
+import pty
+import resource
 import signal
 import subprocess
 import sys
 import tempfile
+import termios
 import time
 import uuid
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,11 +39,15 @@ NODES = {
     "lab": "sandbot_lab.lab_node",
     "tracker": "sandbot_tracking.tracker_node",
 }
-TARGETS = (*NODES, "recorder", "campaign")
+TARGETS = (*NODES, "recorder", "campaign", "launch")
 SIGNALS = {"KILL": signal.SIGKILL, "TERM": signal.SIGTERM, "HUP": signal.SIGHUP, "INT": signal.SIGINT}
 FROZEN_S = {"STOP": None, "STOP 0.3": 0.3, "STOP 3": 3.0}
-FAULTS = (*SIGNALS, *FROZEN_S)
-MOMENTS = ("blowing", "standing", "walking", "stopping")
+CTRL_C, CLOSED, FULL, SECOND = "Ctrl-C", "closed terminal", "full disk", "a second one"
+ONLY_FOR = {CTRL_C: ("campaign", "launch"), CLOSED: ("campaign", "launch"), FULL: ("recorder",)}
+ONLY_FOR[SECOND] = ("campaign", "launch")
+"""Whom these faults can meet; the others meet everybody."""
+FAULTS = (*SIGNALS, *FROZEN_S, *ONLY_FOR)
+MOMENTS = ("preparing", "blowing", "standing", "walking", "stopping", "closing")
 MARK = "TRACKWAY_FAULTS"
 """Environment variable by which a cell knows its processes again."""
 
@@ -48,17 +56,17 @@ class Witness:
     """What the robot and the bed say, with the time of each change; of a robot that dies, what it is told."""
 
     def __init__(self, beside: Beside, *, robot_dies: bool) -> None:
-        self.beside, self.moving, self.air, self.prepared = beside, False, False, False
+        self.beside, self.moving, self.air, self.stage = beside, False, False, ""
         self.rest_ns = self.off_ns = 0
         self.moved_s = self.blown_s = 0.0
         # The legs of a dead robot are its driver's affair; the commands still have to end.
         node.subscription(beside.node, topics.LEG_SETPOINTS if robot_dies else topics.LEG_STATES, self._on_legs)
         node.subscription(beside.node, topics.BED_BLOWER, lambda message: self._on_air(message.data > 0))
-        node.subscription(beside.node, topics.BED_PHI, self._on_phi)
+        node.subscription(beside.node, topics.CAMPAIGN_STATUS, self._on_campaign)
         node.subscription(beside.node, topics.DIAGNOSTICS, self._on_diagnostics)
 
-    def _on_phi(self, _: Any) -> None:
-        self.prepared = True
+    def _on_campaign(self, message: Any) -> None:
+        self.stage = json.loads(message.data)["stage"]
 
     def _on_legs(self, message: Any) -> None:
         moving = any(message.velocity)
@@ -88,145 +96,190 @@ class Witness:
 
     def at(self, moment: str) -> Callable[[], bool]:
         return {
+            "preparing": lambda: self.stage == "preparing the bed" and not self.air,
             # Not at the first word of it: one bed was frozen while it told us, before the lab had heard.
             "blowing": lambda: self.air and time.monotonic() - self.blown_s > 0.2,
-            "standing": lambda: self.prepared and not self.air,
+            "standing": lambda: self.stage == "standing",
             "stopping": lambda: self.moved_s > 0 and not self.moving,
+            "closing": lambda: self.stage == "closing the bag",
             "walking": lambda: self.moving and time.monotonic() - self.moved_s > 0.5,
         }[moment]
 
 
-@contextmanager
-def started(
-    folder: Path, silence_s: float, all_up: Callable[[], object]
-) -> Iterator[tuple[dict[str, subprocess.Popen[str]], str]]:
-    """Nodes and, when these are up, the campaign, by name, and the mark they all carry; ended whatever happens."""
-    mark = uuid.uuid4().hex
-    env = {**os.environ, MARK: mark, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    (folder / "one.yaml").write_text(yaml.safe_dump(PLAN))
-    bed = [word for name, value in BED.items() for word in ("-p", f"{name}:={value}")]
-    commands = {
-        name: [*run_main(module), "--ros-args", *(bed if name == "bed" else [])] for name, module in NODES.items()
-    }
-    plan = [str(folder / "one.yaml"), "--out", str(folder / "out"), "--silence", str(silence_s)]
-    commands["campaign"] = [*run_main("sandbot_bringup.tools.campaign"), *plan]
-    running = {}
-    for name, command in commands.items():
-        if name == "campaign":
-            all_up()
-        log = (folder / f"{name}.log").open("w")
-        running[name] = subprocess.Popen(
-            [sys.executable, *command], env=env, stdout=log, stderr=log, text=True, start_new_session=True
-        )
-        log.close()
-    try:
-        yield running, mark
-    finally:
-        for pid in marked(mark):
+class Cell:
+    """The processes of a cell, each at a terminal of its own, known by a mark that all they start carry, too."""
+
+    def __init__(self, folder: Path, trials: int) -> None:
+        self.folder, self.mark = folder, uuid.uuid4().hex
+        self.running: dict[str, subprocess.Popen[bytes]] = {}
+        self._terminals: dict[str, int] = {}
+        (folder / "one.yaml").write_text(yaml.safe_dump(PLAN | {"replicates": trials}))
+
+    def start(self, name: str, command: Sequence[str]) -> None:
+        """Start a process whose words go to ``name``.log."""
+        self._terminals[name], terminal = pty.openpty()
+        env = {**os.environ, MARK: self.mark, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "PYTHONUNBUFFERED": "1"}
+        with (self.folder / f"{name}.log").open("w") as log:
+            self.running[name] = subprocess.Popen(
+                command, env=env, stdin=terminal, stdout=log, stderr=log, start_new_session=True,
+                preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # Ctrl-C and a hang-up reach it
+            )  # fmt: skip
+        os.close(terminal)
+
+    def start_nodes(self, *, launched: bool) -> None:
+        """The nodes of a trial, by the launch file or one by one."""
+        if launched:
+            self.start("launch", launch_command())
+            return
+        for name, module in NODES.items():
+            bed = [word for key, value in BED.items() for word in ("-p", f"{key}:={value}")] if name == "bed" else []
+            self.start(name, [*run_main(module), "--ros-args", *bed])
+
+    def start_campaign(self, name: str, silence_s: float) -> None:
+        """A campaign into the folder ``name``."""
+        plan = [str(self.folder / "one.yaml"), "--out", str(self.folder / name), "--silence", str(silence_s)]
+        self.start(name, [*run_main("sandbot_bringup.tools.campaign"), *plan])
+
+    def at_terminal(self, name: str, fault: str) -> None:
+        """Strike Ctrl-C there, or close it."""
+        if fault == CTRL_C:
+            os.write(self._terminals[name], b"\x03")
+        else:
+            os.close(self._terminals.pop(name))
+
+    def marked(self, word: str = "") -> list[int]:
+        """The living processes of this cell whose command has that word."""
+        found = []
+        for path in Path("/proc").glob("[0-9]*"):
+            try:
+                ours = f"{MARK}={self.mark}".encode() in (path / "environ").read_bytes().split(b"\0")
+                if ours and word.encode() in (path / "cmdline").read_bytes():
+                    found.append(int(path.name))
+            except OSError:
+                continue
+        return found
+
+    def last_line(self, name: str) -> str:
+        """What a process said last."""
+        text = (self.folder / f"{name}.log").read_text(errors="replace").replace("\r", "\n")
+        lines = [line.strip() for line in text.splitlines() if "%|" not in line]
+        return next((line.replace(f"{self.folder}/", "") for line in reversed(lines) if line), "")
+
+    def close(self) -> None:
+        """End all of them, whatever happened."""
+        for pid in self.marked():
             os.kill(pid, signal.SIGKILL)
-        for process in running.values():
+        for process in self.running.values():
             process.wait()
+        for terminal in self._terminals.values():
+            os.close(terminal)
 
 
 def run_main(module: str) -> list[str]:
-    """Arguments of Python that run a module's ``main``."""
-    return ["-c", f"import sys; from {module} import main; sys.exit(main(sys.argv[1:]))"]
+    """The command that runs a module's ``main``."""
+    return [sys.executable, "-c", f"import sys; from {module} import main; sys.exit(main(sys.argv[1:]))"]
 
 
-def marked(mark: str) -> list[int]:
-    """The processes that carry a mark."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/environ"):
-        try:
-            if f"{MARK}={mark}".encode() in path.read_bytes().split(b"\0"):
-                found.append(int(path.parent.name))
-        except OSError:
-            continue
-    return found
+def launch_command() -> list[str]:
+    return ["ros2", "launch", "sandbot_bringup", "trackway.launch.py", *(f"bed.{k}:={v}" for k, v in BED.items())]
 
 
-def pid_of(target: str, running: dict[str, subprocess.Popen[str]], mark: str) -> int:
-    if target != "recorder":
-        return running[target].pid
-    return next(
-        pid for pid in marked(mark) if b"sandbot_record.tools.record" in Path(f"/proc/{pid}/cmdline").read_bytes()
-    )
+RECORDER = "sandbot_record.tools.record"
 
 
-def strike(pid: int, fault: str, beside: Beside) -> None:
+def strike(cell: Cell, target: str, fault: str, beside: Beside) -> None:
     """Do to the process what the fault says; a frozen one may go on later."""
-    if fault in SIGNALS:
-        os.kill(pid, SIGNALS[fault])
+    if fault == SECOND:
+        if target == "launch":
+            cell.start("second", launch_command())
+        else:
+            cell.start_campaign("second", 1.0)
         return
-    os.kill(pid, signal.SIGSTOP)
-    if (frozen_s := FROZEN_S[fault]) is not None:
-        beside.wait(lambda: False, frozen_s)
-        os.kill(pid, signal.SIGCONT)
+    if fault in (CTRL_C, CLOSED):
+        cell.at_terminal(target, fault)
+        return
+    pid = cell.running[target].pid if target != "recorder" else cell.marked(RECORDER)[0]
+    if fault == FULL:
+        # Not a byte more into any file, from now on.
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (0, 0))
+    elif fault in SIGNALS:
+        os.kill(pid, SIGNALS[fault])
+    else:
+        os.kill(pid, signal.SIGSTOP)
+        if (frozen_s := FROZEN_S[fault]) is not None:
+            beside.wait(lambda: False, frozen_s)
+            os.kill(pid, signal.SIGCONT)
 
 
-def cell(target: str, fault: str, moment: str, silence_s: float = 1.0) -> list[str]:
-    """One row of the table; ``silence_s``: of the campaign."""
+def row(target: str, fault: str, moment: str, silence_s: float = 1.0, trials: int = 1) -> list[str]:
+    """One row of the table; ``silence_s`` and ``trials``: of the campaign."""
     with tempfile.TemporaryDirectory() as name, own_domain(os.getpid()) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
-        folder, beside = Path(name), Beside(domain)
+        cell, beside = Cell(Path(name), trials), Beside(domain)
         try:
-            witness = Witness(beside, robot_dies=target == "lab")
-            with started(folder, silence_s, lambda: beside.wait(witness.all_up, 90.0)) as (running, mark):
-                return [target, fault, moment, *outcome(target, fault, moment, folder, running, mark, witness)]
+            witness = Witness(beside, robot_dies=target in ("lab", "launch"))
+            cell.start_nodes(launched=target == "launch")
+            beside.wait(witness.all_up, 90.0)
+            cell.start_campaign("campaign", silence_s)
+            return [target, fault, moment, *outcome(cell, target, fault, moment, witness)]
         finally:
+            cell.close()
             beside.close()
 
 
-def outcome(
-    target: str, fault: str, moment: str, folder: Path, running: Any, mark: str, witness: Witness
-) -> Sequence[str]:
+def outcome(cell: Cell, target: str, fault: str, moment: str, witness: Witness) -> Sequence[str]:
     """Strike at the moment, and tell what came of it."""
-    beside = witness.beside
-    campaign, come = running["campaign"], witness.at(moment)
+    beside, campaign, come = witness.beside, cell.running["campaign"], witness.at(moment)
     if not beside.wait(lambda: come() or campaign.poll() is not None, 90.0) or not come():
-        return ["-", "-", "-", "-", f"the moment never came: {last_line(folder / 'campaign.log')}", "-"]
-    was_moving, was_blowing = witness.moving, witness.air
-    pid, start_ns = pid_of(target, running, mark), time.time_ns()
+        return ["-", "-", "-", "-", f"the moment never came: {cell.last_line('campaign')}", "-", "-"]
+    was_moving, was_blowing, load = witness.moving, witness.air, os.getloadavg()[0]
+    start_ns = time.time_ns()
     witness.rest_ns = witness.off_ns = 0
-    strike(pid, fault, beside)
-    beside.wait(lambda: not witness.moving and not witness.air, 10.0)
+    strike(cell, target, fault, beside)
     frozen = target == "campaign" and fault == "STOP"
-    beside.wait(lambda: campaign.poll() is not None or frozen, 90.0)
-    beside.wait(lambda: not recorders(mark) or frozen, 10.0)
-    left = "recorder" if recorders(mark) and not frozen else "nothing"
-    bag, status = bag_of(folder / "out")
+    if fault != SECOND:
+        beside.wait(lambda: not witness.moving and not witness.air, 10.0)
     rest = told(was_moving, witness.moving, witness.rest_ns, start_ns)
     off = told(was_blowing, witness.air, witness.off_ns, start_ns)
+    if fault == SECOND:
+        rest = off = "goes on"
+    beside.wait(lambda: campaign.poll() is not None or frozen, 120.0)
+    beside.wait(lambda: frozen or not leftovers(cell, target, fault), 10.0)
+    left = [] if frozen else leftovers(cell, target, fault)
+    bag, status = bag_of(cell.folder / "campaign")
     code = campaign.poll()
-    what = "frozen" if code is None else f"exit {code}: {last_line(folder / 'campaign.log')}"
-    return [rest, off, bag, status, what, left]
+    what = "frozen" if code is None else f"exit {code}: {cell.last_line('campaign')}"
+    if fault == SECOND:
+        what += f"; the second, exit {cell.running['second'].poll()}: {cell.last_line('second')}"
+    return [rest, off, bag, status, what, ", ".join(left) or "nothing", f"{load:.0f}"]
 
 
-def recorders(mark: str) -> list[int]:
-    command = b"sandbot_record.tools.record"
-    return [pid for pid in marked(mark) if command in (Path(f"/proc/{pid}/cmdline").read_bytes())]
+def leftovers(cell: Cell, target: str, fault: str) -> list[str]:
+    """What should have ended by now: the recorder always, of a launch that was ended its nodes."""
+    left = ["recorder"] * len(cell.marked(RECORDER))
+    if target == "launch" and fault not in (SECOND, "STOP", *FROZEN_S):
+        left += [f"{len(cell.marked('ros2')) + len(cell.marked('_node'))} processes"] * bool(cell.marked())
+    return left
 
 
 def told(was_on: bool, is_on: bool, end_ns: int, start_ns: int) -> str:
-    if not was_on:
+    if not was_on or 0 < end_ns < start_ns:  # it had stopped before, and we had not heard
         return "-"
     return "NEVER" if is_on else f"{(end_ns - start_ns) * 1e-9:.2f}"
 
 
 def bag_of(out: Path) -> tuple[str, str]:
-    """Whether the bag can be read, and how it says the trial ended."""
-    bags = [path for path in [*out.glob("trials/phi*"), *out.glob("trials/.partial/phi*")] if path.is_dir()]
+    """Whether the first trial's bag can be read, and how it says the trial ended."""
+    bags = [path for path in [*out.glob("trials/.partial/phi*"), *out.glob("trials/phi*")] if path.is_dir()]
     if not bags:
         return "none", "-"
     try:
-        return "whole", Bag.open(bags[-1]).provenance.get("trial", {}).get("exit_status", "?")
+        return "whole", Bag.open(bags[0]).provenance.get("trial", {}).get("exit_status", "?")
     except InputError:
         return "torn, for recover", "?"
 
 
-def last_line(log: Path) -> str:
-    lines = [line for line in log.read_text(errors="replace").replace("\r", "\n").splitlines() if "%|" not in line]
-    return next((line.strip() for line in reversed(lines) if line.strip()), "")
+HEAD = ("who", "fault", "moment", "legs [s]", "air [s]", "bag", "exit_status", "campaign", "left running", "load")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -235,22 +288,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--targets", nargs="+", choices=TARGETS, default=TARGETS)
     parser.add_argument("--faults", nargs="+", choices=FAULTS, default=FAULTS)
     parser.add_argument("--moments", nargs="+", choices=MOMENTS, default=MOMENTS)
+    parser.add_argument("--trials", type=int, default=1, help="of each campaign: what it does next is seen with 2")
     chosen = parser.parse_args(argv)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # not without ending what was started
-    head = (
-        "who",
-        "fault",
-        "moment",
-        "legs at rest [s]",
-        "air off [s]",
-        "bag",
-        "exit_status",
-        "campaign",
-        "left running",
-    )
-    print("| " + " | ".join(head) + " |\n|" + "---|" * len(head), flush=True)
+    print("| " + " | ".join(HEAD) + " |\n|" + "---|" * len(HEAD), flush=True)
     for target, fault, moment in itertools.product(chosen.targets, chosen.faults, chosen.moments):
-        print("| " + " | ".join(cell(target, fault, moment)) + " |", flush=True)
+        if target in ONLY_FOR.get(fault, TARGETS):
+            print("| " + " | ".join(row(target, fault, moment, trials=chosen.trials)) + " |", flush=True)
     return 0
 
 

@@ -13,13 +13,13 @@ BUSY_S = 5.0
     ("target", "fault", "moment", "why"),
     [
         ("campaign", "KILL", "walking", "whoever ran the trial is gone"),
-        pytest.param("tracker", "STOP", "walking", "tracker is silent", marks=pytest.mark.whole),
-        ("bed", "KILL", "blowing", "bed is silent"),
+        pytest.param("tracker", "STOP", "walking", "tracker is frozen", marks=pytest.mark.whole),
+        ("bed", "KILL", "blowing", "bed is gone"),
     ],
 )
 def test_all_stops_and_the_bag_says_why(target, fault, moment, why, monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", "0")  # the cell sets its own; restored afterwards
-    *_, rest, off, bag, status, _, left = matrix.cell(target, fault, moment, silence_s=4.0)
+    monkeypatch.setenv("ROS_DOMAIN_ID", "0")  # the row sets its own; restored afterwards
+    *_, rest, off, bag, status, _, left, _ = matrix.row(target, fault, moment, silence_s=4.0)
     stopped = rest if moment == "walking" else off
     assert float(stopped) <= BUSY_S
     # On a busy machine clock or bed may be the first to miss the campaign's lease, or the clock itself be held up.

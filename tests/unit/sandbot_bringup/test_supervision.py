@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandbot_bringup.supervision import Listening, Sign, Supervisor, camera_fault
+from sandbot_bringup.supervision import LOOP, Listening, Sign, Supervisor, camera_fault
 from sandbot_common.lease import Lease
 
 CLOCK, TRACKER = Sign("clock", "/leg_setpoints", 0.5), Sign("tracker", "/speed", 2.0)
@@ -29,6 +29,24 @@ def test_anything_heard_of_a_node_is_its_sign_of_life():
     supervisor.heard("clock", "/diagnostics", 1.5)
     assert supervisor.silent(1.8) == ""
     assert supervisor.silent(2.0) == "tracker is silent: nothing from it for 1 s"
+
+
+def test_time_for_which_the_machine_kept_a_node_waiting_is_not_its_silence():
+    supervisor, limit_s = Supervisor(), 1.0
+    supervisor.watch(Sign("lab", LOOP, limit_s), Sign("bed", LOOP, limit_s), now_s=0.0)
+    for who in ("lab", "bed"):
+        supervisor.heard(who, LOOP, 0.5)
+    supervisor.starved("lab", 3.0)
+    assert supervisor.silent(1.6) == "bed is stuck: no sign of its loop for 1 s"
+    supervisor.heard("bed", LOOP, 4.0)
+    assert supervisor.silent(4.4) == ""
+    assert supervisor.silent(4.6).startswith("lab is stuck")  # had a second of the CPU and said nothing
+    supervisor.heard("lab", LOOP, 4.7)
+    assert supervisor.silent(4.8) == ""
+    assert supervisor.age_s("lab", LOOP, 5.8) == pytest.approx(1.1)  # what was withheld before counts no more
+    assert supervisor.heard_since("lab", LOOP, 4.6)
+    assert not supervisor.heard_since("lab", LOOP, 4.7)
+    assert not supervisor.heard_since("clock", LOOP, 0.0)
 
 
 @given(st.lists(st.floats(0.0, 5.0), max_size=50))

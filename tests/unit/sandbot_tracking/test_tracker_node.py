@@ -36,7 +36,7 @@ def test_the_robot_that_a_trial_tells_is_tracked(tracker, beside):
     sections = read_yaml(config_folder() / "cameras.yaml")
     shown = ((topics.DORSAL_IMAGE, "dorsal"), (topics.LATERAL_IMAGE, "lateral"))
     images = {name: node.publisher(beside.node, topic) for topic, name in shown}
-    frames = {name: LabCamera(name, sections[name], 3, HIGH).render(X_M, Z_M) for name in images}
+    views = {name: LabCamera(name, sections[name], 3, HIGH) for name in images}
     trial, legs = (node.publisher(beside.node, topic) for topic in (topics.TRIAL, topics.LEG_STATES))
     places = []
     node.subscription(beside.node, topics.COM, lambda com: places.append(com.point.x))
@@ -50,7 +50,7 @@ def test_the_robot_that_a_trial_tells_is_tracked(tracker, beside):
         for stamp in (next(stamps), next(stamps)):
             legs.publish(messages.joint_state(stamp, topics.LEGS, zero, zero, zero))
             for name, publisher in images.items():
-                publisher.publish(messages.image(stamp, name, frames[name]))
+                publisher.publish(messages.image(stamp, name, views[name].render(X_M, Z_M)))
         beside.wait(lambda: places, 5.0)
         assert tracker.poll() is None, "the tracker has gone"
         return bool(places) and places[-1] == pytest.approx(x_m, abs=5e-4)

@@ -8,6 +8,7 @@ import math
 import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
@@ -24,14 +25,17 @@ from std_srvs.srv import SetBool, Trigger
 from sandbot_bringup.desk_node import Desk
 from sandbot_bringup.folder import CampaignFolder, frames_kept
 from sandbot_bringup.hold import Held, Hold
+from sandbot_bringup.neighbours import Neighbours
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
 from sandbot_bringup.recorder_process import RecorderProcess
-from sandbot_bringup.supervision import Listening, Sign, Supervisor, camera_fault, status_values
+from sandbot_bringup.supervision import LOOP, Listening, Sign, Supervisor, camera_fault, status_values
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import Health, Stop, ask, names_of, publisher, subscription
+from sandbot_common.node import PROCESS, Health, Stop, ask, names_of, publisher, subscription
 from sandbot_common.robot import Robot
+from sandbot_record.bags.reader import Bag
+from sandbot_record.bags.writer import add_metadata
 from sandbot_record.trials.from_bags import row_from_bag
 from sandbot_record.trials.table import OK, Row
 
@@ -54,8 +58,8 @@ FREE_BYTES = 300 << 20
 SAFE_S = 3.0
 """So long legs that still report motion are waited for, before the recorder is ended."""
 SILENCE_S, SILENCE_BOUNDS_S, BEATS = 1.0, (0.3, 10.0), 4
-"""A node not heard from for so long while a trial runs is stuck; each speaks five times a second. Its process beats 20
-times, whatever the node is busy with: a quarter of it without a beat, and it is dead or frozen."""
+"""A node whose loop shows no sign for so long while a trial runs is stuck. Whether its process lives the system tells
+where it runs on this host; elsewhere it beats 20 times a second, and a quarter of this without a beat, it is dead."""
 _REQUIRED = ("clock", "bed", "tracker")
 _DRIVERS = ("serial_bed", "serial_legs", "serial_dorsal", "serial_lateral")
 """Of sandbot_hardware: each says on /diagnostics where its cable is out."""
@@ -66,14 +70,22 @@ PAUSE_IMAGES = "/recorder/pause_images"
 _UNNAMED = "_NODE_NAME_UNKNOWN_"
 _START_THEM = "start the nodes with: ros2 launch sandbot_bringup trackway.launch.py"
 
+_ROBOT, _ROBOTS = "robot", ("lab", "serial_legs")
+"""Whoever reports the legs, and which of our nodes do."""
 _BED = Sign("bed", topics.BED_STATUS.name, 1.0)
 # Its first frame may take seconds where nothing is compiled yet; a dead one is missed sooner, as its node is silent.
 _TRACKER = Sign("tracker", topics.SPEED.name, 5.0)
 _WALKING = (
     Sign("clock", topics.LEG_SETPOINTS.name, 0.5),
-    Sign("robot", topics.LEG_STATES.name, 0.5),
+    Sign(_ROBOT, topics.LEG_STATES.name, 0.5),
     _TRACKER,
 )
+
+
+def mark(bag: Path, exit_status: str) -> None:
+    """Write into a closed bag how its trial ended, where only its judge could know."""
+    with suppress(InputError, OSError):  # a full disk: trials.csv says it all the same
+        add_metadata(bag, "trial", {**Bag.open(bag).provenance.get("trial", {}), "exit_status": exit_status})
 
 
 class TrialFailed(RuntimeError):
@@ -104,6 +116,8 @@ class Operator(Node):
         # Each look waits for RENEW_S at most: what passes beyond twice that is our own delay.
         self._listening = Listening(2 * RENEW_S)
         self._told: dict[str, tuple[int, str, Mapping[str, str]]] = {}
+        self._neighbours = Neighbours()
+        self._turned_ns: dict[str, int] = {}
         self._phi: float | None = None
         self._bed_stage = self._bed_text = ""
         self._bed_height_m = math.nan
@@ -115,7 +129,8 @@ class Operator(Node):
         subscription(self, topics.BED_PHI, self._on_phi)
         subscription(self, topics.BED_STATUS, self._on_bed)
         subscription(self, topics.LEG_STATES, self._on_legs)
-        subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, raw=True)
+        # Only whether it comes is asked: a reliable reader would hear nothing until what was lost has been sent again.
+        subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, raw=True, best_effort=True)
         subscription(self, topics.SPEED, self._on_speed)
         subscription(self, topics.DIAGNOSTICS, self._on_diagnostics)
         subscription(self, topics.HEARTBEAT, self._on_heartbeat, best_effort=True)
@@ -202,6 +217,7 @@ class Operator(Node):
             raise TrialFailed(f"the recorder ended with exit code {recorder.code}; its bag is {aside}")
         # The same judge as that of the table: what it would not call ok is no finished trial.
         if (row := row_from_bag(aside)).status != OK:
+            mark(aside, row.status)
             raise TrialFailed(f"{row.status}; its bag is kept in {aside}")
         aside.rename(folder.bag(trial))
         return row
@@ -209,11 +225,12 @@ class Operator(Node):
     def _gate(self, folder: CampaignFolder) -> None:
         """All that a trial needs is there, once, and alive; CampaignEnds with what is not."""
         needed = [name for name in (*_REQUIRED, *_HEARD) if name in _REQUIRED or name in self._told]
-        self._vital = [Sign(name, topics.DIAGNOSTICS.name, self._silence_s) for name in needed] + [_BED]
+        self._vital = [Sign(name, LOOP, self._silence_s) for name in needed] + [_BED]
 
         def missing() -> list[str]:
             ages = ((sign, self._supervisor.age_s(sign.who, sign.topic, self._listening.now_s)) for sign in self._vital)
-            return [sign.missing for sign, age_s in ages if age_s > sign.limit_s] + self._unplugged()
+            faults = [f"{sign.who} {fault}" for sign in self._vital if (fault := self._neighbours.faults.get(sign.who))]
+            return faults + [sign.missing for sign, age_s in ages if age_s > sign.limit_s] + self._unplugged()
 
         if not self._wait(lambda: not missing(), DISCOVERY_S):
             raise CampaignEnds(f"the {missing()[0]}; {_START_THEM}, then start the campaign again to go on")
@@ -248,11 +265,12 @@ class Operator(Node):
         if not self._wait(lambda: recorder.ready or recorder.ended, CLOSE_S) or recorder.ended:
             raise TrialFailed(f"the recorder did not start: {recorder.last_line}")
         self._recorder, ready_s = recorder, self._listening.now_s
+        self._neighbours.forget("recorder")  # that of the trial before
         self._watch()
         # On a busy machine it may be found seconds after it is ready.
-        if not self._wait(lambda: self._supervisor.age_s("recorder", "", ready_s) < 0.0, DISCOVERY_S):
+        if not self._wait(lambda: self._supervisor.heard_since("recorder", "", ready_s), DISCOVERY_S):
             raise TrialFailed(f"the recorder is not heard on {topics.DIAGNOSTICS.name}")
-        self._vital.append(Sign("recorder", topics.DIAGNOSTICS.name, self._silence_s))
+        self._vital.append(Sign("recorder", LOOP, self._silence_s))
         self._watch()
         # Only now: a bag begins with the state of its own trial.
         self._trial.publish(messages.string(trial_message(self._plan.of(trial), trial, self._robot, time.time_ns())))
@@ -309,7 +327,7 @@ class Operator(Node):
         last_ns = max(end_ns, (self._leg_time_ns or 0) - LAST_FRAME_NS)
         self._wait(lambda: self._speed_ns >= last_ns or self._is_quiet(_TRACKER), DRAIN_S)
         asked_s = self._listening.now_s
-        self._wait(lambda: self._supervisor.age_s("tracker", topics.DIAGNOSTICS.name, asked_s) < 0.0, CALL_S)
+        self._wait(lambda: self._supervisor.heard_since("tracker", topics.DIAGNOSTICS.name, asked_s), CALL_S)
         if fault := camera_fault(before, self._told["tracker"][2]):
             raise TrialFailed(fault)
 
@@ -317,7 +335,7 @@ class Operator(Node):
         beats = (
             Sign(sign.who, topics.HEARTBEAT.name, self._silence_s / BEATS)
             for sign in self._vital
-            if sign.who != "recorder"
+            if sign.who != "recorder" and sign.who not in self._neighbours
         )
         now_s = self._listening.now_s
         # Those of other makers need not beat; the recorder is our own child, of which the system tells.
@@ -412,9 +430,11 @@ class Operator(Node):
         if self._recorder is not None and self._recorder.frozen:
             return "the recorder is frozen"
         for sign in self._vital if self._recorder is not None else ():
-            # Who ends in order says so; nobody waits for his silence.
+            # Who ends in order says so, and of who does not the system tells; nobody waits for his silence.
             if (text := self._told.get(sign.who, (0, "", {}))[1]).startswith("ended: "):
                 return f"the {sign.who} {text}"
+            if fault := self._neighbours.faults.get(sign.who):
+                return f"the {sign.who} {fault}"
         if self._recorder is not None and (unplugged := self._unplugged()):
             return f"the {unplugged[0]}"
         silent = self._supervisor.silent(self._listening.now_s)
@@ -432,6 +452,9 @@ class Operator(Node):
             if now_s >= deadline:
                 return False
             self._listening.look(now_s)
+            for who, starved_s in self._neighbours.look(now_s).items():
+                for name in (who, _ROBOT) if who in _ROBOTS else (who,):
+                    self._supervisor.starved(name, starved_s)
             self._renew(now_s)
             self._executor.spin_once(timeout_sec=min(deadline - now_s, RENEW_S))
         return True
@@ -457,7 +480,7 @@ class Operator(Node):
             self._bed_height_m = float(values.get("height_m", math.nan))
 
     def _on_legs(self, message: Any) -> None:
-        self._heard("robot", topics.LEG_STATES)
+        self._heard(_ROBOT, topics.LEG_STATES)
         self._leg_time_ns = messages.nanoseconds(message.header.stamp)
         self._moving = any(rate != 0.0 for rate in message.velocity)
         if self._motion_start_ns is None and self._moving:
@@ -472,8 +495,13 @@ class Operator(Node):
 
     def _on_heartbeat(self, message: Any) -> None:
         self._heard(message.frame_id, topics.HEARTBEAT)
+        if (turned_ns := messages.nanoseconds(message.stamp)) > self._turned_ns.get(message.frame_id, 0):
+            self._turned_ns[message.frame_id] = turned_ns
+            self._supervisor.heard(message.frame_id, LOOP, self._listening.now_s)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             self._heard(status.name, topics.DIAGNOSTICS)
-            self._told[status.name] = (status.level[0], status.message, status_values(status))
+            self._supervisor.heard(status.name, LOOP, self._listening.now_s)
+            self._told[status.name] = (status.level[0], status.message, values := status_values(status))
+            self._neighbours.meet(status.name, values.get(PROCESS, ""))

@@ -1,12 +1,16 @@
 """Who must be heard from while a trial runs: pure; ``campaign_node`` feeds it, the clock is passed in.
 
 Its clock is the time the campaign listened (``Listening``): where a busy machine keeps the campaign itself from the
-CPU, nobody is taken for silent, and the more it does so the more patient the campaign is.
+CPU, nobody is taken for silent, and the more it does so the more patient the campaign is. Nor does time count for which
+the machine kept the one who is silent (``Supervisor.starved``).
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+
+LOOP = "its loop"
+"""In place of a topic: whatever shows that a node's loop turns, its health or a beat that says so."""
 
 
 @dataclass(frozen=True)
@@ -20,6 +24,8 @@ class Sign:
     @property
     def missing(self) -> str:
         """One phrase of what is wrong where it stays away."""
+        if self.topic == LOOP:
+            return f"{self.who} is stuck: no sign of its loop for {self.limit_s:g} s"
         where = f" on {self.topic}" if self.topic else ""
         return f"{self.who} is silent: nothing from it{where} for {self.limit_s:g} s"
 
@@ -38,20 +44,33 @@ class Listening:
         self._looked_s = monotonic_s
 
 
+_NEVER = (-math.inf, 0.0)
+
+
 @dataclass
 class Supervisor:
     """Tells who has fallen silent. Silence counts from the moment a sign is asked for, at the earliest."""
 
-    _heard_s: dict[tuple[str, str], float] = field(default_factory=dict)
+    _heard_s: dict[tuple[str, str], tuple[float, float]] = field(default_factory=dict)
+    _starved_s: dict[str, float] = field(default_factory=dict)
     _watched: dict[Sign, float] = field(default_factory=dict)
 
     def heard(self, who: str, topic: str, now_s: float) -> None:
         """A sign of life."""
-        self._heard_s[who, topic] = self._heard_s[who, ""] = now_s
+        self._heard_s[who, topic] = self._heard_s[who, ""] = now_s, self._starved_s.get(who, 0.0)
+
+    def starved(self, who: str, more_s: float) -> None:
+        """The machine kept him from the CPU for so long: that is not his silence."""
+        self._starved_s[who] = self._starved_s.get(who, 0.0) + more_s
+
+    def heard_since(self, who: str, topic: str, since_s: float) -> bool:
+        """Whether a sign came after that time."""
+        return self._heard_s.get((who, topic), _NEVER)[0] > since_s
 
     def age_s(self, who: str, topic: str, now_s: float) -> float:
-        """Time since the last sign (topic empty: of any kind); infinite before the first."""
-        return now_s - self._heard_s.get((who, topic), -math.inf)
+        """Time since the last sign (topic empty: of any kind) in which he could have given one; infinite before it."""
+        heard_s, starved_s = self._heard_s.get((who, topic), _NEVER)
+        return now_s - heard_s - (self._starved_s.get(who, 0.0) - starved_s)
 
     def watch(self, *signs: Sign, now_s: float) -> None:
         """Ask for these signs, and no others, from now on."""

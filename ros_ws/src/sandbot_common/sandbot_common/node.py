@@ -31,6 +31,7 @@ from sandbot_common import cli, messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
 from sandbot_common.parameters import Spec, from_mapping, specs
+from sandbot_common.process import own_name
 from sandbot_common.suggest import did_you_mean
 
 T = TypeVar("T")
@@ -45,6 +46,8 @@ END_WITH_PARENT = "TRACKWAY_END_WITH_PARENT"
 """Environment variable, set to 1 by a launch: its nodes end when it is gone, even killed."""
 _BEAT_PRIORITY = 5
 _SINCE = "since_ns"
+PROCESS = "process"
+"""Key of /diagnostics: which process a node is, for those on its host (``process.Neighbour``)."""
 _LOOK_S = 0.05
 """How soon a node that idles sees that it is to end."""
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
@@ -195,7 +198,7 @@ class Health:
         self._node, self._values = node, values
         self.level, self.text = 0, "ok"
         self.refused = ""
-        self._since_ns = time.time_ns()
+        self._since_ns, self._process = time.time_ns(), own_name()
         self._publisher = publisher(node, topics.DIAGNOSTICS)
         node.create_timer(period_s, self.publish)
         if sole:
@@ -206,7 +209,7 @@ class Health:
         """Publish now."""
         now = self._node.get_clock().now().nanoseconds
         name = self._node.get_name()
-        values = {**self._values(), _SINCE: self._since_ns}
+        values = {**self._values(), _SINCE: self._since_ns, PROCESS: self._process}
         self._publisher.publish(messages.diagnostics(now, name, values, level=self.level, text=self.text))
 
     def _look_for_a_rival(self, message: DiagnosticArray) -> None:
@@ -244,8 +247,8 @@ def run(
             node: Node | None = None
             try:
                 node = make()
-                with _beating(node):
-                    _spin(node, stop)
+                with _beating(node) as turn:
+                    _spin(node, stop, turn)
             finally:
                 if node is not None:
                     if (close := getattr(node, "close", None)) is not None:
@@ -272,21 +275,28 @@ def ask_for_real_time(priority: int) -> bool:
 
 
 @contextmanager
-def _beating(node: Node) -> Iterator[None]:
-    """Publish /heartbeat from a thread: a process that is dead or frozen falls silent, one that is busy does not."""
+def _beating(node: Node) -> Iterator[Callable[[], None]]:
+    """Publish /heartbeat from a thread: a process that is dead or frozen falls silent, one that is busy does not.
+
+    Yields what the node's loop is to call at each turn: the beats tell when it last did.
+    """
     topic = topics.HEARTBEAT
     outlet = node.create_publisher(messages.message_class(topic.type), topic.relative, qos(topic, best_effort=True))
-    message, ending = messages.header(0, node.get_name()), threading.Event()
+    ending, turned_ns = threading.Event(), time.time_ns()
+
+    def turn() -> None:
+        nonlocal turned_ns
+        turned_ns = time.time_ns()
 
     def beat() -> None:
         ask_for_real_time(_BEAT_PRIORITY)
         while not ending.wait(BEAT_S):
-            outlet.publish(message)
+            outlet.publish(messages.header(turned_ns, node.get_name()))
 
     thread = threading.Thread(target=beat, name="heartbeat", daemon=True)
     thread.start()
     try:
-        yield
+        yield turn
     finally:
         ending.set()
         thread.join()
@@ -304,7 +314,7 @@ def _let_all_hear(node: Node) -> None:
             publisher.wait_for_all_acked(Duration(seconds=left))
 
 
-def _spin(node: Node, stop: "Stop") -> None:
+def _spin(node: Node, stop: "Stop", turn: Callable[[], None]) -> None:
     # Measured in these wheels: about twice the message rate of the default executor. Not its spin(), which leaves no
     # room for Python's signal handlers and never returns from ROS's.
     executor = EventsExecutor()
@@ -313,6 +323,7 @@ def _spin(node: Node, stop: "Stop") -> None:
     with suppress(ExternalShutdownException):
         while rclpy.ok() and not stop.asked and not getattr(node, "done", False):
             executor.spin_once(timeout_sec=_LOOK_S)
+            turn()
             if parent is not None and os.getppid() != parent:
                 stop.ask("the launch that started it is gone")
             if (health := getattr(node, "health", None)) is not None and health.refused:

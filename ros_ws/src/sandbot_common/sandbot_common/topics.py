@@ -66,7 +66,8 @@ ALL = tuple(value for value in list(globals().values()) if isinstance(value, Top
 """All topics of a trial, in the order above."""
 
 HEARTBEAT = Topic("/heartbeat", "std_msgs/msg/Header")
-"""20 times a second from every process (frame_id: its node), whatever its node is busy with. In no bag."""
+"""20 times a second from every process, whatever its node is busy with; frame_id: the node, stamp: when its loop last
+turned. In no bag."""
 CAMPAIGN_STATUS = Topic("/campaign/status", "std_msgs/msg/String", latched=True, depth=1)
 """JSON: the queue, what is under way, why it is held, and answers to what was asked. Not of a trial, so in no bag."""
 CAMPAIGN_COMMAND = Topic("/campaign/command", "std_msgs/msg/String", depth=10)

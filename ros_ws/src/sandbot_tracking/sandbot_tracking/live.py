@@ -27,6 +27,9 @@ Floats = NDArray[np.float64]
 
 HELD = 1000
 """Frames of a camera that may wait for its clock to be known."""
+REPEATED = 3
+"""Frames in a row equal to the one before, from which on they show nothing: no two of a camera that runs have the same
+noise, so it, or its driver, sends an old one."""
 LEG_PATIENCE_NS = NANO // 5
 """How long past a sample's time the leg angle at that time is waited for."""
 LEGS_KEPT_NS = NANO
@@ -62,15 +65,14 @@ class View:
         self._last: Frame | None = None
 
     def look(self, t_ns: int, received_ns: int, robot_ns: int | None, pixels: Frame) -> bool:
-        """Take note of a frame; False if it was there before."""
+        """Take note of a frame; False if it was there before, by its stamp or by what it shows."""
         if not self.times.add(t_ns):
             return False
         lit = self._led is not None and (self._led.update(pixels), self._led.on)[1]
         self.clock.frame(t_ns, received_ns, robot_ns, lit)
-        # No two frames of a camera that runs have the same noise.
         self.frozen = self.frozen + 1 if self._last is not None and np.array_equal(self._last, pixels) else 0
         self._last = pixels
-        return True
+        return self.frozen < REPEATED
 
     def hold(self, t_ns: int, seen: Marks | Axles) -> None:
         """Keep what a frame showed until the clock is known, or too much waits."""

@@ -17,6 +17,7 @@ import lz4.frame
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
+from mcap.reader import make_reader
 from mcap.records import (
     Attachment,
     AttachmentIndex,
@@ -38,6 +39,8 @@ COMPRESSIONS = ("none", "lz4", "zstd")
 LIBRARY = "sandbot_record 0.1"
 _MESSAGE_HEADER = struct.Struct("<BQHIQQ")
 _INDEX_ENTRY = struct.Struct("<QQ")
+_DATA_END = struct.Struct("<BQI")
+_FOOTER = struct.Struct("<BQQQI")
 _MAX_PARTS = 512
 """writev takes 1024 parts at once (IOV_MAX)."""
 
@@ -46,8 +49,31 @@ class McapWriter:
     """Writes one file. Every method may raise OSError when the disk is full; the file then ends in a torn record."""
 
     def __init__(self, path: Path, *, compression: str = "none", chunk_size: int = 1 << 20) -> None:
-        self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-        self._offset = 0
+        self._begin(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666), compression, chunk_size)
+        self._write([MAGIC, _record(Header(profile="ros2", library=LIBRARY))])
+
+    @classmethod
+    def reopened(cls, path: Path) -> "McapWriter":
+        """A file that this class has closed, to be added to; without a summary until it is closed again."""
+        with path.open("rb") as file:
+            summary = make_reader(file).get_summary()
+            file.seek(-_FOOTER.size - len(MAGIC), os.SEEK_END)
+            end = _FOOTER.unpack(file.read(_FOOTER.size))[2] - _DATA_END.size
+            file.seek(max(end, 0))
+            found = file.read(_DATA_END.size)
+        if summary is None or summary.statistics is None or found != _DATA_END.pack(Opcode.DATA_END, 4, 0):
+            raise ValueError(f"{path}: not a file that McapWriter has closed")
+        writer = cls.__new__(cls)
+        writer._begin(os.open(path, os.O_WRONLY), "none", 1 << 20)
+        writer._schemas, writer._channels = list(summary.schemas.values()), list(summary.channels.values())
+        writer._chunks = summary.chunk_indexes
+        writer._others = [*summary.attachment_indexes, *summary.metadata_indexes]
+        writer._counts.update(summary.statistics.channel_message_counts)
+        writer._cut(end, {})
+        return writer
+
+    def _begin(self, fd: int, compression: str, chunk_size: int) -> None:
+        self._fd, self._offset = fd, 0
         self._compression = "" if compression == "none" else compression
         self._chunk_size = chunk_size
         self._schemas: list[Schema] = []
@@ -59,7 +85,6 @@ class McapWriter:
         self._good = 0
         self._crc = 0
         self._start_chunk()
-        self._write([MAGIC, _record(Header(profile="ros2", library=LIBRARY))])
 
     @property
     def count(self) -> int:

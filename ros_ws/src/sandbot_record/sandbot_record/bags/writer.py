@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
+from mcap.exceptions import McapError
 from rosbags.interfaces import Qos
 
 from sandbot_common.errors import InputError
@@ -39,6 +40,25 @@ class _Channel:
     definition: str
     encoding: str
     id: int = 0
+
+
+def add_metadata(bag: Path, name: str, values: Mapping[str, str]) -> None:
+    """Add a metadata record to a bag that is complete; of several with one name the last counts.
+
+    Raises InputError if it is no complete bag of ours, OSError if the disk is full (it is for `recover` then).
+    """
+    files = sorted(bag.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
+    if not files:
+        raise InputError(f"{bag}: no bag")
+    try:
+        writer = McapWriter.reopened(files[-1])
+    except (ValueError, McapError) as error:
+        raise InputError(f"{files[-1]}: not complete, nothing can be added: {error}") from None
+    try:
+        writer.add_metadata(name, values)
+        writer.close()
+    finally:
+        writer.abandon()
 
 
 class BagWriter:

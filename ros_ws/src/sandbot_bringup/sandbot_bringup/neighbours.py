@@ -1,0 +1,44 @@
+"""The nodes on this host as processes: whether they live, and for how long the machine kept them from the CPU."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from sandbot_common.process import Neighbour
+
+LOOK_S = 0.02
+"""How often the system is asked."""
+
+
+@dataclass
+class Neighbours:
+    """Who is known to run on this host. ``faults``: of those that do not run any more, by name, what became of them."""
+
+    faults: Mapping[str, str] = field(default_factory=dict)
+    _known: dict[str, Neighbour] = field(default_factory=dict)
+    _starved_s: dict[str, float] = field(default_factory=dict)
+    _looked_s: float = -math.inf
+
+    def __contains__(self, who: str) -> bool:
+        return who in self._known
+
+    def meet(self, who: str, process: str) -> None:
+        """A node has told which process it is (``process.own_name``); on another host it is left to its beats."""
+        one, known = Neighbour.of(process), self._known.get(who)
+        # A second node of the same name is about to be refused: the first one stays who is meant.
+        if one is not None and (known is None or known.fault):
+            self._known[who], self._starved_s[who] = one, one.starved_s
+
+    def forget(self, who: str) -> None:
+        """He has ended as he should; the next of that name is another."""
+        self._known.pop(who, None)
+        self.faults = {name: fault for name, fault in self.faults.items() if name != who}
+
+    def look(self, now_s: float) -> Mapping[str, float]:
+        """Ask the system, if it is time to; by name, for how long each waited for a CPU since it was asked last [s]."""
+        if now_s - self._looked_s < LOOK_S:
+            return {}
+        self._looked_s = now_s
+        self.faults = {who: fault for who, one in self._known.items() if (fault := one.fault)}
+        before, self._starved_s = self._starved_s, {who: one.starved_s for who, one in self._known.items()}
+        return {who: max(total_s - before[who], 0.0) for who, total_s in self._starved_s.items()}

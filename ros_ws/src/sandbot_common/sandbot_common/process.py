@@ -1,0 +1,68 @@
+"""Which process a node is, and what the system says of it: on one host nobody need be guessed dead from his silence."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+_PROC = Path("/proc")
+_STATE, _START = 0, 19
+"""Places in /proc/PID/stat after the command's name (proc(5), fields 3 and 22)."""
+_FROZEN, _ENDED = ("T", "t"), ("Z", "X", "x")
+
+
+def own_name() -> str:
+    """This process's name, as others are told it: host, number and start; empty where there is no /proc."""
+    pid = os.getpid()
+    stat = _stat(pid)
+    # The start, too: numbers are used again.
+    return f"{_host()} {pid} {stat[_START]}" if stat else ""
+
+
+@dataclass(frozen=True)
+class Neighbour:
+    """Another process of this host."""
+
+    pid: int
+    start: str
+
+    @classmethod
+    def of(cls, name: str) -> "Neighbour | None":
+        """The living process of that ``own_name``; None where it is on another host, or can't be looked at."""
+        host, _, rest = name.partition(" ")
+        pid, _, start = rest.partition(" ")
+        if host != _host() or not pid.isdigit():
+            return None
+        one = cls(int(pid), start)
+        return one if _stat(one.pid)[_START:][:1] == [start] else None
+
+    @property
+    def fault(self) -> str:
+        """What has become of it; an empty string while it lives, however busy it is."""
+        stat = _stat(self.pid)
+        if not stat or stat[_START] != self.start or stat[_STATE] in _ENDED:
+            return "is gone"
+        return "is frozen" if stat[_STATE] in _FROZEN else ""
+
+    @property
+    def starved_s(self) -> float:
+        """For how long so far its main thread was ready to run and got no CPU; 0 where the system does not tell."""
+        try:
+            return int((_PROC / str(self.pid) / "schedstat").read_text().split()[1]) * 1e-9
+        except (OSError, IndexError, ValueError):
+            return 0.0
+
+
+def _host() -> str:
+    """This start of this host, and its process numbers' namespace: containers may share the one and not the other."""
+    try:
+        boot = (_PROC / "sys/kernel/random/boot_id").read_text().strip()
+        return f"{boot}/{(_PROC / 'self/ns/pid').stat().st_ino}"
+    except OSError:
+        return ""
+
+
+def _stat(pid: int) -> list[str]:
+    try:
+        return (_PROC / str(pid) / "stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return []

@@ -1,0 +1,137 @@
+"""A live campaign of 3 φ × 3 ω × 2 through the launch file: every bag complete, every row that of batch within 1 %.
+
+Run it with ``-s`` for the tables of docs/faults.md. A bed is never prepared to the same φ twice, so batch walks on the
+φ that was measured live, trial by trial.
+"""
+
+import csv
+import sys
+import time
+
+import numpy as np
+import pytest
+import yaml
+
+from sandbot_bringup import batch, nodes, runner
+from sandbot_bringup.plan import read_plan, trials_of
+from sandbot_bringup.tools.campaign import main as campaign
+from sandbot_common import topics
+from sandbot_lab.robot import simulate
+from sandbot_record.bags.reader import Bag
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.whole, pytest.mark.timeout(3600)]
+
+PHI, OMEGA, REPLICATES = [0.59, 0.605, 0.62], [8.0, 12.0, 16.0], 2
+BED = {"fluidise_s": 0.7, "ramp_s": 0.3, "settle_s": 0.6, "pulse_off_s": 0.5, "average_s": 0.4}
+"""A bed prepared in seconds, its height read often enough for 0.0002 in φ."""
+ROUNDS = 3
+"""What a busy machine has spoilt is marked, and run once more."""
+
+
+def rows(folder):
+    with (folder / "trials.csv").open() as file:
+        return {row["trial_id"]: row for row in csv.DictReader(file)}
+
+
+@pytest.fixture
+def plan(tmp_path):
+    """The plan, and cameras at the rate of ``plan.frame_rate_hz``."""
+    content = yaml.safe_load((nodes.table_path().parent / "cameras.yaml").read_text())
+
+    def write(frame_rate_hz):
+        for name in ("dorsal", "lateral"):
+            content[name]["frame_rate_hz"] = frame_rate_hz
+        (tmp_path / "cameras.yaml").write_text(yaml.safe_dump(content))
+        path = tmp_path / "plan.yaml"
+        keys = {"name": "nine", "seed": 5, "gait": "UNIFORM", "phi": PHI, "omega_rad_s": OMEGA, "periods": 8.0}
+        path.write_text(
+            yaml.safe_dump(keys | {"replicates": REPLICATES, "bed": BED, "cameras": "cameras.yaml", "images": "none"})
+        )
+        return path
+
+    return write
+
+
+@pytest.fixture
+def batch_on(monkeypatch):
+    """Run a plan in this process on ground of the φ that is given for each trial, by its seed."""
+
+    def run(path, out, phi_by_seed):
+        def simulated(world, phi, *motion, seed):
+            return simulate(world, phi_by_seed.get(seed, phi), *motion, seed=seed)
+
+        def one_by_one(trials, job, _workers):
+            return runner.Outcome(tuple(job(trial, 1).name for trial in trials), ())
+
+        monkeypatch.setattr(batch, "simulate", simulated)
+        monkeypatch.setattr(runner, "run", one_by_one)
+        assert campaign([str(path), "--out", str(out), "--batch"]) == 0
+
+    return run
+
+
+def prepared_s(bag):
+    """How long the bed took, from its first word of this trial to its φ."""
+    (ready_ns,) = bag.columns(topics.BED_PHI.name).log_time_ns
+    return (ready_ns - bag.columns(topics.BED_STATUS.name, "header.stamp.sec").log_time_ns[0]) * 1e-9
+
+
+def run_live(start, path, out, silence_s=5):
+    """The campaign over nodes that are there, until all its trials are; how long it took [s] and what it said."""
+    began_s, said = time.monotonic(), []
+    for _ in range(ROUNDS):
+        live = start("ros2", "run", "sandbot_bringup", "campaign", path, "--silence", silence_s, "--out", out)
+        code = live.wait(1500)
+        said += [line for line in live.lines if ": failed: " in line]
+        if code == 0:
+            break
+    assert code == 0, "\n".join(live.lines)
+    return time.monotonic() - began_s, said
+
+
+def check(path, live, batch_on, tmp_path, wall_s, said):
+    """Every bag whole, every row that of batch; prints the table."""
+    plan, found = read_plan(path), rows(live)
+    trials = trials_of(plan)
+    assert sorted(found) == sorted(trial.trial_id for trial in trials)
+    batch_on(path, tmp_path / "batch", {trial.seed: float(found[trial.trial_id]["phi"]) for trial in trials})
+    expected, least_s, worst = rows(tmp_path / "batch"), 0.0, {}
+    for trial in trials:
+        one, other = found[trial.trial_id], expected[trial.trial_id]
+        assert (one["status"], other["status"]) == ("ok", "ok")
+        told = Bag.open(live / "trials" / trial.trial_id).provenance
+        assert told["trial"]["exit_status"] == "ok"
+        assert told["recording"]["exit_status"] == "ok"
+        off = float(one["speed_m_s"]) / float(other["speed_m_s"]) - 1.0
+        worst.setdefault((trial.phi, trial.omega_rad_s), []).append(off)
+        least_s += prepared_s(Bag.open(tmp_path / "batch" / "trials" / trial.trial_id))
+        least_s += plan.standing_s + plan.duration_s(trial.omega_rad_s)
+    print(
+        f"\nwall {wall_s:.0f} s, by the plan at least {least_s:.0f} s; run again: {len(said)}",
+        *said,
+        sep="\n",
+    )
+    for (phi, omega), off in sorted(worst.items()):
+        print(f"| {phi:g} | {omega:g} | {', '.join(f'{100 * one:+.2f}' for one in off)} |")
+    assert np.abs(list(worst.values())).max() < 0.01
+
+
+def test_in_the_virtual_lab(tmp_path, start, plan, batch_on):
+    path = plan(100.0)
+    beds = [f"bed.{name}:={value}" for name, value in BED.items()]
+    start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", f"cameras:={tmp_path / 'cameras.yaml'}", *beds)
+    wall_s, said = run_live(start, path, tmp_path / "live")
+    check(path, tmp_path / "live", batch_on, tmp_path, wall_s, said)
+
+
+def test_over_serial_lines_on_films_of_the_simulated_devices(tmp_path, start, plan, batch_on):
+    path, cameras, folder = plan(50.0), tmp_path / "cameras.yaml", tmp_path / "dev"
+    simulated = start(sys.executable, "-m", "sandbot_hardware.simulate_command", folder, "--cameras", cameras)
+    simulated.until(lambda line: line.startswith("devices:"))
+    files = {"bed": "bed", "leg": "legs", "dorsal": "dorsal", "lateral": "lateral"}
+    lines = [f"{name}_device:={folder / file}" for name, file in files.items()]
+    drivers = ["lab:=false", "bed_driver:=serial", "leg_driver:=serial", "camera_driver:=serial", *lines]
+    beds = [f"bed.{name}:={value}" for name, value in BED.items()]
+    start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", f"cameras:={cameras}", *drivers, *beds)
+    wall_s, said = run_live(start, path, tmp_path / "live")
+    check(path, tmp_path / "live", batch_on, tmp_path, wall_s, said)

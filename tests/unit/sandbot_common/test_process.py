@@ -1,0 +1,66 @@
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from sandbot_common.process import Neighbour, own_name
+
+TELL = "from sandbot_common.process import own_name; print(own_name(), flush=True); input()"
+
+
+@pytest.fixture
+def other():
+    """A process that has told its name, and the name."""
+    process = subprocess.Popen([sys.executable, "-c", TELL], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    yield process, process.stdout.readline().strip()
+    process.kill()
+    process.communicate()
+
+
+def until(condition):
+    end = time.monotonic() + 30.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.001)
+
+
+def test_a_process_lives_is_frozen_lives_again_and_is_gone(other):
+    process, name = other
+    one = Neighbour.of(name)
+    assert one.pid == process.pid
+    assert one.fault == ""
+    process.send_signal(signal.SIGSTOP)
+    until(lambda: one.fault == "is frozen")
+    process.send_signal(signal.SIGCONT)
+    until(lambda: one.fault == "")
+    process.kill()
+    until(lambda: one.fault == "is gone")  # nobody has asked for its exit code yet
+    process.wait()
+    assert one.fault == "is gone"
+    assert Neighbour.of(name) is None
+
+
+def test_a_number_used_again_is_another_process():
+    host, pid, start = own_name().split()
+    assert Neighbour.of(own_name()).fault == ""
+    assert Neighbour.of(f"{host} {pid} {int(start) + 1}") is None
+    assert Neighbour(int(pid), f"{int(start) + 1}").fault == "is gone"
+
+
+@pytest.mark.parametrize(
+    "change", [lambda name: "x" + name, lambda name: name.split()[0], lambda _: "", lambda _: "a b c"]
+)
+def test_who_is_elsewhere_or_says_nothing_of_himself_is_no_neighbour(change):
+    assert Neighbour.of(change(own_name())) is None
+
+
+def test_waiting_for_a_cpu_is_counted_and_sleeping_is_not(other):
+    one = Neighbour.of(other[1])
+    before_s = one.starved_s
+    time.sleep(0.3)
+    assert 0.0 <= one.starved_s - before_s < 0.3  # it sleeps; waking up it may wait for a moment
+    other[0].kill()
+    other[0].wait()
+    assert one.starved_s == 0.0
