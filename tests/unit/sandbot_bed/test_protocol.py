@@ -167,6 +167,21 @@ def test_a_bed_that_never_gets_there_fails():
         prepare(replace(P, max_pulses=20), bed, 0.6, bed.advance, DT)
 
 
+def test_a_blower_that_does_not_answer_is_found_out_before_five_hundred_pulses():
+    bed = Bed()
+    bed.set_blower = bed.levels.append  # the sensor lives on, noise and all
+    with pytest.raises(PreparationFailed, match=r"φ has stayed 0\.6\d+ through 40 pulses: is the blower on"):
+        prepare(P, bed, 0.62, bed.advance, DT)
+    assert bed.levels[-1] == 0
+    assert max(bed.levels) > 0
+
+
+@pytest.mark.parametrize("target", [0.6, 0.633])
+def test_a_slow_bed_is_not_taken_for_one_without_air(target):
+    bed = Bed(pulses=60.0)
+    assert prepare(P, bed, target, bed.advance, DT).pulses > 20
+
+
 def test_time_never_runs_backwards():
     protocol = PulseProtocol()
     protocol.prepare(0.6)

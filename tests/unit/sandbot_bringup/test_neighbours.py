@@ -45,8 +45,11 @@ def test_who_died_is_named_and_who_is_elsewhere_is_not_known(hosts):
 
 def test_a_second_node_of_a_name_that_is_refused_is_not_taken_for_the_first(hosts):
     here, _, second = Neighbours(), hosts.setdefault("a", Process()), hosts.setdefault("b", Process())
-    here.meet("clock", "a")
-    here.meet("clock", "b")
+    assert here.meet("clock", "a")
+    assert not here.meet("clock", "b")
+    assert here.meet("clock", "a")
+    assert not here.meet("clock", "of another host")
+    assert here.meet("clock", "")  # of another maker, or of an older version
     second.fault = "is gone"
     here.look(1.0)
     assert here.faults == {}

@@ -1,9 +1,12 @@
 import os
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
 
+from sandbot_common import node
 from sandbot_common.node import use_shared_memory
 
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -34,3 +37,26 @@ def test_a_profile_of_the_users_own_stays(monkeypatch):
     monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", "mine.xml")
     use_shared_memory(frames=False)
     assert PROFILE not in os.environ
+
+
+CHILD = [sys.executable, "-c", "import os; print(os.sched_getscheduler(0))"]
+
+
+def test_real_time_is_for_this_thread_and_this_while_alone():
+    before = os.sched_getscheduler(0)
+    if before != os.SCHED_OTHER or not node.ask_for_real_time(1):
+        pytest.skip("real-time priority is not granted here")
+    os.sched_setscheduler(0, before, os.sched_param(0))
+    with node.real_time(5):
+        assert os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
+        assert int(subprocess.check_output(CHILD)) == os.SCHED_OTHER
+    assert os.sched_getscheduler(0) == before
+
+
+def test_who_may_not_have_it_runs_as_he_is(monkeypatch):
+    def refuse(*_):
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    with node.real_time(5):
+        assert os.sched_getscheduler(0) != os.SCHED_FIFO

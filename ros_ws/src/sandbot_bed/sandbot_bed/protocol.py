@@ -44,6 +44,9 @@ class ProtocolParameters:
     overrun_s: float = parameter(2.0, unit="s", doc="longest time over plan in any stage", low=0.01, high=600)
     bad_reading_s: float = parameter(0.5, unit="s", doc="longest time without a good height", low=0.0, high=60)
     stuck_pulses: int = parameter(5, doc="pulses without any change in any reading: stuck", low=2, high=1000)
+    idle_pulses: int = parameter(
+        40, doc="pulses in which φ rises by less than a quarter of the tolerance", low=2, high=1000
+    )
     height_low_m: float = parameter(0.05, unit="m", doc="lowest plausible height", low=0.001, high=10)
     height_high_m: float = parameter(0.2, unit="m", doc="highest plausible height", low=0.001, high=10)
     height_loose_m: float = parameter(0.1, unit="m", doc="height of the loose bed", low=0.001, high=10)
@@ -135,9 +138,7 @@ class PulseProtocol:
         self._now_s = self._entered_s = self._good_s = math.nan  # NaN: not known before the first step
         self._planned_s = 0.0
         self._readings: list[float] = []
-        self._last_pulse_s = math.nan
-        self._same_pulses = 0
-        self._same_m = math.nan
+        self._forget_pulses()
 
     def prepare(self, target_phi: float) -> None:
         """Begin at the next step. Raises InputError if busy or if ``target_phi`` can't be reached."""
@@ -146,7 +147,7 @@ class PulseProtocol:
         self.parameters.check_target(target_phi)
         self.command = Command(target_phi=target_phi)
         self._now_s = self._good_s = math.nan
-        self._last_pulse_s, self._same_pulses, self._same_m = math.nan, 0, math.nan
+        self._forget_pulses()
         self._enter(Stage.FLUIDISE, self.parameters.fluidise_s, self.parameters.fluidise_level)
 
     def abort(self, reason: str = "aborted") -> Command:
@@ -256,6 +257,8 @@ class PulseProtocol:
             self._overshot()
         elif self._stuck(stuck_at_m):
             self.fail(f"height has read exactly {stuck_at_m} m through {self.parameters.stuck_pulses} pulses")
+        elif self._idle(phi.value):
+            self.fail(f"φ has stayed {phi.value:.4f} through {self.parameters.idle_pulses} pulses: is the blower on?")
         elif self.command.pulses >= self.parameters.max_pulses:
             self.fail(f"target not reached after {self.command.pulses} pulses: φ is {phi.value:.4f}")
         else:
@@ -269,8 +272,18 @@ class PulseProtocol:
             self.fail(f"overshot {command.refluidised + 1} times: φ is {command.phi:.4f}, not {command.target_phi:.4f}")
             return
         self.command = replace(command, refluidised=command.refluidised + 1)
-        self._last_pulse_s, self._same_pulses, self._same_m = math.nan, 0, math.nan
+        self._forget_pulses()
         self._enter(Stage.FLUIDISE, p.fluidise_s, p.fluidise_level)
+
+    def _forget_pulses(self) -> None:
+        self._last_pulse_s, self._same_pulses, self._same_m = math.nan, 0, math.nan
+        self._phis: list[float] = []
+
+    def _idle(self, phi: float) -> bool:
+        # A blower that does not answer packs nothing, while the sensor lives on.
+        self._phis.append(phi)
+        before = self._phis[-1 - self.parameters.idle_pulses :][0]
+        return len(self._phis) > self.parameters.idle_pulses and phi - before < self.parameters.tolerance / 4
 
     def _stuck(self, at_m: float) -> bool:
         # A living sensor has noise, and pulses pack: not one bit of change through several pulses is neither.

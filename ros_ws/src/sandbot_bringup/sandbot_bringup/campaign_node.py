@@ -32,7 +32,7 @@ from sandbot_bringup.recorder_process import RecorderProcess
 from sandbot_bringup.supervision import LOOP, Listening, Sign, Supervisor, camera_fault, status_values
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import PROCESS, Health, Stop, ask, names_of, publisher, subscription
+from sandbot_common.node import PROCESS, Health, Stop, ask, names_of, publisher, real_time, subscription
 from sandbot_common.robot import Robot
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import add_metadata
@@ -48,6 +48,8 @@ DRAIN_S = 20.0
 QUIET_S, LAST_FRAME_NS = 3.0, 30_000_000
 """A tracker that says nothing for so long has no more frames; the last one may be so long before the legs' rest."""
 CLOSE_S = 30.0
+_PRIORITY = 5
+"""Real-time priority while it commands, below the clock's."""
 RENEW_S = 0.02
 """The lease is renewed that often: a dozen times before the clock takes it for lost."""
 EXPLAIN_S = 0.7
@@ -187,9 +189,23 @@ class Operator(Node):
         # Recorded aside and renamed when complete and judged: a bag in trials/ is always a whole trial.
         aside = folder.aside(trial.trial_id)
         self._gate(folder)
-        self._running, ended = trial.trial_id, "interrupted"
+        self._running = trial.trial_id
         self._set_up(trial)
-        self._commanding = True
+        # Judging the bag takes a second of CPU and is nobody's lease.
+        with real_time(_PRIORITY):
+            recorder = self._run(trial, aside, attachments)
+        if recorder.code != 0:
+            raise TrialFailed(f"the recorder ended with exit code {recorder.code}; its bag is {aside}")
+        # The same judge as that of the table: what it would not call ok is no finished trial.
+        if (row := row_from_bag(aside)).status != OK:
+            mark(aside, row.status)
+            raise TrialFailed(f"{row.status}; its bag is kept in {aside}")
+        aside.rename(folder.bag(trial))
+        return row
+
+    def _run(self, trial: PlannedTrial, aside: Path, attachments: Sequence[Path]) -> RecorderProcess:
+        """From the recorder's start to its end: the time in which legs and air are commanded."""
+        self._commanding, ended = True, "interrupted"
         images = frames_kept(self._plan, trial)
         self.desk.enter("starting the recorder")
         recorder = RecorderProcess(aside, images, attachments, self.get_namespace())
@@ -213,14 +229,7 @@ class Operator(Node):
             self._supervisor.watch(now_s=0.0)
             self.desk.enter("closing the bag")
             self._end_recording(recorder, ended)
-        if recorder.code != 0:
-            raise TrialFailed(f"the recorder ended with exit code {recorder.code}; its bag is {aside}")
-        # The same judge as that of the table: what it would not call ok is no finished trial.
-        if (row := row_from_bag(aside)).status != OK:
-            mark(aside, row.status)
-            raise TrialFailed(f"{row.status}; its bag is kept in {aside}")
-        aside.rename(folder.bag(trial))
-        return row
+        return recorder
 
     def _gate(self, folder: CampaignFolder) -> None:
         """All that a trial needs is there, once, and alive; CampaignEnds with what is not."""
@@ -501,7 +510,9 @@ class Operator(Node):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
+            values = status_values(status)
+            if not self._neighbours.meet(status.name, values.get(PROCESS, "")):
+                continue
             self._heard(status.name, topics.DIAGNOSTICS)
             self._supervisor.heard(status.name, LOOP, self._listening.now_s)
-            self._told[status.name] = (status.level[0], status.message, values := status_values(status))
-            self._neighbours.meet(status.name, values.get(PROCESS, ""))
+            self._told[status.name] = (status.level[0], status.message, values)

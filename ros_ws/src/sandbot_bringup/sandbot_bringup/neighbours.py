@@ -16,18 +16,24 @@ class Neighbours:
 
     faults: Mapping[str, str] = field(default_factory=dict)
     _known: dict[str, Neighbour] = field(default_factory=dict)
+    _names: dict[str, str] = field(default_factory=dict)
     _starved_s: dict[str, float] = field(default_factory=dict)
     _looked_s: float = -math.inf
 
     def __contains__(self, who: str) -> bool:
         return who in self._known
 
-    def meet(self, who: str, process: str) -> None:
-        """A node has told which process it is (``process.own_name``); on another host it is left to its beats."""
-        one, known = Neighbour.of(process), self._known.get(who)
-        # A second node of the same name is about to be refused: the first one stays who is meant.
-        if one is not None and (known is None or known.fault):
-            self._known[who], self._starved_s[who] = one, one.starved_s
+    def meet(self, who: str, process: str) -> bool:
+        """A node has told which process it is (``process.own_name``); on another host it is left to its beats.
+
+        False where it is a second one of its name: it is about to be refused, and what it says of itself is not meant.
+        """
+        known = self._known.get(who)
+        if known is not None and not known.fault:
+            return process in ("", self._names[who])
+        if (one := Neighbour.of(process)) is not None:
+            self._known[who], self._names[who], self._starved_s[who] = one, process, one.starved_s
+        return True
 
     def forget(self, who: str) -> None:
         """He has ended as he should; the next of that name is another."""
