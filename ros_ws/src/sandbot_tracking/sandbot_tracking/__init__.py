@@ -8,6 +8,9 @@ videos          track(): marker videos to landmarks, speed and observables
   source        frames from a video file or a camera
   marker_tracker  named markers followed from frame to frame
   markers       one frame to marker centres with covariance
+    search      patches of a marker's size in a whole frame
+    disc        one disc measured to the camera's noise; rim: what its edge looks like
+    bed         the grains behind the markers, learnt as frames come
   led           the sync LED in the frames
   pairing       frames of both cameras taken at the same instant
 calibration     pixels to metres and back: Camera, read_cameras

@@ -15,7 +15,11 @@ from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
-from sandbot_tracking.markers import Appearance, Discs, Floats, Frame, detect, is_marker, locate
+from sandbot_tracking.bed import StillBed
+from sandbot_tracking.markers import Appearance, Discs, Floats, Frame, detect, follow, is_marker
+
+BED_EVERY = 4
+"""Frames from one look at the bed to the next: grains change slowly, and a look costs ten times a marker."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,7 @@ class MarkerTracker:
         self._looks, self._gates = looks or Appearance(), gates or Gates()
         self._spacing, self._ignore = spacing_px, tuple(ignore_px)
         n = len(names)
+        self._bed = StillBed()
         self._xy = np.full((n, 2), np.nan)
         self._velocity = np.zeros((n, 2))
         self._radius = np.full(n, np.nan)
@@ -89,23 +94,27 @@ class MarkerTracker:
         """The markers in the next frame, mono8 (height, width). Frames come at a steady rate."""
         if frame.ndim != 2 or frame.dtype != np.uint8:
             raise InputError(f"frame of shape {frame.shape} and type {frame.dtype}: mono8 (height, width) is needed")
-        rows = np.array([self._look(frame, i) for i in range(len(self.names))])
+        rows = self._look(frame)
         if (self._missed + np.isnan(rows[:, 0]) > self._gates.patience).any():
             rows = self._acquire(frame, rows)
         rows = self._consistent(rows)
         self._learn(rows)
+        if self.counts.frames % BED_EVERY == 0:
+            self._bed.see(frame, self._xy, self._radius)
         found = np.isfinite(rows[:, 0])
         return Marks(rows[:, :2].copy(), rows[:, 2:4].copy(), found)
 
-    def _look(self, frame: Frame, i: int) -> Floats:
-        """Marker ``i`` where it is expected, NaN if it is not there."""
-        if self._missed[i] > self._gates.patience or not self._seen_before[i]:
-            return np.full(7, np.nan)
-        where = self._xy[i] + self._velocity[i]
-        gate = self._gates.gate_px + self._gates.growth_px * self._missed[i]
-        row = locate(frame, where[0], where[1], self._radius[i], gate)
-        near = np.hypot(*(row[:2] - where)) <= gate + 1.0
-        return row if near and self._same(row, i) and not self._ignored(row) else np.full(7, np.nan)
+    def _look(self, frame: Frame) -> Floats:
+        """Markers where they are expected, NaN those that are not there."""
+        where = self._xy + self._velocity
+        where[(self._missed > self._gates.patience) | ~self._seen_before] = np.nan
+        gates = self._gates.gate_px + self._gates.growth_px * self._missed
+        rows = follow(frame, where, self._radius, gates, self._bed.picture)
+        for i, row in enumerate(rows):
+            near = np.hypot(*(row[:2] - where[i])) <= gates[i] + 1.0
+            if not (near and self._same(row, i)) or self._ignored(row):
+                rows[i] = np.nan
+        return rows
 
     def _same(self, row: Floats, i: int) -> bool:
         """Whether a disc looks like marker ``i`` did: a marker, of the same area."""
@@ -132,7 +141,7 @@ class MarkerTracker:
 
     def _candidates(self, frame: Frame) -> list[Floats]:
         """Marker-like discs of the frame as rows, by increasing x; at most eight of the brightest."""
-        discs: Discs = detect(frame, self._looks)
+        discs: Discs = detect(frame, self._looks, self._bed.picture)
         rows = [
             np.array([*xy, *var, radius, contrast, 1.0])
             for xy, var, radius, contrast in zip(

@@ -1,0 +1,391 @@
+"""One disc measured to what the camera's noise allows: levels, then shape, then its rim.
+
+The picture is the disc's grey A over the ground g: I = g + (A - g) c, with c of rim.py. The ground is level on the ring
+around the disc, or what is known of the bed, under the ring's light. What is left of the ring beyond the noise inside
+the disc is grain: rim pixels weigh 1 / (noise + (1 - c)² grain), so a bed that is no longer as it was learnt costs
+accuracy and says so.
+
+From the middle of its bright pixels, Gauss-Newton's steps on the rim give the centre; by the disc's symmetry errors of
+A, radius and blur do not shift it. Where the rim is none of a disc's (smeared, half hidden) a weighted centroid with a
+soft threshold stands in.
+"""
+
+import numba
+import numpy as np
+
+from sandbot_tracking.rim import BLUR_STEP_PX, BLURS, DIRECTIONS, REACH_PX, STEPS_A_PX
+
+LOW, HIGH = 0.25, 0.9
+"""The centroid's soft threshold: parts of the contrast at which a pixel's weight leaves 0 and reaches 1."""
+
+SAMPLING_PX3 = 9e-4
+"""Variance times radius [px² px] of the centroid of a noise-free disc: its rim falls on a finite number of pixels."""
+
+STEPS, SETTLED_PX = 3, 0.05
+"""Gauss-Newton's steps at most; the error after one is about the square of its length over the rim's width."""
+RING_PX = 4.0
+"""How far beyond the rim the ground is looked at."""
+LEAST_CONTRAST = 10.0
+LEAST_NOISE = 1.0 / 12.0
+"""Variance of rounding to grey levels."""
+CLEARLY = 9.0
+"""Gain in χ² from which a second number for the ground is believed."""
+FARTHEST_PX = 0.5
+"""The rim's centre is no disc's if it is so far from the centroid."""
+NO_DISC = 4.0
+"""Mean squared residual of the rim, in its expected variance, from which the centroid is the better centre."""
+
+# What a row holds, in order.
+X, Y, VAR_X, VAR_Y, RADIUS, GREY_STEP, ELONGATION = range(7)
+
+
+@numba.njit(cache=True)
+def follow(frame, bed, table, places, radii, gates):  # type: ignore[no-untyped-def]
+    """A row for each of places (n, 2) [px] with its radius and gate (n,) [px]. ``bed`` (0, 0) where none is known."""
+    rows = np.empty((places.shape[0], 7))
+    for i in range(places.shape[0]):
+        _measure(frame, bed, table, places[i, 0], places[i, 1], radii[i], gates[i], rows[i])
+    return rows
+
+
+@numba.njit(cache=True)
+def _measure(frame, bed, table, x, y, radius, gate, row):  # type: ignore[no-untyped-def]
+    height, width = frame.shape
+    row[:] = np.nan
+    if not (np.isfinite(x) and np.isfinite(y)):
+        return
+    reach = int(np.ceil(radius + gate + 3.0))
+    left, right = max(0, round(x) - reach), min(width, round(x) + reach + 1)
+    top, bottom = max(0, round(y) - reach), min(height, round(y) + reach + 1)
+    if right - left < 5 or bottom - top < 5:
+        return
+    # A rough look needs some of the pixels only.
+    stride = max(1, min(4, int(0.4 * radius)))
+    bright, dark = _levels(frame, left, right, top, bottom, stride, radius)
+    if bright - dark < LEAST_CONTRAST:
+        return
+    # The rough centre of all that is in the gate; then the disc alone: nothing else weighs in.
+    cx, cy, area = _centroid(frame, left, right, top, bottom, stride, x, y, 1e9, dark, bright)
+    for _ in range(2):
+        if area <= 0.0:
+            return
+        within = radius + 2.5
+        left, right = max(0, int(cx - within)), min(width, int(cx + within) + 2)
+        top, bottom = max(0, int(cy - within)), min(height, int(cy + within) + 2)
+        cx, cy, area = _centroid(frame, left, right, top, bottom, stride, cx, cy, within, dark, bright)
+    if area <= 0.0:
+        return
+    if cx - radius < 1.0 or cy - radius < 1.0 or cx + radius > width - 2.0 or cy + radius > height - 2.0:
+        return
+    _settle(frame, bed, table, cx, cy, radius, row)
+
+
+@numba.njit(cache=True)
+def _levels(frame, left, right, top, bottom, stride, radius):  # type: ignore[no-untyped-def]
+    """Grey level of the disc and of the ground: mean of the region's brightest pixels, and its median."""
+    counts = np.zeros(256, np.int32)
+    total = 0
+    for r in range(top, bottom, stride):
+        for c in range(left, right, stride):
+            counts[frame[r, c]] += 1
+            total += 1
+    bright = _mean_of_top(counts, max(4, min(total // 2, int(0.8 * radius * radius / (stride * stride)))))
+    return bright, _median(counts, total // 2)
+
+
+@numba.njit(cache=True)
+def _mean_of_top(counts, wanted):  # type: ignore[no-untyped-def]
+    taken, total = 0, 0.0
+    for level in range(255, -1, -1):
+        here = min(counts[level], wanted - taken)
+        taken += here
+        total += here * level
+        if taken >= wanted:
+            break
+    return total / taken
+
+
+@numba.njit(cache=True)
+def _median(counts, rank):  # type: ignore[no-untyped-def]
+    seen = 0
+    for level in range(256):
+        seen += counts[level]
+        if seen > rank:
+            return float(level)
+    return 255.0
+
+
+@numba.njit(cache=True)
+def _centroid(frame, left, right, top, bottom, stride, x0, y0, within, dark, bright):  # type: ignore[no-untyped-def]
+    """Weighted centroid of pixels within ``within`` of (x0, y0) and the sum of weights."""
+    base, scale = dark + LOW * (bright - dark), 1.0 / ((HIGH - LOW) * (bright - dark))
+    total = sum_x = sum_y = 0.0
+    for r in range(top, bottom, stride):
+        for c in range(left, right, stride):
+            weight = min((frame[r, c] - base) * scale, 1.0)
+            if weight > 0.0 and (c - x0) ** 2 + (r - y0) ** 2 < within * within:
+                total += weight
+                sum_x += weight * c
+                sum_y += weight * r
+    if total <= 0.0:
+        return x0, y0, 0.0
+    return sum_x / total, sum_y / total, total
+
+
+@numba.njit(cache=True)
+def _settle(frame, bed, table, cx, cy, radius, row):  # type: ignore[no-untyped-def]
+    """The row of a disc whose centre is known to a fraction of a pixel."""
+    brightest = _brightest(bed, cx, cy, radius + RING_PX)
+    if np.isnan(brightest):
+        bed = bed[:0]
+    ground = _ground(frame, bed, cx, cy, radius)
+    if brightest > ground[0] - 0.5 * ground[6]:
+        # Brighter than grains are: a marker that went unnoticed was taken for bed.
+        bed = bed[:0]
+        ground = _ground(frame, bed, cx, cy, radius)
+    if ground[6] < LEAST_CONTRAST:
+        return
+    x, y, seen, blur, elongation = _shape(frame, bed, ground, cx, cy, radius)
+    if seen <= 0.0:
+        return
+    row[X], row[Y], row[RADIUS], row[GREY_STEP], row[ELONGATION] = x, y, seen, ground[6], elongation
+    if blur > BLUR_STEP_PX * (BLURS - 1) or not _rim(frame, bed, table, ground, blur, row):
+        _centre(frame, bed, ground, row)
+
+
+@numba.njit(cache=True)
+def _box(shape, cx, cy, reach):  # type: ignore[no-untyped-def]
+    left, right = max(0, int(cx - reach)), min(shape[1], int(cx + reach) + 2)
+    return left, right, max(0, int(cy - reach)), min(shape[0], int(cy + reach) + 2)
+
+
+@numba.njit(cache=True)
+def _brightest(bed, cx, cy, reach):  # type: ignore[no-untyped-def]
+    """The bed's highest level under a disc and its ring; NaN where some of it is not known."""
+    left, right, top, bottom = _box(bed.shape, cx, cy, reach)
+    total, brightest = 0.0, np.nan
+    for r in range(top, bottom):
+        for c in range(left, right):
+            total += bed[r, c]
+            brightest = bed[r, c] if np.isnan(brightest) else max(brightest, bed[r, c])
+    return brightest if np.isfinite(total) else np.nan
+
+
+@numba.njit(cache=True)
+def _chord(width, x, square):  # type: ignore[no-untyped-def]
+    """Columns [first, last) within the root of ``square`` of x."""
+    half = np.sqrt(max(square, 0.0))
+    return max(0, int(x - half) + 1), min(width, int(x + half) + 1)
+
+
+@numba.njit(cache=True, fastmath=True)
+def _ground(frame, bed, cx, cy, radius):  # type: ignore[no-untyped-def]
+    """Disc's grey, noise variance, α, β, grain's variance, its correlation between neighbours, contrast (0: no disc).
+
+    Noise is what is seen inside the disc; grain is what the ring around it has beyond that.
+    """
+    _, _, top, bottom = _box(frame.shape, cx, cy, radius + RING_PX)
+    width, known = frame.shape[1], bed.shape[0] > 0
+    inner, outer, core = (radius + 2.0) ** 2, (radius + RING_PX) ** 2, max(radius - 1.5, 1.0) ** 2
+    n_in = sum_in = square_in = n = v = vv = b = bb = vb = pairs = v2 = vv2 = b2 = vb2 = bb2 = 0.0
+    for r in range(top, bottom):
+        dy2 = (r - cy) ** 2
+        if dy2 < core:
+            first, last = _chord(width, cx, core - dy2)
+            for c in range(first, last):
+                value = float(frame[r, c])
+                n_in, sum_in, square_in = n_in + 1.0, sum_in + value, square_in + value * value
+        if dy2 >= outer:
+            continue
+        first, last = _chord(width, cx, outer - dy2)
+        hole, end = _chord(width, cx, inner - dy2) if dy2 < inner else (last, last)
+        for side in range(2):
+            low, high = (first, hole) if side == 0 else (end, last)
+            for c in range(low, high):
+                value = float(frame[r, c])
+                n, v, vv = n + 1.0, v + value, vv + value * value
+                if known:
+                    below = bed[r, c]
+                    b, bb, vb = b + below, bb + below * below, vb + value * below
+            for c in range(low, high - 1):
+                value, beside = float(frame[r, c]), float(frame[r, c + 1])
+                pairs, v2, vv2 = pairs + 1.0, v2 + value + beside, vv2 + value * beside
+                if known:
+                    here, there = bed[r, c], bed[r, c + 1]
+                    b2, bb2, vb2 = b2 + here + there, bb2 + here * there, vb2 + value * there + beside * here
+    if n_in < 4 or n < 8:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    level = sum_in / n_in
+    noise = max(square_in / n_in - level * level, LEAST_NOISE)
+    alpha, beta, rest = _fitted(n, v, vv, b, bb, vb)
+    grain = max(rest / (n - 2.0) - noise, 0.0)
+    # The sum of (v - α - β b)(v' - α - β b') over neighbours, from its parts.
+    together = vv2 - alpha * v2 + pairs * alpha * alpha - beta * (vb2 - alpha * b2) + beta * beta * bb2
+    rho = together / max(pairs, 1.0) / grain if grain > 0.05 * noise else 0.0
+    return level, noise, alpha, beta, grain, rho, level - v / n
+
+
+@numba.njit(cache=True)
+def _fitted(n, v, vv, b, bb, vb):  # type: ignore[no-untyped-def]
+    """α, β and the sum of squares left, from a ring's sums over its picture v and the bed b.
+
+    The ring is level, or the bed under another light (one number each); both only if that is clearly better.
+    """
+    alpha, beta, rest = v / n, 0.0, vv - v * v / n
+    if bb <= 0.0:
+        return alpha, beta, rest
+    light = vb / bb
+    if vv - light * vb < rest:
+        alpha, beta, rest = 0.0, light, vv - light * vb
+    texture, shared = bb - b * b / n, vb - v * b / n
+    if texture > n * LEAST_NOISE and shared > 0.0:
+        slope = shared / texture
+        left = vv - v * v / n - slope * shared
+        if rest - left > CLEARLY * left / n:
+            alpha, beta, rest = (v - slope * b) / n, slope, left
+    return alpha, beta, rest
+
+
+@numba.njit(cache=True)
+def _crowd(rho, blur):  # type: ignore[no-untyped-def]
+    """How many times its variance grain counts on a rim if neighbours are correlated by ρ: it does not average out.
+
+    The sum over neighbours of a Gaussian texture's ρ^(lag²), weighed by how alike the rim's slope is there: along the
+    rim wholly, across it as a Gaussian edge's slope is.
+    """
+    rho, spread = min(max(rho, 0.0), 0.95), 4.0 * (blur * blur + 1.0 / 6.0)
+    along = across = 1.0
+    for lag in range(1, 8):
+        share = rho ** (lag * lag)
+        along += 2.0 * share
+        across += 2.0 * share * np.exp(-lag * lag / spread)
+    return along * across
+
+
+@numba.njit(cache=True, fastmath=True)
+def _shape(frame, bed, ground, cx, cy, radius):  # type: ignore[no-untyped-def]
+    """Centre, radius from the area (0: no disc), blur [px] from Σ c (1 - c) = 2 √π radius √(blur² + 1/12), axes."""
+    level, noise, alpha, beta, grain, _, _ = ground
+    within, known = (radius + 2.5) ** 2, bed.shape[0] > 0
+    _, _, top, bottom = _box(frame.shape, cx, cy, radius + 2.5)
+    area = edge = mass = m_x = m_y = m_xx = m_yy = m_xy = 0.0
+    for r in range(top, bottom):
+        dy = r - cy
+        if dy * dy >= within:
+            continue
+        first, last = _chord(frame.shape[1], cx, within - dy * dy)
+        for c in range(first, last):
+            dx = c - cx
+            below = alpha + (beta * bed[r, c] if known else 0.0)
+            inverse = 1.0 / (level - below)
+            seen = (frame[r, c] - below) * inverse
+            cover = min(max(seen, 0.0), 1.0)
+            area += seen
+            # Noise alone makes E[c (1 - c)] less by its variance.
+            edge += seen * (1.0 - seen) + (noise + (1.0 - cover) ** 2 * grain) * inverse * inverse
+            solid = cover if cover > 0.15 else 0.0
+            mass += solid
+            m_x += solid * dx
+            m_y += solid * dy
+            m_xx += solid * dx * dx
+            m_yy += solid * dy * dy
+            m_xy += solid * dx * dy
+    if mass <= 0.0 or area <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    m_x, m_y = m_x / mass, m_y / mass
+    m_xx, m_yy, m_xy = m_xx / mass - m_x * m_x, m_yy / mass - m_y * m_y, m_xy / mass - m_x * m_y
+    spread = np.sqrt((m_xx - m_yy) ** 2 + 4.0 * m_xy * m_xy)
+    short, seen = m_xx + m_yy - spread, np.sqrt(area / np.pi)
+    elongation = np.sqrt((m_xx + m_yy + spread) / short) if short > 0.0 else 1e3
+    thickness = max(edge, 0.0) / (2.0 * np.sqrt(np.pi) * seen)
+    return cx + m_x, cy + m_y, seen, np.sqrt(max(thickness * thickness - 1.0 / 12.0, 0.0)), elongation
+
+
+@numba.njit(cache=True)
+def _centre(frame, bed, ground, row):  # type: ignore[no-untyped-def]
+    """The soft centroid into the row, for what has no disc's rim.
+
+    Its variance follows each pixel's noise through it, dx/dI_i = w'(x_i - x)/W: on the rim, where w' is not 0, camera
+    noise and grain by the part of a rim pixel the disc leaves uncovered.
+    """
+    level, noise, alpha, beta, grain, rho, _ = ground
+    crowded, slope, known = grain * _crowd(rho, 0.5), 1.0 / (HIGH - LOW), bed.shape[0] > 0
+    x, y, radius = row[X], row[Y], row[RADIUS]
+    left, right, top, bottom = _box(frame.shape, x, y, radius + 2.5)
+    total = sum_x = sum_y = var_x = var_y = 0.0
+    for r in range(top, bottom):
+        for c in range(left, right):
+            dx, dy = c - x, r - y
+            if dx * dx + dy * dy >= (radius + 2.5) ** 2:
+                continue
+            below = alpha + (beta * bed[r, c] if known else 0.0)
+            cover = min(max((frame[r, c] - below) / (level - below), 0.0), 1.0)
+            weight = min(max((cover - LOW) * slope, 0.0), 1.0)
+            total, sum_x, sum_y = total + weight, sum_x + weight * dx, sum_y + weight * dy
+            if LOW < cover < HIGH:
+                felt = (noise + (1.0 - cover) ** 2 * crowded) * (slope / (level - below)) ** 2
+                var_x += felt * dx * dx
+                var_y += felt * dy * dy
+    row[X], row[Y] = x + sum_x / total, y + sum_y / total
+    sampling = SAMPLING_PX3 / radius
+    row[VAR_X], row[VAR_Y] = var_x / (total * total) + sampling, var_y / (total * total) + sampling
+
+
+@numba.njit(cache=True, fastmath=True)
+def _rim(frame, bed, table, ground, blur, row):  # type: ignore[no-untyped-def]
+    """Gauss-Newton on the rim from the row's centre and radius; True if it is a disc's: then the row has the new ones.
+
+    Centre and radius are solved for apart, as a whole rim makes their normal equations fall apart.
+    """
+    level, noise, alpha, beta, grain, rho, _ = ground
+    crowded = grain * _crowd(rho, blur)
+    known, profiles = bed.shape[0] > 0, table[int(blur / BLUR_STEP_PX + 0.5)]
+    band = min(0.7 + 2.0 * blur, REACH_PX - 1.0)
+    x, y, radius = row[X], row[Y], row[RADIUS]
+    for step_number in range(STEPS):
+        h_xx = h_yy = h_xy = h_rr = g_x = g_y = g_r = misfit = expected = 0.0
+        outer, inner = (radius + band) ** 2, max(radius - band, 0.5) ** 2
+        top, bottom = max(0, int(y - radius - band) + 1), min(frame.shape[0], int(y + radius + band) + 1)
+        for r in range(top, bottom):
+            dy = r - y
+            far, near = np.sqrt(outer - dy * dy), np.sqrt(max(inner - dy * dy, 0.0))
+            for side in range(2):
+                first, last = (x - far, x - near) if side == 0 else (x + near, x + far)
+                for c in range(max(0, int(first) + 1), min(frame.shape[1], int(last) + 1)):
+                    dx = c - x
+                    distance = np.sqrt(dx * dx + dy * dy)
+                    nx, ny = dx / distance, dy / distance
+                    place = (radius - distance + REACH_PX) * STEPS_A_PX
+                    k, direction = int(place), int(abs(nx * ny) * 2 * (DIRECTIONS - 1) + 0.5)
+                    low = profiles[direction, k]
+                    rise = profiles[direction, k + 1] - low
+                    cover = low + (place - k) * rise
+                    step = level - alpha - (beta * bed[r, c] if known else 0.0)
+                    off = frame[r, c] - level + step * (1.0 - cover)
+                    open_part = (1.0 - cover) ** 2
+                    weight = 1.0 / (noise + open_part * crowded)
+                    slope = step * rise * STEPS_A_PX
+                    felt, pull = weight * slope * slope, weight * slope * off
+                    h_xx += felt * nx * nx
+                    h_yy += felt * ny * ny
+                    h_xy += felt * nx * ny
+                    h_rr += felt
+                    g_x += pull * nx
+                    g_y += pull * ny
+                    g_r += pull
+                    misfit += weight * off * off
+                    expected += weight * (noise + open_part * grain)
+        size = h_xx * h_yy - h_xy * h_xy
+        if size <= 0.0:
+            return False
+        move_x, move_y = (h_yy * g_x - h_xy * g_y) / size, (h_xx * g_y - h_xy * g_x) / size
+        misfit -= g_x * move_x + g_y * move_y + g_r * g_r / h_rr
+        x, y, radius = x + move_x, y + move_y, radius + g_r / h_rr
+        if not (misfit < NO_DISC * expected and (x - row[X]) ** 2 + (y - row[Y]) ** 2 < FARTHEST_PX**2):
+            return False
+        if step_number == STEPS - 1 or move_x * move_x + move_y * move_y < SETTLED_PX**2:
+            # The noise is known from few pixels: the rim's own misfit says how large it is here.
+            scale = misfit / expected / size
+            row[X], row[Y], row[VAR_X], row[VAR_Y], row[RADIUS] = x, y, h_yy * scale, h_xx * scale, radius
+            return True
+    return False

@@ -1,0 +1,73 @@
+"""Where a whole frame is brighter than its grains, in patches of a marker's size."""
+
+import numba
+import numpy as np
+
+SAMPLED = 4
+"""Every so many pixels along rows and columns tell how bright the grains are."""
+
+
+@numba.njit(cache=True)
+def patches(frame, step, tile, apart, least, most):  # type: ignore[no-untyped-def]
+    """Patches (n, 3) of ``least`` to ``most`` pixels at least ``step`` above the grains: middle x, y and area [px].
+
+    The grains' level is the median of a tile of ``tile`` px: light may be uneven. Only pixels ``apart`` from each other
+    are looked at: a patch must be so wide. From each that is bright its patch is filled.
+    """
+    height, width = frame.shape
+    levels = _levels(frame, step, tile)
+    seen = np.zeros((height, width), np.bool_)
+    stack = np.empty((height * width if most > height * width else int(most) + 8, 2), np.int32)
+    found = [(0.0, 0.0, 0.0) for _ in range(0)]
+    for row in range(apart // 2, height, apart):
+        across = levels[row // tile]
+        for column in range(apart // 2, width, apart):
+            if frame[row, column] >= across[column // tile] and not seen[row, column]:
+                patch = _fill(frame, seen, stack, row, column, across[column // tile])
+                if least <= patch[2] <= most:
+                    found.append(patch)
+    answer = np.empty((len(found), 3))
+    for i, patch in enumerate(found):
+        answer[i, 0], answer[i, 1], answer[i, 2] = patch
+    return answer
+
+
+@numba.njit(cache=True)
+def _levels(frame, step, tile):  # type: ignore[no-untyped-def]
+    """What a pixel must reach, tile by tile."""
+    height, width = frame.shape
+    levels = np.empty(((height + tile - 1) // tile, (width + tile - 1) // tile), np.uint8)
+    for i in range(levels.shape[0]):
+        for j in range(levels.shape[1]):
+            counts, total = np.zeros(256, np.int64), 0
+            for row in range(i * tile, min((i + 1) * tile, height), SAMPLED):
+                for column in range(j * tile, min((j + 1) * tile, width), SAMPLED):
+                    counts[frame[row, column]] += 1
+                    total += 1
+            below = median = 0
+            while below + counts[median] <= total // 2:
+                below += counts[median]
+                median += 1
+            levels[i, j] = min(median + step, 254.0) + 1
+    return levels
+
+
+@numba.njit(cache=True)
+def _fill(frame, seen, stack, row, column, level):  # type: ignore[no-untyped-def]
+    """Middle and area of the bright pixels that touch (row, column); area is infinite where the stack overflows."""
+    height, width = frame.shape
+    area, sum_x, sum_y, n = 0.0, 0.0, 0.0, 1
+    stack[0, 0], stack[0, 1], seen[row, column] = row, column, True
+    while n > 0:
+        n -= 1
+        r, c = stack[n]
+        area, sum_x, sum_y = area + 1.0, sum_x + c, sum_y + r
+        for rr in range(max(r - 1, 0), min(r + 2, height)):
+            for cc in range(max(c - 1, 0), min(c + 2, width)):
+                if frame[rr, cc] >= level and not seen[rr, cc]:
+                    if n == stack.shape[0]:
+                        return 0.0, 0.0, np.inf
+                    seen[rr, cc] = True
+                    stack[n, 0], stack[n, 1] = rr, cc
+                    n += 1
+    return sum_x / area, sum_y / area, area
