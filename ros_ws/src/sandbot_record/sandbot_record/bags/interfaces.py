@@ -36,11 +36,25 @@ def type_hash(type_name: str) -> str:
 
 def decode(cdr: bytes | memoryview, type_name: str) -> Any:
     """The message in ``cdr``; any fault in the bytes is an InputError."""
-    _check(type_name)
+    little, big, make = _decoders(type_name)
     try:
-        return store().deserialize_cdr(cdr, type_name)
+        order = cdr[1]
+        if cdr[0] or order > 1:
+            raise ValueError
+        message, end = (little if order else big)(cdr[4:], 0, make, store())
+        if end + 7 < len(cdr):
+            raise ValueError
     except Exception as error:  # rosbags raises whatever numpy, struct or its generated code stumbles over
         raise InputError(f"{len(cdr)} bytes are not a {type_name} ({type(error).__name__})") from None
+    return message
+
+
+@cache
+def _decoders(type_name: str) -> tuple[Any, Any, type]:
+    """rosbags' generated functions for both byte orders and the message's class: found once, not once a message."""
+    _check(type_name)
+    definition = store().get_msgdef(type_name)
+    return definition.deserialize_cdr_le, definition.deserialize_cdr_be, definition.cls
 
 
 def _check(type_name: str) -> None:
