@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandbot_bringup.supervision import LOOP, Listening, Sign, Supervisor, camera_fault
+from sandbot_bringup.supervision import LOOP, Listening, Sign, Supervisor, camera_fault, pace_fault
 from sandbot_common.lease import Lease
 
 CLOCK, TRACKER = Sign("clock", "/leg_setpoints", 0.5), Sign("tracker", "/speed", 2.0)
@@ -94,3 +94,17 @@ def test_cameras_must_see_the_led_of_each_trial_once_they_have_seen_one():
     assert camera_fault({}, {}) == ""
     assert "the lateral camera did not see the LED" in camera_fault(eyes(2), eyes(2) | saw)
     assert "the lateral camera's clock disagrees" in camera_fault(eyes(2), eyes(3, jumps=1) | saw)
+
+
+def pace(frames, period_ms=10.0, camera="dorsal"):
+    told = {"frames": frames, "period_ms": f"{period_ms:.3f}", "calibrated_ms": "10.000"}
+    return {f"{camera}_{what}": str(value) for what, value in told.items()}
+
+
+def test_cameras_must_run_and_at_the_rate_of_their_calibration():
+    assert pace_fault(pace(3), pace(50)) == ""
+    assert pace_fault({}, pace(50, 10.8)) == ""
+    assert pace_fault({}, {}) == ""  # no camera is calibrated: none is asked for
+    assert pace_fault(pace(50), pace(50)) == "the dorsal camera sends no frames"
+    both = pace_fault(pace(3), pace(50) | pace(50, 14.0, "lateral"))
+    assert both == "the lateral camera takes 71.4 frames a second, cameras.yaml says 100"

@@ -50,6 +50,8 @@ def test_real_time_is_for_this_thread_and_this_while_alone():
     with node.real_time(5):
         assert os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
         assert int(subprocess.check_output(CHILD)) == os.SCHED_OTHER
+    with node.real_time(5, inherited=True):
+        assert int(subprocess.check_output(CHILD)) == os.SCHED_FIFO
     assert os.sched_getscheduler(0) == before
 
 

@@ -29,7 +29,7 @@ from sandbot_bringup.neighbours import Neighbours
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
 from sandbot_bringup.recorder_process import RecorderProcess
-from sandbot_bringup.supervision import LOOP, Listening, Sign, Supervisor, camera_fault, status_values
+from sandbot_bringup.supervision import LOOP, Listening, Sign, Supervisor, camera_fault, pace_fault, status_values
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.node import PROCESS, Health, Stop, ask, names_of, publisher, real_time, subscription
@@ -48,8 +48,8 @@ DRAIN_S = 20.0
 QUIET_S, LAST_FRAME_NS = 3.0, 30_000_000
 """A tracker that says nothing for so long has no more frames; the last one may be so long before the legs' rest."""
 CLOSE_S = 30.0
-_PRIORITY = 5
-"""Real-time priority while it commands, below the clock's."""
+PRIORITY = 5
+"""Real-time priority while it commands, below the clock's, and of the threads that hear for it."""
 RENEW_S = 0.02
 """The lease is renewed that often: a dozen times before the clock takes it for lost."""
 EXPLAIN_S = 0.7
@@ -57,6 +57,8 @@ EXPLAIN_S = 0.7
 FREE_BYTES = 300 << 20
 """Room there must be before a trial; the recorder itself stops at 200 MiB."""
 
+PACE_S = 0.5
+"""How long rates are measured before a trial."""
 SAFE_S = 3.0
 """So long legs that still report motion are waited for, before the recorder is ended."""
 SILENCE_S, SILENCE_BOUNDS_S, BEATS = 1.0, (0.3, 10.0), 4
@@ -65,7 +67,7 @@ where it runs on this host; elsewhere it beats 20 times a second, and a quarter 
 _REQUIRED = ("clock", "bed", "tracker")
 _DRIVERS = ("serial_bed", "serial_legs", "serial_dorsal", "serial_lateral")
 """Of sandbot_hardware: each says on /diagnostics where its cable is out."""
-_HEARD = ("lab", "dorsal_camera", "lateral_camera", *_DRIVERS)
+_HEARD = ("dorsal_camera", "lateral_camera", *_DRIVERS)
 """Required once they have been heard: a robot or camera of another maker need not tell its health."""
 
 PAUSE_IMAGES = "/recorder/pause_images"
@@ -123,6 +125,7 @@ class Operator(Node):
         self._phi: float | None = None
         self._bed_stage = self._bed_text = ""
         self._bed_height_m = math.nan
+        self._heights = 0
         self._leg_time_ns: int | None = None
         self._motion_start_ns: int | None = None
         self._speed_ns = 0
@@ -130,6 +133,7 @@ class Operator(Node):
         self._running = ""
         subscription(self, topics.BED_PHI, self._on_phi)
         subscription(self, topics.BED_STATUS, self._on_bed)
+        subscription(self, topics.BED_HEIGHT, self._on_height, raw=True, best_effort=True)
         subscription(self, topics.LEG_STATES, self._on_legs)
         # Only whether it comes is asked: a reliable reader would hear nothing until what was lost has been sent again.
         subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, raw=True, best_effort=True)
@@ -166,8 +170,8 @@ class Operator(Node):
         self._has_lab = "lab" in self._who_publishes(topics.LEG_STATES)
         if self._has_lab and not self._wait(self._triggers["/lab/reset"].service_is_ready, DISCOVERY_S):
             raise InputError(f"the virtual lab does not offer /lab/reset; {_START_THEM}")
-        if not self._wait(lambda: set(_REQUIRED) <= self._told.keys(), DISCOVERY_S):
-            missing = next(name for name in _REQUIRED if name not in self._told)
+        if not self._wait(lambda: set(self._required) <= self._told.keys(), DISCOVERY_S):
+            missing = next(name for name in self._required if name not in self._told)
             raise InputError(f"the {missing} does not tell its health on {topics.DIAGNOSTICS.name}; {_START_THEM}")
         # By now another campaign would have been heard. From here on clock and bed obey nobody but this one.
         self._lease = publisher(self, topics.OPERATOR_LEASE)
@@ -192,7 +196,7 @@ class Operator(Node):
         self._running = trial.trial_id
         self._set_up(trial)
         # Judging the bag takes a second of CPU and is nobody's lease.
-        with real_time(_PRIORITY):
+        with real_time(PRIORITY):
             recorder = self._run(trial, aside, attachments)
         if recorder.code != 0:
             raise TrialFailed(f"the recorder ended with exit code {recorder.code}; its bag is {aside}")
@@ -233,7 +237,7 @@ class Operator(Node):
 
     def _gate(self, folder: CampaignFolder) -> None:
         """All that a trial needs is there, once, and alive; CampaignEnds with what is not."""
-        needed = [name for name in (*_REQUIRED, *_HEARD) if name in _REQUIRED or name in self._told]
+        needed = [*self._required, *(name for name in _HEARD if name in self._told)]
         self._vital = [Sign(name, LOOP, self._silence_s) for name in needed] + [_BED]
 
         def missing() -> list[str]:
@@ -243,12 +247,32 @@ class Operator(Node):
 
         if not self._wait(lambda: not missing(), DISCOVERY_S):
             raise CampaignEnds(f"the {missing()[0]}; {_START_THEM}, then start the campaign again to go on")
+        self._pace()
         for topic in (topics.LEG_SETPOINTS, topics.BED_BLOWER, topics.OPERATOR_LEASE):
             if not self._wait(lambda topic=topic: len(self._who_publishes(topic)) == 1, DISCOVERY_S):  # type: ignore[misc]
                 names = " and ".join(self._who_publishes(topic)) or "nobody"
                 raise CampaignEnds(f"{names} publish {topic.name}: one commander is needed, and only one")
         if (free := shutil.disk_usage(folder.path).free) < FREE_BYTES:
             raise CampaignEnds(f"{folder.path}: only {free >> 20} MiB free, a trial needs {FREE_BYTES >> 20}")
+
+    def _pace(self) -> None:
+        """Sensors run at their rates; CampaignEnds with what does not."""
+        bed = self._plan.bed_protocol
+        # With fewer heights than that a rest of the bed would time out.
+        least_hz = bed.min_readings / (bed.average_s + bed.overrun_s)
+        since_s, heights, before = self._listening.now_s, self._heights, self._told["tracker"][2]
+        faults = [""]
+
+        def paced() -> bool:
+            rate_hz = (self._heights - heights) / max(self._listening.now_s - since_s, PACE_S)
+            slow = f"{topics.BED_HEIGHT.name} comes at {rate_hz:.1f} Hz, {least_hz:.1f} are needed"
+            # The virtual lab takes frames when it has the time, and gives them the stamps of even ones.
+            cameras = "" if self._has_lab else pace_fault(before, self._told["tracker"][2])
+            faults[0] = slow if rate_hz < least_hz else cameras
+            return not faults[0] and self._listening.now_s - since_s >= PACE_S
+
+        if not self._wait(paced, DISCOVERY_S):
+            raise CampaignEnds(f"{faults[0]}; mend it, then start the campaign again to go on")
 
     def _set_up(self, trial: PlannedTrial) -> None:
         self._phi, self._bed_stage, self._motion_start_ns = None, "", None
@@ -377,6 +401,11 @@ class Operator(Node):
             self.hold.stop(what)
         raise Held(self.hold.why)
 
+    @property
+    def _required(self) -> tuple[str, ...]:
+        """Who must tell his health: a robot of another maker need not."""
+        return (*_REQUIRED, "lab") if self._has_lab else _REQUIRED
+
     def _who_publishes(self, topic: topics.Topic) -> list[str]:
         return names_of(self.get_publishers_info_by_topic(topic.relative))
 
@@ -442,7 +471,7 @@ class Operator(Node):
             # Who ends in order says so, and of who does not the system tells; nobody waits for his silence.
             if (text := self._told.get(sign.who, (0, "", {}))[1]).startswith("ended: "):
                 return f"the {sign.who} {text}"
-            if fault := self._neighbours.faults.get(sign.who):
+            if sign.who != "recorder" and (fault := self._neighbours.faults.get(sign.who)):
                 return f"the {sign.who} {fault}"
         if self._recorder is not None and (unplugged := self._unplugged()):
             return f"the {unplugged[0]}"
@@ -487,6 +516,9 @@ class Operator(Node):
             values = status_values(status)
             self._bed_stage, self._bed_text = values.get("stage", self._bed_stage), status.message
             self._bed_height_m = float(values.get("height_m", math.nan))
+
+    def _on_height(self, _: bytes) -> None:
+        self._heights += 1
 
     def _on_legs(self, message: Any) -> None:
         self._heard(_ROBOT, topics.LEG_STATES)

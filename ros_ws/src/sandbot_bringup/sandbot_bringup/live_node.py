@@ -11,7 +11,7 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from tqdm import tqdm
 
-from sandbot_bringup.campaign_node import SILENCE_S, Operator, TrialFailed
+from sandbot_bringup.campaign_node import PRIORITY, SILENCE_S, Operator, TrialFailed
 from sandbot_bringup.config import robot_of
 from sandbot_bringup.desk_node import Desk
 from sandbot_bringup.folder import CampaignFolder
@@ -19,7 +19,7 @@ from sandbot_bringup.hold import Held
 from sandbot_bringup.journal import Journal
 from sandbot_bringup.plan import Plan, PlannedTrial, trials_of
 from sandbot_bringup.queue import Queue
-from sandbot_common.node import stop_signals, use_shared_memory
+from sandbot_common.node import real_time, stop_signals, use_shared_memory
 from sandbot_record.trials.table import Row
 
 HELD = "held: {}; to go on: ros2 service call /campaign/go std_srvs/srv/Trigger, or the console"
@@ -44,9 +44,12 @@ def run_live(
     use_shared_memory(frames=False)
     with stop_signals() as stop:
         # ROS's own handlers would end the context before the legs are stopped.
-        rclpy.init(args=[plan.name, *ros_arguments], signal_handler_options=SignalHandlerOptions.NO)
+        # The threads that hear, too: what they hear late would be taken for silence.
+        with real_time(PRIORITY, inherited=True):
+            rclpy.init(args=[plan.name, *ros_arguments], signal_handler_options=SignalHandlerOptions.NO)
         try:
-            operator = Operator(plan, robot_of(files), stop, silence_s)
+            with real_time(PRIORITY, inherited=True):
+                operator = Operator(plan, robot_of(files), stop, silence_s)
             operator.find_nodes()
             folder.adopt(plan, files)
             campaign = _Campaign(operator, plan, folder, files)

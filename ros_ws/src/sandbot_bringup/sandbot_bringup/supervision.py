@@ -44,6 +44,8 @@ class Listening:
         self._looked_s = monotonic_s
 
 
+PACE = 0.1
+"""Part by which a camera's frame rate may be off the calibration's."""
 _NEVER = (-math.inf, 0.0)
 
 
@@ -87,6 +89,20 @@ class Supervisor:
 def status_values(status: object) -> Mapping[str, str]:
     """The key-value pairs of a DiagnosticStatus."""
     return {pair.key: pair.value for pair in status.values}  # type: ignore[attr-defined]
+
+
+def pace_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
+    """Which camera does not run as cameras.yaml says, from the tracker's health at two moments; empty: all do."""
+    for camera in ("dorsal", "lateral"):
+        if f"{camera}_calibrated_ms" not in after:
+            continue
+        if int(after[f"{camera}_frames"]) <= int(before.get(f"{camera}_frames", 0)):
+            return f"the {camera} camera sends no frames"
+        period_ms, calibrated_ms = (float(after[f"{camera}_{what}"]) for what in ("period_ms", "calibrated_ms"))
+        if abs(period_ms / calibrated_ms - 1.0) > PACE:
+            rate, calibrated = 1e3 / period_ms, 1e3 / calibrated_ms
+            return f"the {camera} camera takes {rate:.3g} frames a second, cameras.yaml says {calibrated:.3g}"
+    return ""
 
 
 def camera_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:

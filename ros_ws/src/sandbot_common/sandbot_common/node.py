@@ -275,11 +275,12 @@ def ask_for_real_time(priority: int) -> bool:
 
 
 @contextmanager
-def real_time(priority: int) -> Iterator[None]:
-    """While in here, for the calling thread alone: what it starts runs as it did before."""
+def real_time(priority: int, *, inherited: bool = False) -> Iterator[None]:
+    """While in here, for the calling thread; what it starts runs as it did before, unless ``inherited``."""
     try:
         before = os.sched_getscheduler(0), os.sched_getparam(0)
-        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+        policy = os.SCHED_FIFO if inherited else os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
     except (AttributeError, OSError):
         yield
         return

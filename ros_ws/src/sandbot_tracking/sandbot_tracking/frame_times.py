@@ -17,7 +17,7 @@ class FrameTimes:
 
     def __init__(self, period_s: float) -> None:
         """``period_s``: time between frames by the calibration, used until enough frames were seen."""
-        self._calibrated_s = period_s
+        self.calibrated_s = period_s
         self._stamps: deque[int] = deque(maxlen=RECENT)
         self._steps: deque[float] = deque(maxlen=RECENT)
         self._newest: int | None = None
@@ -46,7 +46,7 @@ class FrameTimes:
     @property
     def period_s(self) -> float:
         """Time between two frames: the median of late, which dropped frames do not move."""
-        return float(np.median(self._steps)) if len(self._steps) >= ENOUGH else self._calibrated_s
+        return float(np.median(self._steps)) if len(self._steps) >= ENOUGH else self.calibrated_s
 
     @property
     def jitter_s(self) -> float:

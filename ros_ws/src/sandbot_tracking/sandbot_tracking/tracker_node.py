@@ -167,6 +167,7 @@ def _of(view: View) -> dict[str, object]:
         "clock_offset_within_ms": "" if known is None else f"{known * 1e-6:.3f}",
         "jitter_ms": f"{times.jitter_s * 1e3:.3f}",
         "period_ms": f"{times.period_s * 1e3:.3f}",
+        "calibrated_ms": f"{times.calibrated_s * 1e3:.3f}",
         "frames": times.frames,
         "dropped": times.dropped,
         "doubled": times.doubled,
