@@ -173,6 +173,42 @@ def test_a_run_by_hand_ends_by_itself(commander, beside):
         assert 0.3 < walked_s < 1.2 + busy.seconds
 
 
+HELD_UP = """
+import sys, time
+from sandbot_clock import clock_node
+
+class Clock(clock_node.ClockNode):
+    def __init__(self):
+        super().__init__()
+        publish, self.sent = self._setpoints.publish, 0
+
+        def late(message):
+            self.sent += 1
+            if self.sent % 200 == 150:
+                time.sleep(0.4)
+            publish(message)
+
+        class Outlet:
+            publish = staticmethod(late)
+
+        self._setpoints = Outlet()
+
+clock_node.ClockNode = Clock
+sys.exit(clock_node.main(["--ros-args", "-p", "late_s:=0.25"]))
+"""
+
+
+def test_a_clock_that_is_held_up_while_it_sends_stops(commander):
+    """The instant it keeps next is not late then; those between were skipped."""
+    process = subprocess.Popen([sys.executable, "-c", HELD_UP])
+    try:
+        commander.beside.until(lambda: commander.beside.call("/clock/start").success)
+        commander.stopped("held up")
+    finally:
+        process.terminate()
+        process.wait(60)
+
+
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGINT])
 def test_a_clock_that_ends_leaves_the_legs_at_rest(number, commander):
     with running("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}", "late_s:=0.25") as clock:

@@ -125,14 +125,16 @@ class ClockNode(Node):
     def _run(self, schedule: Schedule, to_ros_ns: int, max_run_s: float, legs: Sequence[str]) -> None:
         """Publish until stopped; a fault holds the legs where the last set-point left them."""
         most_ns = math.ceil(_CATCH_UP * NANO / schedule.rate_hz)
-        last_ns, lost_ns, fault = schedule.start_ns, 0, ""
+        last_ns, lost_ns, fault, skipped = schedule.start_ns, 0, "", 0
         no_torque = np.zeros(len(legs))
 
         def duty(instant_ns: int) -> bool:
-            nonlocal last_ns, lost_ns, fault
+            nonlocal last_ns, lost_ns, fault, skipped
             now_ns = time.monotonic_ns()
             self._late_ns.append(now_ns - instant_ns)
-            fault = self._fault(now_ns, instant_ns) or _overrun(instant_ns - schedule.start_ns, max_run_s)
+            # What was skipped is late as well: sending may have been held up, and the instant be the latest one due.
+            first_ns, skipped = instant_ns - round(skipped * NANO / schedule.rate_hz), 0
+            fault = self._fault(now_ns, first_ns) or _overrun(instant_ns - schedule.start_ns, max_run_s)
             moment_ns = now_ns if fault else instant_ns
             # The gait's own time goes on by a few periods at most, however late this is: what was lost is regained.
             passed_ns = moment_ns - last_ns
@@ -148,8 +150,13 @@ class ClockNode(Node):
             self._published += 1
             return not stopping
 
+        def skip(count: int) -> None:
+            nonlocal skipped
+            skipped = count
+            self._missed += count
+
         self._real_time = node.ask_for_real_time(_SCHEDULE)
-        keep(schedule, duty, time.monotonic_ns, time.sleep, self._count_missed)
+        keep(schedule, duty, time.monotonic_ns, time.sleep, skip)
         if fault:
             self._health.level, self._health.text = 2, f"stopped: {fault}"
             self._health.publish()
@@ -175,9 +182,6 @@ class ClockNode(Node):
         if clock.gait != wanted.gait_used:
             clock = clock.with_gait(t_s, wanted.gait_used)
         return clock.stopped(t_s) if stopping else clock
-
-    def _count_missed(self, count: int) -> None:
-        self._missed += count
 
     @property
     def _air_on(self) -> bool:
