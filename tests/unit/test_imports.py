@@ -53,7 +53,7 @@ def test_no_analysis_import_loads_ros_dash_or_opencv():
 
 
 def test_what_is_heavy_would_be_seen():
-    assert "cv2" in loaded("sandbot_tracking.markers")
+    assert "cv2" in loaded("sandbot_tracking.source")
 
 
 def test_a_door_costs_nothing_until_it_is_used():
