@@ -5,7 +5,7 @@ The readings are those of docs/architecture.md with the errors of tracked video 
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, nan, pi
 
 import numpy as np
@@ -74,7 +74,6 @@ def direct_trials(
     from its level by the world's preparation error. Raises InputError for an unknown gait, order or kind of batch, a
     frequency that isn't positive or a volume fraction no bed has.
     """
-    shape = Gait.from_name(gait)
     if replicates < 1 or not len(phis) or not len(omegas):
         raise InputError(f"trials: {len(phis)} phi x {len(omegas)} omega x {replicates}: at least one of each")
     errors = errors or ReadingErrors()
@@ -82,36 +81,46 @@ def direct_trials(
     batch = [_batch(batches, *condition) for condition in listed]
     place = _run_order(batch, order or "as_listed", seed)
     rows: list[Row] = []
-    for omega in omegas:
-        if not 0.0 < omega < 1000.0:
-            raise InputError(f"omega_rad_s: {omega} is outside (0, 1000) rad/s")
-        t_s = np.arange(ceil(max(SHORTEST_S, PERIODS * 2 * pi / omega) * RATE_HZ) + 1) / RATE_HZ
-        angles, rates = leg_angles(shape, omega, t_s, world.body.legs_per_tripod)
-        for level in phis:
-            for replicate in range(replicates):
-                # Independent of the order and number of the other trials.
-                chance = [seed, round(level * 1e6), round(omega * 1e3), replicate]
-                rng = np.random.default_rng(chance)
-                phi = level + world.noise.scale * world.noise.phi_sd * float(rng.standard_normal())
-                chances = int(rng.integers(2**62))
-                when = len(rows)
-                occasion = Occasion(batch_seed(seed, batch[when]), chances, place[when] / max(len(listed) - 1, 1))
-                trace = simulate(world.at(occasion), phi - world.week.phi_zero, t_s, angles, rates, seed=chances)
-                seen = _as_read(readings(trace, world.body.leg_mount_rad), world, occasion)
-                row: Row = {
-                    "trial_id": f"phi{level:.3f}_omega{omega:g}_{replicate}",
-                    "phi": phi + errors.phi * float(rng.standard_normal()),
-                    "phi_sd": errors.phi,
-                    "omega_rad_s": float(omega),
-                    "gait": gait,
-                    "replicate": replicate,
-                    **_read(seen, errors, rng),
-                    "status": "ok",
-                    "batch": batch[when],
-                    "run_order": nan if order is None else place[when] + 1,
-                }
-                rows.append({name: row[name] for name in COLUMNS})
+    for when, (omega, level, number) in enumerate(listed):
+        occasion = Occasion(batch_seed(seed, batch[when]), 0, place[when] / max(len(listed) - 1, 1))
+        row = direct_trial(world, level, omega, gait, number, seed, occasion, errors)
+        row |= {"batch": batch[when], "run_order": nan if order is None else place[when] + 1}
+        rows.append({name: row[name] for name in COLUMNS})
     return rows
+
+
+def direct_trial(
+    world: World,
+    level: float,
+    omega: float,
+    gait: str,
+    replicate: int,
+    seed: int,
+    occasion: Occasion,
+    errors: ReadingErrors,
+) -> Row:
+    """One row but for ``batch`` and ``run_order``, on an ``occasion`` whose own seed follows from the rest."""
+    if not 0.0 < omega < 1000.0:
+        raise InputError(f"omega_rad_s: {omega} is outside (0, 1000) rad/s")
+    t_s = np.arange(ceil(max(SHORTEST_S, PERIODS * 2 * pi / omega) * RATE_HZ) + 1) / RATE_HZ
+    angles, rates = leg_angles(Gait.from_name(gait), omega, t_s, world.body.legs_per_tripod)
+    # Independent of the order and number of the other trials.
+    rng = np.random.default_rng([seed, round(level * 1e6), round(omega * 1e3), replicate])
+    phi = level + world.noise.scale * world.noise.phi_sd * float(rng.standard_normal())
+    chances = int(rng.integers(2**62))
+    occasion = replace(occasion, trial_seed=chances)
+    trace = simulate(world.at(occasion), phi - world.week.phi_zero, t_s, angles, rates, seed=chances)
+    seen = _as_read(readings(trace, world.body.leg_mount_rad), world, occasion)
+    return {
+        "trial_id": f"phi{level:.3f}_omega{omega:g}_{replicate}",
+        "phi": phi + errors.phi * float(rng.standard_normal()),
+        "phi_sd": errors.phi,
+        "omega_rad_s": float(omega),
+        "gait": gait,
+        "replicate": replicate,
+        **_read(seen, errors, rng),
+        "status": "ok",
+    }
 
 
 def _batch(kind: str, omega: float, phi: float, replicate: int) -> str:

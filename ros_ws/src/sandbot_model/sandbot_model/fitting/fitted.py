@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,11 +17,13 @@ from sandbot_model.fitting.levenberg_marquardt import bounds
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.states import States
-from sandbot_model.fitting.uncertainty import propagated
+from sandbot_model.fitting.uncertainty import deviations, propagated
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.walking import KCurve, Prediction
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -152,6 +154,13 @@ class Fitted:
         shape = np.broadcast_shapes(np.shape(phi), np.shape(omega), () if clock is None else np.shape(clock.slow_ratio))
         return np.asarray(np.broadcast_to(found, (*shape, 4)))
 
+    def deviations(self, phi: Array, omega: Array) -> Array:
+        """Changes ``(axes, n, 4)`` of what ``predict`` says at conditions ``(n,)``, one standard deviation along each
+        principal axis of what θ and k are not known to: their products summed are its covariance.
+        """
+        found = self._along(deviations, lambda theta, k: self._predict(theta, k, phi, omega, None).observables)
+        return np.array([np.broadcast_to(one, (len(phi), 4)) for one in found]).reshape(-1, len(phi), 4)
+
     def press(self, phi: Array, depth_m: Array) -> tuple[Array, Array]:
         """Force [N] on a leg pressed into virgin ground (see ``penetrometer``) and its standard deviation, ``(n,)``."""
 
@@ -165,13 +174,19 @@ class Fitted:
 
     def _propagated(self, predict: Callable[[Array, Array], Array]) -> Array:
         """Standard deviation of ``predict(θ, ln k)``, see ``uncertainty``."""
+        return self._along(propagated, predict)
+
+    def _along(
+        self, what: Callable[[Callable[[Array], Array], Array, Array], T], predict: Callable[[Array, Array], Array]
+    ) -> T:
+        """``what`` of a prediction, its unknowns θ, within their bounds, and ln k, and their covariance."""
         low, high = bounds(self.problem)
         count = len(low)
 
         def inside(unknowns: Array) -> Array:
             return predict(np.clip(unknowns[:count], low, high), unknowns[count:])
 
-        return propagated(inside, np.concatenate([self.point.theta, self.point.ln_k]), self.covariance)
+        return what(inside, np.concatenate([self.point.theta, self.point.ln_k]), self.covariance)
 
     def _predict(self, theta: Array, ln_k: Array, phi: ArrayLike, omega: ArrayLike, clock: Clock | None) -> Prediction:
         at, k = np.asarray(phi, dtype=float), np.exp(ln_k)

@@ -21,13 +21,21 @@ def standard_errors(jacobian: Array) -> tuple[Array, Array]:
 def propagated(predict: Callable[[Array], Array], unknowns: Array, covariance: Array) -> Array:
     """Standard deviation of ``predict(unknowns (n,))`` for unknowns of this covariance ``(n, n)``.
 
-    Along each principal axis of the covariance the prediction is made one standard deviation to either side,
-    √Σ_i ((y_i+ - y_i-)/2)²: beside a switch, where a derivative would show nothing, this shows the switch.
+    The root of the squares of ``deviations`` summed.
+    """
+    return np.asarray(np.sqrt(sum((one**2 for one in deviations(predict, unknowns, covariance)), np.zeros(()))))
+
+
+def deviations(predict: Callable[[Array], Array], unknowns: Array, covariance: Array) -> list[Array]:
+    """What one standard deviation along each principal axis of the covariance changes in the prediction.
+
+    (y_i+ - y_i-)/2, predicted to either side: beside a switch, where a derivative would show nothing, this shows the
+    switch. Axes without any variance are left out.
     """
     variance, axes = np.linalg.eigh(covariance)
-    total = np.zeros(())
-    for size, axis in zip(np.sqrt(np.maximum(variance, 0.0)), axes.T, strict=True):
-        if size > 0.0:
-            sides = [predict(unknowns + sign * size * axis) for sign in (-1.0, 1.0)]
-            total = total + (0.5 * (sides[1] - sides[0])) ** 2
-    return np.asarray(np.sqrt(total))
+    sides = [
+        [predict(unknowns + sign * size * axis) for sign in (-1.0, 1.0)]
+        for size, axis in zip(np.sqrt(np.maximum(variance, 0.0)), axes.T, strict=True)
+        if size > 0.0
+    ]
+    return [np.asarray(0.5 * (high - low)) for low, high in sides]

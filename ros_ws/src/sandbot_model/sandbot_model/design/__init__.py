@@ -1,0 +1,1 @@
+"""Which trials to run next, and when to stop: sequential design of experiments for telling models apart."""

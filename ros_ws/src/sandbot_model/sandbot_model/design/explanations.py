@@ -1,0 +1,74 @@
+"""What may still be true, and what it predicts of every trial that could be run."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sandbot_model.design.places import Places
+from sandbot_model.discovery.sharing import ALONG, LIFT_ZERO, SPEED_SCALE
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.goodness import Estimate
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.observables import Observable
+
+MANY = len(Observable)
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """One explanation's predictions at ``n`` places, in standard deviations of one trial."""
+
+    name: str
+    mean: Array
+    """``(n, 4)``"""
+    common: Array
+    """Covariance between places, of what is not known and what trials share, ``(n, 4, n, 4)``."""
+
+    def of(self, trials: Array) -> tuple[Array, Array]:
+        """Mean ``(..., 4t)`` and covariance ``(..., 4t, 4t)`` of trials at places ``trials (..., t)``."""
+        count = trials.shape[-1]
+        common = self.common[trials[..., :, None], :, trials[..., None, :], :]
+        joint = np.moveaxis(common, -2, -3).reshape(*trials.shape[:-1], MANY * count, MANY * count)
+        return self.mean[trials].reshape(*trials.shape[:-1], -1), joint + np.eye(MANY * count)
+
+
+def explained_by(fit: Fit, places: Places) -> Explanation:
+    """What a fit predicts."""
+    precision = places.precision
+    zero_m, scale = read_with(fit)
+    off = fit.deviations(places.phi, places.omega)
+    read = readings(fit, places)
+    off = np.concatenate([off, readings_off(read, zero_m.stderr, scale.stderr)]) * precision
+    return Explanation(
+        name=" + ".join(fit.effects) or "the base model",
+        mean=np.asarray(read * precision),
+        common=np.einsum("api,aqj->piqj", off, off) + _diagonal(places.shared * precision**2),
+    )
+
+
+def readings(fit: Fit, places: Places) -> Array:
+    """What will be read at each place ``(n, 4)``, with the lift zero and the speed scale that the fit has found."""
+    predicted = np.nan_to_num(fit.predict(places.phi, places.omega).observables)
+    zero_m, scale = read_with(fit)
+    return np.asarray(predicted + readings_off(predicted, zero_m.value, scale.value).sum(axis=0))
+
+
+def read_with(fit: Fit) -> tuple[Estimate, Estimate]:
+    """Lift zero [m] and speed scale: as they were found, else as well as the cameras' file knows them."""
+    found = {} if fit.nuisances is None else dict(zip(fit.nuisances.names, fit.shared, strict=True))
+    accuracy = fit.cells.accuracy
+    zero_m = found.get(LIFT_ZERO, Estimate(0.0, accuracy.lift_zero_m))
+    return zero_m, found.get(SPEED_SCALE, Estimate(0.0, accuracy.speed_scale))
+
+
+def readings_off(predicted: Array, zero_m: float, scale: float) -> Array:
+    """What a lift zero and a speed scale change in ``predicted (n, 4)``, ``(2, n, 4)``."""
+    off = np.zeros((2, *predicted.shape))
+    off[0, :, Observable.lift] = zero_m
+    off[1][:, ALONG] = scale * predicted[:, ALONG]
+    return off
+
+
+def _diagonal(variance: Array) -> Array:
+    """Covariance ``(n, 4, n, 4)`` of errors that nothing else shares, of variances ``(n, 4)``."""
+    return np.diag(variance.ravel()).reshape(*variance.shape, *variance.shape)
