@@ -185,6 +185,11 @@ class Operator(Node):
         self._spin_until(lambda: not self.hold.why or self._ending, math.inf)
         self._end_if_asked()
 
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        """Go on hearing everybody until something that is done elsewhere is over; nothing moves meanwhile."""
+        self._spin_until(lambda: condition() or self._ending, math.inf)
+        self._end_if_asked()
+
     def run(self, trial: PlannedTrial, folder: CampaignFolder, attachments: Sequence[Path]) -> Row:
         """One trial from bed preparation to the closed bag, and its row of the table.
 

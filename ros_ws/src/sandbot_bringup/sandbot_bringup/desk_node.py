@@ -33,7 +33,10 @@ _ANSWERS, _TAIL = 20, 60
 
 
 class Desk:
-    """Publishes campaign/status at every change and once a second; ``keep_plan`` stores a plan that has grown."""
+    """Publishes campaign/status at every change and once a second; ``keep_plan`` stores a plan that has grown.
+
+    ``look`` is what the last look of a campaign until a verdict found.
+    """
 
     def __init__(
         self,
@@ -47,6 +50,7 @@ class Desk:
         self.queue, self.hold = queue, hold
         self._node, self._folder, self._journal, self._keep_plan = node, folder, journal, keep_plan
         self._stage = ""
+        self.look: Mapping[str, Any] | None = None
         self._answers: dict[str, dict[str, Any]] = {}
         self._status = publisher(node, topics.CAMPAIGN_STATUS)
         subscription(node, topics.CAMPAIGN_COMMAND, self._on_command)
@@ -85,6 +89,7 @@ class Desk:
             "stage": self._stage,
             "left_s": round(left_s, 1) if math.isfinite(left_s) else None,
             "queue": self.queue.rows(),
+            "look": self.look,
             "free_bytes": shutil.disk_usage(self._folder).free,
             "answers": self._answers,
             "events": self._journal.events[-_TAIL:],

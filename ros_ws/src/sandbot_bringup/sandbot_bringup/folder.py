@@ -36,6 +36,11 @@ class CampaignFolder:
         return self.path / "journal.jsonl"
 
     @property
+    def looks(self) -> Path:
+        """What each look of a campaign until a verdict found."""
+        return self.path / "looks.jsonl"
+
+    @property
     def truth(self) -> Path:
         """The virtual lab's sealed world; analysis never looks here."""
         return self.path / "truth" / "world.yaml"
@@ -56,10 +61,11 @@ class CampaignFolder:
 
     def grown(self, plan: Plan) -> Plan:
         """The plan with the extra trials this folder has been given since, if it is that plan's folder."""
-        if plan.extra_trials or not self.plan_file.exists():
+        if not self.plan_file.exists():
             return plan
         present = read_plan(self.plan_file)
-        return present if dataclasses.replace(present, extra_trials=()) == plan else plan
+        begins = present.extra_trials[: len(plan.extra_trials)] == plan.extra_trials
+        return dataclasses.replace(plan, extra_trials=present.extra_trials) if begins and _same(present, plan) else plan
 
     def adopt(self, plan: Plan, files: Mapping[str, str]) -> None:
         """Write the plan and the robot's and cameras' files, or check the plan against the one already there.
@@ -68,9 +74,8 @@ class CampaignFolder:
         """
         if self.plan_file.exists():
             present = read_plan(self.plan_file)
-            same = dataclasses.replace(present, extra_trials=()) == dataclasses.replace(plan, extra_trials=())
             grown = plan.extra_trials[: len(present.extra_trials)] == present.extra_trials
-            if not (same and grown):
+            if not (_same(present, plan) and grown):
                 raise InputError(
                     f"{self.path}: holds campaign {present.name!r} with another plan ({_difference(present, plan)}); "
                     "give another --out, or resume it with its own campaign.yaml"
@@ -95,10 +100,13 @@ class CampaignFolder:
 
 
 def sample_trial(plan: Plan) -> PlannedTrial:
-    """The trial whose frames are kept by default: the strongest ground at the middle frequency, first replicate."""
+    """The trial whose frames are kept by default: the strongest ground at the middle frequency, first replicate.
+
+    Until a verdict it is the first on that ground, whatever comes later.
+    """
     omega = sorted(plan.omega_rad_s)[len(plan.omega_rad_s) // 2]
-    phi = max(plan.phi)
-    return next(one for one in trials_of(plan) if one.phi == phi and one.omega_rad_s == omega)
+    there = [one for one in trials_of(plan) if one.phi == max(plan.phi)]
+    return next((one for one in there if one.omega_rad_s == omega), there[0]) if not plan.until else there[0]
 
 
 def frames_kept(plan: Plan, trial: PlannedTrial) -> str:
@@ -106,6 +114,11 @@ def frames_kept(plan: Plan, trial: PlannedTrial) -> str:
     if plan.images != "one":
         return plan.images
     return "jpeg" if trial.trial_id == sample_trial(plan).trial_id else "none"
+
+
+def _same(present: Plan, given: Plan) -> bool:
+    """Whether two plans are of one campaign: it may grow by trials and by what it may cost."""
+    return dataclasses.replace(given, extra_trials=present.extra_trials, budget=present.budget) == present
 
 
 def _difference(present: Plan, given: Plan) -> str:

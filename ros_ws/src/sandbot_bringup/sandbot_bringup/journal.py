@@ -10,7 +10,7 @@ from sandbot_common.errors import InputError
 
 Event = Mapping[str, Any]
 """``at`` (ISO 8601, UTC), ``who`` (operator or campaign), ``do`` (of ``KINDS``), and what belongs to it."""
-KINDS = ("begin", "hold", "pause", "go", "skip", "repeat", "add", "start", "done", "failed", "stopped", "end")
+KINDS = ("begin", "hold", "pause", "go", "skip", "repeat", "add", "look", "start", "done", "failed", "stopped", "end")
 
 
 class Journal:

@@ -19,7 +19,9 @@ from sandbot_bringup.hold import Held
 from sandbot_bringup.journal import Journal
 from sandbot_bringup.plan import Plan, PlannedTrial, trials_of
 from sandbot_bringup.queue import Queue
+from sandbot_bringup.until import Entry, decided, looks_of
 from sandbot_common.node import real_time, stop_signals, use_shared_memory
+from sandbot_common.workers import pool
 from sandbot_record.trials.table import Row
 
 HELD = "held: {}; to go on: ros2 service call /campaign/go std_srvs/srv/Trigger, or the console"
@@ -67,6 +69,7 @@ class _Campaign:
     def __init__(self, operator: Operator, plan: Plan, folder: CampaignFolder, files: Mapping[str, str]) -> None:
         self._operator, self._folder = operator, folder
         self._attachments: list[Path] = [folder.plan_file, *(folder.path / name for name in files)]
+        self._files = files
         journal = Journal(folder.journal, time.time)
         waiting = {trial.trial_id for trial in folder.missing(trials_of(plan))}
         finished = {trial.trial_id for trial in trials_of(plan)} - waiting
@@ -74,6 +77,7 @@ class _Campaign:
         self._desk = operator.desk = Desk(
             operator, folder.path, self.queue, operator.hold, journal, lambda grown: folder.adopt(grown, files)
         )
+        self._desk.look = _shown(looks_of(folder))
         self._desk.note("begin", trials=len(self.queue.entries), finished=len(finished))
 
     def run_all(self) -> None:
@@ -82,7 +86,7 @@ class _Campaign:
         bar: Any = tqdm(unit="trial", desc="campaign")
         try:
             with bar:
-                while self._one(bar):
+                while self._one(bar) or self._look(bar):
                     bar.refresh()
             reason = "nothing waits"
         except Exception as error:
@@ -114,6 +118,26 @@ class _Campaign:
         self._run(trial, bar)
         return True
 
+    def _look(self, bar: Any) -> bool:
+        """Nothing waits: until a verdict the next block is planned. Whether there is one."""
+        plan = self.queue.plan
+        if not plan.until or not self.queue.measured:
+            return False
+        self._desk.enter("looking at the trials so far")
+        # A process of its own: here the nodes must go on being heard.
+        with pool(1, "spawn") as looking:
+            future = looking.submit(decided, plan, self._folder, self.queue.skipped)
+            self._operator.wait_for(future.done)
+            plan, entry = future.result()
+        self._desk.look = _shown([entry])
+        self._desk.note("look", **{key: entry[key] for key in ("look", "text", "stop")})
+        bar.write(f"look {entry['look']}: {entry['text']}")
+        if not entry["next"]:
+            return False
+        self._folder.adopt(plan, self._files)
+        self.queue.grow(plan)
+        return True
+
     def _run(self, trial: PlannedTrial, bar: Any) -> None:
         name, begun_s = trial.trial_id, time.monotonic()
         self.queue.begin(name)
@@ -132,6 +156,11 @@ class _Campaign:
             self.queue.finish(name, seconds, measured)
             self._desk.note("done", trial_id=name, seconds=seconds, measured=measured)
             bar.update()
+
+
+def _shown(looks: Sequence[Entry]) -> Entry | None:
+    """The last look as the page shows it: what comes next stands in the queue."""
+    return {key: value for key, value in looks[-1].items() if key != "next"} if looks else None
 
 
 def _measured(row: Row) -> Mapping[str, float]:

@@ -30,6 +30,7 @@ from sandbot_common.parameters import from_mapping, parameter
 from sandbot_lab.week import FIRST, Occasion, batch_seed
 
 PHI_LOW, PHI_HIGH = 0.57, 0.64
+VERDICT = "verdict"
 OMEGA_HIGH = 60.0
 
 
@@ -42,6 +43,7 @@ class ExtraTrials:
     replicates: int = parameter(3, doc="trials of this condition", low=1, high=1000)
     round: int = parameter(1, doc="conditions of one round are run together, after those before", low=1, high=1000)
     gait: str = parameter("", doc="clock signal; empty: the plan's", choices=("", *PRESETS))
+    because: str = parameter("", doc="why it is run")
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,12 @@ class Plan:
     robot: str = parameter("", doc="robot file, relative to the plan; empty: the project's own SandBot")
     bed: dict[str, Any] = parameter({}, doc="overrides of the pulse protocol")
     extra_trials: tuple[dict[str, Any], ...] = parameter((), doc="conditions beside the grid")
+    until: str = parameter(
+        "", doc="verdict: of the grid only what one takes, block by block; empty: all of it", choices=("", VERDICT)
+    )
+    budget: int = parameter(0, doc="trials until a verdict at most; 0: as many as the grid has", low=0, high=100_000)
+    alpha: float = parameter(0.02, doc="probability of a false claim until a verdict", low=1e-6, high=0.5)
+    model: str = parameter("simple", doc="base model of the verdict")
 
     @property
     def clock_gait(self) -> Gait:
@@ -95,6 +103,11 @@ class Plan:
         """The plan as it holds for ``trial``, which may have a gait of its own."""
         return dataclasses.replace(self, gait=trial.gait, gait_parameters={}) if trial.gait else self
 
+    @property
+    def most(self) -> int:
+        """Trials until a verdict at most."""
+        return self.budget or len(self.phi) * len(self.omega_rad_s) * self.replicates
+
     def duration_s(self, omega_rad_s: float) -> float:
         """How long the legs turn in a trial at ``omega_rad_s``."""
         return max(self.min_duration_s, self.periods * 2 * math.pi / omega_rad_s)
@@ -117,6 +130,8 @@ class PlannedTrial:
     """The same for the virtual lab."""
     gait: str = ""
     """Its own clock signal; empty: the plan's."""
+    because: str = ""
+    """Why it is run, where a look at the trials before it has chosen it."""
 
 
 def read_plan(path: Path) -> Plan:
@@ -138,11 +153,23 @@ def plan_of(mapping: Mapping[str, Any], where: str) -> Plan:
         raise InputError(f"{where}: gait_parameters are given but gait is {plan.gait}; set gait: CUSTOM")
     for index, extra in enumerate(plan.extra_trials):
         from_mapping(ExtraTrials, extra, f"{where}: extra_trials[{index}]")
+    _check_until(plan, where)
     # The nested mappings are checked now, before anything moves.
     if plan.gait == "CUSTOM":
         from_mapping(Gait, plan.gait_parameters, f"{where}: gait_parameters")
     from_mapping(ProtocolParameters, plan.bed, f"{where}: bed")
     return plan
+
+
+def _check_until(plan: Plan, where: str) -> None:
+    """What would be ignored is refused."""
+    if plan.until and plan.sentinel:
+        raise InputError(
+            f"{where}: sentinel: {plan.sentinel} with until: {plan.until}, which chooses every trial itself"
+        )
+    usual = {field.name: field.default for field in dataclasses.fields(Plan)}
+    if not plan.until and (given := [key for key in ("budget", "alpha", "model") if getattr(plan, key) != usual[key]]):
+        raise InputError(f"{where}: {given[0]}: {getattr(plan, given[0])} without until: {VERDICT} has no meaning")
 
 
 def to_yaml(plan: Plan) -> str:
@@ -156,41 +183,46 @@ def to_yaml(plan: Plan) -> str:
 def trials_of(plan: Plan) -> list[PlannedTrial]:
     """Every trial of the plan as listed: the grid φ by φ, then the sentinel's own, then the extra ones.
 
-    ``run_order`` says when each is run (run_order.py); what a plan is given later leaves it as it was.
+    ``run_order`` says when each is run (run_order.py); what a plan is given later leaves it as it was. Until a verdict
+    the grid is only where trials may be: all of them are extra ones.
     """
-    grid = [(phi, omega, plan.replicates) for phi in plan.phi for omega in plan.omega_rad_s]
-    sentinel = sentinel_of(plan.phi, plan.omega_rad_s)
-    more = (len(grid) * plan.replicates - 1) // plan.sentinel if plan.sentinel else 0
     done: Counter[tuple[float, float, str]] = Counter()
-    replicates = [_replicates(plan, done, *condition) for condition in grid]
-    sentinels = _replicates(plan, done, *sentinel, more)
-    blocks = _blocks(plan, replicates, 0, grid.index((*sentinel, plan.replicates)))
-    blocks = interspersed(blocks, sentinels, plan.sentinel)
-    listed = [*chain(*replicates), *sentinels]
-    planned = len(listed)
+    blocks: list[list[PlannedTrial]] = []
+    listed: list[PlannedTrial] = []
+    if not plan.until:
+        listed, blocks = _grid(plan, done)
+    planned = plan.most if plan.until else len(listed)
     for number, conditions in _rounds(plan).items():
-        replicates = [_replicates(plan, done, *condition) for condition in conditions]
+        replicates = [_replicates(plan, done, one) for one in conditions]
         blocks += _blocks(plan, replicates, number)
         listed += chain(*replicates)
     return _placed(plan, listed, blocks, planned)
 
 
-def _replicates(
-    plan: Plan, done: Counter[tuple[float, float, str]], phi: float, omega: float, count: int, gait: str = ""
-) -> list[PlannedTrial]:
+def _grid(plan: Plan, done: Counter[tuple[float, float, str]]) -> tuple[list[PlannedTrial], list[list[PlannedTrial]]]:
+    """The trials of the grid and the sentinel's own, as listed and in blocks."""
+    grid = [ExtraTrials(phi, omega, plan.replicates) for phi in plan.phi for omega in plan.omega_rad_s]
+    sentinel = sentinel_of(plan.phi, plan.omega_rad_s)
+    more = (len(grid) * plan.replicates - 1) // plan.sentinel if plan.sentinel else 0
+    replicates = [_replicates(plan, done, one) for one in grid]
+    sentinels = _replicates(plan, done, ExtraTrials(*sentinel, more))
+    blocks = _blocks(plan, replicates, 0, grid.index(ExtraTrials(*sentinel, plan.replicates)))
+    return [*chain(*replicates), *sentinels], interspersed(blocks, sentinels, plan.sentinel)
+
+
+def _replicates(plan: Plan, done: Counter[tuple[float, float, str]], of: ExtraTrials) -> list[PlannedTrial]:
     # A condition that is listed again counts on, so that no two trials share a name.
-    first = done[phi, omega, gait] + 1
-    done[phi, omega, gait] += count
-    return [_planned(plan, phi, omega, number, gait) for number in range(first, first + count)]
+    first = done[of.phi, of.omega_rad_s, of.gait] + 1
+    done[of.phi, of.omega_rad_s, of.gait] += of.replicates
+    return [_planned(plan, of, number) for number in range(first, first + of.replicates)]
 
 
-def _rounds(plan: Plan) -> dict[int, list[tuple[float, float, int, str]]]:
-    """The conditions beside the grid, by the round in which they are run."""
+def _rounds(plan: Plan) -> dict[int, list[ExtraTrials]]:
+    """The conditions beside the grid, by the round in which they are run; the plan's own gait is none of their own."""
     extras = [from_mapping(ExtraTrials, extra, plan.name) for extra in plan.extra_trials]
-    rounds: dict[int, list[tuple[float, float, int, str]]] = {one: [] for one in sorted({one.round for one in extras})}
+    rounds: dict[int, list[ExtraTrials]] = {one: [] for one in sorted({one.round for one in extras})}
     for one in extras:
-        own = "" if one.gait == plan.gait else one.gait
-        rounds[one.round].append((one.phi, one.omega_rad_s, one.replicates, own))
+        rounds[one.round].append(dataclasses.replace(one, gait="") if one.gait == plan.gait else one)
     return rounds
 
 
@@ -248,6 +280,13 @@ def with_condition(plan: Plan, condition: Mapping[str, Any], where: str) -> Plan
     return dataclasses.replace(plan, extra_trials=(*plan.extra_trials, {**asked, **own, **later}))
 
 
+def with_block(plan: Plan, block: Sequence[Mapping[str, Any]]) -> Plan:
+    """The plan with one more round, run together: an ``ExtraTrials`` each but for ``round``, by default one trial."""
+    number = max(_rounds(plan), default=0) + 1
+    extras = [{"replicates": 1, **one, "round": number} for one in block]
+    return dataclasses.replace(plan, extra_trials=(*plan.extra_trials, *extras))
+
+
 def _conditions(proposed: Iterable[Any], replicates: int, where: str) -> Iterable[dict[str, Any]]:
     # One bag measures every observable, so proposals that differ only in the observable are one condition.
     seen: dict[tuple[float, float], int] = {}
@@ -262,7 +301,9 @@ def _conditions(proposed: Iterable[Any], replicates: int, where: str) -> Iterabl
         yield {"phi": phi, "omega_rad_s": omega, "replicates": count}
 
 
-def _planned(plan: Plan, phi: float, omega: float, replicate: int, gait: str) -> PlannedTrial:
-    trial_id = f"phi{phi:.4f}_w{omega:06.3f}" + (f"_{gait}" if gait else "") + f"_r{replicate:02d}"
+def _planned(plan: Plan, of: ExtraTrials, replicate: int) -> PlannedTrial:
+    own = f"_{of.gait}" if of.gait else ""
+    trial_id = f"phi{of.phi:.4f}_w{of.omega_rad_s:06.3f}{own}_r{replicate:02d}"
     sequence = np.random.SeedSequence([plan.seed, zlib.crc32(trial_id.encode())])
-    return PlannedTrial(trial_id, phi, omega, replicate, int(sequence.generate_state(1)[0] >> 1), gait=gait)
+    seed = int(sequence.generate_state(1)[0] >> 1)
+    return PlannedTrial(trial_id, of.phi, of.omega_rad_s, replicate, seed, gait=of.gait, because=of.because)

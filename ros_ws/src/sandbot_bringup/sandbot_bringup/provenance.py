@@ -26,6 +26,7 @@ def trial_message(plan: Plan, trial: PlannedTrial, robot: Robot, start_ns: int) 
             "seed": trial.seed,
             "batch": trial.batch,
             "run_order": trial.run_order,
+            "because": trial.because,
             "software_version": version("sandbot_bringup"),
             "commit": commit(),
             "start": datetime.fromtimestamp(start_ns / 1e9, UTC).isoformat(),

@@ -50,7 +50,7 @@ class Queue:
     def __init__(self, plan: Plan, finished: Collection[str], events: Iterable[Event] = ()) -> None:
         self.plan = plan
         self.entries: dict[str, Entry] = {}
-        self._take_in(plan)
+        self.grow(plan)
         for event in events:
             if (entry := self.entries.get(str(event.get("trial_id")))) is not None:
                 self._recall(entry, event)
@@ -59,7 +59,8 @@ class Queue:
             if entry.state is State.DONE and entry.trial.trial_id not in finished:
                 entry.state, entry.measured = State.WAITING, {}
 
-    def _take_in(self, plan: Plan) -> list[str]:
+    def grow(self, plan: Plan) -> list[str]:
+        """Take in the trials that a plan has got since, at the end; their names."""
         new = [one for one in trials_of(plan) if one.trial_id not in self.entries]
         first = self._last_turn + 1
         for turn, trial in enumerate(sorted(new, key=lambda one: one.run_order), start=first):
@@ -133,13 +134,23 @@ class Queue:
 
     def add(self, condition: Mapping[str, Any]) -> str:
         """Trials of one more condition (phi, omega_rad_s, replicates, gait) at the end of the queue."""
-        new = self._take_in(with_condition(self.plan, condition, "add"))
+        new = self.grow(with_condition(self.plan, condition, "add"))
         return f"{', '.join(new)} added, at the end"
 
     def _entry(self, trial_id: str) -> Entry:
         if trial_id not in self.entries:
             raise InputError(f"there is no trial {trial_id!r} in this campaign")
         return self.entries[trial_id]
+
+    @property
+    def measured(self) -> bool:
+        """Whether any trial is done."""
+        return any(one.state is State.DONE for one in self.entries.values())
+
+    @property
+    def skipped(self) -> list[str]:
+        """The operator's vetoes."""
+        return [name for name, one in self.entries.items() if one.state is State.SKIPPED]
 
     @property
     def failed(self) -> dict[str, str]:
@@ -176,6 +187,7 @@ def _row(entry: Entry) -> dict[str, Any]:
         "replicate": trial.replicate,
         "state": entry.state.value,
         "reason": entry.reason,
+        "because": trial.because,
         "seconds": round(entry.seconds, 1) if math.isfinite(entry.seconds) else None,
         "measured": dict(entry.measured),
     }

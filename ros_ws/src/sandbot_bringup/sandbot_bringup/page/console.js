@@ -201,9 +201,11 @@ function drawQueue(queue) {
     const gait = one.gait ? ` ${one.gait}` : "";
     const line = row(one.state, name, one.phi.toFixed(3), one.omega_rad_s.toFixed(1) + gait, String(one.replicate),
                      number(one.measured.speed_m_s, 2, "", 100).replace("–", ""), offers);
-    if (!one.reason || one.state === "skipped") return [line];
+    line.title = one.because;
+    const text = one.reason || (one.state === "running" ? one.because : "");
+    if (!text || one.state === "skipped") return [line];
     // Where its bag is kept is in the log.
-    const why = Object.assign(made("td", one.reason.split("; its bag")[0], "why"), {colSpan: 5, title: one.reason});
+    const why = Object.assign(made("td", text.split("; its bag")[0], "why"), {colSpan: 5, title: text});
     return [line, row(`reason ${one.state}`, "", why)];
   }));
   body.querySelector(".running")?.scrollIntoView({block: "nearest"});
@@ -228,13 +230,29 @@ function drawCampaign(campaign) {
   by("go").disabled = gone || !["held", "pausing"].includes(campaign.state);
   for (const field of by("add").elements) field.disabled = gone;
   drawQueue(queue);
+  drawVerdict(campaign.look);
+}
+
+/** Of a campaign until a verdict: the last look, and what may be true beside that which it names. */
+function drawVerdict(look) {
+  by("verdict-box").hidden = !look;
+  if (!look || !changed("verdict", look)) return;
+  by("verdict-of").textContent = `look ${look.look}`;
+  by("verdict").textContent = look.text;
+  by("possible").hidden = !look.possible.length;
+  by("possible").tBodies[0].replaceChildren(...look.possible.map(one => {
+    const sign = made("td", one.excluded ? "●" : "○", "state");
+    sign.title = one.excluded ? "excluded" : one.within_reach ? "still possible" : "this plan can't show it";
+    const times = one.e_value_against < 1000 ? one.e_value_against.toPrecision(2) : "> 1000";
+    return row(one.excluded || !one.within_reach ? "soft" : "", sign, one.effect, one.share_of_usual < 1 ? "half its usual" : "usual", `× ${times}`);
+  }));
 }
 
 function drawLog(own, events) {
   if (!changed("log", [own, events])) return;
   const speed = one => one.measured?.speed_m_s != null && `${(100 * one.measured.speed_m_s).toFixed(2)} cm/s`;
   const told = events.map(one => ({at: one.at, who: one.who,
-    text: [one.do, one.trial_id, one.reason, one.followed, speed(one)].filter(Boolean).join(" ")}));
+    text: [one.do, one.trial_id, one.reason, one.followed, one.text, speed(one)].filter(Boolean).join(" ")}));
   const lines = [...own, ...told].sort((a, b) => b.at.localeCompare(a.at)).slice(0, 100);
   by("log").tBodies[0].replaceChildren(...lines.map(one => row("", clock(one.at), one.who, one.text)));
 }

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from sandbot_bringup.config import config_folder, files_of, robot_of, shipped
 from sandbot_bringup.folder import CampaignFolder
-from sandbot_bringup.plan import Plan, PlannedTrial, read_plan, trials_of, with_next_trials
+from sandbot_bringup.plan import VERDICT, Plan, PlannedTrial, plan_of, read_plan, to_yaml, trials_of, with_next_trials
 from sandbot_common import cli
 from sandbot_common.errors import InputError
+from sandbot_common.files import parse_yaml
 from sandbot_common.terminal import filled
 
 
@@ -39,7 +40,7 @@ def command(argv: Sequence[str]) -> int:
     if options.redo:
         _set_failed_aside(folder)
     if options.batch:
-        failures = _batch(plan, folder, files, trials, options)
+        trials, failures = _batch(plan, folder, files, options)
     else:
         # The live runner starts ROS; batch and dry runs must not.
         from sandbot_bringup.campaign_node import SILENCE_BOUNDS_S, SILENCE_S
@@ -58,8 +59,9 @@ def command(argv: Sequence[str]) -> int:
 def describe(plan: Plan, trials: Sequence[PlannedTrial]) -> str:
     """What the campaign would do, checked against every limit, before anything moves."""
     seconds = sum(plan.duration_s(trial.omega_rad_s) + plan.standing_s for trial in trials)
+    until = f"until a verdict, {plan.most} trials at most, at first these: " if plan.until else ""
     return (
-        f"campaign {plan.name}: {len(trials)} trials, {len(plan.phi)} volume fractions "
+        f"campaign {plan.name}: {until}{len(trials)} trials, {len(plan.phi)} volume fractions "
         f"{min(plan.phi):g}-{max(plan.phi):g} x {len(plan.omega_rad_s)} frequencies "
         f"{min(plan.omega_rad_s):g}-{max(plan.omega_rad_s):g} rad/s x {plan.replicates} replicates"
         f" + {len(plan.extra_trials)} extra conditions\n"
@@ -96,6 +98,18 @@ def _parser() -> argparse.ArgumentParser:
         help="run again, once, what is not ok; its bags are kept in trials/.partial",
     )
     parser.add_argument(
+        "--until",
+        choices=(VERDICT,),
+        help="of the plan's grid run only what a verdict takes: after each block choose the next, or stop",
+    )
+    parser.add_argument(
+        "--budget", type=int, metavar="N", help="trials at most (--until; default: as many as the grid)"
+    )
+    parser.add_argument(
+        "--alpha", type=float, help="probability of a false claim over all looks (--until; default: 0.02)"
+    )
+    parser.add_argument("--model", help="base model that the verdict is about (--until; default: simple)")
+    parser.add_argument(
         "--silence",
         type=float,
         metavar="S",
@@ -118,11 +132,16 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
     plan = read_plan(options.plan / "campaign.yaml" if resumed else options.plan)
     if options.images is not None:
         plan = dataclasses.replace(plan, images=options.images)
+    plan = _until(plan, options)
     path = options.out or (options.plan if resumed else beside / plan.name)
     folder = CampaignFolder(path)
     plan = folder.grown(plan)
     if options.next_trials is not None:
         plan = with_next_trials(plan, options.next_trials)
+    if plan.until:
+        from sandbot_bringup.until import begun
+
+        plan = begun(plan)
     if options.workers < 1:
         raise InputError(f"--workers: {options.workers} is not a number of processes; 1 or more")
     if options.hide is not None and options.hide < 0:
@@ -130,6 +149,14 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
     if not options.batch and (options.world or options.hide is not None):
         raise InputError("--world and --hide set up the virtual lab of --batch; a live lab has its own world parameter")
     return plan, folder
+
+
+def _until(plan: Plan, options: argparse.Namespace) -> Plan:
+    """The plan with what the command line says of the verdict; checked as if it had stood in the file."""
+    given = {key: getattr(options, key) for key in ("until", "budget", "alpha", "model")}
+    given = {key: value for key, value in given.items() if value is not None}
+    grown = parse_yaml(to_yaml(dataclasses.replace(plan, **given)), plan.name)
+    return plan_of(grown, " ".join(f"--{key} {value}" for key, value in given.items())) if given else plan
 
 
 def _set_failed_aside(folder: CampaignFolder) -> None:
@@ -144,23 +171,32 @@ def _set_failed_aside(folder: CampaignFolder) -> None:
 
 
 def _batch(
-    plan: Plan,
-    folder: CampaignFolder,
-    files: Mapping[str, str],
-    trials: Sequence[PlannedTrial],
-    options: argparse.Namespace,
-) -> Sequence[tuple[str, str]]:
+    plan: Plan, folder: CampaignFolder, files: Mapping[str, str], options: argparse.Namespace
+) -> tuple[list[PlannedTrial], Sequence[tuple[str, str]]]:
+    """All trials of the plan, as far as it has grown, and those that failed."""
     from sandbot_bringup import batch, runner
+    from sandbot_bringup.until import decided
 
     world = batch.choose_world(folder, robot_of(files), options.world, options.hide)
     folder.adopt(plan, files)
     folder.clear_torn()
     batch.seal(folder, world)
-    todo = folder.missing(trials)
-    if len(todo) < len(trials):
-        print(f"{folder.path}: {len(trials) - len(todo)} of {len(trials)} trials are there already")
-    setup = batch.Setup(plan, world, folder, files)
-    return runner.run(todo, functools.partial(batch.run_trial, setup), options.workers).failed
+    failed: dict[str, str] = {}
+    while True:
+        trials = trials_of(plan)
+        todo = [one for one in folder.missing(trials) if one.trial_id not in failed]
+        if len(todo) < len(trials) and not plan.until:
+            print(f"{folder.path}: {len(trials) - len(todo)} of {len(trials)} trials are there already")
+        setup = batch.Setup(plan, world, folder, files)
+        todo.sort(key=lambda one: one.run_order)
+        failed |= dict(runner.run(todo, functools.partial(batch.run_trial, setup), options.workers).failed)
+        if not plan.until or len(folder.missing(trials)) == len(trials):
+            return trials, list(failed.items())
+        plan, entry = decided(plan, folder, workers=options.workers)
+        print(f"look {entry['look']}: {filled(entry['text'])}")
+        if not entry["next"]:
+            return trials, list(failed.items())
+        folder.adopt(plan, files)
 
 
 def _finish(folder: CampaignFolder, trials: Sequence[PlannedTrial], failures: Sequence[tuple[str, str]]) -> int:

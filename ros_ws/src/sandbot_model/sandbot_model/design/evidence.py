@@ -12,6 +12,7 @@ Both hold for linear models of known noise; where replicates are few, F takes th
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from sandbot_model.data.distributions import chi2_sf, f_isf
@@ -22,8 +23,8 @@ from sandbot_model.fitting.fit import Fit
 
 WIDTH = 45.0
 """Prior sd of a strength, in standard errors at the end: the plausible range of an effect that is well measured."""
-WEAK = 0.5
-"""Strength to exclude, as a share of an effect's usual one."""
+WEAK, USUAL = 0.5, 1.0
+"""Strengths to exclude, as a share of an effect's usual one."""
 
 
 def at_every_look(alpha: float, effects: int, criteria: Criteria) -> Criteria:
@@ -39,9 +40,11 @@ def lack_of_fit_at(look: int, alpha: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Possible:
-    """The named set with one effect more at ``WEAK`` of its usual strength, and what speaks against it."""
+    """The named set with one effect more, and what speaks against it."""
 
     effect: str
+    share: float
+    """Its strength, as a share of its usual one."""
     fit: Fit
     rise: float
     """Of the deviance, over that of the named set."""
@@ -59,15 +62,17 @@ class Possible:
         return math.exp(min(0.5 * self.rise, 700.0))
 
 
-def possible_beside(search: EffectSearch, named: Fit, alpha: float) -> list[Possible]:
-    """For each effect of the catalogue that is not named, the one least excluded first."""
-    more = [name for name in search.names if name not in named.effects]
+def possible_beside(
+    search: EffectSearch, named: Fit, alpha: float, share: float, more: Sequence[str]
+) -> list[Possible]:
+    """Each of ``more`` effects beside the named set, at a share of its usual strength."""
     sets = [search.extended(named.effects, [name])[0] for name in more]
-    held = [_weak(search, name, named.effects) for name in more]
+    held = [_held(search, name, named.effects, share) for name in more]
     fits = search.near([search.model(names, at) for names, at in zip(sets, held, strict=True)], named)
     needed = excluding_rise(named, alpha)
-    found = [Possible(name, fit, fit.deviance - named.deviance, needed) for name, fit in zip(more, fits, strict=True)]
-    return sorted(found, key=lambda one: one.rise)
+    return [
+        Possible(name, share, fit, fit.deviance - named.deviance, needed) for name, fit in zip(more, fits, strict=True)
+    ]
 
 
 def excluding_rise(named: Fit, alpha: float) -> float:
@@ -77,10 +82,10 @@ def excluding_rise(named: Fit, alpha: float) -> float:
     return overdispersion(named) * (f_isf(tail, 1, freedom) if freedom else math.inf)
 
 
-def _weak(search: EffectSearch, name: str, beside: Names) -> dict[str, float]:
-    """Where the effect's parameters are held: where they usually are, but a strength at ``WEAK`` of that."""
+def _held(search: EffectSearch, name: str, beside: Names, share: float) -> dict[str, float]:
+    """Where the effect's parameters are held: where they usually are, but a strength at a share of that."""
     strength = dict(search.strengths(beside)).get(name)
     usual = {f"{name}.{one.name}": one.start for one in search.effects[name].parameters}
     if strength is not None and strength.neutral is not None:
-        usual[f"{name}.{strength.name}"] = strength.neutral + WEAK * (strength.start - strength.neutral)
+        usual[f"{name}.{strength.name}"] = strength.neutral + share * (strength.start - strength.neutral)
     return usual

@@ -36,9 +36,10 @@ def explained_by(fit: Fit, places: Places) -> Explanation:
     """What a fit predicts."""
     precision = places.precision
     zero_m, scale = read_with(fit)
-    off = fit.deviations(places.phi, places.omega)
     read = readings(fit, places)
-    off = np.concatenate([off, readings_off(read, zero_m.stderr, scale.stderr)]) * precision
+    off = np.concatenate([fit.deviations(places.phi, places.omega), readings_off(read, zero_m.stderr, scale.stderr)])
+    # Beside a switch parameters seem to leave open what trials have settled.
+    off *= precision * np.sqrt(np.minimum(1.0, places.known / np.maximum(np.sum(off**2, axis=0), 1e-300)))
     return Explanation(
         name=" + ".join(fit.effects) or "the base model",
         mean=np.asarray(read * precision),

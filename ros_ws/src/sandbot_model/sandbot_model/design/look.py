@@ -10,7 +10,7 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.design.block import block
 from sandbot_model.design.discrepancy import something_else
-from sandbot_model.design.evidence import Possible, at_every_look, lack_of_fit_at, possible_beside
+from sandbot_model.design.evidence import USUAL, WEAK, Possible, at_every_look, lack_of_fit_at, possible_beside
 from sandbot_model.design.explanations import explained_by
 from sandbot_model.design.places import Places
 from sandbot_model.design.reach import gain_of_all
@@ -32,7 +32,7 @@ BLOCK = 6
 """Trials between two looks."""
 RIVALS = 6
 """Explanations between which a block decides, besides something else."""
-ENOUGH = "every effect that this plan can show is excluded at half its usual strength"
+ENOUGH = "every other effect that this plan can show at its usual strength is excluded"
 ALIKE = "no trials of this plan would tell them apart"
 REFUSED = "no set of the catalogue can come back from this"
 
@@ -83,6 +83,7 @@ class Look:
             "possible": [
                 {
                     "effect": one.effect,
+                    "share_of_usual": one.share,
                     "e_value_against": number(one.e_value),
                     "excluded": one.excluded,
                     "within_reach": one.effect in self.within_reach,
@@ -132,7 +133,7 @@ def look(
         case "adequate" | "identified":
             catalogue = {**effects, **found.fit.model.catalogue}
             search = EffectSearch(cells, catalogue, base, criteria=criteria, fit_all=fit_all)
-            possible = possible_beside(search, found.fit, alpha)
+            possible = _possible(search, found.fit, places, plan, alpha)
             open_ones = [one for one in possible if not one.excluded and _shows(found.fit, one, places, plan)]
             rivals, stop = [found.fit, *(one.fit for one in open_ones)], "" if open_ones else ENOUGH
         case "ambiguous":
@@ -144,6 +145,15 @@ def look(
             stop = REFUSED if refused else ""
     block = () if stop else _next(rivals[:RIVALS], places, plan, criteria)
     return Look(found, tuple(possible), tuple(one.effect for one in open_ones), stop, block)
+
+
+def _possible(search: EffectSearch, named: Fit, places: Places, plan: Plan, alpha: float) -> list[Possible]:
+    """Every effect that is not named, the least excluded first: a weak one where the plan can show it, else a usual."""
+    more = [name for name in search.names if name not in named.effects]
+    weak = possible_beside(search, named, alpha, WEAK, more)
+    shown = [one for one in weak if one.excluded or _shows(named, one, places, plan)]
+    faint = [one.effect for one in weak if one not in shown]
+    return sorted([*shown, *possible_beside(search, named, alpha, USUAL, faint)], key=lambda one: one.rise)
 
 
 def _shows(named: Fit, one: Possible, places: Places, plan: Plan) -> bool:

@@ -1,0 +1,123 @@
+"""``campaign --until verdict``: after every block look at what there is, and plan the next one or stop.
+
+The plan's grid says where trials may be run. A campaign starts with conditions spread over it, twice each; then a block
+is planned at each look (``sandbot_model.design``). What a look found stands in ``looks.jsonl``, one line a look, with
+how many trials were planned by then: whoever resumes takes the same decisions without looking again.
+"""
+
+import json
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.plan import Plan, trials_of, with_block
+from sandbot_common.errors import InputError
+from sandbot_common.files import parse_json, read_text, writing
+from sandbot_common.suggest import did_you_mean
+from sandbot_record.bags import metadata
+
+START = "the start: spread over the plan"
+REPLICATES = 2
+"""Trials of each condition of the start: pure error comes from them."""
+
+Entry = Mapping[str, Any]
+"""A look as a line of ``looks.jsonl``: ``look`` 1, 2, ..., ``planned`` trials, and what ``Look.to_dict`` has."""
+
+
+def begun(plan: Plan) -> Plan:
+    """The plan with its start; what was in it already is run first. Unchanged where it has begun.
+
+    Raises InputError where the base model is not known, or the grid has no room for a verdict.
+    """
+    # Here, because all that fits comes with it, and most campaigns need none of that.
+    from sandbot_model.design.start import start
+    from sandbot_model.physics.walking import BASES
+
+    if plan.model not in BASES:
+        raise InputError(f"{plan.name}: model: {plan.model!r} is no base model{did_you_mean(plan.model, BASES)}")
+    if any(extra.get("because") == START for extra in plan.extra_trials):
+        return plan
+    conditions = start(plan.phi, plan.omega_rad_s)
+    least = REPLICATES * len(conditions)
+    if plan.most < least:
+        raise InputError(f"{plan.name}: budget: {plan.most} trials are fewer than the {least} that it starts with")
+    return with_block(
+        plan,
+        [{"phi": phi, "omega_rad_s": omega, "replicates": REPLICATES, "because": START} for phi, omega in conditions],
+    )
+
+
+def decided(plan: Plan, folder: CampaignFolder, vetoed: Collection[str] = (), workers: int = 1) -> tuple[Plan, Entry]:
+    """The plan with the next block, or as it was where the campaign is over, and the look that says why.
+
+    Conditions of trials that the operator has skipped, ``vetoed``, are not asked for again.
+    """
+    planned = len(trials_of(plan))
+    entries = looks_of(folder)
+    entry = next((one for one in entries if one["planned"] == planned), None)
+    if entry is None:
+        entry = {"look": len(entries) + 1, "planned": planned, **_look(plan, folder, vetoed, len(entries) + 1, workers)}
+        _append(folder.looks, entry)
+    return with_block(plan, entry["next"]) if entry["next"] else plan, entry
+
+
+def looks_of(folder: CampaignFolder) -> list[Entry]:
+    """Every look so far. InputError with the line that is none."""
+    if not folder.looks.exists():
+        return []
+    # What a kill left of the last line is looked at again.
+    lines = read_text(folder.looks, "looks").split("\n")[:-1]
+    return [parse_json(line, f"{folder.looks}: line {number}") for number, line in enumerate(lines, start=1)]
+
+
+def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: int, workers: int) -> Entry:
+    from sandbot_model.data.conditions import cells_of
+    from sandbot_model.design import look as design
+    from sandbot_model.fitting import parallel
+    from sandbot_model.physics.catalogue import catalogue
+    from sandbot_record.trials import from_bags
+
+    trials = trials_of(plan)
+    refused = {(one.phi, one.omega_rad_s) for one in trials if one.trial_id in vetoed}
+    grid = [(phi, omega) for phi in plan.phi for omega in plan.omega_rad_s if (phi, omega) not in refused]
+    offered = design.Plan(grid, seconds(plan, folder), plan.replicates)
+    cells = cells_of(from_bags.campaign(folder.path, workers).trials)
+    with parallel.workers(workers) as fit_all:
+        found = design.look(
+            cells, catalogue(), offered, number=number, base=plan.model, alpha=plan.alpha, fit_all=fit_all
+        )
+    left = plan.most - len(trials)
+    if not found.stop and left <= 0:
+        found = replace(found, stop=f"the budget of {plan.most} trials is used up", block=())
+    found = replace(found, block=found.block[: max(left, 0)])
+    return {**found.to_dict(), "text": str(found)}
+
+
+def seconds(plan: Plan, folder: CampaignFolder) -> Any:
+    """What a trial at (φ, ω) costs [s]: its walk, and the bed's preparation as it took so far at the nearest φ."""
+    beds: dict[float, list[float]] = {}
+    for trial in trials_of(plan):
+        if not folder.missing([trial]) and (info := metadata.read(folder.bag(trial))) is not None:
+            begun_ns, ended_ns = min(one.start_ns for one in info.files), max(one.end_ns for one in info.files)
+            walk_s = plan.duration_s(trial.omega_rad_s) + plan.standing_s
+            beds.setdefault(trial.phi, []).append(1e-9 * (ended_ns - begun_ns) - walk_s)
+    levels = sorted(beds)
+    bed_s = [max(median(beds[phi]), 0.0) for phi in levels]
+
+    def cost(condition: tuple[float, float]) -> float:
+        phi, omega = condition
+        return float(np.interp(phi, levels or [phi], bed_s or [0.0])) + plan.standing_s + plan.duration_s(omega)
+
+    return cost
+
+
+def _append(path: Path, entry: Entry) -> None:
+    if path.exists() and not (content := path.read_bytes()).endswith(b"\n"):
+        path.write_bytes(content[: content.rfind(b"\n") + 1])
+    with writing(path), path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(entry, ensure_ascii=False, allow_nan=False) + "\n")

@@ -1,0 +1,78 @@
+"""campaign --until verdict in batch: from the start to a verdict, blind; killed in the middle, the same end."""
+
+import json
+import shutil
+
+import pytest
+
+from sandbot_bringup.plan import read_plan, trials_of
+from sandbot_bringup.tools import campaign, unseal
+from sandbot_record import read
+from sandbot_record.trials.csv_table import read_csv
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+PLAN = """
+name: thinking
+seed: 7
+gait: UNIFORM
+images: none
+phi: [0.58, 0.61, 0.633]
+omega_rad_s: [8, 16, 24]
+replicates: 4
+"""
+WORLD = """
+effects:
+  stance_overlap: {eta: 0.2}
+"""
+
+
+def looks(folder):
+    return [json.loads(line) for line in (folder / "looks.jsonl").read_text().splitlines()]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    base = tmp_path_factory.mktemp("until")
+    (base / "plan.yaml").write_text(PLAN)
+    (base / "world.yaml").write_text(WORLD)
+    out, world = base / "run", str(base / "world.yaml")
+    assert (
+        campaign.main([str(base / "plan.yaml"), "--out", str(out), "--batch", "--until", "verdict", "--world", world])
+        == 0
+    )
+    return out
+
+
+def test_it_stops_at_the_right_verdict_before_the_grid_is_run(run):
+    last = looks(run)[-1]
+    assert (last["status"], last["effects"]) == ("identified", ["stance_overlap"])
+    assert last["stop"]
+    assert not last["next"]
+    assert len(read_csv(run / "trials.csv")) == last["trials"] < 4 * 9
+
+
+def test_every_trial_says_why_it_was_run(run):
+    for trial in trials_of(read_plan(run / "campaign.yaml")):
+        [(_, message)] = read(run / "trials" / trial.trial_id, "/trial")
+        assert json.loads(message.decode().data)["because"] == trial.because != ""
+
+
+def test_the_truth_stays_sealed(run):
+    assert "eta" not in (run / "looks.jsonl").read_text()
+    assert unseal.main([str(run)]) == 0
+
+
+def test_killed_after_its_start_it_comes_to_the_same_end(run, tmp_path):
+    """What a kill -9 leaves: bags of some trials, a torn look, a plan that has not grown."""
+    torn = tmp_path / "torn"
+    shutil.copytree(run, torn)
+    kept = sorted((torn / "trials").iterdir())[::2]
+    for bag in kept:
+        shutil.rmtree(bag)
+    whole = (torn / "looks.jsonl").read_text()
+    (torn / "looks.jsonl").write_text(whole[: len(whole) // 3])
+    (torn / "trials.csv").unlink()
+    assert campaign.main([str(torn), "--batch"]) == 0
+    assert looks(torn) == looks(run)
+    assert (torn / "trials.csv").read_text().replace("torn", "run") == (run / "trials.csv").read_text()

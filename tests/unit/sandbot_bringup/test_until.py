@@ -1,0 +1,142 @@
+"""A campaign until a verdict, but for the looks themselves (tests/unit/sandbot_model/design, tests/integration)."""
+
+import json
+
+import pytest
+
+from sandbot_bringup import until
+from sandbot_bringup.folder import CampaignFolder, sample_trial
+from sandbot_bringup.plan import plan_of, trials_of
+from sandbot_common.errors import InputError
+from sandbot_record.bags import metadata
+
+GRID = {"name": "thinking", "phi": [0.58, 0.6, 0.633], "omega_rad_s": [8, 16, 24, 30], "until": "verdict"}
+
+
+def plan(**more):
+    return plan_of({**GRID, **more}, "plan.yaml")
+
+
+def entry(**more):
+    return {"look": 1, "planned": 16, "text": "so far", "stop": "", "next": [], **more}
+
+
+ASKED = {"phi": 0.6, "omega_rad_s": 16.0, "because": "a and b differ there by 2.0 sd in the mean speed"}
+
+
+def test_the_grid_says_where_trials_may_be_and_none_is_run_for_being_on_it():
+    assert trials_of(plan()) == []
+    begun = until.begun(plan())
+    trials = trials_of(begun)
+    conditions = {(one.phi, one.omega_rad_s) for one in trials}
+    assert len(trials) == until.REPLICATES * len(conditions) < 3 * 12
+    assert {phi for phi, _ in conditions} == {0.58, 0.6, 0.633}
+    assert {one.because for one in trials} == {until.START}
+    assert {one.batch for one in trials} == {"block1", "block2"}
+
+
+def test_it_begins_once():
+    begun = until.begun(plan())
+    assert until.begun(begun) == begun
+
+
+def test_what_the_plan_pins_is_run_first():
+    pinned = until.begun(plan(extra_trials=[{"phi": 0.61, "omega_rad_s": 12}]))
+    first = min(trials_of(pinned), key=lambda one: one.run_order)
+    assert (first.phi, first.omega_rad_s) == (0.61, 12)
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"budget": 5}, "budget: 5 trials are fewer than the 16"),
+        ({"model": "fulll"}, "model: 'fulll' is no base model"),
+    ],
+)
+def test_what_can_give_no_verdict_is_refused(more, said):
+    with pytest.raises(InputError, match=said):
+        until.begun(plan(**more))
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"until": "", "budget": 5}, "budget: 5 without until"),
+        ({"until": "", "alpha": 0.1}, "alpha: 0.1 without until"),
+        ({"sentinel": 5}, "sentinel: 5 with until"),
+        ({"until": "noon"}, "until"),
+        ({"alpha": 0.9}, "alpha"),
+    ],
+)
+def test_what_would_be_ignored_or_is_no_choice_is_refused(more, said):
+    with pytest.raises(InputError, match=said):
+        plan(**more)
+
+
+def test_a_look_that_was_taken_is_not_taken_again(tmp_path, monkeypatch):
+    """Whoever resumes decides alike."""
+    looks = []
+    monkeypatch.setattr(until, "_look", lambda *_: looks.append(1) or {"text": "so far", "stop": "", "next": [ASKED]})
+    folder, begun = CampaignFolder(tmp_path), until.begun(plan())
+    grown, first = until.decided(begun, folder)
+    again, second = until.decided(begun, folder)
+    assert (grown, first) == (again, second)
+    assert len(looks) == 1
+    new = trials_of(grown)[len(trials_of(begun)) :]
+    assert [(one.phi, one.omega_rad_s, one.because) for one in new] == [(0.6, 16.0, ASKED["because"])]
+    assert until.decided(grown, folder)[1]["look"] == 2
+
+
+def test_a_stop_leaves_the_plan_as_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr(until, "_look", lambda *_: {"text": "enough", "stop": "enough", "next": []})
+    begun = until.begun(plan())
+    assert until.decided(begun, CampaignFolder(tmp_path))[0] == begun
+
+
+def test_a_look_torn_by_a_kill_is_taken_anew(tmp_path, monkeypatch):
+    monkeypatch.setattr(until, "_look", lambda *_: {"text": "so far", "stop": "", "next": [ASKED]})
+    folder = CampaignFolder(tmp_path)
+    whole = json.dumps(entry(planned=3))
+    folder.looks.write_text(f"{whole}\n{whole[:20]}")
+    assert until.decided(until.begun(plan()), folder)[1]["look"] == 2
+    assert [one["look"] for one in until.looks_of(folder)] == [1, 2]
+
+
+def test_a_line_that_is_no_look_is_named(tmp_path):
+    folder = CampaignFolder(tmp_path)
+    folder.looks.write_text("nonsense\n")
+    with pytest.raises(InputError, match=r"looks\.jsonl: line 1"):
+        until.looks_of(folder)
+
+
+def test_a_campaign_may_be_given_more_to_spend_and_no_other_plan(tmp_path):
+    folder = CampaignFolder(tmp_path / "run")
+    begun = until.begun(plan())
+    folder.adopt(begun, {})
+    assert folder.grown(plan(budget=30)).extra_trials == begun.extra_trials
+    folder.adopt(folder.grown(plan(budget=30)), {})
+    with pytest.raises(InputError, match="another plan"):
+        folder.adopt(until.begun(plan(alpha=0.1)), {})
+
+
+def test_the_trial_whose_frames_are_kept_does_not_change_as_the_campaign_grows():
+    begun = until.begun(plan())
+    grown = until.with_block(begun, [{"phi": 0.633, "omega_rad_s": 16}])
+    assert sample_trial(begun).trial_id == sample_trial(grown).trial_id
+
+
+def test_before_any_bag_trials_cost_their_walk_and_after_it_what_the_bed_took(tmp_path):
+    folder, begun = CampaignFolder(tmp_path), until.begun(plan())
+    cost = until.seconds(begun, folder)
+    assert cost((0.58, 8.0)) == pytest.approx(begun.duration_s(8.0) + begun.standing_s)
+    took = {0.58: 12.0, 0.6: 24.0, 0.633: 110.0}
+    for trial in trials_of(begun):
+        bag = folder.bag(trial)
+        bag.mkdir(parents=True)
+        walk_s = begun.duration_s(trial.omega_rad_s) + begun.standing_s
+        file = metadata.FileInfo("x.mcap", 0, int(1e9 * (took[trial.phi] + walk_s)), 1)
+        metadata.write(bag, metadata.BagInfo(files=[file]))
+    cost = until.seconds(begun, folder)
+    for phi, bed_s in took.items():
+        assert cost((phi, 24.0)) == pytest.approx(bed_s + begun.duration_s(24.0) + begun.standing_s, rel=1e-6)
+    assert cost((0.58, 24.0)) < cost((0.59, 24.0)) < cost((0.6, 24.0))
