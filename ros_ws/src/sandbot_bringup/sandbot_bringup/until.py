@@ -2,7 +2,8 @@
 
 The plan's grid says where trials may be run. A campaign starts with conditions spread over it, twice each; then a block
 is planned at each look (``sandbot_model.design``). What a look found stands in ``looks.jsonl``, one line a look, with
-how many trials were planned by then: whoever resumes takes the same decisions without looking again.
+how many trials were planned by then: whoever resumes takes the same decisions without looking again. ``discovery.json``
+is the last one's.
 """
 
 import json
@@ -17,7 +18,7 @@ import numpy as np
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import Plan, trials_of, with_block
 from sandbot_common.errors import InputError
-from sandbot_common.files import parse_json, read_text, writing
+from sandbot_common.files import parse_json, read_text, write_text, writing
 from sandbot_common.suggest import did_you_mean
 from sandbot_record.bags import metadata
 
@@ -91,6 +92,8 @@ def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: i
         found = design.look(
             cells, catalogue(), offered, number=number, base=plan.model, alpha=plan.alpha, fit_all=fit_all
         )
+    content = json.dumps(found.found.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+    write_text(folder.path / "discovery.json", content + "\n")
     left = plan.most - len(trials)
     if not found.stop and left <= 0:
         found = replace(found, stop=f"the budget of {plan.most} trials is used up", block=())
