@@ -208,7 +208,7 @@ function drawQueue(queue) {
     const why = Object.assign(made("td", text.split("; its bag")[0], "why"), {colSpan: 5, title: text});
     return [line, row(`reason ${one.state}`, "", why)];
   }));
-  body.querySelector(".running")?.scrollIntoView({block: "nearest"});
+  [...body.querySelectorAll(".running")].at(-1)?.scrollIntoView({block: "nearest"});
 }
 
 function drawCampaign(campaign) {
@@ -244,7 +244,7 @@ function drawVerdict(look) {
     const sign = made("td", one.excluded ? "●" : "○", "state");
     sign.title = one.excluded ? "excluded" : one.within_reach ? "still possible" : "this plan can't show it";
     const times = one.e_value_against < 1000 ? one.e_value_against.toPrecision(2) : "> 1000";
-    return row(one.excluded || !one.within_reach ? "soft" : "", sign, one.effect, one.share_of_usual < 1 ? "half its usual" : "usual", `× ${times}`);
+    return row(one.excluded || !one.within_reach ? "soft" : "", sign, one.effect, one.share_of_usual < 1 ? "half its usual" : "usual", `${times} : 1`);
   }));
 }
 

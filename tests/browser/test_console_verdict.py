@@ -1,0 +1,95 @@
+"""The console of a campaign until a verdict: what is known, what is still possible, and why the next trial is run."""
+
+import json
+import threading
+import time
+
+import pytest
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
+
+from sandbot_bringup.console import Console
+from sandbot_bringup.console_page import serve
+from sandbot_bringup.plan import plan_of
+from sandbot_bringup.queue import Queue
+from sandbot_bringup.until import begun
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+PATIENCE_S = 60
+WHY = "stance_overlap and leg_slip differ there by 2.3 sd in the mean speed"
+LOOK = {
+    "look": 2, "planned": 34, "trials": 34, "status": "identified", "effects": ["stance_overlap"],
+    "text": f"34 trials: identified: stance_overlap, perhaps with leg_slip; next: φ 0.622, ω 20 rad/s, because {WHY}",
+    "possible": [
+        {"effect": "leg_slip", "share_of_usual": 0.5, "e_value_against": 3.2, "excluded": False, "within_reach": True},
+        {"effect": "cohesion", "share_of_usual": 1.0, "e_value_against": 1.0, "excluded": False, "within_reach": False},
+        {"effect": "belly_coast", "share_of_usual": 0.5, "e_value_against": 1e300, "excluded": True,
+         "within_reach": False},
+    ],
+    "stop": "",
+}  # fmt: skip
+PLAN = {"name": "thinking", "phi": [0.58, 0.6, 0.622], "omega_rad_s": [8, 14, 20], "until": "verdict"}
+
+
+class Watched:
+    """A console whose campaign stands still; ``look`` is its last."""
+
+    actions = ()
+    look = None
+
+    def snapshot(self):
+        plan = begun(plan_of(PLAN, "plan"))
+        queue = Queue(plan, ())
+        queue.grow(plan_of({**PLAN, "extra_trials": [{"phi": 0.622, "omega_rad_s": 20, "because": WHY}]}, "plan"))
+        rows = queue.rows()
+        rows[-1]["state"] = "running"
+        status = {"campaign": "thinking", "state": "running", "stage": "walking", "queue": rows, "look": self.look}
+        made = Console({})
+        made.set_campaign(json.dumps(status), time.monotonic())
+        return made.snapshot(time.monotonic())
+
+    def picture(self, _camera):
+        return None
+
+    stop = acknowledge = order = call = None
+
+
+@pytest.fixture
+def watched(chromium):
+    source, closing = Watched(), threading.Event()
+    server = serve(source, 0, closing)
+    source.open = lambda: chromium.get(f"http://127.0.0.1:{server.port}/")
+    yield source, chromium
+    chromium.get("about:blank")
+    closing.set()
+    server.shutdown()
+    server.server_close()
+
+
+def shown(browser, name):
+    return browser.find_element(By.ID, name).text
+
+
+def test_it_shows_what_is_known_and_what_is_still_possible(watched):
+    source, browser = watched
+    source.look = LOOK
+    source.open()
+    WebDriverWait(browser, PATIENCE_S).until(lambda _: "identified: stance_overlap" in shown(browser, "verdict"))
+    rows = [row.text for row in browser.find_elements(By.CSS_SELECTOR, "#possible tbody tr")]
+    assert rows == [
+        "○ leg_slip half its usual 3.2 : 1",
+        "○ cohesion usual 1.0 : 1",
+        "● belly_coast half its usual > 1000 : 1",
+    ]
+    assert WHY in shown(browser, "queue")
+    for width in (390, 1400):
+        browser.set_window_size(width, 900)
+        assert browser.execute_script("return document.documentElement.scrollWidth - window.innerWidth") <= 0
+
+
+def test_of_a_campaign_that_runs_a_grid_there_is_no_verdict(watched):
+    source, browser = watched
+    source.open()
+    WebDriverWait(browser, PATIENCE_S).until(lambda _: "thinking" in shown(browser, "campaign-name"))
+    assert not browser.find_element(By.ID, "verdict-box").is_displayed()
