@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -37,9 +38,14 @@ class Calibration:
         """Coordinate of the markers' plane along its normal."""
         return float(self.plane["offset_m"])
 
+    @cached_property
+    def _pose(self) -> tuple[Floats, Floats]:
+        return np.array(self.position_m, np.float64), np.array(self.rotation, np.float64)
+
     def pixels(self, xyz_m: ArrayLike) -> Floats:
         """Image points (..., 2) [px] of points (..., 3) [m; trackway frame], pixel centres at whole numbers."""
-        seen = (np.asarray(xyz_m, np.float64) - self.position_m) @ np.asarray(self.rotation, np.float64).T
+        centre, axes = self._pose
+        seen = (np.asarray(xyz_m, np.float64) - centre) @ axes.T
         x, y = seen[..., 0] / seen[..., 2], seen[..., 1] / seen[..., 2]
         if any(self.distortion):
             x, y = self._through_lens(x, y)

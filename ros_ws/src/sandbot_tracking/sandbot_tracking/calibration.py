@@ -127,13 +127,10 @@ class Camera:
         points = np.atleast_2d(np.asarray(px, dtype=float))
         given = np.asarray(covariance_px2, dtype=float)
         square = given if given.ndim == 3 else given[:, :, None] * np.eye(2)
-        jacobian = np.stack(
-            [
-                self.to_plane(points + step, offset_m) - self.to_plane(points - step, offset_m)
-                for step in 0.5 * np.eye(2)
-            ],
-            axis=2,
-        )
+        steps = 0.5 * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+        offset = offset_m if offset_m is None or np.ndim(offset_m) == 0 else np.tile(np.asarray(offset_m), 4)
+        moved = self.to_plane((points + steps[:, None]).reshape(-1, 2), offset).reshape(4, -1, 3)
+        jacobian = np.stack((moved[0] - moved[2], moved[1] - moved[3]), axis=2)
         return np.asarray(jacobian @ square @ jacobian.transpose(0, 2, 1), dtype=float)
 
     def parallax(self, px: ArrayLike) -> Floats:

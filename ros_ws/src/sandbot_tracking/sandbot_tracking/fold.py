@@ -10,6 +10,7 @@ so noise does not pass for a peak.
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +29,7 @@ _MISSED = 1.1
 """A curve that is so much steeper somewhere than its steepest slope has an arc that no window could hold."""
 _LEAST = 8
 """Points in a window at least, so that a cubic has residuals."""
+_LEAST_SPREAD = 1e-7
 
 
 class NotMeasured(Exception):
@@ -115,7 +117,7 @@ def fold(phase: Floats, value: Floats, advance: float) -> Folded:
 
 
 def _spread(deviation: Floats) -> float:
-    return max(1.4826 * float(np.median(np.abs(deviation))), 1e-7)
+    return max(1.4826 * float(np.median(np.abs(deviation))), _LEAST_SPREAD)
 
 
 def _inside(t_s: Floats, value: Floats, edges_s: Floats) -> tuple[Floats, Floats]:
@@ -171,34 +173,49 @@ def _steepest_secant(folded: Folded) -> float:
 
 def _widest(folded: Folded, centre: float) -> _Fit | None:
     """The sharper of a line and a cubic, each in its widest window, less a margin: a kink shows late."""
-    fits = []
+    found, fit = _widest_fit(
+        folded.phase, folded.value, folded.deviation, folded.noise, folded.advance, centre, _WIDTHS
+    )
+    return _Fit(*fit) if found else None
+
+
+@numba.njit(cache=True)
+def _widest_fit(phase, value, deviation, noise, advance, centre, widths):  # type: ignore[no-untyped-def]
+    best, found = (0.0, 0.0, 0.0, 0.0), False
     for degree in (1, 3):
-        for half in _WIDTHS:
-            if (fit := _fit(folded, centre, float(half), degree)) is not None:
-                fits.append(_fit(folded, centre, _MARGIN * float(half), degree) or fit)
+        for half in widths:
+            good, fit = _fit(phase, value, deviation, noise, advance, centre, half, degree)
+            if good:
+                better, narrower = _fit(phase, value, deviation, noise, advance, centre, _MARGIN * half, degree)
+                fit = narrower if better else fit
+                if not found or fit[2] < best[2]:
+                    best, found = fit, True
                 break
-    return min(fits, key=lambda fit: fit.slope_se) if fits else None
+    return found, best
 
 
-def _fit(folded: Folded, centre: float, half: float, degree: int) -> _Fit | None:
-    """A polynomial about ``centre`` in [centre ± half], wrapping round the step; None if residuals are not noise."""
-    turns = np.floor(folded.phase - centre + 0.5)
-    u = (folded.phase - centre - turns) / half
-    inside = np.abs(u) <= 1.0
-    u, y = u[inside], (folded.value - folded.advance * turns)[inside]
-    if u.size < max(_LEAST, degree + 2) or _distinct(u) < degree + 3 or not _balanced(u):
-        return None
-    design = u[:, None] ** np.arange(degree + 1)
+@numba.njit(cache=True)
+def _fit(phase, value, deviation, noise, advance, centre, half, degree):  # type: ignore[no-untyped-def]
+    """A polynomial about ``centre`` in [centre ± half], wrapping round the step; False if residuals are not noise."""
+    nothing = (0.0, 0.0, 0.0, 0.0)
+    turns = np.floor(phase - centre + 0.5)
+    place = (phase - centre - turns) / half
+    inside = np.abs(place) <= 1.0
+    u, y = place[inside], (value - advance * turns)[inside]
+    if u.size < max(_LEAST, degree + 2) or not (u.min() < -0.5 and u.max() > 0.5) or _distinct(u) < degree + 3:
+        return False, nothing  # a slope must not be an extrapolation
+    design = np.ones((u.size, degree + 1))
+    for power in range(1, degree + 1):
+        design[:, power] = design[:, power - 1] * u
     covariance = np.linalg.inv(design.T @ design)
     solution = covariance @ (design.T @ y)
-    noise = max(folded.noise, _spread(folded.deviation[inside]))
+    noise = max(noise, 1.4826 * np.median(np.abs(deviation[inside])), _LEAST_SPREAD)
     residual = (y - design @ solution) / noise
     free = u.size - degree - 1
     if residual @ residual > 1.2 * _chi2_99(free) or _runs(residual, u):
-        return None
-    covariance = covariance * noise**2
-    slope, slope_se = (solution[1] / half, np.sqrt(covariance[1, 1]) / half) if degree else (0.0, 0.0)
-    return _Fit(float(slope), float(solution[0]), float(slope_se), float(np.sqrt(covariance[0, 0])))
+        return False, nothing
+    slope_se, level_se = np.sqrt(covariance[1, 1]) * noise / half, np.sqrt(covariance[0, 0]) * noise
+    return True, (solution[1] / half, solution[0], slope_se, level_se)
 
 
 def _whole(folded: Folded, degree: int) -> _Fit | None:
@@ -225,27 +242,27 @@ def _whole(folded: Folded, degree: int) -> _Fit | None:
     return _Fit(float(slope), float(solution[0]), float(slope_se), float(np.sqrt(scatter * covariance[0, 0])))
 
 
-def _distinct(u: Floats) -> int:
-    return int(np.count_nonzero(np.diff(np.sort(u)) > 0.01)) + 1
+@numba.njit(cache=True)
+def _distinct(u):  # type: ignore[no-untyped-def]
+    return np.count_nonzero(np.diff(np.sort(u)) > 0.01) + 1
 
 
-def _chi2_99(free: int) -> float:
+@numba.njit(cache=True)
+def _chi2_99(free):  # type: ignore[no-untyped-def]
     """99 % quantile of χ² (Wilson–Hilferty; within 1 % from 3 degrees of freedom on)."""
     part = 2.0 / (9.0 * free)
-    return float(free * (1.0 - part + 2.3263 * np.sqrt(part)) ** 3)
+    return free * (1.0 - part + 2.3263 * np.sqrt(part)) ** 3
 
 
-def _balanced(u: Floats) -> bool:
-    """Whether points lie on both sides, near both ends: a slope must not be an extrapolation."""
-    return bool(u.min() < -0.5 and u.max() > 0.5)
-
-
-def _runs(residual: Floats, u: Floats) -> bool:
+@numba.njit(cache=True)
+def _runs(residual, u):  # type: ignore[no-untyped-def]
     """Whether residuals lean to one side somewhere: a mean over an eighth of the window beyond 3.5 of its sd."""
-    bins = np.minimum(((u + 1) * 4).astype(int), 7)
-    count = np.bincount(bins, minlength=8)
-    mean = np.bincount(bins, residual, 8) / np.sqrt(np.maximum(count, 1))
-    return bool(np.abs(mean).max() > 3.5)
+    count, total = np.zeros(8), np.zeros(8)
+    for i in range(u.size):
+        part = min(int((u[i] + 1) * 4), 7)
+        count[part] += 1
+        total[part] += residual[i]
+    return np.abs(total / np.sqrt(np.maximum(count, 1.0))).max() > 3.5
 
 
 def _median_scale(number: Floats, z: Floats, folded: Folded) -> float:
