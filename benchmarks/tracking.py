@@ -11,6 +11,7 @@ import trackpy
 from numpy.typing import NDArray
 from skimage.measure import label, regionprops
 
+from _ratios import Ratio
 from sandbot_tracking.bed import Picture, learnt
 from sandbot_tracking.marker_tracker import MarkerTracker
 from sandbot_tracking.markers import NO_BED, Appearance, detect, follow
@@ -22,7 +23,7 @@ Method = Callable[[Frame, Floats], Floats]
 RADIUS, GREY, CONTRAST, GRAIN, NOISE = 8.0, 60.0, 170.0, 10.0, 6.0
 LENS_PX, GRAIN_PX = 0.6, 1.0
 """The lens's blur and the grains' size, as the widths of Gaussians."""
-SCENES, REPEATS, EMPTY = 100, 3, 25
+SCENES, QUICK, REPEATS, EMPTY = 100, 40, 3, 25
 FINE, PATCH = 16, 33
 REFERENCE = "cv2.SimpleBlobDetector, tuned"
 SIZES, GATES = np.full(3, RADIUS), np.full(3, 8.0)
@@ -190,6 +191,23 @@ def main() -> str:
         pace = f"{row.ms:.4f} | {rows[REFERENCE].ms / row.ms:.1f}"
         lines.append(f"| {name} | {error} | {row.locking_px:.4f} | {row.unevenness:.1f} | {stated} | {pace} |")
     return "\n".join([*lines, "", NOTES])
+
+
+def quick() -> list[Ratio]:
+    """Speed beside SimpleBlobDetector, and how near the bounds are."""
+    rng = np.random.default_rng(2)
+    scenes = [draw(rng) for _ in range(QUICK)]
+    camera, texture = bounds()
+    slow, first, whole, locked, bed = (
+        _measure(method, scenes) for method in (blob_detector(), _first, _detect, _locked, None)
+    )
+    return [
+        Ratio("a tracker's first frame", "SimpleBlobDetector", slow.ms / first.ms, 3.0),
+        Ratio("a whole frame searched", "SimpleBlobDetector", slow.ms / whole.ms, 3.0),
+        Ratio("markers followed", "SimpleBlobDetector", slow.ms / locked.ms, 40.0),
+        Ratio("centres, bed known", "bound of the camera's noise", camera / bed.rms_px, 1 / 1.1),
+        Ratio("centres, bed not known", "bound with grains", texture / locked.rms_px, 1 / 1.3),
+    ]
 
 
 def _measure(method: Method | None, scenes: list[Scene]) -> Row:

@@ -16,13 +16,14 @@ def patches(frame, step, tile, apart, least, most):  # type: ignore[no-untyped-d
     """
     height, width = frame.shape
     levels = _levels(frame, step, tile)
-    seen = np.zeros((height, width), np.bool_)
+    # A bit a pixel: a byte each would be memory fetched anew from the system with every frame.
+    seen = np.zeros((height, width // 8 + 1), np.uint8)
     stack = np.empty((height * width if most > height * width else int(most) + 8, 2), np.int32)
     found = [(0.0, 0.0, 0.0) for _ in range(0)]
     for row in range(apart // 2, height, apart):
         across = levels[row // tile]
         for column in range(apart // 2, width, apart):
-            if frame[row, column] >= across[column // tile] and not seen[row, column]:
+            if frame[row, column] >= across[column // tile] and not _bit(seen, row, column):
                 patch = _fill(frame, seen, stack, row, column, across[column // tile])
                 if least <= patch[2] <= most:
                     found.append(patch)
@@ -57,17 +58,28 @@ def _fill(frame, seen, stack, row, column, level):  # type: ignore[no-untyped-de
     """Middle and area of the bright pixels that touch (row, column); area is infinite where the stack overflows."""
     height, width = frame.shape
     area, sum_x, sum_y, n = 0.0, 0.0, 0.0, 1
-    stack[0, 0], stack[0, 1], seen[row, column] = row, column, True
+    stack[0, 0], stack[0, 1] = row, column
+    _set(seen, row, column)
     while n > 0:
         n -= 1
         r, c = stack[n]
         area, sum_x, sum_y = area + 1.0, sum_x + c, sum_y + r
         for rr in range(max(r - 1, 0), min(r + 2, height)):
             for cc in range(max(c - 1, 0), min(c + 2, width)):
-                if frame[rr, cc] >= level and not seen[rr, cc]:
+                if frame[rr, cc] >= level and not _bit(seen, rr, cc):
                     if n == stack.shape[0]:
                         return 0.0, 0.0, np.inf
-                    seen[rr, cc] = True
+                    _set(seen, rr, cc)
                     stack[n, 0], stack[n, 1] = rr, cc
                     n += 1
     return sum_x / area, sum_y / area, area
+
+
+@numba.njit(cache=True)
+def _bit(seen, row, column):  # type: ignore[no-untyped-def]
+    return seen[row, column >> 3] & (1 << (column & 7)) != 0
+
+
+@numba.njit(cache=True)
+def _set(seen, row, column):  # type: ignore[no-untyped-def]
+    seen[row, column >> 3] |= 1 << (column & 7)
