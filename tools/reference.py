@@ -9,6 +9,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from html import escape
 from importlib import import_module
 from importlib.metadata import distribution
 from pathlib import Path
@@ -38,7 +39,8 @@ EXAMPLE = "examples/demo_trials.csv"
 def main() -> int:
     """Write every page; say which."""
     FOLDER.mkdir(exist_ok=True)
-    for name, text in pages():
+    (FOLDER / "drawings").mkdir(exist_ok=True)
+    for name, text in (*pages(), *drawings()):
         (FOLDER / name).write_text(text, encoding="utf-8")
         print(f"docs/lookup/{name}")
     return 0
@@ -50,7 +52,38 @@ def pages() -> Iterator[tuple[str, str]]:
     yield "files.md", files()
     yield "topics.md", all_topics()
     yield "formulas.md", formulas()
+    yield "effects.md", all_effects()
     yield "json.md", schemas()
+
+
+def drawings() -> Iterator[tuple[str, str]]:
+    """The drawing of each effect that has one, and its file's name."""
+    from sandbot_model.report.drawings import MOTIFS, drawing
+
+    for name in MOTIFS:
+        yield f"drawings/{name}.svg", drawing(name) or ""
+
+
+def all_effects() -> str:
+    """The catalogue as cards."""
+    from sandbot_model.physics.effects import CATALOGUE
+    from sandbot_model.physics.typeset import mathml_in_pieces
+    from sandbot_model.report.effect_facts import range_of, words
+
+    parts = [
+        f"{MADE}# Effects\n\nWhat the walking models can lack. Drawn in colour: what the effect adds. "
+        "`ros2 run sandbot_model effects NAME` computes where one would show; the explorer's cards (`/effects`) show it over φ and ω, and what "
+        "each brings on your data.\n"
+    ]
+    for effect in CATALOGUE:
+        name = effect.identifier
+        facts = [f"acts on {effect.stage}", *map(range_of, effect.parameters), f"source: {effect.source}"]
+        listed = "".join(f"<li>{escape(fact)}</li>" for fact in facts)
+        parts.append(
+            f"## {name}\n\n![{name.replace('_', ' ')}](drawings/{name}.svg)\n\n{words(effect)}.\n\n"
+            f"<p>{mathml_in_pieces(effect.formula)}</p>\n<ul>{listed}</ul>\n"
+        )
+    return "\n".join(parts)
 
 
 def commands() -> str:

@@ -157,7 +157,13 @@ class Page:
         self.driver.find_element(By.ID, name).click()
 
     def choose(self, group, value):
-        self.driver.find_element(By.CSS_SELECTOR, f"#{group} input[value='{value}']").click()
+        """By the element, not by its place: effects are sorted and folded as their fits come in."""
+        one = self.driver.find_element(By.CSS_SELECTOR, f"#{group} input[value='{value}']")
+        self.driver.execute_script("arguments[0].click()", one)
+
+    def fitted(self):
+        """Wait for the errors of all effects: their order is then final."""
+        self.until(lambda: "…" not in self.driver.find_element(By.ID, "effects").get_attribute("textContent"))
 
     def error_cm_s(self):
         return float(re.search(r"error (\d+\.\d+) cm/s", self.text("status"))[1])
@@ -422,6 +428,7 @@ def test_the_page_is_used_by_keyboard_alone(page, address):
     page.open(address)
     page.keys(Keys.TAB)
     assert page.driver.switch_to.active_element.text == "Skip to the figures"
+    page.fitted()
     page.tab_to(f"at.value === '{HIDDEN}'")
     page.keys(Keys.SPACE)
     page.until(lambda: "disturbed ground" in page.text("status"))

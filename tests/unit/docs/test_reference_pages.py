@@ -15,6 +15,7 @@ MAKERS = {
     "files.md": reference.files,
     "topics.md": reference.all_topics,
     "formulas.md": reference.formulas,
+    "effects.md": reference.all_effects,
 }
 
 
@@ -31,6 +32,12 @@ def test_a_page_is_what_the_code_says(name):
     page = (DOCS / "lookup" / name).read_text(encoding="utf-8")
     assert words(page) == words(made), "make reference writes it anew"
     assert page.startswith(reference.MADE)
+
+
+def test_each_effect_is_drawn_as_the_code_draws_it():
+    made = dict(reference.drawings())
+    folder = DOCS / "lookup" / "drawings"
+    assert {f"drawings/{path.name}": path.read_text(encoding="utf-8") for path in folder.iterdir()} == made
 
 
 def test_the_page_of_json_knows_what_the_design_promises():

@@ -29,6 +29,8 @@ from sandbot_model.explore.actions import (
     with_verdict,
 )
 from sandbot_model.explore.atlas_page import AtlasPage
+from sandbot_model.explore.cards_page import CardsPage
+from sandbot_model.explore.helpful import ordered
 from sandbot_model.explore.job import Job
 from sandbot_model.explore.loopback import own_host_only
 from sandbot_model.explore.session import Session
@@ -76,9 +78,10 @@ class Explorer:
         line += f"; {self.robot_line}" if self.robot_line else ""
         app = bare(self.title, _on_error)
         own_host_only(app.server)
-        app.layout = controls.page(self.title, line, provenance, cells)
+        app.layout = controls.page(self.title, line, provenance, cells, self.session.noise_floor_m_s)
         app.server.add_url_rule("/bag/<trial_id>/<name>", "bag", self.send_bag)
         AtlasPage(self.session, self.trials, self.bags, self.title).serve(app.server)
+        CardsPage(self.session, self.title).serve(app.server)
         WhyPage(self.job, self.provenance, self.title).serve(app.server)
         wire(app, self)
         return app
@@ -101,6 +104,7 @@ class Explorer:
         return {
             **self._previews(selection),
             "atlas.href": f"/atlas{to_query(selection)}",
+            "cards.href": f"/effects{to_query(selection)}",
             "why.href": f"/why{to_query(selection)}",
             "observable-row.hidden": selection.view != "residuals",
             "parameters-box.hidden": not by_hand,
@@ -127,10 +131,10 @@ class Explorer:
         session = self.session
         previews = session.previews(selection)
         effects = session.catalogue(selection.formulas)
-        inherent = [name for name in effects if name not in previews]
+        alone = session.previews(replace(selection, effects=()))
         current = session.step(replace(selection, by_hand=()))
         complete = all(preview is not None for preview in previews.values())
-        options = controls.effect_options(effects, inherent, current, previews)
+        options = controls.effect_options(effects, ordered(alone), current, previews)
         return {"effects.options": options, "preview-clock.disabled": complete}
 
     def _panes(self, selection: Selection, theme: Theme) -> list[views.Pane]:

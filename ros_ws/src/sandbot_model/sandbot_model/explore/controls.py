@@ -9,7 +9,8 @@ from dash import dcc, html
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.discover import Discovery
-from sandbot_model.explore.views import TITLES, Pane, Slider, preview, values
+from sandbot_model.explore.helpful import Preview, change_of, helps
+from sandbot_model.explore.views import TITLES, Pane, Slider, values
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.observables import Observable
@@ -18,6 +19,7 @@ from sandbot_model.physics.typeset import mathml_in_pieces
 from sandbot_model.physics.walking import BASES
 from sandbot_model.report import text
 from sandbot_model.report.captions import HOW
+from sandbot_model.report.drawings import drawing
 from sandbot_model.report.page import data_uri
 from sandbot_model.report.theme import Spec
 from sandbot_model.report.view import Provenance, Step, bands, observable_label, readable
@@ -32,7 +34,7 @@ MAX_EXCLUDED = 60
 FORMULA_EXAMPLE = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
 
 
-def page(title: str, data_line: str, provenance: Provenance, cells: Cells) -> html.Div:
+def page(title: str, data_line: str, provenance: Provenance, cells: Cells, floor_m_s: float) -> html.Div:
     """The whole page, controls first in reading order, figures next to them."""
     return html.Div(
         [
@@ -54,7 +56,7 @@ def page(title: str, data_line: str, provenance: Provenance, cells: Cells) -> ht
                     *_excluded(provenance),
                 ]
             ),
-            html.Div([_controls(), _figures(cells)], className="columns"),
+            html.Div([_controls(floor_m_s), _figures(cells)], className="columns"),
         ],
         className="page",
     )
@@ -75,22 +77,25 @@ def _excluded(provenance: Provenance) -> list[html.Details]:
 
 
 def effect_options(
-    effects: Mapping[str, Effect], inherent: Sequence[str], current: Step, previews: Mapping[str, Any]
+    effects: Mapping[str, Effect], order: Sequence[str], current: Step, previews: Mapping[str, Preview]
 ) -> list[dict[str, Any]]:
-    """One option for each effect: name, error if switched, stage, formula, and fitted values if it is on."""
+    """One option for each effect in ``order``: drawing, name, error before → after it is switched on, stage, formula,
+    and fitted values if it is on; what does not help is marked as such, for the page to fold.
+    """
     on, now = current.fit.effects, current.fit.rmse_m_s
     options = []
-    for name, effect in effects.items():
-        if name in inherent:
-            continue
+    for name in order:
+        effect, preview = effects[name], previews[name]
+        useful = name in on or helps(preview, now)
         label = html.Span(
             [
+                html.Img(src=f"/drawing/{name}.svg", alt="", className="drawing") if drawing(name) else None,
                 html.Span(readable(name), className="effect"),
-                html.Span(preview(previews.get(name), name in on, now), className="preview"),
+                html.Span(change_of(preview, name in on, now), className="preview"),
                 html.Small([f"{effect.stage}: ", _typeset(effect.formula)]),
                 *([html.Small(values(effect, current), className="values")] if name in on else []),
             ],
-            className="effect-line",
+            className="effect-line" if useful else "effect-line useless",
         )
         options.append({"value": name, "label": label, "title": effect.seen_in})
     return options
@@ -245,7 +250,11 @@ def progress(stage: str, done: int, total: int) -> list[Any]:
     return [html.Label(f"Trying {stage}: {done} of {total}"), html.Progress(value=str(done), max=str(max(total, 1)))]
 
 
-def _controls() -> html.Section:
+def _floor(floor_m_s: float) -> str:
+    return f"; noise floor {text.cm_s(floor_m_s)}" if math.isfinite(floor_m_s) else ""
+
+
+def _controls(floor_m_s: float) -> html.Section:
     # No form: Enter in the formula would send it and leave the page.
     return html.Section(
         [
@@ -274,8 +283,15 @@ def _controls() -> html.Section:
             ),
             html.Fieldset(
                 [
-                    html.Legend("Effects, and the error of mean speed with each switched"),
-                    dcc.Checklist([], [], id="effects", className="effects"),
+                    html.Legend(f"Effects, and the error of mean speed without → with each{_floor(floor_m_s)}"),
+                    html.Div(dcc.Checklist([], [], id="effects", className="effects"), id="effects-box"),
+                    html.Div(
+                        [
+                            html.Button("Show all effects", id="unfold", type="button", **{"aria-pressed": "false"}),
+                            html.A("As cards", id="cards", href="/effects", title="what each effect is"),
+                        ],
+                        className="buttons below",
+                    ),
                 ]
             ),
             html.Details(

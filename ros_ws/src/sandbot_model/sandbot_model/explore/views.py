@@ -25,8 +25,6 @@ TITLES = {
     "parameters": "Parameters",
 }
 """View → what its tab is called."""
-SEEN_M_S = 5e-5
-"""Smallest change of the error that shows in the digits given."""
 COLUMNS = 4
 PANE_COLUMNS = 2
 """Panels of φ in a row, alone and side by side with another figure."""
@@ -191,17 +189,6 @@ def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
         f"{chosen}{by_hand}: error {text.cm_s(fit.rmse_m_s)}{outside}; noise floor {text.cm_s(noise_floor_m_s)}; "
         f"{failing} of {len(fit.cells)} conditions fail."
     )
-
-
-def preview(error: tuple[float, float] | None, switched_on: bool, now_m_s: float) -> str:
-    """The error of mean speed with an effect switched, and the change."""
-    if error is None:
-        return "…"
-    if not np.isfinite(error[0]):
-        return "no fit"
-    change = error[0] - now_m_s
-    arrow = "" if not abs(change) >= SEEN_M_S else f" {'▲' if change > 0 else '▼'} {text.centi(abs(change))}"
-    return f"{'off' if switched_on else 'on'}: {text.cm_s(error[0])}{arrow}"
 
 
 def values(effect: Effect, current: Step) -> str:

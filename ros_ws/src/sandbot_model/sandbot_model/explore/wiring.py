@@ -29,6 +29,7 @@ SHOWN = (
     "effects.options",
     "preview-clock.disabled",
     "atlas.href",
+    "cards.href",
     "why.href",
     "observable-row.hidden",
     "parameters-box.hidden",

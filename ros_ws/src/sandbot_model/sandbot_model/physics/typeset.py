@@ -152,7 +152,7 @@ def _hypotenuse(_name: str, arguments: list[str]) -> str:
 
 def _choice(_name: str, arguments: list[str]) -> str:
     condition, value, otherwise = arguments
-    return f"<mrow>{value}<mtext> if </mtext>{condition}<mtext>, else </mtext>{otherwise}</mrow>"
+    return f"<mrow>{value}<mtext>&#160;if&#160;</mtext>{condition}<mtext>, else&#160;</mtext>{otherwise}</mrow>"
 
 
 _CALLS: dict[str, Callable[[str, list[str]], str]] = {"sqrt": _root, "hypot": _hypotenuse, "where": _choice}

@@ -1,8 +1,6 @@
 """What ``compare`` and ``discover`` say first: the answer, the error before and after, and why."""
 
-import inspect
 import math
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -13,10 +11,8 @@ from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.verdict import passes
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.text import counted, to_error, with_error
-from sandbot_model.physics import effects
-from sandbot_model.physics.effect import Effect
-from sandbot_model.physics.formula import GIVEN
 from sandbot_model.physics.observables import CM
+from sandbot_model.report.effect_facts import words
 
 _STYLES = {"adequate": "good", "identified": "good", "untested": "bad"}
 
@@ -87,13 +83,3 @@ def _in_words(name: str, fit: Fit) -> Iterator[str]:
         owner, _, parameter = full.rpartition(".")
         if owner == name and np.isfinite(estimate.stderr):
             yield f"{parameter} = {with_error(*estimate)}{known[parameter]}"
-
-
-def words(effect: Effect) -> str:
-    """An effect in plain words: what its file (a user's: its class) says of it, or the formula it was given as."""
-    cls = type(effect)
-    if effect.source == GIVEN:
-        return effect.formula
-    own = cls.__module__.startswith(f"{effects.__name__}.")
-    said = inspect.getdoc(sys.modules[cls.__module__] if own else cls) or effect.formula
-    return " ".join(said.split("\n\n")[0].split()).rstrip(".")

@@ -13,6 +13,13 @@ document.addEventListener("click", ({ target }) => {
   if (plot) window.sandbotExport.save(plot, format, figure);
 });
 
+// Effects that do not help these data are folded away until they are asked for.
+document.addEventListener("click", ({ target }) => {
+  if (target.id !== "unfold") return;
+  const all = document.getElementById("effects-box").classList.toggle("all");
+  target.setAttribute("aria-pressed", all);
+});
+
 // A symbol goes into the formula where the cursor is; React hears of it as if it had been typed.
 document.addEventListener("click", ({ target }) => {
   const symbol = target.dataset?.symbol;

@@ -1,0 +1,117 @@
+"""``/effects``: every effect as a physics card, those first that help these data, each with its switch."""
+
+from functools import lru_cache
+from html import escape
+
+from flask import Flask, Response, abort
+
+from sandbot_common.errors import InputError
+from sandbot_model.discovery.choice import Selection, to_query
+from sandbot_model.discovery.fingerprint import Fingerprint, fingerprint
+from sandbot_model.explore.asked import asked_selection
+from sandbot_model.explore.helpful import change_of, helps, ordered
+from sandbot_model.explore.session import Session
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.typeset import mathml_in_pieces
+from sandbot_model.report import text
+from sandbot_model.report.drawings import drawing
+from sandbot_model.report.effect_facts import DESIGN, range_of, words
+from sandbot_model.report.fingerprint_map import fingerprint_map
+from sandbot_model.report.page import source
+from sandbot_model.report.view import readable
+
+PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
+<title>Effects: {title}</title><style>{style}</style></head>
+<body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>Effects: {title}</h1>
+<p>Error of mean speed with {model}: <strong>{now}</strong>. Noise floor, which no model can beat: {floor}.</p>
+{pending}</header>
+<main class="cards">{cards}{folded}</main>{script}</body></html>"""
+CARD = """<article class="card" id="{name}" aria-labelledby="h-{name}">{picture}
+<div><h2 id="h-{name}">{heading}</h2><p class="change">{change}</p>
+<p><a class="switch" href="/{query}">{verb} {heading}</a></p></div>
+<div class="facts"><p>{words}.</p><p class="formula" tabindex="0" role="group" aria-label="formula">{formula}</p>
+<dl><dt>acts on</dt><dd>{stage}</dd>{ranges}<dt>source</dt><dd>{source}</dd></dl>
+<details class="print"><summary>Where it would show</summary>
+<img loading="lazy" src="/effects/{name}/fingerprint.svg{own}" alt="Fingerprint of {heading} over φ and ω">
+<p class="kind">What the simple model would miss ({design}), at the effect's usual strength: orange above, blue below
+it; framed: 3 standard errors and more.</p></details></div></article>"""
+RELOAD = "<script>setTimeout(() => location.reload(), 1000);</script>"
+"""Fits that are still made ahead."""
+
+
+class CardsPage:
+    """``/effects`` for the selection in its address, ``/drawing/NAME.svg`` and ``/effects/NAME/fingerprint.svg``."""
+
+    def __init__(self, session: Session, title: str) -> None:
+        self._session, self._title = session, title
+        self._fingerprint = lru_cache(maxsize=64)(self._computed)
+
+    def serve(self, server: Flask) -> None:
+        """Add them to the explorer's own addresses."""
+        server.add_url_rule("/effects", "effects", self.page)
+        server.add_url_rule("/drawing/<name>.svg", "drawing", self.drawing)
+        server.add_url_rule("/effects/<name>/fingerprint.svg", "fingerprint", self.fingerprint)
+
+    def page(self) -> Response:
+        """All cards; what does not help is folded."""
+        try:
+            selection = asked_selection()
+            self._session.model(selection)
+            now = self._session.step(selection)
+        except InputError as error:
+            return Response(str(error), 400, mimetype="text/plain")
+        self._session.fit_ahead(selection)
+        previews = self._session.previews(selection)
+        effects = self._session.catalogue(selection.formulas)
+        names = ordered(previews, selection.effects)
+        now_m_s = now.fit.rmse_m_s
+        useful = [name for name in names if name in selection.effects or helps(previews[name], now_m_s)]
+        cards = {name: self._card(effects[name], selection, previews[name], now_m_s) for name in names}
+        rest = [cards[name] for name in names if name not in useful]
+        pending = any(preview is None for preview in previews.values())
+        return Response(
+            PAGE.format(
+                title=escape(self._title), style=source("report.css"), query=escape(to_query(selection)),
+                model=escape(now.label.removeprefix("+ ")), now=text.cm_s(now_m_s),
+                floor=text.cm_s(self._session.noise_floor_m_s), cards="".join(cards[name] for name in useful),
+                folded=f"<details class='rest'><summary>{len(rest)} effects that do not help these data now</summary>"
+                f"{''.join(rest)}</details>" if rest else "",
+                pending='<p role="status">Some effects are still being fitted.</p>' if pending else "",
+                script=RELOAD if pending else "",
+            ), mimetype="text/html",
+        )  # fmt: skip
+
+    def drawing(self, name: str) -> Response:
+        """The drawing of an effect of the catalogue."""
+        drawn = drawing(name)
+        return abort(404) if drawn is None else Response(drawn, mimetype="image/svg+xml")
+
+    def fingerprint(self, name: str) -> Response:
+        """Where an effect would show, as a picture."""
+        try:
+            formulas = asked_selection().formulas
+            if name not in self._session.catalogue(formulas):
+                abort(404)
+            return Response(fingerprint_map(self._fingerprint(name, formulas)), mimetype="image/svg+xml")
+        except InputError as error:
+            return Response(str(error), 400, mimetype="text/plain")
+
+    def _computed(self, name: str, formulas: tuple[str, ...]) -> Fingerprint:
+        effects = self._session.catalogue(formulas)
+        return fingerprint(effects[name], effects)
+
+    def _card(self, effect: Effect, selection: Selection, preview: tuple[float, float] | None, now_m_s: float) -> str:
+        name, heading = effect.identifier, escape(readable(effect.identifier))
+        on = name in selection.effects
+        others = [one for one in selection.effects if one != name]
+        toggled = selection.toggled(others if on else [*selection.effects, name])
+        picture = f'<img src="/drawing/{name}.svg" alt="" width="160" height="100">' if drawing(name) else ""
+        ranges = "".join(f"<dt>range</dt><dd>{escape(range_of(one))}</dd>" for one in effect.parameters)
+        return CARD.format(
+            name=escape(name), picture=picture, heading=heading, verb="Switch off" if on else "Switch on",
+            change=change_of(preview, on, now_m_s), query=escape(to_query(toggled)), words=escape(words(effect)),
+            formula=mathml_in_pieces(effect.formula), stage=effect.stage, ranges=ranges, source=escape(effect.source),
+            own=escape(to_query(Selection(formulas=selection.formulas))), design=DESIGN,
+        )  # fmt: skip

@@ -1,0 +1,44 @@
+"""What is known of an effect, in words: what it is, its parameters' range, and in which observables it would show."""
+
+import inspect
+import sys
+
+from sandbot_model.discovery.fingerprint import OMEGA_RAD_S, PHI, SEEN, TRIALS, Fingerprint
+from sandbot_model.physics import effects
+from sandbot_model.physics.effect import Effect, Parameter
+from sandbot_model.physics.formula import GIVEN
+from sandbot_model.physics.observables import Observable
+
+DESIGN = f"{TRIALS} trials in each of {len(PHI)} x {len(OMEGA_RAD_S)} conditions"
+ABSORBED = "k(φ), Δt and the swimming speed of the simple model follow it"
+
+
+def words(effect: Effect) -> str:
+    """An effect in plain words: what its file (a user's: its class) says of it, or the formula it was given as."""
+    cls = type(effect)
+    if effect.source == GIVEN:
+        return effect.formula
+    own = cls.__module__.startswith(f"{effects.__name__}.")
+    said = inspect.getdoc(sys.modules[cls.__module__] if own else cls) or effect.formula
+    return " ".join(said.split("\n\n")[0].split()).rstrip(".")
+
+
+def range_of(parameter: Parameter) -> str:
+    """A parameter's plausible range, its usual value, and what it is."""
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    return (
+        f"{parameter.name} {parameter.low:g} to {parameter.high:g}{unit}, usually {parameter.start:g}: {parameter.doc}"
+    )
+
+
+def shown_in(found: Fingerprint) -> list[Observable]:
+    """The observables in which an effect would show, the most telling first."""
+    most = sorted(Observable, key=lambda observable: -abs(found.largest(observable)[0]))
+    return [observable for observable in most if abs(found.largest(observable)[0]) >= SEEN]
+
+
+def showing(found: Fingerprint, observable: Observable) -> str:
+    """How much and where it shows most."""
+    errors, phi, omega = found.largest(observable)
+    where = f"{abs(errors):.0f} standard errors {'above' if errors > 0 else 'below'} it"
+    return f"{observable.label}: {where} at φ {phi:g}, ω {omega:g} rad/s"

@@ -1,0 +1,114 @@
+"""Effects as cards: what helps comes first, the rest is folded, each has its switch, and one's own has no drawing."""
+
+import math
+import re
+from xml.etree import ElementTree
+
+import pytest
+from flask import Flask
+from hypothesis import given
+from hypothesis import strategies as st
+from made_up import BOOST
+
+from sandbot_model.discovery.choice import Selection, to_query
+from sandbot_model.explore.cards_page import CardsPage
+from sandbot_model.explore.helpful import change_of, helps, ordered
+from sandbot_model.physics.effects import CATALOGUE
+from sandbot_model.report.drawings import MOTIFS, drawing
+
+NAMES = [effect.identifier for effect in CATALOGUE]
+PREVIEWS = st.one_of(st.none(), st.tuples(st.floats(0, 1) | st.just(math.nan), st.floats(0, 1)))
+
+
+@pytest.fixture(scope="module")
+def client(session):
+    server = Flask("test")
+    CardsPage(session, "my <trials>").serve(server)
+    return server.test_client()
+
+
+def test_every_effect_of_the_catalogue_has_a_drawing_of_its_own_and_no_other_name_has():
+    assert list(MOTIFS) == NAMES
+    drawn = [drawing(name) for name in NAMES]
+    assert len(set(drawn)) == len(NAMES)
+    for one in drawn:
+        assert ElementTree.fromstring(one).attrib["viewBox"] == "0 0 160 100"
+        assert "prefers-color-scheme: dark" in one
+        assert 'class="new' in one or "newgrain" in one
+    assert drawing("boost") is None
+
+
+def test_a_card_says_what_an_effect_is_and_switches_it(client, session):
+    page = client.get("/effects?view=lock").text
+    error, _ = session.previews(Selection())["leg_slip"]
+    now = session.step(Selection()).fit.rmse_m_s
+    card = re.search(r'<article class="card" id="leg_slip".*?</article>', page, re.DOTALL)[0]
+    assert f"{100 * now:.2f} → {100 * error:.2f} cm/s" in card
+    assert 'href="/?effect=leg_slip">Switch on leg slip' in card
+    assert "slip at depth d_r" in card
+    assert "<math>" in card
+    assert 'src="/drawing/leg_slip.svg"' in card
+    assert "my &lt;trials&gt;" in page
+    on = client.get("/effects?effect=leg_slip&effect=cohesion").text
+    assert 'href="/?effect=cohesion">Switch off leg slip' in on
+
+
+def test_what_does_not_help_is_folded_and_what_is_on_is_not(client, session):
+    on = Selection(effects=("cohesion",))
+    now = session.step(on).fit.rmse_m_s
+    shown, folded = client.get("/effects?effect=cohesion").text.split("<details class='rest'>")
+    for name, preview in session.previews(on).items():
+        useful = name == "cohesion" or helps(preview, now)
+        assert (f'<article class="card" id="{name}"' in shown) == useful
+        assert (f'<article class="card" id="{name}"' in folded) != useful
+
+
+def test_an_effect_of_ones_own_has_a_card_without_a_drawing(client):
+    query = to_query(Selection(formulas=(BOOST,)))
+    page = client.get(f"/effects{query}").text
+    card = re.search(r'<article class="card" id="boost".*?</article>', page, re.DOTALL)[0]
+    assert "/drawing/" not in card
+    assert client.get("/drawing/boost.svg").status_code == 404
+    address = re.search(r'src="(/effects/boost/fingerprint.svg[^"]+)"', card)[1]
+    assert client.get(address.replace("&amp;", "&")).status_code == 200
+
+
+def test_a_fingerprint_is_drawn_where_the_effect_would_show(client):
+    picture = client.get("/effects/stance_overlap/fingerprint.svg").text
+    ElementTree.fromstring(picture)
+    assert 'class="frame"' in picture
+    nothing = client.get("/effects/added_mass/fingerprint.svg").text
+    assert '<rect class="frame"' not in nothing
+    assert client.get("/effects/levitation/fingerprint.svg").status_code == 404
+
+
+@pytest.mark.parametrize("address", ["/effects?effect=nonsense", "/effects?tune=1"])
+def test_an_address_that_means_nothing_is_refused_in_a_line(client, address):
+    answer = client.get(address)
+    assert answer.status_code == 400
+    assert len(answer.text.splitlines()) == 1
+
+
+@given(st.dictionaries(st.text(min_size=1), PREVIEWS), st.data())
+def test_the_order_loses_nothing_and_puts_what_helps_most_first(previews, data):
+    on = data.draw(st.lists(st.sampled_from(sorted(previews)), unique=True)) if previews else []
+    names = ordered(previews, on)
+    assert sorted(names) == sorted(previews)
+    if any(preview is None for preview in previews.values()):
+        assert names == list(previews)
+        return
+    assert set(names[: len(on)]) == set(on)
+    errors = [error for error, _ in (previews[name] for name in names[len(on) :]) if math.isfinite(error)]
+    assert errors == sorted(errors)
+    assert not any(math.isnan(previews[name][0]) for name in names[len(on) : len(on) + len(errors)])
+
+
+def test_the_change_is_told_from_before_to_after_and_whether_it_helps():
+    assert change_of((0.01, 0.02), False, 0.03) == "3.00 → 1.00 cm/s"
+    assert change_of((0.03, 0.02), True, 0.01) == "3.00 → 1.00 cm/s"
+    assert change_of(None, False, 0.01) == "…"
+    assert change_of((math.nan, math.nan), False, 0.01) == "no fit"
+    assert helps(None, 0.01)
+    assert helps((0.009, 0.01), 0.01)
+    assert not helps((0.0099, 0.01), 0.01)
+    assert not helps((math.nan, math.nan), 0.01)
