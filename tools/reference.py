@@ -72,8 +72,8 @@ def all_effects() -> str:
 
     parts = [
         f"{MADE}# Effects\n\nWhat the walking models can lack. Drawn in colour: what the effect adds. "
-        "`ros2 run sandbot_model effects NAME` computes where one would show; the explorer's cards (`/effects`) show it over φ and ω, and what "
-        "each brings on your data.\n"
+        "`ros2 run sandbot_model effects NAME` computes where one would show; the explorer's cards (`/effects`) show "
+        "it over φ and ω, and what each brings on your data.\n"
     ]
     for effect in CATALOGUE:
         name = effect.identifier

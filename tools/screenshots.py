@@ -44,6 +44,8 @@ HIDDEN = "disturbed_ground"
 FITTED = """return /error/.test(document.getElementById('status')?.innerText ?? '')
     && !!document.querySelector('#figure .main-svg')
     && !document.getElementById('effects').innerText.includes('…')"""
+CARDS_FITTED = "return !document.body.innerText.includes('still being fitted')"
+FILMED = "phi0.6330_w16.000_r01"
 DRAWN = "return document.documentElement.dataset.drawn !== undefined"
 
 Act = Callable[[webdriver.Chrome], None]
@@ -97,6 +99,8 @@ EXPLORER = (
     Shot("15-narrow", f"{ON}&view=lock", (500, 1500)),
 )
 WHY = Shot("18-why", "why?model=simple", (1180, 1500))
+TRIAL = Shot("19-trial", f"theatre?trial={FILMED}&effect={HIDDEN}", (1180, 1500))
+CARDS = Shot("20-cards", "effects", (1180, 1300))
 REPORT = (
     Shot("16-report", "", (1180, 1500)),
     Shot("17-report-dark", "", (1180, 1500), dark=True, scroll_to="#lock"),
@@ -111,7 +115,8 @@ def main() -> int:
         with explorer(data) as address:
             for shot in EXPLORER:
                 take(driver, shot, address + shot.query, FITTED)
-            take(driver, WHY, address + WHY.query, DRAWN)
+            for shot, ready in ((WHY, DRAWN), (TRIAL, DRAWN), (CARDS, CARDS_FITTED)):
+                take(driver, shot, address + shot.query, ready)
         report = Path(folder) / "report.html"
         ros2("sandbot_model", "compare", data, "--effects", HIDDEN, "--html", report, "--title", TITLE)
         for shot in REPORT:

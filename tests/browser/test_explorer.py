@@ -240,6 +240,12 @@ def test_every_view_draws(page, address):
     for view in ("speed", "residuals", "critical", "step", "balance", "lock"):
         page.open(f"{address}?view={view}&effect={HIDDEN}&cell=3")
         page.until(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#figure .main-svg"))
+    # What does not help is folded away until it is asked for.
+    shown = "return [...document.querySelectorAll('#effects label')].filter((one) => one.offsetParent).length"
+    page.fitted()
+    helpful = page.driver.execute_script(shown)
+    page.press("unfold")
+    assert page.driver.execute_script(shown) > helpful > 0
     # A formula is drawn as one: MathML that the browser knows has a size.
     page.until(lambda: min(page.driver.execute_script(DRAWN), default=0) > 0)
     # Texts of the figure are none of them: Plotly has attributes for formulas, too.
@@ -397,7 +403,28 @@ def test_a_cell_of_the_map_leads_to_its_trials_waveforms_video_and_bags(page, ca
         link = page.driver.find_element(By.PARTIAL_LINK_TEXT, "phi0.6330_w16.000_r01").get_attribute("href")
         with urllib.request.urlopen(link) as answer:
             assert answer.read(5) == b"\x89MCAP"
+        watched_on_one_clock(page)
         assert page.complaints() == []
+
+
+def watched_on_one_clock(page):
+    """A trial of the list: scrubbed by keyboard, then played to its end."""
+    page.driver.find_element(By.CSS_SELECTOR, "[aria-label='watch phi0.6330_w16.000_r01']").click()
+    page.until(lambda: page.driver.execute_script("return document.documentElement.dataset.drawn") == "light")
+    at = "const film = document.getElementById('film'), cursor = document.getElementById('cursor');"
+    state = f"{at} return [film.src, cursor.style.left, document.getElementById('leg-0').getAttribute('transform')]"
+    before = page.driver.execute_script(state)
+    clock = page.driver.find_element(By.ID, "clock")
+    clock.send_keys(*[Keys.PAGE_UP] * 3)
+    after = page.driver.execute_script(state)
+    assert all(one != other for one, other in zip(before, after, strict=True))
+    assert "measured" in page.text("reading")
+    page.until(lambda: page.driver.execute_script(f"{at} return film.complete && film.naturalWidth > 0"))
+    clock.send_keys(Keys.END, Keys.PAGE_DOWN)
+    page.press("play")
+    page.until(lambda: page.text("play") == "Play")
+    reached = float(re.search(r"t = ([\d.]+) s", page.text("reading"))[1])
+    assert reached == pytest.approx(float(clock.get_attribute("max")), abs=0.01)
 
 
 def test_an_empty_table_opens_a_page_that_says_why(page, folder):

@@ -34,6 +34,7 @@ from sandbot_model.explore.helpful import ordered
 from sandbot_model.explore.job import Job
 from sandbot_model.explore.loopback import own_host_only
 from sandbot_model.explore.session import Session
+from sandbot_model.explore.theatre_page import TheatrePage
 from sandbot_model.explore.why_page import WhyPage
 from sandbot_model.explore.wiring import SHOWN, bare, wire
 from sandbot_model.report import waveforms
@@ -82,6 +83,7 @@ class Explorer:
         app.server.add_url_rule("/bag/<trial_id>/<name>", "bag", self.send_bag)
         AtlasPage(self.session, self.trials, self.bags, self.title).serve(app.server)
         CardsPage(self.session, self.title).serve(app.server)
+        TheatrePage(self.session, self.trials, self.bags).serve(app.server)
         WhyPage(self.job, self.provenance, self.title).serve(app.server)
         wire(app, self)
         return app
@@ -159,7 +161,7 @@ class Explorer:
     def _trials(self, selection: Selection, shown: views.Shown, theme: Theme) -> Any:
         if selection.cell is None or selection.cell >= len(self.session.cells):
             return None
-        return cell_trials.parts(self.trials, self.bags, shown.current.fit, selection.cell, theme)
+        return cell_trials.parts(self.trials, self.bags, shown.current.fit, selection.cell, theme, to_query(selection))
 
     def send_bag(self, trial_id: str, name: str) -> Response:
         """A recording's file, of the bags shown only."""

@@ -27,15 +27,21 @@ COLUMNS = (
 """Heading, column of the trials table, and the factor from SI to the heading's unit."""
 
 
-def parts(trials: Trials, bags: Mapping[str, Path], fit: Fit, cell: int, theme: Theme) -> list[Any]:
+def parts(trials: Trials, bags: Mapping[str, Path], fit: Fit, cell: int, theme: Theme, query: str = "") -> list[Any]:
     """Everything known of the trials of one cell, and a line for each thing that is missing."""
     rows = waveforms.trials_of(trials, fit.cells, cell)
     ids = [str(trials.trial_id[i]) for i in rows]
     lines = [
-        [link(name, bags), *(_cell(getattr(trials, column)[row], scale) for _, column, scale in COLUMNS)]
+        [
+            link(name, bags),
+            *watch(name, bags, query),
+            *(_cell(getattr(trials, column)[row], scale) for _, column, scale in COLUMNS),
+        ]
         for name, row in zip(ids, rows, strict=True)
     ]
-    shown: list[Any] = [controls.trial_table(lines, ["trial", *(head for head, _, _ in COLUMNS)])]
+    shown: list[Any] = [
+        controls.trial_table(lines, ["trial", *(["legs and film"] if bags else []), *(head for head, _, _ in COLUMNS)])
+    ]
     found, missing = waveforms.read(bags, ids)
     if found:
         figure = waveforms.figure(found, fit, cell, theme)
@@ -62,6 +68,14 @@ def link(trial_id: str, bags: Mapping[str, Path]) -> Any:
         return trial_id
     where = f"/bag/{quote(trial_id)}/{quote(names[0])}"
     return html.A(trial_id, href=where, title=f"save the recording {bags[trial_id]}", download=names[0])
+
+
+def watch(trial_id: str, bags: Mapping[str, Path], query: str) -> list[Any]:
+    """The way to the trial's film, legs and records on one clock; an empty place where others have one."""
+    if trial_id not in bags:
+        return [""] if bags else []
+    address = f"/theatre?trial={quote(trial_id)}{query.replace('?', '&')}"
+    return [html.A("watch", href=address, **{"aria-label": f"watch {trial_id}"})]
 
 
 def _cell(value: Any, scale: float) -> str:

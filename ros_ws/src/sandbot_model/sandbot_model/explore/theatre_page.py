@@ -1,0 +1,181 @@
+"""``/theatre``: one trial with its film, its legs and its records on one time cursor, and as a clip."""
+
+import tempfile
+from collections.abc import Mapping
+from functools import lru_cache
+from html import escape
+from math import cos, sin
+from pathlib import Path
+from urllib.parse import quote
+
+from flask import Flask, Response, abort, request
+from plotly.offline import get_plotlyjs
+
+from sandbot_common.errors import InputError
+from sandbot_model.discovery.choice import to_query
+from sandbot_model.explore.asked import asked_selection
+from sandbot_model.explore.clip import write_clip
+from sandbot_model.explore.scene import Scene, replicates, scene_of
+from sandbot_model.explore.scene_figures import over_phase, phase_says, records, records_say
+from sandbot_model.explore.session import Session
+from sandbot_model.physics.observables import CM
+from sandbot_model.report import waveforms
+from sandbot_model.report.page import for_script, source
+from sandbot_model.report.theme import THEMES
+from sandbot_record.bags.reader import Bag
+from sandbot_record.trials.film import Film, film_of
+from sandbot_record.trials.table import Trials
+
+PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
+<title>{trial}</title><style>{style}</style></head>
+<body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>{trial}</h1>
+<p class="kind">{model}. Other trials of this condition: {others}</p></header>
+<main class="theatre"><div class="stage">{film}{leg}</div>
+<div class="controls"><button type="button" id="play">Play</button>
+<label for="clock">time (s)</label>
+<input type="range" id="clock" min="{start}" max="{end}" step="0.005" value="0" autocomplete="off">
+<label for="pace">pace</label><select id="pace"><option value="1">1</option><option value="0.25" selected>1/4</option>
+<option value="0.1">1/10</option></select></div>
+<p id="reading" class="reading"></p>
+{records}{phase}
+<p><a class="download" download="{trial}.mp4" href="/theatre/clip.mp4?{address}">Clip of this trial
+(MP4, a quarter of its pace)</a></p></main>
+<script src="/plotly.js"></script><script type="application/json" id="scene">{data}</script>
+<script>{export}</script><script>{script}</script></body></html>"""
+FIGURE = """<figure><div class="screen"><div class="plot" id="plot-{name}" role="img" aria-labelledby="says-{name}">
+</div>{cursor}</div><figcaption><p id="says-{name}">{says}</p><p class="save">Save figure: {buttons}</p></figcaption>
+</figure>"""
+LEG = """<svg class="leg" viewBox="-9 -9 18 14" role="img" aria-label="The model's legs: coloured while they hold">
+<rect x="-9" y="0" width="18" height="5" class="bed"/><g id="ground">{stones}</g>
+<path d="M-9 0 H9" class="surface"/>
+<g id="robot"><rect class="body" x="-6.5" y="{top}" width="13" height="{belly}" rx="0.6"/>
+<path id="leg-0" class="arc" d="{arc}"/><path id="leg-1" class="arc second" d="{arc}"/><circle r="0.3"/></g></svg>"""
+ARC_RAD = 3.927
+"""225°, from the hip over the front to the tip."""
+BUTTONS = ("svg", "png", "csv")
+
+
+class TheatrePage:
+    """``/theatre`` for the trial and the selection in its address, its frames and its clip."""
+
+    def __init__(self, session: Session, trials: Trials, bags: Mapping[str, Path]) -> None:
+        self._session, self._trials, self._bags = session, trials, bags
+        self._film = lru_cache(maxsize=4)(self._opened)
+        self._frame = lru_cache(maxsize=1024)(lambda trial_id, i: self._filmed(trial_id).jpeg(i))
+
+    def serve(self, server: Flask) -> None:
+        """Add them to the explorer's own addresses."""
+        server.add_url_rule("/theatre", "theatre", self.page)
+        server.add_url_rule("/theatre/frame/<trial_id>/<int:i>.jpg", "frame", self.frame)
+        server.add_url_rule("/theatre/clip.mp4", "clip", self.clip)
+        server.add_url_rule("/plotly.js", "plotly", _plotly)
+
+    def page(self) -> Response:
+        """The trial."""
+        try:
+            scene, trial, address, query, model = self._asked()
+            film = self._film(trial)
+        except InputError as error:
+            return Response(str(error), 400, mimetype="text/plain")
+        fit = self._session.step(asked_selection("trial")).fit
+        others = replicates(self._trials, fit, scene.cell)
+        found, _ = waveforms.read(self._bags, others)
+        walking = [one for one in found if len(one.leg_time_s)]
+        figures = {
+            "records": {name: records(scene, theme) for name, theme in THEMES.items()},
+            "phase": {name: over_phase(scene, walking, theme) for name, theme in THEMES.items()},
+        }
+        times = [] if film is None else film.time_s.round(4).tolist()
+        links = ", ".join(self._link(name, query) for name in others if name != trial) or "none"
+        return Response(
+            PAGE.format(
+                trial=escape(trial), style=source("report.css"), query=escape(query), model=escape(model), others=links,
+                film="" if film is None else _screen(trial), leg=_leg(scene),
+                start=min(0.0, float(scene.waveform.time_s[0])), end=scene.end_s, address=escape(address),
+                records=_figure("records", records_say(scene), '<div id="cursor" class="cursor"></div>'),
+                phase=_figure("phase", phase_says(walking)),
+                data=for_script({"scene": scene.to_dict(), "frames": times, "figures": figures}),
+                export=source("export.js"), script=source("theatre.js"),
+            ), mimetype="text/html",
+        )  # fmt: skip
+
+    def frame(self, trial_id: str, i: int) -> Response:
+        """One lateral frame with its marks."""
+        film = self._film(trial_id) if trial_id in self._bags else None
+        if film is None or i >= len(film.stamp_ns):
+            abort(404)
+        answer = Response(self._frame(trial_id, i), mimetype="image/jpeg")
+        answer.cache_control.max_age = 3600
+        return answer
+
+    def clip(self) -> Response:
+        """The trial as MP4."""
+        try:
+            scene, trial, _, _, _ = self._asked()
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "clip.mp4"
+                write_clip(path, scene, self._film(trial))
+                return Response(path.read_bytes(), mimetype="video/mp4")
+        except InputError as error:
+            return Response(str(error), 400, mimetype="text/plain")
+
+    def _asked(self) -> tuple[Scene, str, str, str, str]:
+        """What the address asks for: the scene, its trial, address and selection, and the model's name."""
+        selection, trial = asked_selection("trial"), request.args.get("trial", "")
+        self._session.model(selection)
+        step = self._session.step(selection)
+        query = to_query(selection)
+        address = f"trial={quote(trial)}{query.replace('?', '&')}"
+        return scene_of(self._trials, self._bags, step.fit, trial), trial, address, query, step.label
+
+    def _link(self, trial: str, query: str) -> str:
+        if trial not in self._bags:
+            return escape(trial)
+        return f'<a href="/theatre?trial={quote(trial)}{escape(query.replace("?", "&"))}">{escape(trial)}</a>'
+
+    def _opened(self, trial_id: str) -> Film | None:
+        return film_of(Bag.open(self._bags[trial_id]))
+
+    def _filmed(self, trial_id: str) -> Film:
+        film = self._film(trial_id)
+        assert film is not None
+        return film
+
+
+def _plotly() -> Response:
+    answer = Response(get_plotlyjs(), mimetype="text/javascript")
+    answer.cache_control.max_age = 86400
+    return answer
+
+
+def _screen(trial: str) -> str:
+    frame = f"/theatre/frame/{quote(trial)}/FRAME.jpg"
+    first = frame.replace("FRAME", "0")
+    return f'<img id="film" alt="Lateral camera, tracked axles marked" data-address="{frame}" src="{first}">'
+
+
+def _leg(scene: Scene) -> str:
+    """The robot from the side; its hip is at the origin, and heights are upwards on the page."""
+    radius, belly = CM * scene.radius_m, CM * scene.axle_height_m
+    tip = radius * sin(ARC_RAD), radius - radius * cos(ARC_RAD)
+    arc = f"M0 0 A{radius:.2f} {radius:.2f} 0 1 1 {tip[0]:.3f} {tip[1]:.3f}"
+    stones = "".join(
+        f'<circle class="stone" cx="{x}" cy="{y}" r="0.16"/>'
+        for x, y in (
+            (4 * n + dx, y)
+            for n in range(-3, 4)
+            for dx, y in ((0, 0.7), (1.4, 2.2), (2.7, 1.3), (0.8, 3.6), (3.2, 4.2))
+        )
+    )
+    return LEG.format(arc=arc, stones=stones, top=-0.25 * belly, belly=1.25 * belly)
+
+
+def _figure(name: str, says: str, cursor: str = "") -> str:
+    buttons = " ".join(
+        f'<button type="button" data-figure="{name}" data-format="{kind}" aria-label="Save figure {name} as '
+        f'{kind.upper()}">{kind.upper()}</button>'
+        for kind in BUTTONS
+    )
+    return FIGURE.format(name=name, says=escape(says), cursor=cursor, buttons=buttons)

@@ -1,0 +1,162 @@
+"""One trial on one clock: what the model's leg does, what is drawn of it, and the clip."""
+
+import json
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+from flask import Flask
+from made_up import PACE, walking_bag
+
+from sandbot_common.errors import InputError
+from sandbot_model.discovery.choice import Selection
+from sandbot_model.explore import clip, scene_figures
+from sandbot_model.explore.scene import phases, scene_of
+from sandbot_model.explore.theatre_page import TheatrePage
+from sandbot_model.physics.observables import Observable
+from sandbot_model.report.theme import DARK, LIGHT
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory, trials, session):
+    """Two trials of a condition that walks, one of them without legs, and one that swims."""
+    folder = tmp_path_factory.mktemp("bags")
+    walks = replicates_of(trials, session, walking=True)
+    swims = replicates_of(trials, session, walking=False)
+    made = {name: walking_bag(folder / name, v_x=lambda t: 0.1 + 0.05 * np.sin(2 * PACE * t)) for name in walks[:1]}
+    made[walks[1]] = walking_bag(folder / walks[1], v_x=lambda t: 0.1, legs=False)
+    made[swims[0]] = walking_bag(folder / swims[0], v_x=lambda t: 0.02)
+    return made
+
+
+def replicates_of(trials, session, *, walking):
+    lift = session.step(Selection()).fit.predicted[:, Observable.lift]
+    cell = int(lift.argmax() if walking else np.flatnonzero(lift <= 0)[0])
+    cells = session.cells
+    near = (np.abs(trials.omega_rad_s - cells.omega[cell]) < 0.1) & (np.abs(trials.phi - cells.phi[cell]) < 0.003)
+    return [str(name) for name in trials.trial_id[near]]
+
+
+@pytest.fixture(scope="module")
+def fit(session):
+    return session.step(Selection()).fit
+
+
+@pytest.fixture(scope="module")
+def scene(trials, bags, fit):
+    return scene_of(trials, bags, fit, next(iter(bags)))
+
+
+def test_a_leg_that_holds_carries_the_axle_by_the_lift_of_the_model(scene, fit):
+    """Straight below the axle a leg lifts the body by Δz; at the ends of a stance, and while none holds, by nothing."""
+    lift = fit.predicted[scene.cell, Observable.lift]
+    assert scene.axle_m.min() == pytest.approx(scene.axle_height_m)
+    assert scene.axle_m.max() - scene.axle_height_m == pytest.approx(lift, rel=0.01)
+    none = ~scene.holds.any(axis=1)
+    assert none.any()
+    assert scene.axle_m[none] == pytest.approx(scene.axle_height_m)
+    moving = scene.model_m_s > 0
+    assert np.array_equal(moving, scene.holds.any(axis=1) & (scene.waveform.leg_time_s >= 0))
+
+
+def test_a_swimmer_has_no_leg_that_holds(trials, bags, fit):
+    swims = scene_of(trials, bags, fit, list(bags)[-1])
+    assert swims.reach_rad == 0
+    assert not swims.holds.any()
+    assert np.ptp(swims.axle_m) == 0
+    assert "swims" in scene_figures.records_say(swims)
+
+
+def test_replicates_are_laid_over_each_other_by_phase(scene):
+    """v_x was made a function of the leg's angle: one curve, whichever the turn."""
+    longer = replace(
+        scene.waveform, leg_time_s=np.arange(0, 3, 0.01), leg_angle_rad=np.tile(PACE * np.arange(0, 3, 0.01), (6, 1)).T,
+        time_s=np.arange(0, 3, 0.013), speed_m_s=0.1 + 0.05 * np.sin(2 * PACE * np.arange(0, 3, 0.013)),
+    )  # fmt: skip
+    phase, speed = phases(longer, 0)
+    seen = np.isfinite(speed)
+    assert speed[seen] == pytest.approx(0.1 + 0.05 * np.sin(2 * phase[seen]), abs=1e-6)
+    assert np.isnan(speed).sum() == np.sum(np.diff(phase) < 0) > 1
+    drawn = scene_figures.over_phase(replace(scene, waveform=longer, model_m_s=longer.leg_time_s), [longer], DARK)
+    assert [trace["name"] for trace in drawn["data"]] == ["model", longer.trial_id]
+
+
+def test_the_records_have_no_line_back_from_one_turn_to_the_next(scene):
+    spec = scene_figures.records(scene, LIGHT)
+    names = [trace["name"] for trace in spec["data"]]
+    assert names == ["model", "measured", "tripod A", "tripod B"]
+    for trace in spec["data"][2:]:
+        known = np.array([np.nan if y is None else y for y in trace["y"]])
+        assert np.nanmax(np.abs(np.diff(known))) < 90
+
+
+def test_the_clip_has_a_picture_for_each_moment_and_the_film_above(scene, tmp_path):
+    grey = np.full((144, 640, 3), 90, np.uint8)
+    film = SimpleNamespace(time_s=np.arange(0, 1, 0.01), picture=lambda i: grey)
+    for name, above in (("legs.mp4", None), ("film.mp4", film)):
+        path = tmp_path / name
+        clip.write_clip(path, scene, above)
+        video = cv2.VideoCapture(str(path))
+        meant = (scene.end_s - scene.waveform.time_s[0]) / clip.PACE * clip.RATE_HZ
+        assert video.get(cv2.CAP_PROP_FRAME_COUNT) == pytest.approx(meant, abs=1)
+        ok, picture = video.read()
+        assert ok
+        assert picture.shape == (clip.HEIGHT + (216 if above else 0), clip.WIDTH, 3)
+        if above:
+            assert abs(int(picture[100, 400].mean()) - 90) < 8
+
+
+def test_a_leg_is_coloured_only_while_it_holds(scene):
+    def coloured(i):
+        picture = clip.legs_at(scene, float(scene.waveform.leg_time_s[i])).astype(int)
+        return bool((np.abs(picture - clip.NEW).sum(axis=2) < 30).sum() > 40)
+
+    holding = scene.holds.any(axis=1)
+    assert coloured(int(np.flatnonzero(holding)[3]))
+    assert not coloured(int(np.flatnonzero(~holding)[3]))
+
+
+@pytest.fixture(scope="module")
+def client(session, trials, bags):
+    server = Flask("test")
+    TheatrePage(session, trials, bags).serve(server)
+    return server.test_client()
+
+
+def test_the_page_has_everything_on_one_clock(client, bags, scene):
+    name = next(iter(bags))
+    page = client.get(f"/theatre?trial={name}&effect=leg_slip").text
+    held = json.loads(re.search(r'id="scene">(.*?)</script>', page)[1])
+    assert held["frames"] == []
+    assert len(held["scene"]["legTime"]) == len(held["scene"]["axle"]) == len(held["scene"]["model"])
+    assert set(held["figures"]) == {"records", "phase"}
+    assert 'href="/?effect=leg_slip"' in page
+    assert "+ leg slip. Other trials" in page
+    assert f"/theatre/clip.mp4?trial={name}&amp;effect=leg_slip" in page
+    assert 'id="film"' not in page
+
+
+@pytest.mark.parametrize(
+    ("address", "said"),
+    [
+        ("/theatre?trial=absent", "no trial of that name"),
+        ("/theatre", "no trial of that name"),
+        ("/theatre?trial=t00&effect=nonsense", "nonsense"),
+        ("/theatre/clip.mp4?trial=absent", "no trial of that name"),
+    ],
+)
+def test_what_can_not_be_shown_is_refused_in_a_line(client, address, said):
+    answer = client.get(address)
+    assert answer.status_code == 400
+    assert said in answer.text
+    assert len(answer.text.splitlines()) == 1
+
+
+def test_a_trial_without_legs_says_so(trials, bags, fit, client):
+    without = list(bags)[1]
+    with pytest.raises(InputError, match="no leg states"):
+        scene_of(trials, bags, fit, without)
+    assert client.get(f"/theatre/frame/{without}/0.jpg").status_code == 404
