@@ -10,6 +10,7 @@ import sys
 import urllib.request
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import psutil
@@ -57,7 +58,18 @@ return [...document.querySelectorAll("#effects [data-mathml]")].map(
     (place) => place.querySelector("math")?.getBoundingClientRect().width ?? 0)
 """
 """Widths of the effects' formulas."""
+DROP = """
+const [name, content] = arguments, dataTransfer = new DataTransfer();
+dataTransfer.items.add(new File([content], name));
+document.body.dispatchEvent(new DragEvent("drop", { bubbles: true, cancelable: true, dataTransfer }));
+"""
 PATIENCE_S = 150
+AXE = Path(__file__).parent / "axe" / "axe.min.js"
+AUDIT = """
+const done = arguments[arguments.length - 1];
+axe.run(document).then(({ violations, passes }) => done([passes.length, violations.flatMap(({ id, nodes }) =>
+  nodes.map((node) => `${id}: ${node.html.slice(0, 160)}`))]));
+"""
 
 
 @pytest.fixture(scope="module")
@@ -191,6 +203,24 @@ class Page:
             "return document.querySelector(`#${arguments[0]} .js-plotly-plot`)?.layout.paper_bgcolor", figure
         )
 
+    def accessible(self):
+        """axe-core finds nothing, light on a wide screen and dark on a telephone's."""
+        self.driver.set_script_timeout(PATIENCE_S)
+        self.driver.execute_script(AXE.read_text(encoding="utf-8"))
+        for scheme, width in (("light", 1400), ("dark", 390)):
+            self.screen(scheme, width)
+            checked, found = self.driver.execute_async_script(AUDIT)
+            assert checked > 15
+            assert found == [], (scheme, width)
+        self.screen("light", 1400)
+
+    def screen(self, scheme, width):
+        """A screen so wide, in the colours of this scheme."""
+        features = [{"name": "prefers-color-scheme", "value": scheme}]
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+        metrics = {"width": width, "height": 1400, "deviceScaleFactor": 1, "mobile": False}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+
     def complaints(self):
         return [line["message"] for line in self.driver.get_log("browser") if line["level"] == "SEVERE"]
 
@@ -252,6 +282,12 @@ def test_every_view_draws(page, address):
     page.until(lambda: page.driver.find_element(By.CSS_SELECTOR, "#figure .xtick text").text.isdecimal())
     page.open(f"{address}?view=parameters&effect={HIDDEN}")
     page.until(lambda: "stiffness of disturbed ground" in page.text("parameters"))
+    page.unfold()
+    page.accessible()
+    page.driver.get(f"{address}effects?effect={HIDDEN}")
+    page.until(lambda: "still being fitted" not in page.driver.page_source)
+    page.unfold()
+    page.accessible()
     assert page.complaints() == []
 
 
@@ -320,6 +356,9 @@ def test_why_argues_the_verdict_and_the_slider_sets_its_rivals_beside(page, addr
     page.driver.find_element(By.ID, "rung").send_keys(Keys.ARROW_LEFT)
     page.until(lambda: page.driver.execute_script(drawn) == "light 0")
     assert page.driver.execute_script(thick) == ["simple model"]
+    page.accessible()
+    # The colours have changed and come back: the figures are drawn again.
+    page.until(lambda: page.driver.execute_script(drawn) == "light 0")
     page.driver.find_element(By.LINK_TEXT, "Back to the explorer").click()
     page.until(lambda: "error" in page.text("status"))
     assert page.complaints() == []
@@ -371,9 +410,16 @@ def test_two_models_and_two_data_sets_stand_side_by_side(page, address, folder):
         page.until(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#beside .main-svg"))
         assert page.text("pane-title") == "ours: simple model"
         assert page.text("beside").startswith("trials")
+        rows = (folder / "trials.csv").read_text(encoding="utf-8")
+        page.driver.execute_script(DROP, "bad.csv", "phi,omega_rad_s\n0.6,8\n")
+        page.until(lambda: "bad.csv: " in page.text("message"))
+        page.driver.execute_script(DROP, "theirs.csv", rows)
+        page.until(lambda: page.text("beside").startswith("theirs"))
 
 
 def test_a_cell_of_the_map_leads_to_its_trials_waveforms_video_and_bags(page, campaign):
+    late = campaign / "trials" / "phi0.6000_w08.000_r02"
+    late.rename(campaign / late.name)
     with explorer(campaign) as where:
         page.open(f"{where}?view=residuals")
         assert "1 trials excluded, and why" in page.driver.page_source
@@ -404,6 +450,11 @@ def test_a_cell_of_the_map_leads_to_its_trials_waveforms_video_and_bags(page, ca
         with urllib.request.urlopen(link) as answer:
             assert answer.read(5) == b"\x89MCAP"
         watched_on_one_clock(page)
+        page.open(f"{where}?view=lock")
+        assert page.driver.find_element(By.TAG_NAME, "header").text.startswith("campaign\n6 trials used")
+        (campaign / late.name).rename(late)
+        page.until(lambda: "\n7 trials used" in page.driver.find_element(By.TAG_NAME, "body").text)
+        assert "view=lock" in page.driver.current_url
         assert page.complaints() == []
 
 
@@ -425,6 +476,7 @@ def watched_on_one_clock(page):
     page.until(lambda: page.text("play") == "Play")
     reached = float(re.search(r"t = ([\d.]+) s", page.text("reading"))[1])
     assert reached == pytest.approx(float(clock.get_attribute("max")), abs=0.01)
+    page.accessible()
 
 
 def test_an_empty_table_opens_a_page_that_says_why(page, folder):
@@ -485,7 +537,7 @@ def test_every_control_has_a_name_and_every_figure_a_description(page, address):
       return [...document.querySelectorAll(controls)].filter((one) => shown(one) && !named(one))
         .map((one) => one.outerHTML.slice(0, 200));"""
     assert page.driver.execute_script(nameless) == []
-    says = """return [...document.querySelectorAll('[role=img]')]
+    says = """return [...document.querySelectorAll('.plot[role=group]')]
       .map((one) => document.getElementById(one.getAttribute('aria-labelledby')).innerText)"""
     texts = page.driver.execute_script(says)
     assert len(texts) >= 2

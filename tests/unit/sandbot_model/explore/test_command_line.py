@@ -124,7 +124,7 @@ def test_a_formula_that_is_off_is_not_in_the_saved_command_line():
 def test_the_page_opens_with_the_formula_that_was_typed(trials, tmp_path, monkeypatch):
     write_csv(trials, tmp_path / "trials.csv")
     opened = []
-    monkeypatch.setattr(explore_tool, "_serve", lambda app, port, query, said="": opened.append(query))
+    monkeypatch.setattr(explore_tool, "_serve", lambda desk, *_: opened.append(desk.query))
     assert explore_tool.main([str(tmp_path / "trials.csv"), "--effect", BOOST, "--workers", "1"]) == 0
     assert from_query(opened[0]) == Selection(effects=("boost",), formulas=(BOOST,))
 

@@ -73,7 +73,7 @@ def test_rivals_are_laid_over_each_other_and_the_chosen_one_is_thickest(shown):
 
 def test_the_difference_of_two_models_is_that_of_their_predictions(shown):
     base, named, *_ = shown
-    heat = apart.difference_map(base, named, "speed", LIGHT)["data"][0]
+    heat = apart.difference_map(base, named, "speed", LIGHT)["data"][-1]
     meant = 100 * (base.fit.predicted - named.fit.predicted)[:, Observable.speed]
     drawn = {told[1]: z for row, zs in zip(heat["customdata"], heat["z"], strict=True)
              for told, z in zip(row, zs, strict=True) if told[1] is not None}  # fmt: skip
@@ -83,7 +83,7 @@ def test_the_difference_of_two_models_is_that_of_their_predictions(shown):
 
 
 def test_a_model_does_not_differ_from_itself(shown):
-    heat = apart.difference_map(shown[1], shown[1], "lift", DARK)["data"][0]
+    heat = apart.difference_map(shown[1], shown[1], "lift", DARK)["data"][-1]
     assert {z for row in heat["z"] for z in row} == {0.0}
     assert "is 0.00 cm" in apart.difference_says(shown[1], shown[1], "lift")
     fit = shown[1].fit
@@ -127,7 +127,7 @@ def test_errors_hang_together_with_themselves_and_no_more_than_that(found):
     assert np.diag(values)[known] == pytest.approx(1.0)
     assert np.nanmax(np.abs(values)) <= 1 + 1e-9
     (step,) = steps([found.fit])
-    names = profiles.correlations(step, LIGHT)["data"][0]["x"]
+    names = profiles.correlations(step, LIGHT)["data"][-1]["x"]
     assert names[:4] == ["Δt", "v_swim", "k_L", "s_c"]
 
 

@@ -86,8 +86,8 @@ def test_data_beside_are_of_the_same_robot_or_refused(folder, monkeypatch):
     monkeypatch.setattr(reading, "read", lambda data: from_rows([Row("a", 0.6)], tables[str(data)]))
 
     def robot(of_data, of_beside, named=None):
-        args = argparse.Namespace(beside=Path(of_beside), robot=named, cameras=None)
-        return arguments.beside(args, from_rows([Row("a", 0.6)], tables[of_data])).robot
+        args = argparse.Namespace(robot=named, cameras=None)
+        return arguments.beside(args, from_rows([Row("a", 0.6)], tables[of_data]), Path(of_beside)).robot
 
     assert robot("big", "ours") == robot("big", "big") == BIG
     assert robot("ours", "sandbot") == robot("ours", "ours") == SANDBOT

@@ -183,7 +183,7 @@ def plot(name: str, spec: Spec | None = None, how_to_read: str = "", caption: st
     ]
     return html.Figure(
         [
-            html.Div(graph, className="plot", id=f"{name}-box", role="img", **{"aria-labelledby": f"{name}-says"}),
+            html.Div(graph, className="plot", id=f"{name}-box", role="group", **{"aria-labelledby": f"{name}-says"}),
             html.Figcaption(
                 [
                     html.P(how_to_read, id=f"{name}-how"),
@@ -205,7 +205,7 @@ def panes(shown: Sequence[Pane]) -> list[Any]:
     parts = []
     for i, pane in enumerate(shown):
         body = html.P(pane.caption) if pane.figure is None else plot(f"beside-{i}", pane.figure, caption=pane.caption)
-        parts.append(html.Section([html.H3(pane.title), body], className="pane"))
+        parts.append(html.Section([html.H2(pane.title), body], className="pane"))
     return parts
 
 
@@ -334,7 +334,7 @@ def _figures(cells: Cells) -> html.Main:
             ),
             html.Div(
                 [
-                    html.Section([html.H3(id="pane-title", hidden=True), plot("figure")], className="pane"),
+                    html.Section([html.H2(id="pane-title", hidden=True), plot("figure")], className="pane"),
                     html.Div(id="beside", className="panes"),
                 ],
                 className="panes",
@@ -364,7 +364,7 @@ def _figures(cells: Cells) -> html.Main:
             dcc.Dropdown(
                 [{"value": i, "label": label} for i, label in enumerate(labels)], None, id="cell", clearable=True
             ),
-            html.Div(id="trials"),
+            html.Div(id="trials", role="region", tabIndex=0, **{"aria-label": "Trials of the condition chosen"}),
         ],
         id="figures",
         tabIndex=-1,

@@ -11,20 +11,23 @@ NEEDED = (
     "A campaign folder, bags, or a trials CSV with the columns phi, omega_rad_s and speed_m_s (SI units), and at least "
     "one trial with status ok. Mend the data and start explore again."
 )
+AGAIN = '<meta http-equiv="refresh" content="3">'
 PAGE = """<!doctype html>
 <html lang="en">
 <head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<link rel="icon" href="data:,"><title>{title}</title><style>{style}</style></head>
+<link rel="icon" href="data:,">{again}<title>{title}</title><style>{style}</style></head>
 <body><main class="page"><h1>{title}</h1>
 <p class="message" role="alert"><strong>Nothing can be shown.</strong> {reason}</p>
 <p><strong>What is needed.</strong> {needed}</p></main></body>
 </html>"""
 
 
-def app(title: str, reason: str) -> Flask:
-    """A server with one page that says ``reason``."""
+def app(title: str, reason: str, again: bool = False) -> Flask:
+    """A server with one page that says ``reason``, and asks ``again`` where trials may come yet."""
     style = (Path(__file__).parent / "assets" / "base.css").read_text(encoding="utf-8")
-    page = PAGE.format(title=escape(title), reason=escape(reason), needed=escape(NEEDED), style=style)
+    page = PAGE.format(
+        title=escape(title), reason=escape(reason), needed=escape(NEEDED), style=style, again=AGAIN if again else ""
+    )
     server = Flask("sandbot_explorer_no_data")
     own_host_only(server)
     server.add_url_rule("/", "page", lambda: page)

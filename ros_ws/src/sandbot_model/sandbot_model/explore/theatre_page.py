@@ -44,7 +44,7 @@ PAGE = """<!doctype html>
 (MP4, a quarter of its pace)</a></p></main>
 <script src="/plotly.js"></script><script type="application/json" id="scene">{data}</script>
 <script>{export}</script><script>{script}</script></body></html>"""
-FIGURE = """<figure><div class="screen"><div class="plot" id="plot-{name}" role="img" aria-labelledby="says-{name}">
+FIGURE = """<figure><div class="screen"><div class="plot" id="plot-{name}" role="group" aria-labelledby="says-{name}">
 </div>{cursor}</div><figcaption><p id="says-{name}">{says}</p><p class="save">Save figure: {buttons}</p></figcaption>
 </figure>"""
 LEG = """<svg class="leg" viewBox="-9 -9 18 14" role="img" aria-label="The model's legs: coloured while they hold">

@@ -12,6 +12,7 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import CM, NAMES, Observable
 from sandbot_model.report import text
 from sandbot_model.report.figures import as_json, model_name
+from sandbot_model.report.map_text import words_on
 from sandbot_model.report.residual_map import MAX_LABELLED_COLUMNS, column_label
 from sandbot_model.report.theme import Spec, Theme, axis, layout, note
 from sandbot_model.report.view import Step, bands, frequencies, observable_label
@@ -46,9 +47,8 @@ def difference_map(first: Step, second: Step, observable: str, theme: Theme) -> 
         "customdata": np.stack([as_json(z), index], axis=-1).tolist(),
         "hovertemplate": f"%{{y}}, ω %{{x}} rad/s<br>%{{z:.2f}} {unit}<extra></extra>",
     }  # fmt: skip
-    if len(omegas) <= 2 * MAX_LABELLED_COLUMNS:
-        heat |= {"text": shown, "texttemplate": "%{text}", "textfont": {"size": 12}}
-    spec = _map([heat], len(rows), theme)
+    labels = [words_on(heat, shown, theme)] if len(omegas) <= 2 * MAX_LABELLED_COLUMNS else []
+    spec = _map([*labels, heat], len(rows), theme)
     words = f"<b>{observable_label(observable)}</b><br>{_less(first, second)}"
     spec["layout"]["annotations"] = [_heading(words)]
     return spec

@@ -11,6 +11,7 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.typeset import plain
 from sandbot_model.report import text
 from sandbot_model.report.figures import as_json, grid_of_panels, in_panel, legend_entry
+from sandbot_model.report.map_text import words_on
 from sandbot_model.report.theme import Spec, Theme, axis, layout
 from sandbot_model.report.view import Step
 
@@ -108,13 +109,13 @@ def correlations(step: Step, theme: Theme) -> Spec:
              for i, row in enumerate(np.nan_to_num(values))]  # fmt: skip
     heat = {
         "type": "heatmap", "x": names, "y": names, "z": as_json(values), "zmin": -1, "zmax": 1,
-        "colorscale": theme.residual_scale(), "xgap": 1, "ygap": 1, "hoverongaps": False, "text": words,
-        "texttemplate": "%{text}", "hovertemplate": "%{y} and %{x}: %{z:.2f}<extra></extra>",
+        "colorscale": theme.residual_scale(), "xgap": 1, "ygap": 1, "hoverongaps": False,
+        "hovertemplate": "%{y} and %{x}: %{z:.2f}<extra></extra>",
         "colorbar": {"title": {"text": "correlation", "side": "right"}, "thickness": 14, "outlinewidth": 0},
     }  # fmt: skip
     bare = {"showgrid": False, "ticks": ""}
     spec: Spec = {
-        "data": [heat],
+        "data": [words_on(heat, words, theme), heat],
         "layout": layout(
             theme, 120 + 30 * len(names), showlegend=False, plot_bgcolor=theme.empty,
             xaxis=axis(theme, "", tickangle=-40, **bare), yaxis=axis(theme, "", autorange="reversed", **bare),

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.report.figures import as_json, model_name
+from sandbot_model.report.map_text import words_on
 from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
 from sandbot_model.report.view import Step, bands, frequencies, observable_label, residual_z
 
@@ -34,7 +35,9 @@ def residual_map(step: Step, observable: str, base: Step | None = None, theme: T
         key = "" if i == 0 else "2"
         across = [0.0, 1.0] if len(shown) == 1 else [0.515 * i, 0.515 * i + 0.485]
         trace = _heatmap(drawn.fit, observable, theme, len(shown) == 1)
-        spec["data"].append(trace | {"xaxis": f"x{key}", "yaxis": f"y{key}", "showscale": i == len(shown) - 1})
+        axes = {"xaxis": f"x{key}", "yaxis": f"y{key}"}
+        spec["data"].append(words_on(trace, trace["text"], theme) | axes)
+        spec["data"].append(trace | axes | {"showscale": i == len(shown) - 1})
         spec["layout"][f"xaxis{key}"] = axis(
             theme, "ω (rad/s)", type="category", showgrid=False, ticks="", domain=across, anchor=f"y{key}"
         )
@@ -70,8 +73,6 @@ def _heatmap(fit: Fit, observable: str, theme: Theme, roomy: bool) -> Spec:
         "z": as_json(np.clip(z, -Z_COLOUR_END, Z_COLOUR_END)),
         "customdata": np.stack([as_json(z), index], axis=-1).tolist(),
         "text": text.tolist(),
-        "texttemplate": "%{text}",
-        "textfont": {"size": 12},
         "zmin": -Z_COLOUR_END,
         "zmax": Z_COLOUR_END,
         "colorscale": theme.residual_scale(),

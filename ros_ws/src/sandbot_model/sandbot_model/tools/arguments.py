@@ -90,18 +90,18 @@ def trials(args: argparse.Namespace) -> "tuple[Trials, str]":
     return found, f"robot: {source}"
 
 
-def beside(args: argparse.Namespace, first: "Trials") -> "Trials":
-    """The trials of ``--beside``, with what the options say of DATA; of the robot of ``first``.
+def beside(args: argparse.Namespace, first: "Trials", path: Path) -> "Trials":
+    """The trials of ``path``, with what the options say of DATA; of the robot of ``first``.
 
     Raises InputError where they are another robot's.
     """
-    found = _filmed(args, args.beside)
+    found = _filmed(args, path)
     if args.robot is not None:
         return of_robot(found, read_robot(args.robot), str(args.robot))[0]
     robot = first.robot or SANDBOT
     if found.robot not in (None, robot):
         raise InputError(
-            f"--beside {args.beside}: trials of another robot than DATA ({difference(found.robot, robot)}); "
+            f"--beside {path}: trials of another robot than DATA ({difference(found.robot, robot)}); "
             "explore one robot at a time, or name the right one with --robot FILE.yaml"
         )
     return replace(found, robot=robot)

@@ -9,6 +9,7 @@ import os
 import signal
 import socket
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
@@ -55,22 +56,24 @@ def _explore(argv: Sequence[str]) -> None:
     query = to_query(_opened(args))
     title = args.title or args.data[0].resolve().stem
     arguments.check_setting(args)
-    from sandbot_model.data.quality import checked
+    from sandbot_record.bags.reader import is_bag
 
-    try:
-        trials, robot_line = arguments.trials(args)
-        checked(trials)
-        cells = arguments.cells(args, trials)
-    except InputError as error:
-        # A name that is none is a slip of the command line; data that say nothing are for the page to tell.
-        if not all(path.exists() for path in args.data):
-            raise
-        from sandbot_model.explore import no_data
+    campaigns = [path for path in args.data if path.is_dir() and not is_bag(path)]
+    with _fitters(args.workers) as workers:
+        desk = _Desk(args, title, query, workers)
+        try:
+            read = desk.read()
+        except InputError as error:
+            # A name that is none is a slip of the command line; data that say nothing are for the page to tell.
+            if not all(path.exists() for path in args.data):
+                raise
+            from sandbot_model.explore import no_data
 
-        print(f"explore: {error}", file=sys.stderr, flush=True)
-        _serve(no_data.app(title, str(error)), args.port, "")
-    else:
-        _explore_cells(args, trials, cells, title, query, robot_line)
+            print(f"explore: {error}", file=sys.stderr, flush=True)
+            first, said = no_data.app(title, str(error), again=bool(campaigns)), ""
+        else:
+            first, said = desk.server(*read), read[1]
+        _serve(desk, first, campaigns, said)
 
 
 def _opened(args: argparse.Namespace) -> Selection:
@@ -81,31 +84,49 @@ def _opened(args: argparse.Namespace) -> Selection:
     return saved
 
 
-def _explore_cells(
-    args: argparse.Namespace, trials: "Trials", cells: "Cells", title: str, query: str, robot_line: str
-) -> None:
-    from sandbot_model.data.conditions import cells_of
-    from sandbot_model.explore.app import Beside, Explorer
-    from sandbot_model.explore.session import Session
+class _Desk:
+    """What is shown: the data as they are now, what the command line says of them, and who fits."""
 
-    other = cells_of(arguments.beside(args, trials)) if args.beside else None
-    with _fitters(args.workers) as workers:
-        session = Session(cells, workers, effect_files=args.effects_from)
+    def __init__(self, args: argparse.Namespace, title: str, query: str, workers: ProcessPoolExecutor) -> None:
+        self.args, self._title, self.query, self._workers = args, title, query, workers
+
+    def read(self) -> "tuple[Trials, str, Cells]":
+        """The trials, a line on their robot, and their cells. Raises InputError."""
+        from sandbot_model.data.quality import checked
+
+        trials, robot_line = arguments.trials(self.args)
+        checked(trials)
+        return trials, robot_line, arguments.cells(self.args, trials)
+
+    def made(self, dropped: Path | None) -> "Flask":
+        """A server for the data as they are now, with a table that was dropped beside them."""
+        return self.server(*self.read(), dropped)
+
+    def server(self, trials: "Trials", robot_line: str, cells: "Cells", dropped: Path | None = None) -> "Flask":
+        """The explorer of these."""
+        from sandbot_model.data.conditions import cells_of
+        from sandbot_model.explore.app import Beside, Explorer
+        from sandbot_model.explore.session import Session
+
+        args = self.args
+        beside = None
+        if (path := dropped or args.beside) is not None:
+            other = cells_of(arguments.beside(args, trials, path))
+            beside = Beside(Session(other, self._workers, effect_files=args.effects_from), path.resolve().stem)
+        session = Session(cells, self._workers, effect_files=args.effects_from)
         session.catalogue()
         # Forked here, before the server has threads; they see a user's effects as they are.
-        workers.submit(os.getpid).result()
-        beside = None
-        if other is not None:
-            beside = Beside(Session(other, workers, effect_files=args.effects_from), args.beside.resolve().stem)
+        self._workers.submit(os.getpid).result()
         options = [word for path in args.effects_from for word in ("--effects-from", str(path))]
         for name in ("penetrometer", "robot", "cameras"):
             if (path := getattr(args, name)) is not None:
                 options += [f"--{name}", str(path)]
-        explorer = Explorer(session, trials, args.data, title, beside, options, robot_line)
+        explorer = Explorer(session, trials, args.data, self._title, beside, options, robot_line)
         # Fitted before the address is given, so that the page is there when it is asked for; what is wrong it will say.
         with suppress(InputError):
-            session.ladder(from_query(query))
-        _serve(explorer.app().server, args.port, query, robot_line)
+            session.ladder(from_query(self.query))
+        found: Flask = explorer.app().server
+        return found
 
 
 @contextmanager
@@ -131,21 +152,31 @@ def _gives_way() -> None:
     os.nice(NICE)
 
 
-def _serve(app: "Flask", port: int, query: str, said: str = "") -> None:
+def _serve(desk: _Desk, first: "Flask", campaigns: Sequence[Path], said: str) -> None:
     from werkzeug.serving import make_server
 
+    from sandbot_model.explore.live import Live
     from sandbot_model.explore.loopback import HOST
 
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
+    port = desk.args.port
     try:
         listening = socket.create_server((HOST, port))
     except OSError as error:
         raise InputError(f"--port {port}: {error.strerror}; another explorer may be running, try --port 0") from None
     port = listening.getsockname()[1]
-    server = make_server(HOST, port, app, threaded=True, fd=listening.fileno())
-    print(f"explore: http://{HOST}:{port}/{query}  (Ctrl-C ends it)", *([said] if said else []), sep="\n", flush=True)
+    live, ended = Live(desk.made, first, campaigns), threading.Event()
+    server = make_server(HOST, port, live, threaded=True, fd=listening.fileno())
+    if campaigns:
+        threading.Thread(target=live.follow, args=(ended,), name="follow", daemon=True).start()
+    print(
+        f"explore: http://{HOST}:{port}/{desk.query}  (Ctrl-C ends it)", *([said] if said else []), sep="\n", flush=True
+    )
     # It ends by Ctrl-C alone, which werkzeug keeps to itself.
-    server.serve_forever()
+    try:
+        server.serve_forever()
+    finally:
+        ended.set()
     raise KeyboardInterrupt
 
 

@@ -43,6 +43,23 @@ new MutationObserver(() => {
   }
 }).observe(document.documentElement, { childList: true, subtree: true });
 
+// The library gives its lists of native inputs the roles of a list box, which they are not; a reader hears the inputs.
+const LISTS = { model: "Base model", effects: "Effects", view: "View", observable: "Observable" };
+new MutationObserver(() => {
+  for (const [name, words] of Object.entries(LISTS)) {
+    const list = document.getElementById(name);
+    if (list?.getAttribute("role") !== "listbox") continue;
+    list.setAttribute("role", name === "effects" ? "group" : "radiogroup");
+    list.setAttribute("aria-label", words);
+  }
+  for (const label of document.querySelectorAll("label[role=option], label[aria-selected]")) {
+    label.removeAttribute("role");
+    label.removeAttribute("aria-selected");
+  }
+  // Hidden from readers, so not for the keyboard either: the button beside it has both.
+  for (const one of document.querySelectorAll(".dash-dropdown-focus-target[tabindex='0']")) one.tabIndex = -1;
+}).observe(document.documentElement, { childList: true, subtree: true, attributeFilter: ["role", "aria-selected"] });
+
 // Sliders are made anew with every step: the one that had the focus has it again.
 let slid = null;
 document.addEventListener("pointerdown", () => { slid = null; }, true);
@@ -69,3 +86,22 @@ new MutationObserver(() => {
     place.shown = place.innerHTML = place.dataset.mathml;
   }
 }).observe(document.documentElement, { childList: true, subtree: true, attributeFilter: ["data-mathml"] });
+
+// A table that is dropped on the page is set beside the data.
+document.addEventListener("dragover", (event) => event.preventDefault());
+document.addEventListener("drop", async (event) => {
+  event.preventDefault();
+  const [file] = event.dataTransfer.files;
+  if (!file) return;
+  const answer = await fetch(`/drop?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file });
+  if (answer.ok) { location.reload(); return; }
+  document.getElementById("message").textContent = await answer.text();
+});
+
+// A campaign that grows: the page is made anew with its state, but not under the hands of somebody who types.
+(async function follow(before) {
+  const { version, follows } = await fetch("/live").then((answer) => answer.json()).catch(() => ({ version: before }));
+  const typing = document.activeElement?.matches("input[type=text], input[type=search]");
+  if (before !== undefined && version !== before && !typing) { location.reload(); return; }
+  if (follows || before !== undefined) setTimeout(follow, 2000, before ?? version);
+})();
