@@ -122,7 +122,7 @@ def test_failing_cells_are_marked_by_sign_and_number_not_by_colour_alone():
     up, down, quiet = 3, 8, 5
     z[up, 0], z[down, 0], z[quiet, 0] = 12.4, -5.6, 2.0
     fails = tuple(Fail("speed", cells.phi[i], cells.omega[i], 0.1, z[i, Observable.speed]) for i in (up, down))
-    (trace,) = residual_map.residual_map(made_up_step(cells, z, fails), "speed")["data"]
+    *_, trace = residual_map.residual_map(made_up_step(cells, z, fails), "speed")["data"]
     text = np.array(trace["text"])
     assert text[cells.level[up], up % 4] == "▲ 12"
     assert text[cells.level[down], down % 4] == "▼ 6"
@@ -135,7 +135,7 @@ def test_a_cell_that_was_not_measured_is_said_to_be_so():
     cells = made_up_cells(speed_m_s=speed, lift_m=lift)
     z = np.zeros((len(cells), 4))
     z[0, 1] = np.nan
-    (trace,) = residual_map.residual_map(made_up_step(cells, z), "lift")["data"]
+    *_, trace = residual_map.residual_map(made_up_step(cells, z), "lift")["data"]
     assert trace["text"][0][0] == "–"
     assert trace["z"][0][0] is None
     assert trace["text"][0][1] == ""
@@ -145,7 +145,7 @@ def test_colour_saturates_but_the_true_residual_is_kept():
     cells = made_up_cells()
     z = np.zeros((len(cells), 4))
     z[0, 0] = 40.0
-    (trace,) = residual_map.residual_map(made_up_step(cells, z), "speed")["data"]
+    *_, trace = residual_map.residual_map(made_up_step(cells, z), "speed")["data"]
     assert trace["z"][0][0] == residual_map.Z_COLOUR_END
     assert trace["customdata"][0][0] == [40.0, 0]
 

@@ -17,10 +17,13 @@ window.sandbotExport = (() => {
   function* rowsOf(trace) {
     if (trace.type === "heatmap") {
       for (const [row, y] of trace.y.entries()) {
-        for (const [column, x] of trace.x.entries()) yield [y, x, trace.customdata[row][column][0], ""];
+        for (const [column, x] of trace.x.entries()) {
+          yield [y, x, trace.customdata?.[row][column][0] ?? trace.z[row][column], ""];
+        }
       }
       return;
     }
+    if (trace.mode === "text") return; // what the map says in words stands in it as numbers
     for (const [i, x] of Array.from(trace.x ?? []).entries()) {
       if (x !== null && trace.y[i] !== null) yield [trace.name, x, trace.y[i], trace.error_y?.array?.[i] ?? ""];
     }
@@ -28,8 +31,8 @@ window.sandbotExport = (() => {
 
   // One row a point: series, x, y, error; the axes' titles carry the units.
   function csv(plot) {
-    const map = plot.data.some((trace) => trace.type === "heatmap");
-    const value = map ? "residual (standard errors)" : (titleOf(plot.layout, "y") ?? "y");
+    const map = plot.data.findLast((trace) => trace.type === "heatmap");
+    const value = map ? map.colorbar.title.text.replace("<br>", " ") : (titleOf(plot.layout, "y") ?? "y");
     const rows = [["series", titleOf(plot.layout, "x") ?? "x", value, "error"]];
     for (const trace of plot.data) rows.push(...rowsOf(trace));
     return rows.map((row) => row.map(quoted).join(",")).join("\n") + "\n";
