@@ -96,7 +96,7 @@ def _correlations(step: Step) -> list[Table]:
     rows = [(name, *(_correlation(value) for value in row[: i + 1]), *[""] * (len(names) - i - 1))
             for i, (name, row) in enumerate(zip(names, values, strict=True))]  # fmt: skip
     caption = f"Correlations of the errors, {step.label}."
-    return [Table(caption, ("", *short), rows, (True, *(False for _ in names)))] if len(names) > 1 else []
+    return [Table(caption, ("parameter", *short), rows, (True, *(False for _ in names)))] if len(names) > 1 else []
 
 
 def _correlation(value: float) -> str:

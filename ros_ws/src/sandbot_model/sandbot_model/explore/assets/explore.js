@@ -56,9 +56,16 @@ new MutationObserver(() => {
     label.removeAttribute("role");
     label.removeAttribute("aria-selected");
   }
-  // Hidden from readers, so not for the keyboard either: the button beside it has both.
-  for (const one of document.querySelectorAll(".dash-dropdown-focus-target[tabindex='0']")) one.tabIndex = -1;
-}).observe(document.documentElement, { childList: true, subtree: true, attributeFilter: ["role", "aria-selected"] });
+  // What is hidden from readers passes the keyboard on to the button beside it, which can have both itself.
+  for (const one of document.querySelectorAll(".dash-dropdown-focus-target[tabindex='0']")) {
+    const button = one.parentElement.querySelector(".dash-dropdown");
+    if (!button) continue;
+    button.tabIndex = 0;
+    one.tabIndex = -1;
+  }
+}).observe(document.documentElement, {
+  childList: true, subtree: true, attributeFilter: ["role", "aria-selected", "tabindex"],
+});
 
 // Sliders are made anew with every step: the one that had the focus has it again.
 let slid = null;
