@@ -67,6 +67,11 @@ class Process:
         self._keyboard.write(text)
         self._keyboard.flush()
 
+    @property
+    def ended(self) -> bool:
+        """Whether it has."""
+        return self._process.poll() is not None
+
     def wait(self, timeout_s: float) -> int:
         """The exit code."""
         return self._process.wait(timeout_s)

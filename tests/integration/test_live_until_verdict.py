@@ -39,6 +39,7 @@ def test_it_is_killed_and_resumed_and_names_what_the_lab_hides(tmp_path, start):
     deadline = time.monotonic() + PATIENCE_S
     while finished(out) < 4:
         assert time.monotonic() < deadline, "\n".join(killed.lines)
+        assert not killed.ended, "\n".join(killed.lines)
         time.sleep(0.1)
     os.killpg(killed.pid, signal.SIGKILL)
     killed.wait(60)
