@@ -193,7 +193,7 @@ def _batch(
         if not plan.until or len(folder.missing(trials)) == len(trials):
             return trials, list(failed.items())
         plan, entry = decided(plan, folder, workers=options.workers)
-        print(f"look {entry['look']}: {filled(entry['text'])}")
+        print(filled(f"look {entry['look']}: {entry['text']}"))
         if not entry["next"]:
             return trials, list(failed.items())
         folder.adopt(plan, files)
