@@ -10,7 +10,6 @@ so noise does not pass for a peak.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,16 +19,16 @@ _CENTRES = 60
 _WIDTHS = 0.5 * 0.85 ** np.arange(22)
 """Half-widths of windows, in steps: 0.5 down to 0.017 (the stance of a step of 0.3 R spans 0.095; with a soft-ground
 clock signal the fast end of one of 0.8 R 0.08)."""
-_MARGIN = 0.85
 _GROUP = 4
 """Points in a mean that a secant is drawn through."""
 _SECANT = 0.003
 """Length of a secant at least, in steps."""
 _MISSED = 1.1
 """A curve that is so much steeper somewhere than its steepest slope has an arc that no window could hold."""
-_LEAST = 8
+LEAST = 8
 """Points in a window at least, so that a cubic has residuals."""
-_LEAST_SPREAD = 1e-7
+LEAST_SPREAD = 1e-7
+"""Noise that is granted at least, whatever neighbours say."""
 
 
 class NotMeasured(Exception):
@@ -104,8 +103,8 @@ def fold(phase: Floats, value: Floats, advance: float) -> Folded:
     Raises NotMeasured.
     """
     seen = np.isfinite(value)
-    if seen.sum() < 4 * _LEAST:
-        raise NotMeasured(f"{int(seen.sum())} frames in steady steps, at least {4 * _LEAST} are needed")
+    if seen.sum() < 4 * LEAST:
+        raise NotMeasured(f"{int(seen.sum())} frames in steady steps, at least {4 * LEAST} are needed")
     order = np.argsort(phase[seen], kind="stable")
     phase, value = phase[seen][order], value[seen][order]
     left, middle, right = phase[:-2], phase[1:-1], phase[2:]
@@ -117,7 +116,7 @@ def fold(phase: Floats, value: Floats, advance: float) -> Folded:
 
 
 def _spread(deviation: Floats) -> float:
-    return max(1.4826 * float(np.median(np.abs(deviation))), _LEAST_SPREAD)
+    return max(1.4826 * float(np.median(np.abs(deviation))), LEAST_SPREAD)
 
 
 def _inside(t_s: Floats, value: Floats, edges_s: Floats) -> tuple[Floats, Floats]:
@@ -173,49 +172,11 @@ def _steepest_secant(folded: Folded) -> float:
 
 def _widest(folded: Folded, centre: float) -> _Fit | None:
     """The sharper of a line and a cubic, each in its widest window, less a margin: a kink shows late."""
-    found, fit = _widest_fit(
-        folded.phase, folded.value, folded.deviation, folded.noise, folded.advance, centre, _WIDTHS
-    )
+    # Imported now: who reads a table does not wait for the compiler.
+    from sandbot_tracking.windows import widest_fit
+
+    found, fit = widest_fit(folded.phase, folded.value, folded.deviation, folded.noise, folded.advance, centre, _WIDTHS)
     return _Fit(*fit) if found else None
-
-
-@numba.njit(cache=True)
-def _widest_fit(phase, value, deviation, noise, advance, centre, widths):  # type: ignore[no-untyped-def]
-    best, found = (0.0, 0.0, 0.0, 0.0), False
-    for degree in (1, 3):
-        for half in widths:
-            good, fit = _fit(phase, value, deviation, noise, advance, centre, half, degree)
-            if good:
-                better, narrower = _fit(phase, value, deviation, noise, advance, centre, _MARGIN * half, degree)
-                fit = narrower if better else fit
-                if not found or fit[2] < best[2]:
-                    best, found = fit, True
-                break
-    return found, best
-
-
-@numba.njit(cache=True)
-def _fit(phase, value, deviation, noise, advance, centre, half, degree):  # type: ignore[no-untyped-def]
-    """A polynomial about ``centre`` in [centre ± half], wrapping round the step; False if residuals are not noise."""
-    nothing = (0.0, 0.0, 0.0, 0.0)
-    turns = np.floor(phase - centre + 0.5)
-    place = (phase - centre - turns) / half
-    inside = np.abs(place) <= 1.0
-    u, y = place[inside], (value - advance * turns)[inside]
-    if u.size < max(_LEAST, degree + 2) or not (u.min() < -0.5 and u.max() > 0.5) or _distinct(u) < degree + 3:
-        return False, nothing  # a slope must not be an extrapolation
-    design = np.ones((u.size, degree + 1))
-    for power in range(1, degree + 1):
-        design[:, power] = design[:, power - 1] * u
-    covariance = np.linalg.inv(design.T @ design)
-    solution = covariance @ (design.T @ y)
-    noise = max(noise, 1.4826 * np.median(np.abs(deviation[inside])), _LEAST_SPREAD)
-    residual = (y - design @ solution) / noise
-    free = u.size - degree - 1
-    if residual @ residual > 1.2 * _chi2_99(free) or _runs(residual, u):
-        return False, nothing
-    slope_se, level_se = np.sqrt(covariance[1, 1]) * noise / half, np.sqrt(covariance[0, 0]) * noise
-    return True, (solution[1] / half, solution[0], slope_se, level_se)
 
 
 def _whole(folded: Folded, degree: int) -> _Fit | None:
@@ -240,29 +201,6 @@ def _whole(folded: Folded, degree: int) -> _Fit | None:
         return None
     slope, slope_se = (2 * solution[1], 2 * np.sqrt(scatter * covariance[1, 1])) if degree else (0.0, 0.0)
     return _Fit(float(slope), float(solution[0]), float(slope_se), float(np.sqrt(scatter * covariance[0, 0])))
-
-
-@numba.njit(cache=True)
-def _distinct(u):  # type: ignore[no-untyped-def]
-    return np.count_nonzero(np.diff(np.sort(u)) > 0.01) + 1
-
-
-@numba.njit(cache=True)
-def _chi2_99(free):  # type: ignore[no-untyped-def]
-    """99 % quantile of χ² (Wilson–Hilferty; within 1 % from 3 degrees of freedom on)."""
-    part = 2.0 / (9.0 * free)
-    return free * (1.0 - part + 2.3263 * np.sqrt(part)) ** 3
-
-
-@numba.njit(cache=True)
-def _runs(residual, u):  # type: ignore[no-untyped-def]
-    """Whether residuals lean to one side somewhere: a mean over an eighth of the window beyond 3.5 of its sd."""
-    count, total = np.zeros(8), np.zeros(8)
-    for i in range(u.size):
-        part = min(int((u[i] + 1) * 4), 7)
-        count[part] += 1
-        total[part] += residual[i]
-    return np.abs(total / np.sqrt(np.maximum(count, 1.0))).max() > 3.5
 
 
 def _median_scale(number: Floats, z: Floats, folded: Folded) -> float:
