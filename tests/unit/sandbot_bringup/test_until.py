@@ -18,7 +18,7 @@ def plan(**more):
 
 
 def entry(**more):
-    return {"look": 1, "planned": 16, "text": "so far", "stop": "", "next": [], **more}
+    return {"look": 1, "planned": 16, "finished": 0, "text": "so far", "stop": "", "next": [], **more}
 
 
 ASKED = {"phi": 0.6, "omega_rad_s": 16.0, "because": "a and b differ there by 2.0 sd in the mean speed"}
@@ -85,6 +85,17 @@ def test_a_look_that_was_taken_is_not_taken_again(tmp_path, monkeypatch):
     new = trials_of(grown)[len(trials_of(begun)) :]
     assert [(one.phi, one.omega_rad_s, one.because) for one in new] == [(0.6, 16.0, ASKED["because"])]
     assert until.decided(grown, folder)[1]["look"] == 2
+
+
+def test_what_was_measured_since_is_looked_at(tmp_path, monkeypatch):
+    """A failed trial that was repeated, say: the plan is the same, and more is known."""
+    monkeypatch.setattr(until, "_look", lambda *_: {"text": "so far", "stop": "", "next": [ASKED]})
+    folder, begun = CampaignFolder(tmp_path), until.begun(plan())
+    assert until.decided(begun, folder)[1]["look"] == 1
+    bag = folder.bag(trials_of(begun)[0])
+    bag.mkdir(parents=True)
+    metadata.write(bag, metadata.BagInfo())
+    assert until.decided(begun, folder)[1]["look"] == 2
 
 
 def test_a_stop_leaves_the_plan_as_it_is(tmp_path, monkeypatch):

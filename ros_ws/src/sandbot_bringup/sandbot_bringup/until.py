@@ -2,7 +2,7 @@
 
 The plan's grid says where trials may be run. A campaign starts with conditions spread over it, twice each; then a block
 is planned at each look (``sandbot_model.design``). What a look found stands in ``looks.jsonl``, one line a look, with
-how many trials were planned by then: whoever resumes takes the same decisions without looking again. ``discovery.json``
+how many trials were planned and finished by then: whoever resumes takes the same decisions without looking again. ``discovery.json``
 is the last one's.
 """
 
@@ -27,7 +27,8 @@ REPLICATES = 2
 """Trials of each condition of the start: pure error comes from them."""
 
 Entry = Mapping[str, Any]
-"""A look as a line of ``looks.jsonl``: ``look`` 1, 2, ..., ``planned`` trials, and what ``Look.to_dict`` has."""
+"""A look as a line of ``looks.jsonl``: ``look`` 1, 2, ..., trials ``planned`` and ``finished`` by then, and what
+``Look.to_dict`` has."""
 
 
 def begun(plan: Plan) -> Plan:
@@ -58,11 +59,12 @@ def decided(plan: Plan, folder: CampaignFolder, vetoed: Collection[str] = (), wo
 
     Conditions of trials that the operator has skipped, ``vetoed``, are not asked for again.
     """
-    planned = len(trials_of(plan))
+    trials = trials_of(plan)
+    known = {"planned": len(trials), "finished": len(trials) - len(folder.missing(trials))}
     entries = looks_of(folder)
-    entry = next((one for one in entries if one["planned"] == planned), None)
+    entry = next((one for one in entries if known.items() <= one.items()), None)
     if entry is None:
-        entry = {"look": len(entries) + 1, "planned": planned, **_look(plan, folder, vetoed, len(entries) + 1, workers)}
+        entry = {"look": len(entries) + 1, **known, **_look(plan, folder, vetoed, len(entries) + 1, workers)}
         _append(folder.looks, entry)
     return with_block(plan, entry["next"]) if entry["next"] else plan, entry
 
