@@ -2,8 +2,8 @@
 
 The plan's grid says where trials may be run. A campaign starts with conditions spread over it, twice each; then a block
 is planned at each look (``sandbot_model.design``). What a look found stands in ``looks.jsonl``, one line a look, with
-how many trials were planned and finished by then: whoever resumes takes the same decisions without looking again. ``discovery.json``
-is the last one's.
+how many trials were planned and finished by then: whoever resumes takes the same decisions without looking again.
+``discovery.json`` is the last one's.
 """
 
 import json
