@@ -24,6 +24,7 @@ setup(
         "markupsafe",
         "tqdm",
         "asteval",
+        "opencv-python-headless",
     ],
     extras_require={
         "test": ["pytest", "hypothesis"],

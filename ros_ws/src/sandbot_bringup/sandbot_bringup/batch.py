@@ -1,6 +1,6 @@
 """One trial of the virtual lab in process: the cores of the live nodes called in turn, the same bag written."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -96,9 +96,13 @@ def run_trial(setup: Setup, trial: PlannedTrial, start_ns: int) -> Path:
     bag.legs(topics.LEG_STATES, t_s, trace.leg_angle_rad, trace.leg_rate_rad_s, trace.leg_effort_n_m)
 
     cameras = cameras_from_mapping(setup.cameras, "cameras")
-    tracker = OfflineTracker(cameras, setup.robot)
-    for t, angle in zip(t_s, trace.leg_angle_rad, strict=True):
-        tracker.legs(float(t), angle)
+
+    def tracker() -> OfflineTracker:
+        made = OfflineTracker(cameras, setup.robot)
+        for t, angle in zip(t_s, trace.leg_angle_rad, strict=True):
+            made.legs(float(t), angle)
+        return made
+
     _film(setup, trial, as_seen(trace, world.week, trial.occasion), tracker, cameras, bag)
     path = setup.folder.bag(trial)
     files = {**setup.files, "campaign.yaml": to_yaml(setup.plan)}
@@ -110,7 +114,7 @@ def _film(
     setup: Setup,
     trial: PlannedTrial,
     trace: Trace,
-    tracker: OfflineTracker,
+    new_tracker: Callable[[], OfflineTracker],
     cameras: Mapping[str, Camera],
     bag: TrialBag,
 ) -> None:
@@ -121,7 +125,7 @@ def _film(
         for name in ("dorsal", "lateral")
     }
     kept = frames_kept(setup.plan, trial)
-    means = PeriodMeans()
+    tracker, means = new_tracker(), PeriodMeans()
     advance = np.mean(np.unwrap(trace.leg_angle_rad, axis=0) - trace.leg_angle_rad[0], axis=1)
     rate_hz = cameras["dorsal"].frame_rate_hz
     first = -round(setup.plan.standing_s * rate_hz)
@@ -129,6 +133,9 @@ def _film(
     for number in range(first, last + 1):
         t_s = number / rate_hz
         frames = {name: view.film(trace, t_s, 0.0 <= t_s < LED_ON_S) for name, view in views.items()}
+        if number == 0:
+            # As the live one does at the LED's edge, so that it knows no more of the bed than a replay of the bag.
+            tracker = new_tracker()
         sample = tracker.update(t_s, frames["dorsal"], frames["lateral"])
         bag.sample(sample)
         height_m = float(sample.front_axle[2] + sample.rear_axle[2]) / 2
