@@ -76,14 +76,21 @@ new MutationObserver(() => {
   document.getElementById(slid)?.querySelector("[role=slider]")?.focus();
 }).observe(document.documentElement, { childList: true, subtree: true });
 
-// The trials of a point lie below the figure: whoever clicks it is led there, once they have come.
-let clicked = false;
-document.addEventListener("pointerup", ({ target }) => { clicked = target.closest("#figure .js-plotly-plot") !== null; }, true);
+// The trials of a point lie below the figure: whoever clicks it is led there once they have come, and kept there while
+// the figures above are drawn anew, unless he moves himself.
+const SETTLED_MS = 2000;
+let leading = 0;
+document.addEventListener("pointerup", ({ target }) => {
+  leading = target.closest("#figure .js-plotly-plot") ? Infinity : 0;
+}, true);
+for (const moves of ["wheel", "touchmove", "keydown", "pointerdown"]) {
+  document.addEventListener(moves, () => { leading = 0; }, { capture: true, passive: true });
+}
 new MutationObserver((changes) => {
   const trials = document.getElementById("trials");
-  if (!clicked || !changes.some(({ target, addedNodes }) => addedNodes.length && trials?.contains(target))) return;
-  clicked = false;
-  trials.scrollIntoView({ block: "start" });
+  const came = changes.some(({ target, addedNodes }) => addedNodes.length && trials?.contains(target));
+  if (came && leading) leading = performance.now() + SETTLED_MS;
+  if (leading !== Infinity && performance.now() < leading) trials?.scrollIntoView({ block: "start" });
 }).observe(document.documentElement, { childList: true, subtree: true });
 
 // Formulas come as MathML in an attribute.
