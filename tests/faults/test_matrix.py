@@ -9,6 +9,10 @@ BUSY_S = 5.0
 """What a busy machine may take; that nothing goes on for ever is the claim here."""
 
 
+ATTEMPTS = 3
+"""On a busy machine the moment may be over before the fault comes: then there is nothing to stop."""
+
+
 @pytest.mark.parametrize(
     ("target", "fault", "moment", "why"),
     [
@@ -19,8 +23,11 @@ BUSY_S = 5.0
 )
 def test_all_stops_and_the_bag_says_why(target, fault, moment, why, monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", "0")  # the row sets its own; restored afterwards
-    *_, rest, off, bag, status, _, left, _ = matrix.row(target, fault, moment, silence_s=4.0)
-    stopped = rest if moment == "walking" else off
+    for _ in range(ATTEMPTS):
+        *_, rest, off, bag, status, _, left, _ = matrix.row(target, fault, moment, silence_s=4.0)
+        stopped = rest if moment == "walking" else off
+        if stopped != "-":
+            break
     assert float(stopped) <= BUSY_S
     # On a busy machine clock or bed may be the first to miss the campaign's lease, or the clock itself be held up.
     assert any(

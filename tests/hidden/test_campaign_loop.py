@@ -9,7 +9,8 @@ from sandbot_bringup.tools import campaign
 from sandbot_model.tools import discover
 from sandbot_record.trials.csv_table import read_csv
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
+# In make test the loop is closed by test_until_verdict, and --plan by test_campaign_batch.
+pytestmark = [pytest.mark.slow, pytest.mark.whole, pytest.mark.timeout(400)]
 
 ROUNDS = 2
 """How often the lab may be asked."""

@@ -88,6 +88,8 @@ def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: i
     trials = trials_of(plan)
     refused = {(one.phi, one.omega_rad_s) for one in trials if one.trial_id in vetoed}
     grid = [(phi, omega) for phi in plan.phi for omega in plan.omega_rad_s if (phi, omega) not in refused]
+    if not grid:
+        raise InputError(f"{plan.name}: every condition of the plan has been skipped: there is nothing left to run")
     offered = design.Plan(grid, seconds(plan, folder), plan.replicates)
     cells = cells_of(from_bags.campaign(folder.path, workers).trials)
     with parallel.workers(workers) as fit_all:

@@ -57,6 +57,11 @@ class Possible:
         return self.rise >= self.needed
 
     @property
+    def spoken_for(self) -> bool:
+        """Whether the data exclude the named set in its favour: then it is not out of the plan's reach."""
+        return self.rise <= -self.needed
+
+    @property
     def e_value(self) -> float:
         """Likelihood of the named set over this one."""
         return math.exp(min(0.5 * self.rise, 700.0))

@@ -134,7 +134,7 @@ def look(
             catalogue = {**effects, **found.fit.model.catalogue}
             search = EffectSearch(cells, catalogue, base, criteria=criteria, fit_all=fit_all)
             possible = _possible(search, found.fit, places, plan, alpha)
-            open_ones = [one for one in possible if not one.excluded and _shows(found.fit, one, places, plan)]
+            open_ones = [one for one in possible if one.spoken_for or _open(found.fit, one, places, plan)]
             rivals, stop = [found.fit, *(one.fit for one in open_ones)], "" if open_ones else ENOUGH
         case "ambiguous":
             rivals = [next(fit for fit in found.fits if fit.effects == names) for names in found.verdict.alternatives]
@@ -151,14 +151,15 @@ def _possible(search: EffectSearch, named: Fit, places: Places, plan: Plan, alph
     """Every effect that is not named, the least excluded first: a weak one where the plan can show it, else a usual."""
     more = [name for name in search.names if name not in named.effects]
     weak = possible_beside(search, named, alpha, WEAK, more)
-    shown = [one for one in weak if one.excluded or _shows(named, one, places, plan)]
+    shown = [one for one in weak if one.excluded or one.spoken_for or _open(named, one, places, plan)]
     faint = [one.effect for one in weak if one not in shown]
     return sorted([*shown, *possible_beside(search, named, alpha, USUAL, faint)], key=lambda one: one.rise)
 
 
-def _shows(named: Fit, one: Possible, places: Places, plan: Plan) -> bool:
-    """Whether the whole of the plan would exclude it, in nine campaigns of ten."""
-    return gain_of_all(named, one.fit, places, plan.replicates) > (math.sqrt(one.needed) + Z) ** 2
+def _open(named: Fit, one: Possible, places: Places, plan: Plan) -> bool:
+    """Whether it is not excluded, and the whole of the plan would exclude it in nine campaigns of ten."""
+    least = (math.sqrt(one.needed) + Z) ** 2
+    return not one.excluded and gain_of_all(named, one.fit, places, plan.replicates) > least
 
 
 def _differ(alike: Sequence[Fit], places: Places, plan: Plan, clearly: float) -> bool:
