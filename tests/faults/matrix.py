@@ -231,11 +231,13 @@ def row(target: str, fault: str, moment: str, silence_s: float = 1.0, trials: in
         finally:
             cell.close()
             beside.close()
-            clear_memory()
 
 
 def clear_memory() -> None:
-    """Remove what killed nodes have left, 70 MB each: after 300 cells a machine of 24 GB had no memory any more."""
+    """Remove what killed nodes have left, 70 MB each: after 300 cells a machine of 24 GB had no memory any more.
+
+    Only between cells of a matrix that runs alone: nodes of tests beside it went deaf when their memory was looked at.
+    """
     for segment in segments(SHARED_MEMORY):
         with contextlib.suppress(FileNotFoundError):
             if time.time() - segment.stat().st_mtime > BORN_S:
@@ -311,6 +313,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for target, fault, moment in itertools.product(chosen.targets, chosen.faults, chosen.moments):
         if target in ONLY_FOR.get(fault, TARGETS):
             print("| " + " | ".join(row(target, fault, moment, trials=chosen.trials)) + " |", flush=True)
+            clear_memory()
     return 0
 
 
