@@ -289,7 +289,7 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         "# Trials to the right verdict",
         "",
         f"{len(WORLDS)} worlds of the virtual lab, read directly, φ × ω = {len(PHI)} × {len(OMEGA)}; up to "
-        f"{MAX_EFFECTS} effects; α = {ALPHA}. The first four stop by the same rule.",
+        f"{MAX_EFFECTS} effects; α = {ALPHA}. Strategies are shown over the campaigns that were run, which may differ.",
         "",
         report(clean),
         "`campaign --until verdict`, world by world:",
