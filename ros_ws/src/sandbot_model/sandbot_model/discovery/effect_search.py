@@ -131,7 +131,9 @@ class EffectSearch:
         self.fit(stage, quick, nearby=True)
         hopeful = [names for names in quick if not self._parent_passes(names)]
         hopeful.sort(key=lambda names: (self._gains_nothing(names), self.fits[names].deviance))
-        self.fit(f"{stage}, closer", hopeful[:REFINED], nearby=False)
+        # What fits worse than a part of it has not been found yet.
+        lost = [names for names in hopeful[REFINED:] if self._is_worse(names)]
+        self.fit(f"{stage}, closer", [*hopeful[:REFINED], *lost], nearby=False)
 
     def _parent(self, names: Names) -> Fit | None:
         """The best set with one effect less that has been fitted, or the base model's fit."""
@@ -142,6 +144,11 @@ class EffectSearch:
         """Whether the effect that came last stays neutral: a dozen such sets, equal to the digit, are no leaders."""
         parent = self._parent(names)
         return parent is not None and math.isclose(self.fits[names].deviance, parent.deviance, rel_tol=1e-6)
+
+    def _is_worse(self, names: Names) -> bool:
+        """Whether a set of three or more fits worse than its best part, which can't be at its minimum."""
+        parent = self._parent(names)
+        return parent is not None and len(names) > 2 and self.fits[names].deviance > parent.deviance * (1 + 1e-6)
 
     def _parent_passes(self, names: Names) -> bool:
         parent = self._parent(names)
