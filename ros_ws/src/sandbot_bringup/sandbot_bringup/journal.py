@@ -19,7 +19,7 @@ class Journal:
     def __init__(self, path: Path, now_s: Callable[[], float]) -> None:
         """``now_s``: seconds since 1970. InputError where the file is no journal."""
         self._path, self._now_s = path, now_s
-        _end_torn_line(path)
+        end_torn_line(path)
         self.earlier = read_journal(path)
         self.events: list[Event] = []
 
@@ -52,7 +52,7 @@ def read_journal(path: Path) -> list[Event]:
     return events
 
 
-def _end_torn_line(path: Path) -> None:
-    """Remove what a kill left of the last line: it would spoil the one that comes next."""
+def end_torn_line(path: Path) -> None:
+    """Remove what a kill left of a file's last line: it would spoil the one that comes next."""
     if path.exists() and not (content := path.read_bytes()).endswith(b"\n"):
         path.write_bytes(content[: content.rfind(b"\n") + 1])

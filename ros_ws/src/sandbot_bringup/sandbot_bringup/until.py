@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.journal import end_torn_line
 from sandbot_bringup.plan import Plan, trials_of, with_block
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json, read_text, write_text, writing
@@ -124,7 +125,6 @@ def seconds(plan: Plan, folder: CampaignFolder) -> Any:
 
 
 def _append(path: Path, entry: Entry) -> None:
-    if path.exists() and not (content := path.read_bytes()).endswith(b"\n"):
-        path.write_bytes(content[: content.rfind(b"\n") + 1])
+    end_torn_line(path)
     with writing(path), path.open("a", encoding="utf-8") as file:
         file.write(json.dumps(entry, ensure_ascii=False, allow_nan=False) + "\n")

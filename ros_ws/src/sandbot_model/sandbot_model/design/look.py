@@ -13,7 +13,7 @@ from sandbot_model.design.discrepancy import something_else
 from sandbot_model.design.evidence import USUAL, WEAK, Possible, at_every_look, lack_of_fit_at, possible_beside
 from sandbot_model.design.explanations import explained_by
 from sandbot_model.design.places import Places
-from sandbot_model.design.reach import gain_of_all
+from sandbot_model.design.reach import gains_over
 from sandbot_model.design.reason import because
 from sandbot_model.design.start import Condition
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
@@ -133,8 +133,7 @@ def look(
         case "adequate" | "identified":
             catalogue = {**effects, **found.fit.model.catalogue}
             search = EffectSearch(cells, catalogue, base, criteria=criteria, fit_all=fit_all)
-            possible = _possible(search, found.fit, places, plan, alpha)
-            open_ones = [one for one in possible if one.spoken_for or _open(found.fit, one, places, plan)]
+            possible, open_ones = _possible(search, found.fit, places, plan, alpha)
             rivals, stop = [found.fit, *(one.fit for one in open_ones)], "" if open_ones else ENOUGH
         case "ambiguous":
             rivals = [next(fit for fit in found.fits if fit.effects == names) for names in found.verdict.alternatives]
@@ -147,25 +146,37 @@ def look(
     return Look(found, tuple(possible), tuple(one.effect for one in open_ones), stop, block)
 
 
-def _possible(search: EffectSearch, named: Fit, places: Places, plan: Plan, alpha: float) -> list[Possible]:
-    """Every effect that is not named, the least excluded first: a weak one where the plan can show it, else a usual."""
+def _possible(
+    search: EffectSearch, named: Fit, places: Places, plan: Plan, alpha: float
+) -> tuple[list[Possible], list[Possible]]:
+    """Every effect that is not named, the least excluded first: a weak one where the plan can show it, else a usual.
+
+    Then those that are still open: the data speak for them, or they are not excluded, and the whole of the plan would
+    exclude them in nine campaigns of ten.
+    """
+    gain = gains_over(named, places, plan.replicates)
+
+    def is_open(one: Possible) -> bool:
+        return one.spoken_for or (not one.excluded and gain(one.fit) > (math.sqrt(one.needed) + Z) ** 2)
+
     more = [name for name in search.names if name not in named.effects]
     weak = possible_beside(search, named, alpha, WEAK, more)
-    shown = [one for one in weak if one.excluded or one.spoken_for or _open(named, one, places, plan)]
-    faint = [one.effect for one in weak if one not in shown]
-    return sorted([*shown, *possible_beside(search, named, alpha, USUAL, faint)], key=lambda one: one.rise)
+    open_ones = [one for one in weak if is_open(one)]
+    faint = [one for one in weak if not one.excluded and one not in open_ones]
+    usual = possible_beside(search, named, alpha, USUAL, [one.effect for one in faint])
+    open_ones += [one for one in usual if is_open(one)]
+    shown = [one for one in weak if one not in faint]
+    return sorted([*shown, *usual], key=_rise), sorted(open_ones, key=_rise)
 
 
-def _open(named: Fit, one: Possible, places: Places, plan: Plan) -> bool:
-    """Whether it is not excluded, and the whole of the plan would exclude it in nine campaigns of ten."""
-    least = (math.sqrt(one.needed) + Z) ** 2
-    return not one.excluded and gain_of_all(named, one.fit, places, plan.replicates) > least
+def _rise(one: Possible) -> float:
+    return one.rise
 
 
 def _differ(alike: Sequence[Fit], places: Places, plan: Plan, clearly: float) -> bool:
     """Whether the whole of the plan would tell the best of some sets from any other."""
-    least = (math.sqrt(clearly) + Z) ** 2
-    return any(gain_of_all(alike[0], other, places, plan.replicates) > least for other in alike[1:])
+    gain = gains_over(alike[0], places, plan.replicates)
+    return any(gain(other) > (math.sqrt(clearly) + Z) ** 2 for other in alike[1:])
 
 
 def _next(rivals: Sequence[Fit], places: Places, plan: Plan, criteria: Criteria) -> tuple[Chosen, ...]:
