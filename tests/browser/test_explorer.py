@@ -1,5 +1,6 @@
 """The explorer in a real browser: see the failing region, switch the effect on, watch the error fall; the report."""
 
+import base64
 import csv
 import json
 import os
@@ -12,6 +13,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import psutil
 import pytest
@@ -63,6 +65,13 @@ const [name, content] = arguments, dataTransfer = new DataTransfer();
 dataTransfer.items.add(new File([content], name));
 document.body.dispatchEvent(new DragEvent("drop", { bubbles: true, cancelable: true, dataTransfer }));
 """
+PLAYED = """
+const [address, done] = arguments, video = document.createElement("video");
+video.onloadeddata = () => done([video.videoWidth, video.duration]);
+video.onerror = () => done(null);
+video.src = address;
+"""
+"""Width and seconds of a video of which the browser has decoded the first picture."""
 PATIENCE_S = 150
 AXE = Path(__file__).parent / "axe" / "axe.min.js"
 AUDIT = """
@@ -479,6 +488,18 @@ def watched_on_one_clock(page):
     reached = float(re.search(r"t = ([\d.]+) s", page.text("reading"))[1])
     assert reached == pytest.approx(float(clock.get_attribute("max")), abs=0.01)
     page.accessible()
+    clip = page.driver.find_element(By.CSS_SELECTOR, "a.download").get_attribute("href")
+    width, duration_s = page.driver.execute_async_script(PLAYED, clip)
+    assert width == 960
+    assert duration_s == pytest.approx(4 * (reached - float(clock.get_attribute("min"))), abs=0.1)
+
+
+def test_a_video_that_no_browser_decodes_would_be_seen(page, tmp_path):
+    writer = cv2.VideoWriter(str(tmp_path / "old.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 25, (64, 64))
+    writer.write(np.zeros((64, 64, 3), np.uint8))
+    writer.release()
+    old = base64.b64encode((tmp_path / "old.mp4").read_bytes()).decode()
+    assert page.driver.execute_async_script(PLAYED, f"data:video/mp4;base64,{old}") is None
 
 
 def test_an_empty_table_opens_a_page_that_says_why(page, folder):

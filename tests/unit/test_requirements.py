@@ -70,7 +70,7 @@ DISTRIBUTION = {"pyyaml": "yaml", "opencv-python-headless": "opencv", "rosbags":
                 "pyserial": "serial"}  # fmt: skip
 """Where rosdep's key is not python3- and the wheel's name."""
 
-KEYLESS = {"asteval", "lz4", "mcap", "plotly", "zstandard"}
+KEYLESS = {"asteval", "av", "lz4", "mcap", "plotly", "zstandard"}
 """Wheels for which ros/rosdistro has no key (rosdep/python.yaml of 22 August 2026): named in a comment."""
 
 LAUNCH = {"launch", "launch_ros", "sandbot_hardware"}

@@ -28,7 +28,7 @@ setup(
     ],
     extras_require={
         "test": ["pytest", "hypothesis"],
-        "explore": ["dash", "flask", "werkzeug"],
+        "explore": ["dash", "flask", "werkzeug", "av"],
         "cluster": ["dask", "distributed", "cloudpickle"],
         "frames": ["pandas"],
         "plot": ["matplotlib"],

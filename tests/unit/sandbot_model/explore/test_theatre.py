@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 from types import SimpleNamespace
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -93,6 +94,13 @@ def test_the_records_have_no_line_back_from_one_turn_to_the_next(scene):
         assert np.nanmax(np.abs(np.diff(known))) < 90
 
 
+def codec(path):
+    """What a player needs to know of it."""
+    with av.open(str(path)) as found:
+        (stream,) = found.streams.video
+        return stream.codec_context.name, stream.codec_context.pix_fmt
+
+
 def test_the_clip_has_a_picture_for_each_moment_and_the_film_above(scene, tmp_path):
     grey = np.full((144, 640, 3), 90, np.uint8)
     film = SimpleNamespace(time_s=np.arange(0, 1, 0.01), picture=lambda i: grey)
@@ -100,6 +108,7 @@ def test_the_clip_has_a_picture_for_each_moment_and_the_film_above(scene, tmp_pa
         path = tmp_path / name
         clip.write_clip(path, scene, above)
         video = cv2.VideoCapture(str(path))
+        assert codec(path) == ("h264", "yuv420p")
         meant = (scene.end_s - scene.waveform.time_s[0]) / clip.PACE * clip.RATE_HZ
         assert video.get(cv2.CAP_PROP_FRAME_COUNT) == pytest.approx(meant, abs=1)
         ok, picture = video.read()
