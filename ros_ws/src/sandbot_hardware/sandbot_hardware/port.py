@@ -1,5 +1,7 @@
 """A serial line that is read in a thread of its own, and opened again when its cable is back."""
 
+import os
+import select
 import threading
 import time
 from collections.abc import Callable
@@ -44,7 +46,7 @@ class Port:
             if self._device is None:
                 return False
             try:
-                self._device.write(data)
+                send(self._device.fileno(), data)
             except OSError as error:  # serial's own errors are OSErrors
                 self._lose(error)
                 return False
@@ -77,7 +79,7 @@ class Port:
 
     def _open(self) -> serial.Serial | None:
         try:
-            device = serial.Serial(self._path, self._baud, timeout=_WAIT_S, write_timeout=_WAIT_S)
+            device = serial.Serial(self._path, self._baud, timeout=_WAIT_S)
         except (OSError, ValueError) as error:
             self.trouble = f"{self._path}: {_said(error)}"
             return None
@@ -91,6 +93,19 @@ class Port:
             self._device.close()
             self._device = None
         self.trouble = f"{self._path}: {_said(error)}"
+
+
+def send(file: int, data: bytes) -> None:
+    """Write all of it. Raises TimeoutError where the device takes nothing for ``_WAIT_S``.
+
+    Not pyserial's write: that also fails where this process was held up for longer, after all had gone out, and a busy
+    machine was taken for a cable that is out.
+    """
+    while data:
+        _, ready, _ = select.select([], [file], [], _WAIT_S)
+        if not ready:
+            raise TimeoutError(None, f"took nothing for {_WAIT_S:g} s")
+        data = data[os.write(file, data) :]
 
 
 def fixed(_: object) -> None:

@@ -1,0 +1,88 @@
+"""A serial line at a pseudo-terminal: what is a cable that is out, and what only a busy machine."""
+
+import contextlib
+import os
+import pty
+import time
+import tty
+
+import pytest
+import serial
+
+from sandbot_hardware import lines, port
+from sandbot_hardware.port import Port
+
+pytestmark = pytest.mark.timeout(60)
+LINE = lines.encode("B", 0.5)
+
+
+def until(condition):
+    end = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.005)
+
+
+@pytest.fixture
+def device():
+    """Both ends of a line: the device's, and the name of the host's."""
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    yield master, os.ttyname(slave)
+    for file in (master, slave):
+        with contextlib.suppress(OSError):  # pulled out
+            os.close(file)
+
+
+@pytest.fixture
+def opened(device):
+    """A port on that line, and what it hears."""
+    heard = []
+    one = Port(device[1], 921600, lambda line, _: heard.append(line))
+    until(lambda: not one.trouble)
+    yield one, heard
+    one.close()
+
+
+def test_lines_go_both_ways(device, opened):
+    one, heard = opened
+    assert one.write(LINE)
+    assert os.read(device[0], 100) == LINE
+    os.write(device[0], LINE)
+    until(lambda: heard)
+    assert heard[0].values == (0.5,)
+
+
+def test_a_process_that_is_held_up_while_it_writes_has_lost_no_device(device, opened, monkeypatch):
+    """pyserial's own write says `Write timeout` then, though all has gone out."""
+    one, _ = opened
+    write = os.write
+
+    def held_up(file, data):
+        written = write(file, data)
+        time.sleep(2 * port._WAIT_S)
+        return written
+
+    monkeypatch.setattr(os, "write", held_up)
+    assert one.write(LINE)
+    assert (one.trouble, one.opened) == ("", 1)
+    assert os.read(device[0], 100) == LINE
+    other = serial.Serial(device[1], write_timeout=port._WAIT_S)
+    with other, pytest.raises(serial.SerialTimeoutException):
+        other.write(LINE)
+
+
+def test_a_device_that_takes_nothing_is_lost_and_tried_again(opened):
+    one, _ = opened
+    while one.write(LINE * 100):  # until the line is full
+        pass
+    assert "took nothing for 0.1 s" in one.trouble
+    until(lambda: one.opened == 2)
+
+
+def test_a_cable_that_is_pulled_is_said(device, opened):
+    one, _ = opened
+    os.close(device[0])
+    until(lambda: one.trouble)
+    assert one.trouble.startswith(device[1])
+    assert not one.write(LINE)
