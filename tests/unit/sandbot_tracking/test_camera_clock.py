@@ -103,6 +103,20 @@ def test_a_clock_that_is_set_is_not_believed_until_the_next_edge():
     assert clock.offset_ns * 1e-9 == pytest.approx(-4.0, abs=0.008)
 
 
+@pytest.mark.parametrize(
+    ("set_s", "edges", "warning"), [(0.0, 2, ""), (2.5, 1, "clock is off by about -2.5 s: held until the LED is seen")]
+)
+def test_frames_that_a_busy_host_heard_late_are_no_clock_that_was_set(set_s, edges, warning):
+    """A trial's last frames come 2.7 s late; the next one's at once and from the flash on, as the virtual lab films."""
+    clock = CameraClock(PERIOD, EXPOSURE)
+    for begin, flash_s, late_s, set_by in ((0.0, 0.1, 2.7, 0.0), (15.0, 0.0, 0.0, set_s)):
+        clock.led(T0 + round((begin + flash_s) * NANO))
+        for t in PERIOD * np.arange(200):
+            heard = T0 + round((begin + t + 0.005 + 0.5 * late_s * t) * NANO)
+            clock.frame(T0 + round((begin + t + set_by) * NANO), heard, heard, flash_s <= t < flash_s + LED_ON)
+    assert (clock.edges, clock.warning) == (edges, warning)
+
+
 def test_a_flash_that_only_one_side_tells_is_counted():
     clock = Bench(0.0, [1.0], seconds=15.0).run(told=[])
     assert (clock.unannounced, clock.edges) == (1, 0)

@@ -17,7 +17,7 @@ PATIENCE_NS = 10 * NANO
 ARRIVALS = 20
 """So many frames tell the offset of a clock that no LED will ever tell."""
 SET_NS = NANO
-"""A clock that goes back, or ahead of the time that passed, by more than this was set."""
+"""A clock that goes back by more than this, or comes so much earlier than any frame before, was set."""
 DRIFT = 1e-4
 """Two clocks drift apart by less than this share of time."""
 
@@ -41,10 +41,12 @@ class CameraClock:
         self._near = self._synced = False
         self._arrivals: list[int] = []
         self._first_ns: int | None = None
-        self._last: tuple[int, int, bool] | None = None
+        self._last: tuple[int, bool] | None = None
+        self._ahead_ns = 0
+        """Stamp less arrival, of the frame that was least under way: a busy host hears frames seconds late."""
         self._bounds: tuple[int, int, int] | None = None
         self._announced: tuple[int, int | None] | None = None
-        """Robot time of the announced edge, and the camera time since which it is awaited."""
+        """Robot time of the announced edge, and the stamp of the first frame in which it is awaited."""
         self._seen: tuple[int, int] | None = None
 
     @property
@@ -56,28 +58,30 @@ class CameraClock:
         """The LED has gone on at this robot time."""
         if self._announced is not None:
             self._miss()
-        self._announced = robot_ns, self._last[0] if self._last else None
+        self._announced = robot_ns, None
         self._match()
 
     def frame(self, t_ns: int, received_ns: int, robot_ns: int | None, lit: bool) -> None:
         """A frame of this stamp, received at a time of the host's clock when the robot's clock showed ``robot_ns``
         (None: not heard of yet), with the LED lit or not.
         """
+        ahead_ns = t_ns - received_ns
         if self._last is not None:
-            step, passed = t_ns - self._last[0], received_ns - self._last[1]
-            if step < -SET_NS or step - max(passed, 0) > SET_NS:
+            step = t_ns - self._last[0]
+            if step < -SET_NS or ahead_ns - self._ahead_ns > SET_NS:
                 announced = self._announced
                 self._restart()
                 self._announced = announced and (announced[0], None)
                 self.warning = "clock was set"
             elif step <= 0:
                 return
-            elif lit and not self._last[2]:
+            elif lit and not self._last[1]:
                 self._seen = self._last[0], t_ns
         self._first_ns = t_ns if self._first_ns is None else self._first_ns
         if self._announced is not None and self._announced[1] is None:
             self._announced = self._announced[0], t_ns
-        self._last = t_ns, received_ns, lit
+        self._ahead_ns = ahead_ns if self._last is None else max(ahead_ns, self._ahead_ns)
+        self._last = t_ns, lit
         self._match()
         if not self._synced:
             self._judge(t_ns, robot_ns)
