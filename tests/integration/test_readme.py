@@ -25,12 +25,12 @@ EXECUTABLES = {
     "sandbot_model": ("predictor", "compare", "discover", "explore", "effects", "atlas"),
     "sandbot_lab": ("lab", "penetrometer"),
     "sandbot_record": ("record", "replay", "recover", "info", "table"),
-    "sandbot_bringup": ("campaign", "console", "unseal"),
+    "sandbot_bringup": ("campaign", "console", "scene", "unseal"),
 }
 ALL = [(package, name) for package, names in EXECUTABLES.items() for name in names]
 
 # Nodes take ROS arguments only; the others are commands with a --help of their own.
-NODES = {"clock", "bed", "tracker", "camera", "predictor", "lab", "console"}
+NODES = {"clock", "bed", "tracker", "camera", "predictor", "lab", "console", "scene"}
 COMMANDS = [(package, name) for package, name in ALL if name not in NODES]
 
 RUNS = [tuple(match) for match in re.findall(r"ros2 run (\w+) (\w+)([^`\n]*)", README)]

@@ -42,6 +42,7 @@ setup(
         "console_scripts": [
             "campaign = sandbot_bringup.tools.campaign:main",
             "console = sandbot_bringup.console_parameters:main",
+            "scene = sandbot_bringup.scene_parameters:main",
             "unseal = sandbot_bringup.tools.unseal:main",
         ],
     },

@@ -61,18 +61,18 @@ class TrialBag:
 
     def frame(self, camera: str, t_s: float, pixels: NDArray[np.uint8], kept: str) -> None:
         """One frame: ``kept`` raw, as jpeg, in a video beside the messages, or none at all."""
-        stamp = self._at(t_s)
+        stamp, frame = self._at(t_s), topics.optical_frame(camera)
         if kept == "raw":
-            self.add(_RAW[camera], stamp, messages.image(stamp, camera, pixels))
+            self.add(_RAW[camera], stamp, messages.image(stamp, frame, pixels))
         elif kept == "video":
-            self.add(_INDEX[camera], stamp, messages.image(stamp, camera, pixels))
+            self.add(_INDEX[camera], stamp, messages.image(stamp, frame, pixels))
         elif kept == "jpeg":
-            self.add(_JPEG[camera], stamp, messages.jpeg(stamp, camera, encode_jpeg(pixels)))
+            self.add(_JPEG[camera], stamp, messages.jpeg(stamp, frame, encode_jpeg(pixels)))
 
     def camera(self, name: str, t_s: float, camera: Camera) -> None:
         """What a camera sees with."""
-        stamp, size = self._at(t_s), (camera.width, camera.height)
-        self.add(_INFO[name], stamp, messages.camera_info(stamp, name, size, camera.matrix, camera.distortion))
+        stamp, frame, size = self._at(t_s), topics.optical_frame(name), (camera.width, camera.height)
+        self.add(_INFO[name], stamp, messages.camera_info(stamp, frame, size, camera.matrix, camera.distortion))
 
     def bed(self, t_s: float, command: Command) -> None:
         """One step of the bed's preparation: status and blower where they change, the height ten times a second."""

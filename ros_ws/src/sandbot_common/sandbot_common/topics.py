@@ -48,6 +48,13 @@ LATERAL_INFO = Topic("/camera/lateral/camera_info", "sensor_msgs/msg/CameraInfo"
 LATERAL_JPEG = Topic("/camera/lateral/image_raw/compressed", "sensor_msgs/msg/CompressedImage", depth=200)
 VIEWS = {"dorsal": (DORSAL_IMAGE, DORSAL_INFO), "lateral": (LATERAL_IMAGE, LATERAL_INFO)}
 """Picture and calibration of each camera, by its name."""
+
+
+def optical_frame(camera: str) -> str:
+    """The frame of a camera's pictures (REP 103: x right, y down, z forward)."""
+    return f"{camera}_optical_frame"
+
+
 COM = Topic("/landmarks/com", "geometry_msgs/msg/PointStamped", depth=200)
 FRONT_AXLE = Topic("/landmarks/front_axle", "geometry_msgs/msg/PointStamped", depth=200)
 REAR_AXLE = Topic("/landmarks/rear_axle", "geometry_msgs/msg/PointStamped", depth=200)
@@ -74,3 +81,7 @@ CAMPAIGN_COMMAND = Topic("/campaign/command", "std_msgs/msg/String", depth=10)
 """JSON: skip, repeat, add. Never latched: an old order must not be obeyed by the next campaign."""
 MODEL_CURVE = Topic("/model/curve", "std_msgs/msg/String", latched=True, depth=1)
 """JSON: the model's mean speed against the leg frequency at the volume fraction of the trial under way."""
+SCENE = Topic("/scene", "visualization_msgs/msg/MarkerArray", depth=1)
+"""Bed, robot and marks as shapes, for RViz and Foxglove. Made of other topics, so in no bag; nor is the next."""
+FRAMES = Topic("/frames", "geometry_msgs/msg/TransformStamped")
+"""Where the robot's body (base_link) and the cameras' optical frames are."""

@@ -26,14 +26,14 @@ class SerialCamera(Node):
     def __init__(self) -> None:
         super().__init__("serial_camera")
         given = node.Parameters(self, SerialCameraParameters, fixed).current
-        self._name, self._device_clock = given.camera, DeviceClock()
+        self._frame, self._device_clock = topics.optical_frame(given.camera), DeviceClock()
         self._info = None
         if given.cameras:
             cameras = read_cameras(given.cameras)
             if given.camera not in cameras:
                 raise InputError(f"{given.cameras}: no camera {given.camera!r}; known: {', '.join(cameras)}")
             one = cameras[given.camera]
-            self._info = messages.camera_info(0, self._name, (one.width, one.height), one.matrix, one.distortion)
+            self._info = messages.camera_info(0, self._frame, (one.width, one.height), one.matrix, one.distortion)
         image, info = topics.VIEWS[given.camera]
         self._image, self._camera_info = node.publisher(self, image), node.publisher(self, info)
         self._frames = self._unreadable = 0
@@ -53,9 +53,9 @@ class SerialCamera(Node):
             return
         t_ns = self._device_clock.host_ns(int(line.values[0]) * 1000, received_ns)
         self._frames += 1
-        self._image.publish(messages.image(t_ns, self._name, pixels.astype(np.uint8, copy=False)))
+        self._image.publish(messages.image(t_ns, self._frame, pixels.astype(np.uint8, copy=False)))
         if self._info is not None:
-            self._info.header = messages.header(t_ns, self._name)
+            self._info.header = messages.header(t_ns, self._frame)
             self._camera_info.publish(self._info)
 
     def _figures(self) -> dict[str, Any]:

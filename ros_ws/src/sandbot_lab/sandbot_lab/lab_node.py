@@ -158,8 +158,8 @@ class LabNode(Node):
 
     def _publish_frame(self, name: str, t_ns: int, pixels: Any) -> None:
         info = self._info[name]
-        info.header = messages.header(t_ns, name)
-        self._images[name].publish(messages.image(t_ns, name, pixels))
+        info.header = messages.header(t_ns, topics.optical_frame(name))
+        self._images[name].publish(messages.image(t_ns, info.header.frame_id, pixels))
         self._infos[name].publish(info)
 
     def _watch(self) -> None:

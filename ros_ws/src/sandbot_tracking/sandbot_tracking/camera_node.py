@@ -29,9 +29,9 @@ class CameraNode(Node):
         given = node.Parameters(self, CameraParameters, _fixed).current
         if not given.video:
             raise InputError("camera parameters: video: give a file or device, --ros-args -p video:=dorsal.avi")
-        self._name = given.camera
+        self._frame = topics.optical_frame(given.camera)
         camera = _camera(given.cameras, given.camera) if given.cameras else None
-        self._info = _info(camera, given.camera) if camera else None
+        self._info = _info(camera, self._frame) if camera else None
         self._half_exposure_ns = round((given.exposure_s or (camera.exposure_s if camera else 0.0)) * 5e8)
         self._source = Source(given.video)
         rate_hz = given.rate_hz or self._source.rate_hz or 100.0
@@ -58,9 +58,9 @@ class CameraNode(Node):
         self._health.text = "ok"
         stamp = self._stamp_ns()
         self._frames += 1
-        self._image.publish(messages.image(stamp, self._name, frame))
+        self._image.publish(messages.image(stamp, self._frame, frame))
         if self._info is not None:
-            self._info.header = messages.header(stamp, self._name)
+            self._info.header = messages.header(stamp, self._frame)
             self._camera_info.publish(self._info)
 
     def _is_heard(self) -> bool:
@@ -93,8 +93,8 @@ def _camera(path: str, name: str) -> Camera:
     return cameras[name]
 
 
-def _info(camera: Camera, name: str) -> CameraInfo:
-    return messages.camera_info(0, name, (camera.width, camera.height), camera.matrix, camera.distortion)
+def _info(camera: Camera, frame: str) -> CameraInfo:
+    return messages.camera_info(0, frame, (camera.width, camera.height), camera.matrix, camera.distortion)
 
 
 def _fixed(_: CameraParameters) -> None:

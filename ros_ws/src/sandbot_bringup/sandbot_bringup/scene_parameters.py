@@ -1,0 +1,21 @@
+"""Parameters of the scene node, and its command line: both are there before ROS is."""
+
+from dataclasses import dataclass
+
+from sandbot_common import cli
+from sandbot_common.parameters import parameter
+
+
+@dataclass(frozen=True)
+class SceneParameters:
+    """What is drawn for RViz, and how often."""
+
+    rate_hz: float = parameter(20.0, unit="Hz", doc="pictures of the scene a second", low=0.1, high=100.0)
+    cameras: str = parameter("", doc="cameras file, for where the cameras are; empty: the project's own")
+    robot: str = parameter("", doc="robot file; empty: SandBot, or the robot that /trial tells")
+
+
+main = cli.node("sandbot_bringup.scene_node", SceneParameters)
+
+if __name__ == "__main__":
+    raise SystemExit(main())
