@@ -151,7 +151,7 @@ def all_topics() -> str:
 
     rows = [
         (f"`{topic.name}`", f"`{topic.type}`", "latched" if topic.latched else "–")
-        for topic in (*topics.ALL, topics.CAMPAIGN_STATUS, topics.MODEL_CURVE, topics.HEARTBEAT)
+        for topic in (*topics.ALL, *topics.BESIDE)
     ]
     return f"{MADE}# Topics\n\n{table(('topic', 'type', 'QoS'), list(dict.fromkeys(rows)))}\n"
 

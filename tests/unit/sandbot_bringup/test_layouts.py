@@ -9,7 +9,7 @@ import pytest
 from sandbot_bringup.config import config_folder
 from sandbot_common import messages, topics
 
-TYPES = {topic.name: topic.type for topic in topics.ALL}
+TYPES = {topic.name: topic.type for topic in (*topics.ALL, topics.SCENE, topics.FRAMES)}
 FIGURES = {"tracker": {"lost_frames", "dorsal_dropped", "lateral_dropped"}, "clock": {"missed_deadlines"}}
 """What the nodes tell of themselves, as test_two_cameras and the clock's tests hold it."""
 
@@ -22,9 +22,33 @@ def field(topic, *names):
     return value
 
 
+# What each panel of Foxglove keeps in a layout: panels/Plot/config.ts, RawMessages/types.ts, diagnostics/util.ts and
+# ThreeDeeRender/IRenderer.ts of foxglove/studio (MPL 2.0). Image is ThreeDeeRender in its image mode.
+PANELS = {
+    "Plot": {"paths": list, "title": str, "showXAxisLabels": bool, "showYAxisLabels": bool, "showLegend": bool,
+             "legendDisplay": str, "showPlotValuesInLegend": bool, "isSynced": bool, "xAxisVal": str,
+             "followingViewWidth": int, "sidebarDimension": int, "yAxisLabel": str},
+    "Image": {"imageMode": dict},
+    "RawMessages": {"topicPath": str, "diffEnabled": bool, "diffMethod": str, "diffTopicPath": str,
+                    "showFullMessageForDiff": bool},
+    "DiagnosticSummary": {"minLevel": int, "topicToRender": str, "pinnedIds": list, "hardwareIdFilter": str,
+                          "sortByLevel": bool},
+    "3D": {"cameraState": dict, "followTf": str, "followMode": str, "scene": dict, "publish": dict,
+           "transforms": dict, "topics": dict, "layers": dict, "imageMode": dict},
+}  # fmt: skip
+CHOICES = {"legendDisplay": {"floating", "top", "left", "none"}, "diffMethod": {"custom", "previous message"},
+           "xAxisVal": {"timestamp", "index", "custom", "currentCustom"},
+           "followMode": {"follow-pose", "follow-position", "follow-none"}}  # fmt: skip
+SHOWN_IN_3D = {"visualization_msgs/msg/MarkerArray", "geometry_msgs/msg/TransformStamped"}
+"""Types that its 3D panel takes, of those published here (ThreeDeeRender/ros.ts)."""
+
+
+def foxglove_panels():
+    return json.loads((config_folder() / "foxglove_layout.json").read_text())["configById"]
+
+
 def foxglove():
-    panels = json.loads((config_folder() / "foxglove_layout.json").read_text())["configById"]
-    return [path for panel in panels.values() for path in panel.get("paths", ())]
+    return [path for panel in foxglove_panels().values() for path in panel.get("paths", ())]
 
 
 def curves():
@@ -39,6 +63,28 @@ def test_foxglove_plots_what_is_published_at_times_that_it_has(path):
     assert path["timestampMethod"] == ("headerStamp" if has_stamp else "receiveTime")
 
 
+@pytest.mark.parametrize("name", foxglove_panels())
+def test_a_panel_keeps_what_foxglove_reads(name):
+    panel, known = foxglove_panels()[name], PANELS[name.partition("!")[0]]
+    assert {key: type(value) for key, value in panel.items()} == known
+    for key, choices in CHOICES.items():
+        assert panel.get(key) in {*choices, None}
+    for path in panel.get("paths", ()):
+        assert set(path) == {"value", "enabled", "timestampMethod", "label"}
+
+
+def test_foxglove_s_other_panels_show_what_is_published():
+    panels = foxglove_panels()
+    for name in ("dorsal", "lateral"):
+        image, info = topics.VIEWS[name]
+        assert panels[f"Image!{name}"]["imageMode"] == {"imageTopic": image.name, "calibrationTopic": info.name}
+    assert {TYPES[name] for name in panels["3D!scene"]["topics"]} == SHOWN_IN_3D
+    assert panels["3D!scene"]["followTf"] == topics.FRAME
+    assert panels["DiagnosticSummary!nodes"]["topicToRender"] == topics.DIAGNOSTICS.name
+    topic, *names = panels["RawMessages!trial"]["topicPath"].split(".")
+    assert isinstance(field(topic, *names), str)
+
+
 def test_every_panel_of_foxglove_is_laid_out_once():
     layout = json.loads((config_folder() / "foxglove_layout.json").read_text())
 
@@ -46,6 +92,31 @@ def test_every_panel_of_foxglove_is_laid_out_once():
         return [node] if isinstance(node, str) else [*leaves(node["first"]), *leaves(node["second"])]
 
     assert sorted(leaves(layout["layout"])) == sorted(layout["configById"])
+
+
+def plotjuggler(tag):
+    return list(ElementTree.parse(config_folder() / "plotjuggler_layout.xml").iter(tag))
+
+
+def test_plotjuggler_finds_a_plot_for_every_area_it_splits():
+    """As MainWindow, TabbedPlotWidget and PlotDocker::restoreSplitter read it; a count that is off ends PlotJuggler."""
+    (root,), (window,) = plotjuggler("root"), plotjuggler("tabbed_widget")
+    assert [one.tag for one in root] == ["tabbed_widget", "use_relative_time_offset"]
+    assert (window.get("name"), window.get("parent")) == ("Main Window", "main_window")
+    assert [one.tag for one in window] == ["Tab", "Tab", "Tab", "currentTabIndex"]
+    for container in plotjuggler("Container"):
+        assert [one.tag for one in container] == ["DockSplitter"]
+    for splitter in plotjuggler("DockSplitter"):
+        sizes = [float(size) for size in splitter.get("sizes").split(";")]
+        assert splitter.get("orientation") in ("|", "-")
+        assert int(splitter.get("count")) == len(splitter) == len(sizes)
+        assert sum(sizes) == pytest.approx(1.0, abs=1e-5)
+        assert {one.tag for one in splitter} <= {"DockArea", "DockSplitter"}
+    for area in plotjuggler("DockArea"):
+        assert [one.tag for one in area] == ["plot"]
+    for plot in plotjuggler("plot"):
+        assert plot.get("mode") == "TimeSeries"
+        assert {one.tag for one in plot} == {"range", "limitY", "curve"}
 
 
 @pytest.mark.parametrize("name", curves())

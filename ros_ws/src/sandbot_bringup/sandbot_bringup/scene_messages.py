@@ -1,10 +1,9 @@
 """The scene's shapes and poses as standard messages. The message classes are plain Python: nothing here starts ROS."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from geometry_msgs.msg import Point, TransformStamped
-from numpy.typing import ArrayLike
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -37,6 +36,6 @@ def _marker(t_ns: int, shape: Shape) -> Marker:
     return message
 
 
-def _put(message: Any, names: str, values: ArrayLike) -> None:
-    for name, value in zip(names, values, strict=True):  # type: ignore[arg-type]
+def _put(message: Any, names: str, values: Iterable[float]) -> None:
+    for name, value in zip(names, values, strict=True):
         setattr(message, name, float(value))

@@ -85,3 +85,6 @@ SCENE = Topic("/scene", "visualization_msgs/msg/MarkerArray", depth=1)
 """Bed, robot and marks as shapes, for RViz and Foxglove. Made of other topics, so in no bag; nor is the next."""
 FRAMES = Topic("/frames", "geometry_msgs/msg/TransformStamped")
 """Where the robot's body (base_link) and the cameras' optical frames are."""
+
+BESIDE = (CAMPAIGN_STATUS, MODEL_CURVE, HEARTBEAT, SCENE, FRAMES)
+"""Topics that are not of a trial, so in no bag, and that anybody may look at."""
