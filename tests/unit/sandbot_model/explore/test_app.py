@@ -9,7 +9,7 @@ from made_up import Inline, made_up_trials
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import Selection, from_mapping
-from sandbot_model.explore import app, controls, no_data
+from sandbot_model.explore import app, effect_list, no_data
 from sandbot_model.explore.actions import values_of
 from sandbot_model.explore.app import SHOWN, Beside, Explorer
 from sandbot_model.explore.session import Session
@@ -142,6 +142,6 @@ def test_only_this_host_is_answered(session, trials, tmp_path):
     ],
 )
 def test_a_formula_is_read_while_it_is_typed(typed, said):
-    found = str(controls.formula_read(typed))
+    found = str(effect_list.formula_read(typed))
     assert found == "[]" if said is None else said in found
     assert ("data-mathml" in found) == (said is not None and said.startswith("a from"))

@@ -18,7 +18,7 @@ from flask import Response, abort, send_file
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, from_query, to_query, to_yaml
 from sandbot_model.discovery.reproduce import steps_of
-from sandbot_model.explore import cell_trials, controls, views
+from sandbot_model.explore import blocks, cell_trials, controls, effect_list, suggested, views
 from sandbot_model.explore.actions import (
     act,
     can_adopt,
@@ -112,17 +112,17 @@ class Explorer:
             "parameters-box.hidden": not by_hand,
             "by-hand.children": sliders,
             "figure.figure": shown.figure,
-            "figure.style": controls.height(shown.figure),
+            "figure.style": blocks.height(shown.figure),
             "figure-how.children": shown.how_to_read,
             "figure-says.children": shown.caption,
             "pane-title.children": f"{self.title}: {shown.current.label}",
             "pane-title.hidden": not panes,
             "unpin.hidden": not selection.against,
             "ladder.figure": shown.ladder,
-            "ladder.style": controls.height(shown.ladder),
+            "ladder.style": blocks.height(shown.ladder),
             "ladder-says.children": shown.ladder_caption,
             "parameters.children": None if rows is None else controls.parameter_table(rows),
-            "beside.children": controls.panes(panes),
+            "beside.children": blocks.panes(panes),
             "trials.children": self._trials(selection, shown, theme),
             "status.children": shown.status,
             "message.children": "",
@@ -136,7 +136,7 @@ class Explorer:
         alone = session.previews(replace(selection, effects=()))
         current = session.step(replace(selection, by_hand=()))
         complete = all(preview is not None for preview in previews.values())
-        options = controls.effect_options(effects, ordered(alone), current, previews)
+        options = effect_list.effect_options(effects, ordered(alone), current, previews)
         return {"effects.options": options, "preview-clock.disabled": complete}
 
     def _panes(self, selection: Selection, theme: Theme) -> list[views.Pane]:
@@ -246,10 +246,10 @@ class Explorer:
             except InputError as error:
                 return _suggestion(html.P(str(error)))
         if job.running:
-            return _suggestion(controls.progress(*job.stage), running=True)
+            return _suggestion(suggested.progress(*job.stage), running=True)
         if job.found is None:
             return _suggestion(html.P(job.failed))
-        return _suggestion(controls.suggestion(job.found, f"/why{search or ''}"), adopt=can_adopt(job.found))
+        return _suggestion(suggested.suggestion(job.found, f"/why{search or ''}"), adopt=can_adopt(job.found))
 
     def saved(self, selection: Selection) -> str:
         """The selection as YAML with the numbers that ``compare`` gives for it."""

@@ -10,7 +10,7 @@ from urllib.parse import quote
 from dash import html
 
 from sandbot_common.errors import InputError
-from sandbot_model.explore import controls
+from sandbot_model.explore import blocks
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.report import waveforms
@@ -40,12 +40,12 @@ def parts(trials: Trials, bags: Mapping[str, Path], fit: Fit, cell: int, theme: 
         for name, row in zip(ids, rows, strict=True)
     ]
     shown: list[Any] = [
-        controls.trial_table(lines, ["trial", *(["legs and film"] if bags else []), *(head for head, _, _ in COLUMNS)])
+        blocks.trial_table(lines, ["trial", *(["legs and film"] if bags else []), *(head for head, _, _ in COLUMNS)])
     ]
     found, missing = waveforms.read(bags, ids)
     if found:
         figure = waveforms.figure(found, fit, cell, theme)
-        shown.append(controls.plot("waveforms", figure, caption=waveforms.caption(found, fit, cell)))
+        shown.append(blocks.plot("waveforms", figure, caption=waveforms.caption(found, fit, cell)))
         shown += film(bags, [trial.trial_id for trial in found])
     return [*shown, *(html.P(line, className="soft") for line in missing)]
 
@@ -55,7 +55,7 @@ def film(bags: Mapping[str, Path], ids: Sequence[str]) -> list[Any]:
     for name in ids:
         try:
             if strip := film_of(bags[name]):
-                return [html.H3(f"Lateral video of {name}, tracked axles marked"), controls.film(strip)]
+                return [html.H3(f"Lateral video of {name}, tracked axles marked"), blocks.film(strip)]
         except InputError as error:
             return [html.P(f"Video of {name}: {error}", className="soft")]
     return [html.P("No video: the camera frames of these trials were not kept.", className="soft")]

@@ -1,35 +1,21 @@
-"""The page's parts: what stands where, with a name for each control. No fit and no figure is made here."""
+"""The explorer's page: what stands where, with a name for each control. No fit and no figure is made here."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from dash import dcc, html
 
-from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Cells
-from sandbot_model.discovery.discover import Discovery
-from sandbot_model.explore.helpful import Preview, change_of, helps
-from sandbot_model.explore.views import TITLES, Pane, Slider, values
-from sandbot_model.physics.effect import Effect
-from sandbot_model.physics.formula import formula_effect
+from sandbot_model.explore.blocks import plot, table
+from sandbot_model.explore.effect_list import symbols
+from sandbot_model.explore.views import TITLES, Slider
 from sandbot_model.physics.observables import Observable
-from sandbot_model.physics.symbols import listed
-from sandbot_model.physics.typeset import mathml_in_pieces
 from sandbot_model.physics.walking import BASES
 from sandbot_model.report import text
 from sandbot_model.report.captions import HOW
-from sandbot_model.report.drawings import drawing
-from sandbot_model.report.page import data_uri
-from sandbot_model.report.theme import Spec
-from sandbot_model.report.view import Provenance, Step, bands, observable_label, readable
+from sandbot_model.report.view import Provenance, bands
 
-GRAPH = {
-    "displaylogo": False,
-    "responsive": True,
-    "modeBarButtons": [["zoom2d", "pan2d", "resetScale2d"]],
-}
-FORMATS = ("svg", "png", "csv")
 MAX_EXCLUDED = 60
 FORMULA_EXAMPLE = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
 
@@ -73,63 +59,7 @@ def _excluded(provenance: Provenance) -> list[html.Details]:
     rows = provenance.excluded[:MAX_EXCLUDED]
     more = [] if len(rows) == len(provenance.excluded) else [html.P(f"and {len(provenance.excluded) - len(rows)} more")]
     head = html.Summary(f"{len(provenance.excluded)} trials excluded, and why")
-    return [html.Details([head, _table("Trials excluded", ("trial", "why"), rows), *more], id="excluded")]
-
-
-def effect_options(
-    effects: Mapping[str, Effect], order: Sequence[str], current: Step, previews: Mapping[str, Preview]
-) -> list[dict[str, Any]]:
-    """One option for each effect in ``order``: drawing, name, error before → after it is switched on, stage, formula,
-    and fitted values if it is on; what does not help is marked as such, for the page to fold.
-    """
-    on, now = current.fit.effects, current.fit.rmse_m_s
-    options = []
-    for name in order:
-        effect, preview = effects[name], previews[name]
-        useful = name in on or helps(preview, now)
-        label = html.Span(
-            [
-                html.Img(src=f"/drawing/{name}.svg", alt="", className="drawing") if drawing(name) else None,
-                html.Span(readable(name), className="effect"),
-                html.Span(change_of(preview, name in on, now), className="preview"),
-                html.Small([f"{effect.stage}: ", _typeset(effect.formula)]),
-                *([html.Small(values(effect, current), className="values")] if name in on else []),
-            ],
-            className="effect-line" if useful else "effect-line useless",
-        )
-        options.append({"value": name, "label": label, "title": effect.seen_in})
-    return options
-
-
-def formula_read(typed: str) -> list[Any]:
-    """How a formula is understood while it is typed: set as mathematics, or what is wrong with it."""
-    if not typed.strip():
-        return []
-    try:
-        effect = formula_effect(typed)
-    except InputError as error:
-        return [str(error).partition(f"{typed!r}: ")[2] or str(error)]
-    ranges = (
-        f"{p.name} from {p.low:g} to {p.high:g}{'' if p.unit == '1' else f' {p.unit}'}" for p in effect.parameters
-    )
-    return [_typeset(effect.formula), html.Br(), html.Small("; ".join(ranges))]
-
-
-def _symbols() -> html.Table:
-    """All symbols; a press on one puts it into the formula (explore.js)."""
-    rows = [
-        (
-            [html.Button(name, type="button", **{"data-symbol": name}) for name in one.spellings[:1]],
-            one.unit, one.stage, one.doc,
-        )
-        for one in listed()
-    ]  # fmt: skip
-    return _table("Quantities of the chain, in its order", ("symbol", "unit", "from stage", "meaning"), rows)
-
-
-def _typeset(formula: str) -> html.Span:
-    """A formula as MathML: Dash has no such element, so explore.js puts it there."""
-    return html.Span(title=formula, className="formula", **{"data-mathml": mathml_in_pieces(formula)})
+    return [html.Details([head, table("Trials excluded", ("trial", "why"), rows), *more], id="excluded")]
 
 
 def by_hand(sliders: Sequence[Slider]) -> list[Any]:
@@ -157,97 +87,7 @@ def by_hand(sliders: Sequence[Slider]) -> list[Any]:
 
 def parameter_table(rows: Sequence[tuple[str, str, str]]) -> html.Table:
     """Fitted values with errors and units."""
-    return _table("Fitted values ± standard error", ("parameter", "value", "unit"), rows)
-
-
-def trial_table(rows: Sequence[Sequence[Any]], head: Sequence[str]) -> html.Table:
-    """The trials of one cell."""
-    return _table("Trials of this condition", head, rows)
-
-
-def plot(name: str, spec: Spec | None = None, how_to_read: str = "", caption: str = "") -> html.Figure:
-    """A figure with how to read it, what it shows in words, and buttons that save it."""
-    given = {"figure": spec, "style": height(spec)} if spec else {}
-    graph = dcc.Graph(id=name, config=GRAPH, **given)
-    buttons = [
-        html.Button(
-            file_format.upper(),
-            type="button",
-            **{
-                "data-format": file_format,
-                "data-figure": name,
-                "aria-label": f"Save figure {name} as {file_format.upper()}",
-            },
-        )
-        for file_format in FORMATS
-    ]
-    return html.Figure(
-        [
-            html.Div(graph, className="plot", id=f"{name}-box", role="group", **{"aria-labelledby": f"{name}-says"}),
-            html.Figcaption(
-                [
-                    html.P(how_to_read, id=f"{name}-how"),
-                    html.P(caption, id=f"{name}-says"),
-                    html.P(["Save figure: ", *buttons], className="save"),
-                ]
-            ),
-        ]
-    )
-
-
-def height(spec: Spec) -> dict[str, str]:
-    """The style of a graph that shows ``spec``: a graph that adapts its width takes its height from there."""
-    return {"height": f"{spec['layout']['height']}px"}
-
-
-def panes(shown: Sequence[Pane]) -> list[Any]:
-    """Figures beside the first one."""
-    parts = []
-    for i, pane in enumerate(shown):
-        body = html.P(pane.caption) if pane.figure is None else plot(f"beside-{i}", pane.figure, caption=pane.caption)
-        parts.append(html.Section([html.H2(pane.title), body], className="pane"))
-    return parts
-
-
-def film(strip: Sequence[tuple[bytes, str]]) -> html.Div:
-    """Frames of the lateral camera with the tracked marks drawn on them."""
-    frames = [
-        html.Figure([html.Img(src=data_uri(jpeg, "image/jpeg"), alt=caption), html.Figcaption(caption)])
-        for jpeg, caption in strip
-    ]
-    return html.Div(frames, className="film")
-
-
-def suggestion(found: Discovery, why: str = "/why") -> list[Any]:
-    """Verdict, candidates and next trials of a discovery; ``why`` is the address of its argument."""
-    verdict = found.verdict
-    named = " + ".join(map(readable, verdict.effects))
-    if verdict.status == "ambiguous":
-        named = f"one of {len(verdict.alternatives)} sets of effects, these data can't tell which"
-    because = verdict.because[:1].upper() + verdict.because[1:]
-    parts: list[Any] = [
-        html.P([html.Strong(f"{verdict.status.capitalize()}{f': {named}' if named else ''}. "), because]),
-        html.P(html.A("Why: the argument, the rivals and the plan of the next trials", href=why)),
-        _table(
-            "Best single effects",
-            ("effect", "ΔBIC", "out of sample"),
-            [(readable(c.effect), text.number(c.delta_bic), text.cm_s(c.cv_rmse_m_s)) for c in found.candidates[:5]],
-        ),
-    ]
-    if found.residual is not None:
-        residual = found.residual
-        parts.append(
-            html.P([f"Residual: {residual.sentence}. To try as your own effect: ", html.Code(residual.formula)])
-        )
-    if found.next_trials:
-        rows = [(t.where, observable_label(t.observable), _gap(t.expected_gap_sd)) for t in found.next_trials]
-        parts.append(_table("Next trials", ("at", "watch", "expected gap"), rows))
-    return parts
-
-
-def progress(stage: str, done: int, total: int) -> list[Any]:
-    """How far a discovery is."""
-    return [html.Label(f"Trying {stage}: {done} of {total}"), html.Progress(value=str(done), max=str(max(total, 1)))]
+    return table("Fitted values ± standard error", ("parameter", "value", "unit"), rows)
 
 
 def _floor(floor_m_s: float) -> str:
@@ -301,7 +141,7 @@ def _controls(floor_m_s: float) -> html.Section:
                     dcc.Input(id="formula", type="text", placeholder=FORMULA_EXAMPLE, debounce=False, n_submit=0),
                     html.Button("Add and fit", id="add", type="button", n_clicks=0),
                     html.P(id="formula-read", className="formula-read", role="status"),
-                    html.Details([html.Summary("Symbols a formula may hold"), _symbols()]),
+                    html.Details([html.Summary("Symbols a formula may hold"), symbols()]),
                 ]
             ),
         ],
@@ -377,18 +217,3 @@ def _cell_labels(cells: Cells) -> list[str]:
         for i in band.cells:
             labels[int(i)] = f"{band.label}, ω {cells.omega[i]:.4g} rad/s"
     return labels
-
-
-def _table(caption: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> html.Table:
-    return html.Table(
-        [
-            html.Caption(caption),
-            html.Thead(html.Tr([html.Th(words, scope="col") for words in head])),
-            html.Tbody([html.Tr([html.Td(cell) for cell in row]) for row in rows]),
-        ]
-    )
-
-
-def _gap(expected_sd: float) -> str:
-    """The gap a trial is to show; none where it is to show the scatter itself."""
-    return f"{expected_sd:.1f} s.d." if math.isfinite(expected_sd) else "scatter"

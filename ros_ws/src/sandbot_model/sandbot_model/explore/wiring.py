@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from dash import ALL, Dash, Input, Output, State
 
-from sandbot_model.explore import controls
+from sandbot_model.explore import effect_list
 from sandbot_model.explore.actions import CONTROLS
 from sandbot_model.report.page import source
 
@@ -133,7 +133,7 @@ def wire(app: Dash, answers: Answers) -> None:
         prevent_initial_call=True,
     )(answers.on_suggest)
     app.callback(Output("formula-read", "children"), Input("formula", "value"), prevent_initial_call=True)(
-        lambda typed: controls.formula_read(typed or "")
+        lambda typed: effect_list.formula_read(typed or "")
     )
     _wire_clientside(app)
 

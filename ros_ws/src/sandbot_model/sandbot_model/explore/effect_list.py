@@ -1,0 +1,73 @@
+"""The effects one can switch on, each with what it changes, and the symbols and the reading of one's own formula."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from dash import html
+
+from sandbot_common.errors import InputError
+from sandbot_model.explore.blocks import table
+from sandbot_model.explore.helpful import Preview, change_of, helps
+from sandbot_model.explore.views import values
+from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.formula import formula_effect
+from sandbot_model.physics.symbols import listed
+from sandbot_model.physics.typeset import mathml_in_pieces
+from sandbot_model.report.drawings import drawing
+from sandbot_model.report.view import Step, readable
+
+
+def effect_options(
+    effects: Mapping[str, Effect], order: Sequence[str], current: Step, previews: Mapping[str, Preview]
+) -> list[dict[str, Any]]:
+    """One option for each effect in ``order``: drawing, name, error before → after it is switched on, stage, formula,
+    and fitted values if it is on; what does not help is marked as such, for the page to fold.
+    """
+    on, now = current.fit.effects, current.fit.rmse_m_s
+    options = []
+    for name in order:
+        effect, preview = effects[name], previews[name]
+        useful = name in on or helps(preview, now)
+        label = html.Span(
+            [
+                html.Img(src=f"/drawing/{name}.svg", alt="", className="drawing") if drawing(name) else None,
+                html.Span(readable(name), className="effect"),
+                html.Span(change_of(preview, name in on, now), className="preview"),
+                html.Small([f"{effect.stage}: ", _typeset(effect.formula)]),
+                *([html.Small(values(effect, current), className="values")] if name in on else []),
+            ],
+            className="effect-line" if useful else "effect-line useless",
+        )
+        options.append({"value": name, "label": label, "title": effect.seen_in})
+    return options
+
+
+def formula_read(typed: str) -> list[Any]:
+    """How a formula is understood while it is typed: set as mathematics, or what is wrong with it."""
+    if not typed.strip():
+        return []
+    try:
+        effect = formula_effect(typed)
+    except InputError as error:
+        return [str(error).partition(f"{typed!r}: ")[2] or str(error)]
+    ranges = (
+        f"{p.name} from {p.low:g} to {p.high:g}{'' if p.unit == '1' else f' {p.unit}'}" for p in effect.parameters
+    )
+    return [_typeset(effect.formula), html.Br(), html.Small("; ".join(ranges))]
+
+
+def symbols() -> html.Table:
+    """All symbols; a press on one puts it into the formula (explore.js)."""
+    rows = [
+        (
+            [html.Button(name, type="button", **{"data-symbol": name}) for name in one.spellings[:1]],
+            one.unit, one.stage, one.doc,
+        )
+        for one in listed()
+    ]  # fmt: skip
+    return table("Quantities of the chain, in its order", ("symbol", "unit", "from stage", "meaning"), rows)
+
+
+def _typeset(formula: str) -> html.Span:
+    """A formula as MathML: Dash has no such element, so explore.js puts it there."""
+    return html.Span(title=formula, className="formula", **{"data-mathml": mathml_in_pieces(formula)})

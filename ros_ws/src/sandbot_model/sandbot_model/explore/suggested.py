@@ -1,0 +1,48 @@
+"""What a discovery found, or how far it is, as parts of the page."""
+
+import math
+from typing import Any
+
+from dash import html
+
+from sandbot_model.discovery.discover import Discovery
+from sandbot_model.explore.blocks import table
+from sandbot_model.report import text
+from sandbot_model.report.view import observable_label, readable
+
+
+def suggestion(found: Discovery, why: str = "/why") -> list[Any]:
+    """Verdict, candidates and next trials of a discovery; ``why`` is the address of its argument."""
+    verdict = found.verdict
+    named = " + ".join(map(readable, verdict.effects))
+    if verdict.status == "ambiguous":
+        named = f"one of {len(verdict.alternatives)} sets of effects, these data can't tell which"
+    because = verdict.because[:1].upper() + verdict.because[1:]
+    parts: list[Any] = [
+        html.P([html.Strong(f"{verdict.status.capitalize()}{f': {named}' if named else ''}. "), because]),
+        html.P(html.A("Why: the argument, the rivals and the plan of the next trials", href=why)),
+        table(
+            "Best single effects",
+            ("effect", "ΔBIC", "out of sample"),
+            [(readable(c.effect), text.number(c.delta_bic), text.cm_s(c.cv_rmse_m_s)) for c in found.candidates[:5]],
+        ),
+    ]
+    if found.residual is not None:
+        residual = found.residual
+        parts.append(
+            html.P([f"Residual: {residual.sentence}. To try as your own effect: ", html.Code(residual.formula)])
+        )
+    if found.next_trials:
+        rows = [(t.where, observable_label(t.observable), _gap(t.expected_gap_sd)) for t in found.next_trials]
+        parts.append(table("Next trials", ("at", "watch", "expected gap"), rows))
+    return parts
+
+
+def progress(stage: str, done: int, total: int) -> list[Any]:
+    """How far a discovery is."""
+    return [html.Label(f"Trying {stage}: {done} of {total}"), html.Progress(value=str(done), max=str(max(total, 1)))]
+
+
+def _gap(expected_sd: float) -> str:
+    """The gap a trial is to show; none where it is to show the scatter itself."""
+    return f"{expected_sd:.1f} s.d." if math.isfinite(expected_sd) else "scatter"
