@@ -56,7 +56,7 @@ class Brittle(Effect):
 TORN = "phi0.6000_w08.000_r01"
 BOOST = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
 DRAWN = """
-return [...document.querySelectorAll("#effects [data-mathml]")].map(
+return [...document.querySelectorAll("#effects .formula")].map(
     (place) => place.querySelector("math")?.getBoundingClientRect().width ?? 0)
 """
 """Widths of the effects' formulas."""
@@ -233,6 +233,7 @@ class Page:
     def complaints(self):
         """What the browser was told of as an error; what Dash's own library throws on its own is not the page's."""
         severe = [line["message"] for line in self.driver.get_log("browser") if line["level"] == "SEVERE"]
+        print(*severe, sep="\n")
         return [message for message in severe if "/dash/deps/react-dom" not in message.split()[0]]
 
 

@@ -9,6 +9,7 @@ from dash import dcc, html
 from sandbot_model.data.conditions import Cells
 from sandbot_model.explore.blocks import plot, table
 from sandbot_model.explore.effect_list import symbols
+from sandbot_model.explore.still import still
 from sandbot_model.explore.views import TITLES, Slider
 from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.walking import BASES
@@ -59,7 +60,8 @@ def _excluded(provenance: Provenance) -> list[html.Details]:
     rows = provenance.excluded[:MAX_EXCLUDED]
     more = [] if len(rows) == len(provenance.excluded) else [html.P(f"and {len(provenance.excluded) - len(rows)} more")]
     head = html.Summary(f"{len(provenance.excluded)} trials excluded, and why")
-    return [html.Details([head, table("Trials excluded", ("trial", "why"), rows), *more], id="excluded")]
+    listed = still(table("Trials excluded", ("trial", "why"), rows), *more)
+    return [html.Details([head, listed], id="excluded")]
 
 
 def by_hand(sliders: Sequence[Slider]) -> list[Any]:

@@ -8,6 +8,7 @@ from dash import html
 from sandbot_common.errors import InputError
 from sandbot_model.explore.blocks import table
 from sandbot_model.explore.helpful import Preview, change_of, helps
+from sandbot_model.explore.still import still
 from sandbot_model.explore.views import values
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.formula import formula_effect
@@ -28,14 +29,12 @@ def effect_options(
     for name in order:
         effect, preview = effects[name], previews[name]
         useful = name in on or helps(preview, now)
-        label = html.Span(
-            [
-                html.Img(src=f"/drawing/{name}.svg", alt="", className="drawing") if drawing(name) else None,
-                html.Span(readable(name), className="effect"),
-                html.Span(change_of(preview, name in on, now), className="preview"),
-                html.Small([f"{effect.stage}: ", _typeset(effect.formula)]),
-                *([html.Small(values(effect, current), className="values")] if name in on else []),
-            ],
+        label = still(
+            html.Img(src=f"/drawing/{name}.svg", alt="", className="drawing") if drawing(name) else None,
+            html.Span(readable(name), className="effect"),
+            html.Span(change_of(preview, name in on, now), className="preview"),
+            html.Small([f"{effect.stage}: ", _typeset(effect.formula)]),
+            html.Small(values(effect, current), className="values") if name in on else None,
             className="effect-line" if useful else "effect-line useless",
         )
         options.append({"value": name, "label": label, "title": effect.seen_in})
@@ -56,7 +55,7 @@ def formula_read(typed: str) -> list[Any]:
     return [_typeset(effect.formula), html.Br(), html.Small("; ".join(ranges))]
 
 
-def symbols() -> html.Table:
+def symbols() -> html.Span:
     """All symbols; a press on one puts it into the formula (explore.js)."""
     rows = [
         (
@@ -65,9 +64,9 @@ def symbols() -> html.Table:
         )
         for one in listed()
     ]  # fmt: skip
-    return table("Quantities of the chain, in its order", ("symbol", "unit", "from stage", "meaning"), rows)
+    return still(table("Quantities of the chain, in its order", ("symbol", "unit", "from stage", "meaning"), rows))
 
 
 def _typeset(formula: str) -> html.Span:
     """A formula as MathML: Dash has no such element, so explore.js puts it there."""
-    return html.Span(title=formula, className="formula", **{"data-mathml": mathml_in_pieces(formula)})
+    return html.Span(title=formula, className="formula", **{"data-html": mathml_in_pieces(formula)})

@@ -93,13 +93,13 @@ new MutationObserver((changes) => {
   if (leading !== Infinity && performance.now() < leading) trials?.scrollIntoView({ block: "start" });
 }).observe(document.documentElement, { childList: true, subtree: true });
 
-// Formulas come as MathML in an attribute.
+// What does not change by itself comes as HTML in an attribute (still.py), and formulas as MathML.
 new MutationObserver(() => {
-  for (const place of document.querySelectorAll("[data-mathml]")) {
-    if (place.shown === place.dataset.mathml) continue;
-    place.shown = place.innerHTML = place.dataset.mathml;
+  for (const place of document.querySelectorAll("[data-html]")) {
+    if (place.shown === place.dataset.html) continue;
+    place.shown = place.innerHTML = place.dataset.html;
   }
-}).observe(document.documentElement, { childList: true, subtree: true, attributeFilter: ["data-mathml"] });
+}).observe(document.documentElement, { childList: true, subtree: true, attributeFilter: ["data-html"] });
 
 // A table that is dropped on the page is set beside the data.
 document.addEventListener("dragover", (event) => event.preventDefault());
