@@ -131,6 +131,37 @@ def commander(beside):
     return Commander(beside)
 
 
+class StandIn:
+    """A process that /diagnostics tells to be some node's, in whose name somebody else goes on commanding."""
+
+    def __init__(self, beside, name):
+        program = "from sandbot_common.process import own_name; print(own_name(), flush=True); input()"
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+        self.process = subprocess.Popen([sys.executable, "-c", program], text=True, **pipes)
+        told = {node.PROCESS: self.process.stdout.readline().strip()}
+        health = node.publisher(beside.node, topics.DIAGNOSTICS)
+        beside.node.create_timer(0.1, lambda: health.publish(messages.diagnostics(time.time_ns(), name, told)))
+        beside.until(health.get_subscription_count)
+        beside.wait(lambda: False, 0.5)  # until everybody has heard
+
+    def close(self):
+        self.process.kill()
+        self.process.communicate()
+
+
+@pytest.fixture
+def stand_in(beside):
+    running = []
+
+    def make(name):
+        running.append(StandIn(beside, name))
+        return running[-1].process
+
+    yield make
+    for one in running:
+        one.close()
+
+
 def test_the_clock_stops_by_itself_and_says_why(commander, beside):
     with running("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}") as clock:
         # By hand: nobody holds the lease, no robot is there; the run has an end all the same.
@@ -162,6 +193,18 @@ def test_the_clock_stops_by_itself_and_says_why(commander, beside):
         beside.wait(lambda: False, 0.4)
         clock.send_signal(signal.SIGCONT)
         commander.stopped("held up")
+
+
+@pytest.mark.parametrize(("number", "why"), [(signal.SIGKILL, "gone"), (signal.SIGSTOP, "frozen")])
+def test_whose_commander_is_gone_stops_though_the_lease_be_renewed(number, why, commander, beside, stand_in):
+    with running("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}"):
+        commander.command()
+        holder = stand_in("beside")  # as the lease names its holder
+        commander.walk()
+        beside.wait(lambda: False, 0.5)
+        assert commander.moving
+        holder.send_signal(number)
+        commander.stopped(f"the beside is {why}")
 
 
 def test_a_run_by_hand_ends_by_itself(commander, beside):
@@ -290,6 +333,50 @@ def test_the_lab_stops_legs_and_air_whose_commands_are_late(beside):
         beside.until(lambda: any(value.key == "blower" and value.value == "1.0" for value in told[-1].values))
         timer.cancel()
         beside.until(lambda: said("air off: nothing on /bed/blower for 0.45 s"))
+
+
+def test_the_lab_obeys_nobody_who_is_gone_though_his_commands_go_on(beside, stand_in):
+    states, told, asked = [], {}, {"rate": 0.0, "air": 0.0}
+    setpoints, blower = (node.publisher(beside.node, one) for one in (topics.LEG_SETPOINTS, topics.BED_BLOWER))
+    node.subscription(beside.node, topics.LEG_STATES, states.append)
+    node.subscription(
+        beside.node, topics.DIAGNOSTICS, lambda message: told.update({one.name: one for one in message.status})
+    )
+
+    def command():
+        angle = np.full(6, time.monotonic() % 1.0)
+        setpoints.publish(messages.joint_state(time.time_ns(), topics.LEGS, angle, np.full(6, asked["rate"]), angle))
+        blower.publish(messages.float64(asked["air"]))
+
+    def blows():
+        return {pair.key: pair.value for pair in told["lab"].values}["blower"] == "1.0"
+
+    with running("sandbot_lab.lab_node", "images:=false", "legs_lease_s:=1.0", "air_lease_s:=2.0"):
+        beside.until(lambda: setpoints.get_subscription_count() and blower.get_subscription_count() and "lab" in told)
+        clock, bed = stand_in("clock"), stand_in("bed")
+        beside.node.create_timer(0.02, command)
+        asked["rate"] = OMEGA
+        beside.until(lambda: states and any(states[-1].velocity))
+        clock.kill()
+        beside.until(lambda: told["lab"].message == "legs stopped: the clock is gone")
+        assert not any(states[-1].velocity)
+        asked["rate"] = 0.0
+        beside.wait(lambda: False, 0.2)
+        asked["rate"] = OMEGA
+        beside.until(lambda: any(states[-1].velocity))  # another clock, of which nothing is known
+        asked["rate"] = 0.0
+
+        asked["air"] = 1.0
+        beside.until(blows)
+        bed.send_signal(signal.SIGSTOP)
+        beside.until(lambda: told["lab"].message == "air off: the bed is frozen")
+        bed.send_signal(signal.SIGCONT)
+        beside.wait(blows, 0.5)
+        assert not blows()  # it goes on commanding air, and that is no start
+        asked["air"] = 0.0
+        beside.wait(lambda: False, 0.2)
+        asked["air"] = 1.0
+        beside.until(blows)
 
 
 class Bed:

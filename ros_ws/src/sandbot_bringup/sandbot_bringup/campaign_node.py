@@ -25,13 +25,13 @@ from std_srvs.srv import SetBool, Trigger
 from sandbot_bringup.desk_node import Desk
 from sandbot_bringup.folder import CampaignFolder, frames_kept
 from sandbot_bringup.hold import Held, Hold
-from sandbot_bringup.neighbours import Neighbours
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
 from sandbot_bringup.recorder_process import RecorderProcess
 from sandbot_bringup.supervision import LOOP, Listening, Sign, Supervisor, camera_fault, pace_fault, status_values
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
+from sandbot_common.neighbours import Neighbours
 from sandbot_common.node import PROCESS, Health, Stop, ask, names_of, publisher, real_time, subscription
 from sandbot_common.robot import Robot
 from sandbot_record.bags.reader import Bag

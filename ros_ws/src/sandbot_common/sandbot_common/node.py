@@ -30,6 +30,7 @@ from rclpy.subscription import Subscription
 from sandbot_common import cli, messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
+from sandbot_common.neighbours import LOOK_S, Neighbours
 from sandbot_common.parameters import Spec, from_mapping, specs
 from sandbot_common.process import own_name
 from sandbot_common.suggest import did_you_mean
@@ -146,6 +147,33 @@ class Parameters(Generic[T]):
         return SetParametersResult(successful=True)
 
 
+class Partners:
+    """Other nodes of this host as processes: who is gone or frozen commands nothing more, and no lease need run out.
+
+    On another host nothing is known of them but that they fall silent.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._neighbours = Neighbours()
+        subscription(node, topics.DIAGNOSTICS, self._on_diagnostics)
+        node.create_timer(LOOK_S, lambda: self._neighbours.look(time.monotonic()))
+
+    def begin(self, name: str) -> None:
+        """He is obeyed from now on: if one of his name has ended, it was another."""
+        if self.fault(name):
+            self._neighbours.forget(name)
+
+    def fault(self, name: str) -> str:
+        """What has become of him, "the clock is gone"; an empty string while he runs, or nothing is known of him."""
+        fault = self._neighbours.faults.get(name)
+        return f"the {name} {fault}" if fault else ""
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            process = next((pair.value for pair in status.values if pair.key == PROCESS), "")
+            self._neighbours.meet(status.name, process)
+
+
 class Command:
     """The lease of whoever commands, as those see it who obey: asked before motion or air begins and at each step.
 
@@ -153,7 +181,7 @@ class Command:
     """
 
     def __init__(self, node: Node, limit_s: float) -> None:
-        self._node, self._lease = node, Lease(limit_s)
+        self._node, self._lease, self._partners = node, Lease(limit_s), Partners(node)
         self._leased = False
         self._holder = "somebody"
         subscription(node, topics.OPERATOR_LEASE, self._on_renewal)
@@ -161,6 +189,7 @@ class Command:
     def begin(self, limit_s: float) -> str:
         """Why nothing may begin; an empty string where it may, from now on under this lease or by hand."""
         self._lease.limit_s = limit_s
+        self._partners.begin(self._holder)
         holders = names_of(self._node.get_publishers_info_by_topic(topics.OPERATOR_LEASE.relative))
         self._leased = bool(holders)
         if len(holders) > 1:
@@ -171,7 +200,11 @@ class Command:
 
     def lost(self) -> str:
         """Why to stop; an empty string while the lease is renewed or a person commands."""
-        if not self._leased or not self._lease.late(time.monotonic()):
+        if not self._leased:
+            return ""
+        if fault := self._partners.fault(self._holder):
+            return fault
+        if not self._lease.late(time.monotonic()):
             return ""
         return f"{self._holder} did not renew /operator/lease for {self._lease.limit_s:g} s"
 

@@ -33,7 +33,7 @@ class Neighbour:
         if host != _host() or not pid.isdigit():
             return None
         one = cls(int(pid), start)
-        return one if _stat(one.pid)[_START:][:1] == [start] else None
+        return None if one.fault == "is gone" else one
 
     @property
     def fault(self) -> str:

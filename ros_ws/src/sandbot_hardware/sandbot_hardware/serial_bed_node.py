@@ -1,6 +1,7 @@
 """The bed on a serial line: /bed/blower out, /bed/height in.
 
-Air is leased: a /bed/blower that is late by air_lease_s turns it off. The bed's controller does the same by itself.
+Air is leased: a /bed/blower that is late by air_lease_s turns it off, until it has been told off. The bed's controller
+does the same by itself.
 """
 
 import time
@@ -18,6 +19,8 @@ from sandbot_hardware.port import Port, fixed
 from sandbot_hardware.serial_bed_parameters import SerialBedParameters
 
 WATCH_S = 0.02
+BED = "bed"
+"""Who commands: on this host the system tells when it is gone."""
 
 
 class SerialBed(Node):
@@ -27,6 +30,7 @@ class SerialBed(Node):
         super().__init__("serial_bed")
         self._given = node.Parameters(self, SerialBedParameters, fixed).current
         self._lease, self._level, self._watchdog = Lease(self._given.air_lease_s), 0.0, 0
+        self._partners, self._lapsed = node.Partners(self), False
         self._height = node.publisher(self, topics.BED_HEIGHT)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         self._port = Port(self._given.device, self._given.baud, self._heard)
@@ -40,8 +44,13 @@ class SerialBed(Node):
 
     def _on_blower(self, message: Float64) -> None:
         self._lease.renew(time.monotonic())
-        # "not <=" so that NaN is off.
-        self._blow(message.data if 0.0 <= message.data <= 1.0 else 0.0)
+        # Not "<=" so that NaN is off.
+        level = message.data if 0.0 <= message.data <= 1.0 else 0.0
+        # Nothing goes on by itself: air that was stopped comes on again when it has been told off.
+        self._lapsed = self._lapsed and level > 0.0
+        if self._level <= 0.0:
+            self._partners.begin(BED)
+        self._blow(0.0 if self._lapsed else level)
 
     def _blow(self, level: float) -> None:
         # Every time, changed or not: the controller's watchdog wants to hear it.
@@ -49,9 +58,12 @@ class SerialBed(Node):
         self._port.write(lines.encode("B", float(level)))
 
     def _watch(self) -> None:
-        if self._level > 0.0 and self._lease.late(time.monotonic()):
+        silence = f"nothing on {topics.BED_BLOWER.name} for {self._lease.limit_s:g} s"
+        late = silence if self._lease.late(time.monotonic()) else ""
+        if self._level > 0.0 and (why := self._partners.fault(BED) or late):
+            self._lapsed = True
             self._blow(0.0)
-            self.get_logger().error(f"air off: nothing on {topics.BED_BLOWER.name} for {self._lease.limit_s:g} s")
+            self.get_logger().error(f"air off: {why}")
 
     def _heard(self, line: Line, received_ns: int) -> None:
         self._watchdog += line.kind == "W"

@@ -22,6 +22,8 @@ from sandbot_hardware.port import Port, fixed
 from sandbot_hardware.serial_legs_parameters import LegsParameters
 
 WATCH_S = 0.01
+CLOCK = "clock"
+"""Who commands: on this host the system tells when it is gone."""
 
 
 class SerialLegs(Node):
@@ -32,7 +34,7 @@ class SerialLegs(Node):
         given = node.Parameters(self, LegsParameters, fixed).current
         self._order = (read_robot(given.robot) if given.robot else SANDBOT).leg_order
         self._lease, self._moving, self._lapsed = Lease(given.legs_lease_s), False, False
-        self._held = [0.0] * len(self._order)
+        self._held, self._partners = [0.0] * len(self._order), node.Partners(self)
         self._device_clock = DeviceClock()
         self._states, self._led = node.publisher(self, topics.LEG_STATES), node.publisher(self, topics.SYNC_LED)
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
@@ -61,15 +63,18 @@ class SerialLegs(Node):
             # Nothing goes on by itself: late commands of before a silence are no start.
             self._refused += 1
             return
+        if moving and not self._moving:
+            self._partners.begin(CLOCK)
         self._moving, self._lapsed, self._held = moving, False, angles
         self._lease.renew(time.monotonic())
         self._sent += self._say(messages.nanoseconds(message.header.stamp), rates)
 
     def _watch(self) -> None:
-        if self._moving and self._lease.late(time.monotonic()):
+        late = f"no set-point for {self._lease.limit_s:g} s" if self._lease.late(time.monotonic()) else ""
+        if self._moving and (why := self._partners.fault(CLOCK) or late):
             self._lapsed = True
             self._rest()
-            self.get_logger().error(f"legs stopped: no set-point for {self._lease.limit_s:g} s")
+            self.get_logger().error(f"legs stopped: {why}")
 
     def _rest(self) -> None:
         self._moving = False

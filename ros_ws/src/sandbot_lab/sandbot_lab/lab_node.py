@@ -4,7 +4,7 @@ A trial begins when the legs start after standing: the robot is back at the star
 fraction, and the LED flashes. Frames are taken on the robot's time, t0 + k / frame rate. No topic carries the truth.
 
 Legs and air stop by themselves where their commands are late, as those of a real driver must: a clock or bed that was
-killed or froze can't tell. The legs then stay at rest until a set-point at rest, or /lab/reset, has been heard.
+killed or froze can't tell. Both then stay so until they have been told rest, and off; legs also by /lab/reset.
 """
 
 import time
@@ -36,6 +36,8 @@ IDLE_RATE_HZ = 100.0
 WATCH_RATE_HZ = 100.0
 SENSOR_RANGE_M = (0.02, 0.5)
 CAMERAS = ("dorsal", "lateral")
+CLOCK, BED = "clock", "bed"
+"""Who commands legs and air: of those on this host the system tells when they are gone."""
 
 
 class LabNode(Node):
@@ -55,7 +57,8 @@ class LabNode(Node):
         self._standing = True
         self._held = np.zeros(len(self._order))
         self._legs, self._air = Lease(current.legs_lease_s), Lease(current.air_lease_s)
-        self._legs_lapsed, self._blower = False, 0.0
+        self._legs_lapsed, self._air_lapsed, self._blower = False, False, 0.0
+        self._partners = node.Partners(self)
         self._idle = self._idle_cameras()
         self._setpoints = self._refused = self._trials = 0
 
@@ -140,6 +143,7 @@ class LabNode(Node):
             self._health.level, self._health.text = 1, f"set-point refused: {error}"
 
     def _begin(self, t_ns: int) -> None:
+        self._partners.begin(CLOCK)
         current = self._settings.current
         cameras = {name: self._sections[name] for name in CAMERAS} if current.images else {}
         phi = current.phi or self._bed.phi
@@ -165,16 +169,23 @@ class LabNode(Node):
     def _watch(self) -> None:
         """Stop what is no longer commanded."""
         self._stop_late_legs()
-        if self._blower > 0 and self._air.late(time.monotonic()):
+        if self._blower > 0 and (why := self._lost(BED, self._air, f"nothing on {topics.BED_BLOWER.name}")):
+            self._air_lapsed = True
             self._blow(0.0)
-            self._alarm(f"air off: nothing on {topics.BED_BLOWER.name} for {self._air.limit_s:g} s")
+            self._alarm(f"air off: {why}")
+
+    def _lost(self, commander: str, lease: Lease, silence: str) -> str:
+        """Why to obey a commander no more; an empty string while his commands come in time."""
+        if fault := self._partners.fault(commander):
+            return fault
+        return f"{silence} for {lease.limit_s:g} s" if lease.late(time.monotonic()) else ""
 
     def _stop_late_legs(self) -> None:
-        if not self._standing and self._legs.late(time.monotonic()):
+        if not self._standing and (why := self._lost(CLOCK, self._legs, "no set-point")):
             self._legs_lapsed = self._standing = True
             if self._trial is not None:
                 self._advance(self._trial, self._now_ns(), self._held, np.zeros_like(self._held))
-            self._alarm(f"legs stopped: no set-point for {self._legs.limit_s:g} s")
+            self._alarm(f"legs stopped: {why}")
 
     def _alarm(self, text: str) -> None:
         self._health.level, self._health.text = 2, text
@@ -183,6 +194,11 @@ class LabNode(Node):
 
     def _on_blower(self, message: Float64) -> None:
         self._air.renew(time.monotonic())
+        if self._air_lapsed and message.data > 0:
+            return  # as with the legs: nothing goes on by itself
+        self._air_lapsed = False
+        if self._blower <= 0:
+            self._partners.begin(BED)
         try:
             self._blow(message.data)
         except InputError as error:

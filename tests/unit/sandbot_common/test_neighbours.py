@@ -1,7 +1,7 @@
 import pytest
 
-from sandbot_bringup import neighbours
-from sandbot_bringup.neighbours import LOOK_S, Neighbours
+from sandbot_common import neighbours
+from sandbot_common.neighbours import LOOK_S, Neighbours
 
 
 class Process:
