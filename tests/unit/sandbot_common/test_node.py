@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sandbot_common import node
+from sandbot_common import node, process
 from sandbot_common.node import use_shared_memory
 
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -44,7 +44,7 @@ CHILD = [sys.executable, "-c", "import os; print(os.sched_getscheduler(0))"]
 
 def test_real_time_is_for_this_thread_and_this_while_alone():
     before = os.sched_getscheduler(0)
-    if before != os.SCHED_OTHER or not node.ask_for_real_time(1):
+    if before != os.SCHED_OTHER or not process.ask_for_real_time(1):
         pytest.skip("real-time priority is not granted here")
     os.sched_setscheduler(0, before, os.sched_param(0))
     with node.real_time(5):

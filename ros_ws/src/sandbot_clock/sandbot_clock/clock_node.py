@@ -30,6 +30,7 @@ from sandbot_clock.schedule import NANO, Schedule, keep, missed_warning
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
+from sandbot_common.process import ask_for_real_time
 from sandbot_common.robot import SANDBOT, read_robot, robot_of_trial
 
 # Long enough to hear whether a bed blows before legs move by themselves.
@@ -155,7 +156,7 @@ class ClockNode(Node):
             skipped = count
             self._missed += count
 
-        self._real_time = node.ask_for_real_time(_SCHEDULE)
+        self._real_time = ask_for_real_time(_SCHEDULE)
         keep(schedule, duty, time.monotonic_ns, time.sleep, skip)
         if fault:
             self._health.level, self._health.text = 2, f"stopped: {fault}"
@@ -261,7 +262,7 @@ def _overrun(run_ns: int, max_run_s: float) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the clock node until Ctrl-C."""
     # The whole process: a main thread that waits for a CPU while it holds Python's lock would stop the schedule, too.
-    node.ask_for_real_time(_BESIDE)
+    ask_for_real_time(_BESIDE)
     return node.run(ClockNode, argv)
 
 

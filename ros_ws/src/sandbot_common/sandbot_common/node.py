@@ -32,7 +32,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
 from sandbot_common.neighbours import LOOK_S, Neighbours
 from sandbot_common.parameters import Spec, from_mapping, specs
-from sandbot_common.process import own_name
+from sandbot_common.process import ask_for_real_time, own_name
 from sandbot_common.suggest import did_you_mean
 
 T = TypeVar("T")
@@ -296,15 +296,6 @@ def run(
         return 0
 
     return cli.run(command, argv)
-
-
-def ask_for_real_time(priority: int) -> bool:
-    """For the calling thread and those it starts, which sleep nearly all the time; who may not runs as it is."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except (AttributeError, OSError):
-        return False
-    return True
 
 
 @contextmanager

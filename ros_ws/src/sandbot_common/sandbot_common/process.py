@@ -18,6 +18,15 @@ def own_name() -> str:
     return f"{_host()} {pid} {stat[_START]}" if stat else ""
 
 
+def ask_for_real_time(priority: int) -> bool:
+    """For the calling thread and those it starts, which sleep nearly all the time; who may not runs as it is."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (AttributeError, OSError):
+        return False
+    return True
+
+
 @dataclass(frozen=True)
 class Neighbour:
     """Another process of this host."""

@@ -1,0 +1,92 @@
+"""The two simulated cameras, a process of their own: what it takes to draw must not make the legs late.
+
+It hears the set-points that the robot hears and walks the same robot by them, from the same chance. Frames carry the
+devices' time, so how long they are under way is nobody's affair.
+"""
+
+import time
+from collections.abc import Mapping
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from sandbot_common.robot import Robot
+from sandbot_hardware import lines
+from sandbot_hardware.terminal import Terminal
+from sandbot_lab.cameras import LabCamera
+from sandbot_lab.stage import NANO, LiveTrial, warm_up
+from sandbot_lab.world import START_X_M, null_world
+
+CAMERAS = ("dorsal", "lateral")
+JPEG_QUALITY = 95
+
+
+def film(
+    folder: Path, sections: Mapping[str, Any], robot: Robot, seed: int, boot_s: float, orders: "Connection[Any, Any]"
+) -> None:
+    """Film until there are no more orders: (pull or plug, camera), (begin, φ, t0), (walk, t, angles, rates), (rest,).
+
+    ``boot_s``: the monotonic time at which the devices' own is 0; times of orders are the devices', in ns.
+    """
+    warm_up(sections)
+    films = _Films(folder, sections, robot, seed, boot_s)
+    orders.send("ready")
+    try:
+        while True:
+            if orders.poll(films.due_s):
+                films.obey(*orders.recv())
+            else:
+                films.stand()
+    except EOFError:
+        return
+
+
+class _Films:
+    def __init__(self, folder: Path, sections: Mapping[str, Any], robot: Robot, seed: int, boot_s: float) -> None:
+        self._sections, self._robot, self._seed, self._boot_s = sections, robot, seed, boot_s
+        self._world = null_world().walked_by(robot)
+        self._standing = {name: LabCamera(name, sections[name], seed, robot) for name in CAMERAS}
+        self._period_s = 1.0 / self._standing["dorsal"].calibration.frame_rate_hz
+        self._trial: LiveTrial | None = None
+        self._filmed_s = 0.0
+        self._ports = {name: Terminal(folder / name) for name in CAMERAS}
+
+    @property
+    def due_s(self) -> float | None:
+        """Until the next frame of a robot that stands; None while it walks, for then set-points tell."""
+        return None if self._trial else max(self._filmed_s + self._period_s - self._now_s(), 0.0)
+
+    def obey(self, order: str, *given: Any) -> None:
+        """One order."""
+        match order:
+            case "pull" | "plug":
+                getattr(self._ports[given[0]], order)()
+            case "begin":
+                phi, t0_ns = given
+                self._trial = LiveTrial(self._world, phi, self._seed, START_X_M, self._sections, t0_ns)
+            case "walk" if self._trial:
+                self._trial.advance(*given)
+                for name, stamp_ns, pixels in self._trial.frames():
+                    self._send(name, stamp_ns / NANO, pixels)
+            case "rest":
+                self._trial = None
+
+    def stand(self) -> None:
+        """A frame of the robot where it starts."""
+        self._filmed_s = self._now_s()
+        for name, camera in self._standing.items():
+            if self._ports[name].idle:  # else nobody reads
+                self._send(name, self._filmed_s, camera.render(START_X_M, self._robot.axle_height_m))
+
+    def _now_s(self) -> float:
+        return time.monotonic() - self._boot_s
+
+    def _send(self, name: str, t_s: float, pixels: Any) -> None:
+        def made() -> bytes:
+            _, jpeg = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+            return lines.encode_block("C", round(t_s * 1e6), np.asarray(jpeg).tobytes())
+
+        self._ports[name].say(made)
