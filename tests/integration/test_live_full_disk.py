@@ -21,8 +21,7 @@ def test_a_full_disk_stops_the_legs_and_says_why(tmp_path, start, plan_of_one, q
     assert live.wait(500) == 1, "\n".join(live.lines)
     witness.stop()
 
-    assert any("failed: the recorder ended: " in line for line in live.lines), "\n".join(live.lines)
-    assert any("File too large" in line for line in live.lines), "\n".join(live.lines)
+    assert any("failed: the recorder failed: File too large" in line for line in live.lines), "\n".join(live.lines)
     (bag,) = (tmp_path / "live" / "trials" / ".partial").iterdir()
     assert Bag.open(bag).count > 0
 

@@ -304,6 +304,7 @@ class Operator(Node):
             raise TrialFailed(f"the recorder did not start: {recorder.last_line}")
         self._recorder, ready_s = recorder, self._listening.now_s
         self._neighbours.forget("recorder")  # that of the trial before
+        self._told.pop("recorder", None)
         self._watch()
         # On a busy machine it may be found seconds after it is ready.
         if not self._wait(lambda: self._supervisor.heard_since("recorder", "", ready_s), DISCOVERY_S):
@@ -467,8 +468,11 @@ class Operator(Node):
             raise CampaignEnds(self._health.refused)
 
     def _fault(self) -> str:
-        if self._recorder is not None and self._recorder.ended:
+        level, text, _ = self._told.get("recorder", (0, "", {}))
+        if self._recorder is not None and level > 1:
             # A full disk, say: what the legs do from now on is lost, so they stop.
+            return f"the recorder failed: {text}"
+        if self._recorder is not None and self._recorder.ended:
             return f"the recorder ended: {self._recorder.why_ended}"
         if self._recorder is not None and self._recorder.frozen:
             return "the recorder is frozen"

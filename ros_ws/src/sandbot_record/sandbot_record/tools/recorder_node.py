@@ -211,7 +211,9 @@ class Recorder(Node):
         if self._receiver.broken:
             self._recording.stop("receiving ended with an error")
         if self._recording.stopped.is_set():
-            rclpy.try_shutdown(context=self.context)
+            # Said at once where it failed: to close a bag on a full disk takes seconds, and legs may be moving.
+            self._health.publish()
+            self.done = True
             return
         new = False
         for full_name, types in self.get_topic_names_and_types():
