@@ -9,7 +9,7 @@ PYTEST_ARGS ?=
 PACKAGE_FILES := $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg ros_ws/src/*/package.xml \
 	ros_ws/src/sandbot_bringup/launch/* ros_ws/src/sandbot_bringup/config/*)
 
-.PHONY: help setup demo faults test test-quick test-whole lint bench bench-quick screenshots notebook docs reference lock browser clean
+.PHONY: help setup demo faults test test-quick test-whole lint bench bench-quick screenshots notebook docs reference pasted rerun lock browser clean
 
 help:
 	@sed -n '1p' Makefile
@@ -75,10 +75,18 @@ notebook: setup
 reference: setup
 	$(RUN) python tools/reference.py
 
+# Every command of README and docs typed into a fresh shell: docs/lookup/pasted.md holds their exit codes. Five minutes.
+pasted: setup
+	$(RUN) python tools/pasted.py
+
 # docs/ as a site in runs/site, strict about links. Its wheels are fetched for it alone: nothing else needs them.
 docs: reference
 	$(RUN) python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-docs.lock
 	$(RUN) NO_MKDOCS_2_WARNING=1 mkdocs build --strict --quiet && echo "runs/site/index.html"
+
+# Rerun's wheels, an extra of 240 MB that only `export --out TRIAL.rrd` needs.
+rerun: setup
+	$(RUN) python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-rerun.lock
 
 # Chromium for the browser tests comes from the distribution; nothing to do where it is there already.
 browser:

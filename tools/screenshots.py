@@ -1,9 +1,11 @@
-"""Every view of the explorer and the report as a picture in docs/screenshots: ``python tools/screenshots.py``.
+"""Every view of the explorer and the report as a picture in docs/screenshots, and in dark/ below it.
 
 A campaign of 70 trials is run on the virtual lab, in whose ground a leg that steps into its own crater finds it weak
-(disturbed ground), and each page is opened in Chromium. Takes about three minutes.
+(disturbed ground), and each page is opened in Chromium. ``python tools/screenshots.py``
+takes about five minutes; given a campaign it takes that one, and given names of pictures those only.
 """
 
+import argparse
 import io
 import re
 import subprocess
@@ -48,6 +50,8 @@ CARDS_FITTED = "return !document.body.innerText.includes('still being fitted')"
 FILMED = "phi0.6330_w16.000_r01"
 DRAWN = "return document.documentElement.dataset.drawn !== undefined"
 
+PLATES = "return document.images.length > 5 && [...document.images].every((one) => one.complete && one.naturalWidth)"
+
 Act = Callable[[webdriver.Chrome], None]
 
 
@@ -59,7 +63,6 @@ class Shot:
     query: str = ""
     size: tuple[int, int] = (1360, 1120)
     act: Act | None = None
-    dark: bool = False
     scroll_to: str = ""
     """CSS selector of what stands at the top of the picture; empty: the top of the page."""
 
@@ -95,48 +98,56 @@ EXPLORER = (
     Shot("11-suggest", "", (1360, 1120), suggest),
     Shot("12-wrong-formula", ON, (1360, 1120), unfold),
     Shot("13-two-models", f"{ON}&against=%3Fmodel%3Dsimple", (1500, 1120)),
-    Shot("14-dark", f"{ON}&view=residuals", (1360, 980), dark=True),
     Shot("15-narrow", f"{ON}&view=lock", (500, 1500)),
 )
 WHY = Shot("18-why", "why?model=simple", (1180, 1500))
 TRIAL = Shot("19-trial", f"theatre?trial={FILMED}&effect={HIDDEN}", (1180, 1500))
 CARDS = Shot("20-cards", "effects", (1180, 1300))
-REPORT = (
-    Shot("16-report", "", (1180, 1500)),
-    Shot("17-report-dark", "", (1180, 1500), dark=True, scroll_to="#lock"),
-)
+ATLAS = Shot("21-atlas", f"atlas{ON}", (1180, 1500))
+OWN_PAGES = ((WHY, DRAWN), (TRIAL, DRAWN), (CARDS, CARDS_FITTED), (ATLAS, PLATES))
+REPORT = (Shot("16-report", "", (1180, 1500)), Shot("17-report-figures", "", (1180, 1500), scroll_to="#lock"))
 
 
 def main() -> int:
     """Run the campaign, open every page, write every picture."""
-    OUT.mkdir(parents=True, exist_ok=True)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", type=Path, nargs="?", help="a campaign that was run already")
+    parser.add_argument("--only", nargs="*", default=[], metavar="NAME", help="pictures to draw (default: all)")
+    args = parser.parse_args()
+    (OUT / "dark").mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder, chromium() as driver:
-        data = Path(sys.argv[1]) if len(sys.argv) > 1 else campaign(Path(folder))
+        data = Path(folder) / "collapse"
+        if args.data:
+            data.symlink_to(args.data.resolve())
+        else:
+            campaign(data)
+        report = data.parent / "report.html"
+        # Named as from its folder: the report shows its command.
+        shown = ("compare", data.name, "--effects", HIDDEN, "--html", report.name, "--title", TITLE)
+        ros2("sandbot_model", *shown, cwd=data.parent)
         with explorer(data) as address:
-            for shot in EXPLORER:
-                take(driver, shot, address + shot.query, FITTED)
-            for shot, ready in ((WHY, DRAWN), (TRIAL, DRAWN), (CARDS, CARDS_FITTED)):
-                take(driver, shot, address + shot.query, ready)
-        report = Path(folder) / "report.html"
-        ros2("sandbot_model", "compare", data, "--effects", HIDDEN, "--html", report, "--title", TITLE)
-        for shot in REPORT:
-            take(driver, shot, report.as_uri(), DRAWN)
+            shots = [(shot, address + shot.query, FITTED) for shot in EXPLORER]
+            shots += [(shot, address + shot.query, ready) for shot, ready in OWN_PAGES]
+            shots += [(shot, report.as_uri(), DRAWN) for shot in REPORT]
+            for shot, where, ready in shots:
+                if not args.only or shot.name in args.only:
+                    take(driver, shot, where, ready, OUT, "light")
+                    take(driver, shot, where, ready, OUT / "dark", "dark")
     return 0
 
 
-def campaign(folder: Path) -> Path:
+def campaign(out: Path) -> None:
     """The trials, in bags."""
-    plan, world, out = folder / "plan.yaml", folder / "world.yaml", folder / "collapse"
+    plan, world = out.with_name("plan.yaml"), out.with_name("world.yaml")
     plan.write_text(PLAN, encoding="utf-8")
     world.write_text(WORLD, encoding="utf-8")
     ros2("sandbot_bringup", "campaign", plan, "--out", out, "--batch", "--world", world)
-    return out
 
 
-def ros2(package: str, executable: str, *arguments: object) -> None:
+def ros2(package: str, executable: str, *arguments: object, cwd: Path | None = None) -> None:
     """One of the project's commands."""
     command = ["ros2", "run", package, executable, *map(str, arguments)]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, cwd=cwd)
 
 
 @contextmanager
@@ -167,9 +178,9 @@ def chromium() -> Iterator[webdriver.Chrome]:
         driver.quit()
 
 
-def take(driver: webdriver.Chrome, shot: Shot, address: str, ready: str) -> None:
-    """One picture, small enough for a repository."""
-    scheme = [{"name": "prefers-color-scheme", "value": "dark" if shot.dark else "light"}]
+def take(driver: webdriver.Chrome, shot: Shot, address: str, ready: str, folder: Path, colours: str) -> None:
+    """One picture in a colour scheme, small enough for a repository."""
+    scheme = [{"name": "prefers-color-scheme", "value": colours}]
     driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
     width, height = shot.size
     metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
@@ -184,10 +195,10 @@ def take(driver: webdriver.Chrome, shot: Shot, address: str, ready: str) -> None
     )
     if shot.scroll_to:
         driver.execute_script(f"document.querySelector({shot.scroll_to!r}).scrollIntoView()")
-    path = OUT / f"{shot.name}.png"
+    path = folder / f"{shot.name}.png"
     picture = Image.open(io.BytesIO(driver.get_screenshot_as_png())).convert("RGB")
     picture.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
-    print(f"{path.name}: {path.stat().st_size // 1024} kB")
+    print(f"{path.relative_to(OUT)}: {path.stat().st_size // 1024} kB")
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ import threading
 import time
 
 import pytest
+from audit import accessible
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
 
@@ -86,6 +87,7 @@ def test_it_shows_what_is_known_and_what_is_still_possible(watched):
     for width in (390, 1400):
         browser.set_window_size(width, 900)
         assert browser.execute_script("return document.documentElement.scrollWidth - window.innerWidth") <= 0
+    accessible(browser)
 
 
 def test_of_a_campaign_that_runs_a_grid_there_is_no_verdict(watched):

@@ -11,13 +11,13 @@ import sys
 import urllib.request
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
 import psutil
 import pytest
 import yaml
+from audit import accessible
 from selenium import webdriver
 from selenium.common.exceptions import TimeoutException
 from selenium.webdriver.common.by import By
@@ -73,12 +73,6 @@ video.src = address;
 """
 """Width and seconds of a video of which the browser has decoded the first picture."""
 PATIENCE_S = 150
-AXE = Path(__file__).parent / "axe" / "axe.min.js"
-AUDIT = """
-const done = arguments[arguments.length - 1];
-axe.run(document).then(({ violations, passes }) => done([passes.length, violations.flatMap(({ id, nodes }) =>
-  nodes.map((node) => `${id}: ${node.html.slice(0, 160)}`))]));
-"""
 
 
 @pytest.fixture(scope="module")
@@ -212,24 +206,6 @@ class Page:
             "return document.querySelector(`#${arguments[0]} .js-plotly-plot`)?.layout.paper_bgcolor", figure
         )
 
-    def accessible(self):
-        """axe-core finds nothing, light on a wide screen and dark on a telephone's."""
-        self.driver.set_script_timeout(PATIENCE_S)
-        self.driver.execute_script(AXE.read_text(encoding="utf-8"))
-        for scheme, width in (("light", 1400), ("dark", 390)):
-            self.screen(scheme, width)
-            checked, found = self.driver.execute_async_script(AUDIT)
-            assert checked > 15
-            assert found == [], (scheme, width)
-        self.screen("light", 1400)
-
-    def screen(self, scheme, width):
-        """A screen so wide, in the colours of this scheme."""
-        features = [{"name": "prefers-color-scheme", "value": scheme}]
-        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
-        metrics = {"width": width, "height": 1400, "deviceScaleFactor": 1, "mobile": False}
-        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-
     def complaints(self):
         """What the browser was told of as an error; what Dash's own library throws on its own is not the page's."""
         severe = [line["message"] for line in self.driver.get_log("browser") if line["level"] == "SEVERE"]
@@ -282,6 +258,7 @@ def test_every_view_draws(page, address):
     for view in ("speed", "residuals", "critical", "step", "balance", "lock"):
         page.open(f"{address}?view={view}&effect={HIDDEN}&cell=3")
         page.until(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#figure .main-svg"))
+        accessible(page.driver, [("dark", 390)])
     # What does not help is folded away until it is asked for.
     shown = "return [...document.querySelectorAll('#effects label')].filter((one) => one.offsetParent).length"
     page.fitted()
@@ -295,11 +272,11 @@ def test_every_view_draws(page, address):
     page.open(f"{address}?view=parameters&effect={HIDDEN}")
     page.until(lambda: "stiffness of disturbed ground" in page.text("parameters"))
     page.unfold()
-    page.accessible()
+    accessible(page.driver)
     page.driver.get(f"{address}effects?effect={HIDDEN}")
     page.until(lambda: "still being fitted" not in page.driver.page_source)
     page.unfold()
-    page.accessible()
+    accessible(page.driver)
     assert page.complaints() == []
 
 
@@ -368,7 +345,7 @@ def test_why_argues_the_verdict_and_the_slider_sets_its_rivals_beside(page, addr
     page.driver.find_element(By.ID, "rung").send_keys(Keys.ARROW_LEFT)
     page.until(lambda: page.driver.execute_script(drawn) == "light 0")
     assert page.driver.execute_script(thick) == ["simple model"]
-    page.accessible()
+    accessible(page.driver)
     # The colours have changed and come back: the figures are drawn again.
     page.until(lambda: page.driver.execute_script(drawn) == "light 0")
     page.driver.find_element(By.LINK_TEXT, "Back to the explorer").click()
@@ -488,7 +465,7 @@ def watched_on_one_clock(page):
     page.until(lambda: page.text("play") == "Play")
     reached = float(re.search(r"t = ([\d.]+) s", page.text("reading"))[1])
     assert reached == pytest.approx(float(clock.get_attribute("max")), abs=0.01)
-    page.accessible()
+    accessible(page.driver)
     clip = page.driver.find_element(By.CSS_SELECTOR, "a.download").get_attribute("href")
     width, duration_s = page.driver.execute_async_script(PLAYED, clip)
     assert width == 960
@@ -593,6 +570,7 @@ def test_the_report_draws_without_a_network_and_its_steps_switch(page, folder, t
     drawn = "return document.documentElement.dataset.drawn ?? ''"
     page.until(lambda: page.driver.execute_script(drawn) == "light 1")
     assert len(page.driver.find_elements(By.CSS_SELECTOR, ".plot .main-svg")) >= 7
+    accessible(page.driver)
     assert page.driver.execute_script("return performance.getEntriesByType('resource').length") == 0
     slider = page.driver.find_element(By.ID, "rung")
     slider.send_keys(Keys.ARROW_LEFT)
@@ -604,6 +582,24 @@ def test_the_report_draws_without_a_network_and_its_steps_switch(page, folder, t
     page.until((folder / "balance.csv").exists)
     assert (folder / "balance.csv").read_text(encoding="utf-8").startswith("series,depth (cm),force on a leg (N),error")
     assert page.complaints() == []
+
+
+def test_the_atlas_shows_its_plates(page, address):
+    page.driver.get(f"{address}atlas?effect={HIDDEN}")
+    missing = "return [...document.images].filter((one) => !one.complete || !one.naturalWidth).length"
+    page.until(lambda: page.driver.execute_script(missing) == 0)
+    assert len(page.driver.find_elements(By.CSS_SELECTOR, "#atlas img")) >= 6
+    accessible(page.driver)
+    assert page.complaints() == []
+
+
+def test_an_image_without_words_and_a_page_too_wide_would_be_seen(page):
+    page.driver.get("data:text/html,<html lang=en><title>t</title><main><h1>t</h1><img src=x><p style='width:900px'>t")
+    with pytest.raises(AssertionError, match="image-alt"):
+        accessible(page.driver)
+    page.driver.execute_script("document.images[0].alt = 'a wide one'")
+    with pytest.raises(AssertionError, match=r"390.*900px"):
+        accessible(page.driver)
 
 
 def test_a_slider_holds_a_value_and_all_can_be_fitted_again(page, address):

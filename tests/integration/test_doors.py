@@ -10,6 +10,7 @@ import sandbot_record
 import sandbot_tracking
 from sandbot_bringup.tools.campaign import main as campaign
 from sandbot_common.errors import InputError
+from sandbot_model.tools.export import main as export
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -103,3 +104,16 @@ def test_a_wrong_argument_is_named(trial, arguments, complaint):
     given = {"video": trial / "dorsal.avi", "calibration": trial / "cameras.yaml", **arguments}
     with pytest.raises(InputError, match=complaint):
         sandbot_tracking.track(**given)
+
+
+def test_a_trial_is_exported_as_a_clip_and_for_rerun(trial, tmp_path, capsys):
+    name = trial.joinpath("trial").resolve().name
+    for out in ("clip.mp4", "trial.rrd"):
+        if out.endswith("rrd"):
+            pytest.importorskip("rerun")
+        given = [str(trial / "out"), "--trial", name, "--out", str(tmp_path / out), "--effects", "leg_slip"]
+        assert export(given) == 0
+        assert capsys.readouterr().out.endswith(f"export: {tmp_path / out}\n")
+        assert (tmp_path / out).stat().st_size > 50_000
+    assert export([str(trial / "out"), "--trial", "absent", "--out", str(tmp_path / "x.mp4")]) == 2
+    assert not (tmp_path / "x.mp4").exists()

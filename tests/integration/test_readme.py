@@ -22,7 +22,7 @@ EXECUTABLES = {
     "sandbot_clock": ("clock",),
     "sandbot_bed": ("bed",),
     "sandbot_tracking": ("tracker", "camera", "calibrate", "track_video"),
-    "sandbot_model": ("predictor", "compare", "discover", "explore", "effects", "atlas"),
+    "sandbot_model": ("predictor", "compare", "discover", "explore", "effects", "atlas", "export"),
     "sandbot_lab": ("lab", "penetrometer"),
     "sandbot_record": ("record", "replay", "recover", "info", "table"),
     "sandbot_bringup": ("campaign", "console", "scene", "unseal"),

@@ -12,7 +12,7 @@ import sandbot_common
 
 SOURCE = Path(sandbot_common.__file__).resolve().parents[2]
 PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/setup.py"))
-WHEEL = {"yaml": "pyyaml", "cv2": "opencv-python-headless", "serial": "pyserial"}
+WHEEL = {"yaml": "pyyaml", "cv2": "opencv-python-headless", "serial": "pyserial", "rerun": "rerun-sdk"}
 """Where a wheel is not called what is imported from it."""
 ROS = {"rclpy", "ament_index_python", "rcl_interfaces", "builtin_interfaces", "std_srvs"}
 """From a ROS 2 installation (package.xml), with all that ends in _msgs; only nodes and their messages need it."""
@@ -70,7 +70,7 @@ DISTRIBUTION = {"pyyaml": "yaml", "opencv-python-headless": "opencv", "rosbags":
                 "pyserial": "serial"}  # fmt: skip
 """Where rosdep's key is not python3- and the wheel's name."""
 
-KEYLESS = {"asteval", "av", "lz4", "mcap", "plotly", "zstandard"}
+KEYLESS = {"asteval", "av", "lz4", "mcap", "plotly", "rerun-sdk", "zstandard"}
 """Wheels for which ros/rosdistro has no key (rosdep/python.yaml of 22 August 2026): named in a comment."""
 
 LAUNCH = {"launch", "launch_ros", "sandbot_hardware"}

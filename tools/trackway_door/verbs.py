@@ -59,6 +59,7 @@ GROUPS = {
             ("trackway explore {data}", "trackway discover {data} --html report.html"),
         ),
         Verb("explore", "the page: switch effects on and watch the error fall", "sandbot_model"),
+        Verb("export", "a trial for Rerun (.rrd) or as a clip (.mp4)", "sandbot_model"),
         Verb("atlas", "the paper's figures from any data", "sandbot_model", ("trackway explore {data}",)),
         Verb(
             "effects",

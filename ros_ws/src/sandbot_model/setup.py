@@ -29,6 +29,7 @@ setup(
     extras_require={
         "test": ["pytest", "hypothesis"],
         "explore": ["dash", "flask", "werkzeug", "av"],
+        "rerun": ["rerun-sdk"],
         "cluster": ["dask", "distributed", "cloudpickle"],
         "frames": ["pandas"],
         "plot": ["matplotlib"],
@@ -45,6 +46,7 @@ setup(
             "discover = sandbot_model.tools.discover:main",
             "explore = sandbot_model.tools.explore:main",
             "atlas = sandbot_model.tools.atlas:main",
+            "export = sandbot_model.tools.export:main",
             "effects = sandbot_model.tools.effects:main",
         ],
     },

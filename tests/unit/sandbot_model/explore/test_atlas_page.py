@@ -20,7 +20,7 @@ def client(session, trials):
 @pytest.mark.slow
 def test_the_page_shows_the_papers_figures_for_the_model_in_its_address(client):
     page = client.get("/atlas?effect=leg_slip&view=lock&cell=2").text
-    assert "Model: + leg slip." in page
+    assert "Model: simple model + leg slip." in page
     assert "my &lt;trials&gt;" in page
     pictures = re.findall(r'src="(/atlas/[^"]+)"', page)
     assert pictures[0] == "/atlas/fig1e_speed_phi.svg?effect=leg_slip"

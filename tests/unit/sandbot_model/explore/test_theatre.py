@@ -10,45 +10,14 @@ import cv2
 import numpy as np
 import pytest
 from flask import Flask
-from made_up import PACE, walking_bag
+from made_up import PACE
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import Selection
 from sandbot_model.explore import clip, scene_figures
 from sandbot_model.explore.scene import phases, scene_of
 from sandbot_model.explore.theatre_page import TheatrePage
 from sandbot_model.physics.observables import Observable
 from sandbot_model.report.theme import DARK, LIGHT
-
-
-@pytest.fixture(scope="module")
-def bags(tmp_path_factory, trials, session):
-    """Two trials of a condition that walks, one of them without legs, and one that swims."""
-    folder = tmp_path_factory.mktemp("bags")
-    walks = replicates_of(trials, session, walking=True)
-    swims = replicates_of(trials, session, walking=False)
-    made = {name: walking_bag(folder / name, v_x=lambda t: 0.1 + 0.05 * np.sin(2 * PACE * t)) for name in walks[:1]}
-    made[walks[1]] = walking_bag(folder / walks[1], v_x=lambda t: 0.1, legs=False)
-    made[swims[0]] = walking_bag(folder / swims[0], v_x=lambda t: 0.02)
-    return made
-
-
-def replicates_of(trials, session, *, walking):
-    lift = session.step(Selection()).fit.predicted[:, Observable.lift]
-    cell = int(lift.argmax() if walking else np.flatnonzero(lift <= 0)[0])
-    cells = session.cells
-    near = (np.abs(trials.omega_rad_s - cells.omega[cell]) < 0.1) & (np.abs(trials.phi - cells.phi[cell]) < 0.003)
-    return [str(name) for name in trials.trial_id[near]]
-
-
-@pytest.fixture(scope="module")
-def fit(session):
-    return session.step(Selection()).fit
-
-
-@pytest.fixture(scope="module")
-def scene(trials, bags, fit):
-    return scene_of(trials, bags, fit, next(iter(bags)))
 
 
 def test_a_leg_that_holds_carries_the_axle_by_the_lift_of_the_model(scene, fit):
@@ -81,6 +50,11 @@ def test_replicates_are_laid_over_each_other_by_phase(scene):
     seen = np.isfinite(speed)
     assert speed[seen] == pytest.approx(0.1 + 0.05 * np.sin(2 * phase[seen]), abs=1e-6)
     assert np.isnan(speed).sum() == np.sum(np.diff(phase) < 0) > 1
+    # What the camera sees once the legs have stopped belongs to no phase.
+    stopped = replace(longer, leg_time_s=longer.leg_time_s[:200], leg_angle_rad=longer.leg_angle_rad[:200])
+    assert len(phases(stopped, 0)[0]) == np.sum(longer.time_s <= 1.99) - np.sum(
+        longer.time_s < longer.time_s[-len(phase)]
+    )
     drawn = scene_figures.over_phase(replace(scene, waveform=longer, model_m_s=longer.leg_time_s), [longer], DARK)
     assert [trace["name"] for trace in drawn["data"]] == ["model", longer.trial_id]
 
@@ -143,7 +117,7 @@ def test_the_page_has_everything_on_one_clock(client, bags, scene):
     assert len(held["scene"]["legTime"]) == len(held["scene"]["axle"]) == len(held["scene"]["model"])
     assert set(held["figures"]) == {"records", "phase"}
     assert 'href="/?effect=leg_slip"' in page
-    assert "+ leg slip. Other trials" in page
+    assert "simple model + leg slip. Other trials" in page
     assert f"/theatre/clip.mp4?trial={name}&amp;effect=leg_slip" in page
     assert 'id="film"' not in page
 

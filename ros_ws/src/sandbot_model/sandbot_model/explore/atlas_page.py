@@ -22,8 +22,8 @@ PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
 <title>Atlas: {title}</title><style>{style}</style></head>
-<body><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>Atlas: {title}</h1>
-<p>The figures of Li et al. 2009 from these trials. Model: {model}.</p>
+<body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>Atlas: {title}</h1>
+<p>The figures of Li et al. 2009 from these trials. Model: {model}.</p></header>
 <main><section id="atlas">{plates}</section></main></body></html>"""
 KEPT = 64
 """Plates that are kept, should they be asked for again."""
@@ -49,7 +49,7 @@ class AtlasPage:
         """All plates; one that these data do not give is replaced by the reason."""
         try:
             selection = asked_selection()
-            model = self._session.ladder(selection)[-1].label
+            model = self._session.ladder(selection)[-1].whole_label
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
         shown = "".join(self._figure(plate, selection) for plate in PLATES)

@@ -34,7 +34,7 @@ ARC_DEG = 225
 
 def write_clip(path: Path, scene: Scene, film: Film | None) -> None:
     """Write the clip as H.264, which browsers and slides play; OpenCV's wheel has no encoder for it."""
-    with av.open(str(path), "w", options={"movflags": "faststart"}) as clip:
+    with av.open(str(path), "w", format="mp4", options={"movflags": "faststart"}) as clip:
         stream = clip.add_stream("libx264", rate=RATE_HZ, options={"preset": "veryfast", "crf": "20"})
         stream.width, stream.pix_fmt = WIDTH, "yuv420p"
         stream.height = HEIGHT + (0 if film is None else _film_height(film))

@@ -121,7 +121,8 @@ def phases(waveform: Waveform, tripod: int) -> tuple[Floats, Floats]:
     """Leg angle [rad] of a tripod at the moments of v_x, and v_x [m/s], from the second period on; NaN at each wrap."""
     turned = np.unwrap(waveform.leg_angle_rad[:, tripod])
     at = np.interp(waveform.time_s, waveform.leg_time_s, turned)
-    later = (waveform.time_s > 0) & (at > turned[waveform.leg_time_s >= 0][0] + 2 * np.pi)
+    walked = (waveform.time_s > 0) & (waveform.time_s <= waveform.leg_time_s[-1])
+    later = walked & (at > turned[waveform.leg_time_s >= 0][0] + 2 * np.pi)
     phase, speed = wrapped(at[later]), waveform.speed_m_s[later].astype(float)
     speed[1:][np.diff(phase) < -np.pi] = np.nan
     return phase, speed

@@ -128,7 +128,7 @@ class TheatrePage:
         step = self._session.step(selection)
         query = to_query(selection)
         address = f"trial={quote(trial)}{query.replace('?', '&')}"
-        return scene_of(self._trials, self._bags, step.fit, trial), trial, address, query, step.label
+        return scene_of(self._trials, self._bags, step.fit, trial), trial, address, query, step.whole_label
 
     def _link(self, trial: str, query: str) -> str:
         if trial not in self._bags:

@@ -181,13 +181,12 @@ def same_ranges(specs: Sequence[Spec]) -> None:
 def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
     """The one sentence that a screen reader hears after each change."""
     fit = current.fit
-    chosen = " + ".join([f"{selection.model} model", *map(readable, selection.effects)])
     by_hand = ", some values held by hand" if selection.by_hand else ""
     failing = len({(fail.phi, fail.omega_rad_s) for fail in fit.fails})
     outside = "" if selection.by_hand else f", {text.cm_s(fit.cv_rmse_m_s)} out of sample"
     return (
-        f"{chosen}{by_hand}: error {text.cm_s(fit.rmse_m_s)}{outside}; noise floor {text.cm_s(noise_floor_m_s)}; "
-        f"{failing} of {len(fit.cells)} conditions fail."
+        f"{current.whole_label}{by_hand}: error {text.cm_s(fit.rmse_m_s)}{outside}; "
+        f"noise floor {text.cm_s(noise_floor_m_s)}; {failing} of {len(fit.cells)} conditions fail."
     )
 
 

@@ -23,7 +23,7 @@ def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
     locked = lock_curve(grid, cells.robot.leg_radius_m)
     data: list[Spec] = [
         {
-            "type": "scatter", "mode": "lines", "name": "s = 2√(Δz(2R − Δz))<br>nothing fitted", "hoverinfo": "skip",
+            "type": "scatter", "mode": "lines", "name": "s = 2√(Δz(2R − Δz)), nothing fitted", "hoverinfo": "skip",
             "x": as_json(CM * grid), "y": as_json(CM * locked), "line": {"color": theme.ink, "width": 1.5},
         }
     ]  # fmt: skip

@@ -60,6 +60,11 @@ class Step:
             return f"{self.fit.model.base} model"
         return "+ " + " + ".join(map(readable, self.fit.effects))
 
+    @property
+    def whole_label(self) -> str:
+        """The same where no base model stands beside it."""
+        return f"{self.fit.model.base} model {self.label}" if self.fit.effects else self.label
+
     @cached_property
     def band(self) -> SpeedBand:
         """How far the speed curves may lie off, from the uncertainty of the fitted parameters; made when asked for.

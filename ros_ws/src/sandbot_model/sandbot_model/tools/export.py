@@ -1,0 +1,89 @@
+"""export: one trial for other viewers, the model beside it: as a Rerun recording (.rrd) or a clip (.mp4)."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sandbot_common import cli
+from sandbot_model.discovery.choice import Selection
+from sandbot_model.physics.walking import BASES
+from sandbot_model.tools import arguments
+
+if TYPE_CHECKING:
+    from sandbot_model.fitting.fit import Fit
+    from sandbot_record.trials.table import Trials
+
+KINDS = (".rrd", ".mp4")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line."""
+    return cli.run(_export, argv)
+
+
+def _export(argv: Sequence[str]) -> None:
+    parser = cli.Parser(prog="export", description=__doc__)
+    parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, or bags")
+    parser.add_argument("--trial", required=True, metavar="NAME", help="which trial, as the trials table names it")
+    parser.add_argument(
+        "--out", type=_out, required=True, metavar="FILE", help=f"what to write: a name that ends in {_either()}"
+    )
+    parser.add_argument("--model", choices=tuple(BASES), default="simple", help="base model (default: simple)")
+    parser.add_argument("--effects", default="", metavar="a,b", help="effects of the model that is shown")
+    arguments.add_catalogue(parser)
+    arguments.add_setting(parser)
+    args = parser.parse_args(argv)
+    if args.out.suffix == ".rrd":
+        from sandbot_model.explore.rrd import rerun
+
+        rerun()
+    _write(args)
+
+
+def _write(args: argparse.Namespace) -> None:
+    from sandbot_common.files import whole_file
+    from sandbot_model.explore.clip import write_clip
+    from sandbot_model.explore.rrd import write_rrd
+    from sandbot_model.explore.scene import scene_of
+    from sandbot_model.report.provenance import bags_of
+    from sandbot_record.bags.reader import Bag
+    from sandbot_record.trials.film import film_of
+
+    trials, robot_line = arguments.trials(args)
+    print(robot_line)
+    bags = bags_of(args.data)
+    scene = scene_of(trials, bags, _fitted(args, trials), args.trial)
+    bag = Bag.open(bags[args.trial])
+    film = film_of(bag)
+    if args.out.suffix == ".rrd":
+        write_rrd(args.out, scene, bag, film)
+    else:
+        with whole_file(args.out) as part:
+            write_clip(part, scene, film)
+    print(f"export: {args.out}" + ("" if film else " (its bag kept no frames: without film)"))
+
+
+def _fitted(args: argparse.Namespace, trials: "Trials") -> "Fit":
+    from sandbot_model.data.conditions import cells_of
+    from sandbot_model.discovery.reproduce import steps_of
+    from sandbot_model.physics.catalogue import catalogue
+
+    names = tuple(name.strip() for name in args.effects.split(",") if name.strip())
+    effects = catalogue(args.effects_from, tuple(args.effect))
+    return steps_of(Selection(args.model, names, tuple(args.effect)), cells_of(trials), effects)[-1]
+
+
+def _out(text: str) -> Path:
+    path = Path(text)
+    if path.suffix not in KINDS:
+        raise argparse.ArgumentTypeError(f"{text}: a name that ends in {_either()} is needed")
+    return cli.output(text)
+
+
+def _either() -> str:
+    return " or ".join(KINDS)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,40 @@
+"""axe-core on a page as it is shown, wide and narrow, in both colours."""
+
+from pathlib import Path
+
+AXE = Path(__file__).parent / "axe" / "axe.min.js"
+AUDIT = """
+const done = arguments[arguments.length - 1];
+axe.run(document).then(({ violations, passes }) => done([passes.length, violations.flatMap(({ id, nodes }) =>
+  nodes.map((node) => `${id}: ${node.html.slice(0, 160)}`))]));
+"""
+BEYOND = """
+return [...document.querySelectorAll("body *")].filter((one) => one.getBoundingClientRect().right > innerWidth + 1)
+  .slice(0, 3).map((one) => one.outerHTML.slice(0, 120)).filter(() => document.documentElement.scrollWidth > innerWidth)
+"""
+"""What makes the page wider than its window."""
+PATIENCE_S = 150
+LEAST = 15
+"""Rules that find something to check on the smallest page: fewer, and it was not there yet."""
+
+
+def accessible(driver, screens=(("light", 1400), ("dark", 390))):
+    """No violation and nothing beyond the window's edge, in these colours and widths; wide and light afterwards."""
+    driver.set_script_timeout(PATIENCE_S)
+    driver.execute_script(AXE.read_text(encoding="utf-8"))
+    for scheme, width in screens:
+        screen(driver, scheme, width)
+        checked, found = driver.execute_async_script(AUDIT)
+        assert checked >= LEAST, checked
+        assert found == [], (scheme, width, found)
+        beyond = driver.execute_script(BEYOND)
+        assert beyond == [], (scheme, width, beyond)
+    screen(driver, "light", 1400)
+
+
+def screen(driver, scheme, width):
+    """A screen so wide, in the colours of this scheme."""
+    features = [{"name": "prefers-color-scheme", "value": scheme}]
+    driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+    metrics = {"width": width, "height": 1400, "deviceScaleFactor": 1, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
