@@ -24,7 +24,7 @@ TRUTH = {
     "delta_t_s": 0.18,
     "disturbed_ground.k_l_n_per_m": 182.0,
     "belly_coast.mu_b": 0.35,
-    "slow_phase_speed.rho": 0.389,
+    "slow_phase_speed.rho": 1.278,
 }
 
 
@@ -71,6 +71,7 @@ CHANGED = {
     "without belly_coast": ({"belly_coast": None}, "simple", {"disturbed_ground", "slow_phase_speed"}),
     "with swimming_thrust": ({"swimming_thrust": {"a_m_s2": 0.45}}, "li09", {"swimming_thrust"}),
     "with crater_refill": ({"crater_refill": {"z0_m": 0.004}}, "li09", {"crater_refill"}),
+    "with phi_dependent_response": ({"phi_dependent_response": {"b": -0.5}}, "li09", {"phi_dependent_response"}),
     "as it is": ({}, "li09", set()),
 }
 """The paper's world with an effect removed or added; the base model of the search; what it is to name."""

@@ -87,6 +87,20 @@ def test_a_step_is_no_longer_than_the_chord_of_the_slow_phase(mount, cut):
     assert float(walker.predict(hard, [{"rho": 1.0}]).step_m) > 1.1 * chord * walker.robot.leg_radius_m
 
 
+def test_the_peak_is_of_the_phase_that_the_stance_reaches_and_the_first_step_begins_with_the_slow_one():
+    """SGCS, slow for 0.55 rad to either side of straight below: a wider stance has its peak where it leaves that."""
+    effect = next(one for one in CATALOGUE if one.identifier == "slow_phase_speed")
+    walker = Walker((effect,), Robot(leg_mount_rad=0.5))
+    radius = walker.robot.leg_radius_m
+    rho = SGCS.swing_ratio * np.cos(0.55)
+    seen = walker.predict(Inputs(np.array([185.0, 220.0, 300.0]), 16.0, 0.18, 0.62, 0.02, SGCS), [{"rho": rho}])
+    largest = seen.peak_speed_m_s / (16.0 * radius)
+    np.testing.assert_allclose(largest, [SGCS.slow_ratio, SGCS.slow_ratio, rho], rtol=1e-3)
+    np.testing.assert_allclose(seen.first_step_m[:2], seen.step_m[:2], rtol=1e-6)
+    assert float(seen.first_step_m[2]) == pytest.approx(2 * radius * np.sin(0.55), rel=1e-4)
+    assert float(seen.step_m[2]) > 1.1 * float(seen.first_step_m[2])
+
+
 @settings(max_examples=40)
 @given(st.lists(st.sampled_from(range(len(CATALOGUE))), min_size=2, max_size=4, unique=True))
 def test_any_set_composes_to_finite_observables(which):

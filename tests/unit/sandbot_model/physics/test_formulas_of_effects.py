@@ -30,7 +30,7 @@ DEPTH = np.linspace(2e-3, deepest_m(SANDBOT) - 1e-3, 12)
 CURVE = KCurve(np.array([0.56, 0.6, 0.65]), np.array([160.0, 205.0, 230.0]))
 OF_CHAIN = {
     "k": "k", "omega": "omega", "phi": "phi", "Delta_t": "delta_t", "v_swim": "v_swim", "beta": "slow_phase_ratio",
-    "beta_swing": "swing_ratio", "d_slow": "slow_begin",
+    "beta_swing": "swing_ratio", "d_slow": "slow_begin", "d_end": "slow_end",
     "d": "depth", "s_0": "chord", "s": "step", "a": "advance", "z": "penetration", "sigma": "sigma_phi", "F": "force",
     "Delta_v": "delta_v", "m_a": "added_mass", "g": "gravity", "v": "speed", "peak": "peak_ratio", "K": "k_of_phi",
 }  # fmt: skip

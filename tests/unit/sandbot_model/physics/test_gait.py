@@ -1,9 +1,10 @@
+import numpy as np
 import pytest
 
 from sandbot_bringup.plan import Plan
 from sandbot_clock.gait import PRESETS
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.physics.gait import GAITS, assumption, clock_signal, peak_is_resolved, slow_phase_ratio
+from sandbot_model.physics.gait import GAITS, assumption, clock, clock_signal, peaks_resolved, slow_phase_ratio
 from sandbot_model.report.provenance import limits
 from sandbot_record.trials.table import Row, from_rows
 
@@ -17,9 +18,24 @@ def test_the_presets_are_the_clocks():
     assert slow_phase_ratio("SGCS") == pytest.approx(0.389, abs=5e-4)
     assert slow_phase_ratio("HGCS") == pytest.approx(0.242, abs=5e-4)
     assert slow_phase_ratio("UNIFORM") == 1.0
-    assert peak_is_resolved("UNIFORM", 30.0)
-    assert peak_is_resolved("SGCS", 16.0)
-    assert not peak_is_resolved("SGCS", 30.0)
+
+
+def resolved(gait, omega, stance_rad=(np.nan, np.nan), mount_rad=0.0):
+    return bool(peaks_resolved(clock([gait]), omega, tuple(map(np.array, stance_rad)), mount_rad, 100.0)[0])
+
+
+def test_a_peak_in_the_fast_phase_must_last_long_enough_to_be_seen():
+    assert resolved("UNIFORM", 30.0)
+    assert resolved("SGCS", 16.0)
+    assert not resolved("SGCS", 30.0)
+
+
+def test_a_peak_counts_where_the_lift_tells_which_phase_it_is_of():
+    """SGCS mounted half a radian ahead is slow for 0.55 rad to either side."""
+    assert resolved("SGCS", 30.0, (0.40, 0.45), 0.5)  # all of the stance is slow
+    assert not resolved("SGCS", 4.0, (0.52, 0.58), 0.5)  # that may be so or not
+    assert resolved("SGCS", 4.0, (0.60, 0.65), 0.5)  # it is not, and the fast part lasts
+    assert not resolved("SGCS", 16.0, (0.60, 0.65), 0.5)
 
 
 def test_a_custom_gait_of_a_plan_is_the_models_too():
@@ -28,7 +44,7 @@ def test_a_custom_gait_of_a_plan_is_the_models_too():
     assert plan.gait_name == "CUSTOM(0.85 0.13 0.56)"
     assert Plan("ours", (0.6,), (8.0,), gait="HGCS").gait_name == "HGCS"
     assert slow_phase_ratio(plan.gait_name) == slow_phase_ratio("HGCS")
-    assert peak_is_resolved(plan.gait_name, 30.0) == peak_is_resolved("HGCS", 30.0)
+    assert resolved(plan.gait_name, 30.0) == resolved("HGCS", 30.0)
     assert cells_with(plan.gait_name).clock.slow_ratio == pytest.approx(slow_phase_ratio("HGCS"))
     assert assumption([plan.gait_name, "UNIFORM"]) == ""
 

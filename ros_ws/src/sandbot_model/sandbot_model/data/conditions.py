@@ -15,9 +15,9 @@ from sandbot_model.data.clustering import phi_levels, same_within
 from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error
-from sandbot_model.data.regime import swum_at_once, walks
+from sandbot_model.data.regime import stance_rad, swum_at_once, walks
 from sandbot_model.data.stated_error import stated_variance, with_stated
-from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, Clock, clock, peak_is_resolved
+from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, Clock, clock, peaks_resolved
 from sandbot_model.physics.observables import NAMES, Observable, shared_variance, usual_noise
 from sandbot_record.trials.table import Trials
 
@@ -112,14 +112,15 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     gait = np.asarray([str(name) for name in trials.gait])[usable]
     phi, omega, values = phi[usable], omega[usable], values[usable]
     rate_hz = trials.frame_rate_hz if np.isfinite(trials.frame_rate_hz) else USUAL_FRAME_RATE_HZ
-    blurred = [not peak_is_resolved(name, frequency, rate_hz) for name, frequency in zip(gait, omega, strict=True)]
-    values[blurred, Observable.peak_speed] = np.nan
+    robot, accuracy = trials.robot or SANDBOT, trials.accuracy or USUAL
+    stance = stance_rad(values, robot, accuracy)
+    seen = peaks_resolved(clock([*gait]), omega, stance, robot.leg_mount_rad, rate_hz)
+    values[~seen, Observable.peak_speed] = np.nan
     values[swum_at_once(gait, omega, values), Observable.first_step] = np.nan
     stated = np.stack([trials.replicate, trials.speed_sd_m_s, trials.phi_sd])[:, usable]
     batch, order = np.asarray(trials.batch)[usable], np.asarray(trials.run_order, dtype=float)[usable]
-    accuracy = trials.accuracy or USUAL
     cells = _gather(phi, omega, gait, values, stated, accuracy, batch, order, excluded=int((~usable).sum()))
-    cells = replace(cells, robot=trials.robot or SANDBOT, accuracy=accuracy)
+    cells = replace(cells, robot=robot, accuracy=accuracy)
     return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi))
 
 

@@ -4,8 +4,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from sandbot_common.accuracy import Accuracy
+from sandbot_common.robot import Robot
 from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.gait import slow_phase_ratio
+from sandbot_model.physics.geometry import stance_angle, step_from_lift
 from sandbot_model.physics.observables import Observable
 
 WALKING_LIFT_M = 3e-4
@@ -33,3 +36,15 @@ def swum_at_once(gaits: Iterable[str], omega: Array, values: Array) -> Bool:
     uneven = np.array([slow_phase_ratio(gait) != 1.0 for gait in gaits])
     speed, first_step = values[:, Observable.speed], values[:, Observable.first_step]
     return np.asarray(uneven & ~walks(values) & (first_step < speed * np.pi / omega + HELD_M))
+
+
+def stance_rad(values: Array, robot: Robot, accuracy: Accuracy) -> tuple[Array, Array]:
+    """The least and the largest leg angle [rad] in which trials of values ``(n, 4)`` may have ended their stance, by a
+    lift that is uncertain by its usual scatter; NaN where lift was not measured, or nothing was lifted.
+    """
+    lift = np.where(walks(values), values[:, Observable.lift], np.nan)
+    least, largest = (
+        stance_angle(step_from_lift(np.maximum(lift + error, 0.0), robot.leg_radius_m), robot.leg_radius_m)
+        for error in (-accuracy.lift_sd_m, accuracy.lift_sd_m)
+    )
+    return least, largest

@@ -15,7 +15,7 @@ from sandbot_model.physics.walking import Footing, Inputs, KCurve, Params, Walke
 
 Feet = Iterable[Any]
 """The fields of a ``Footing``, arrays ``(rows, cells, nodes)``."""
-CONDITIONS = ("phi", "omega", "slow_phase_ratio", "swing_ratio", "slow_begin")
+CONDITIONS = ("phi", "omega", "slow_phase_ratio", "swing_ratio", "slow_begin", "slow_end")
 """Inputs of a chain that a cell is."""
 SEEN = (*NAMES, "margin", "virgin_margin")
 """What derivatives are taken of: the observables, and the force margins [N], steady and on virgin ground."""
@@ -29,20 +29,21 @@ class Conditions:
     phi: Array
     clock: Clock
     slow_begin: Array
+    slow_end: Array
     depths: Array
     """Those at which the margin is tried."""
 
     @cached_property
     def packed(self) -> Array:
-        """``CONDITIONS`` in one piece, ``(5, rows or 1, cells)``."""
+        """``CONDITIONS`` in one piece, ``(6, rows or 1, cells)``."""
         phi = np.atleast_2d(self.phi)
-        others = (self.omega, self.clock.slow_ratio, self.clock.swing_ratio, self.slow_begin)
+        others = (self.omega, self.clock.slow_ratio, self.clock.swing_ratio, self.slow_begin, self.slow_end)
         return np.stack([phi, *(np.broadcast_to(each, phi.shape) for each in others)])
 
     @classmethod
     def of(cls, walker: Walker, omega: Array, phi: Array, clock: Clock) -> "Conditions":
         """For this walker."""
-        return cls(omega, phi, clock, walker.slow_begin_m(clock), walker.depths(clock))
+        return cls(omega, phi, clock, walker.slow_begin_m(clock), walker.slow_end_m(clock), walker.depths(clock))
 
 
 class Points(NamedTuple):

@@ -37,6 +37,7 @@ class Chain:
     slow_phase_ratio: Array = field(metadata={"unit": "1", "doc": "β of the gait: leg rate in the slow phase over ω"})
     swing_ratio: Array = field(metadata={"unit": "1", "doc": "leg rate in the fast phase over ω"})
     slow_begin: Array = field(metadata={"unit": "m", "doc": "depth of the legs at which their slow phase begins"})
+    slow_end: Array = field(metadata={"unit": "m", "doc": "depth of the legs at which their slow phase ends"})
     first_step: bool = field(metadata={"doc": "virgin ground, standing start"})
     k_of_phi: Callable[[Array], Array] = field(metadata={"doc": "the fitted stiffness at another volume fraction"})
     one_leg: bool = field(default=False, kw_only=True, metadata={"doc": "one leg is pressed alone, nothing walks"})

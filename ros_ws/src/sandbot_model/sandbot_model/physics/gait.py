@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.arrays import Array, Bool
 
 GAITS = {"SGCS": (1.1, -0.5, 0.45), "HGCS": (0.85, 0.13, 0.56), "UNIFORM": (np.pi, 0.0, 0.5)}
 """θ_s, θ_0 [rad] and d_c of the clock signal. The name of a custom one contains them: CUSTOM(θ_s θ_0 d_c)."""
@@ -50,13 +50,15 @@ class Clock:
     """(2π - θ_s)/(2π(1 - d_c)), that of the fast phase."""
     slow_begin_rad: Array
     """θ_0 - θ_s/2, the shaft angle at which the slow phase begins."""
+    slow_end_rad: Array
+    """θ_0 + θ_s/2, the one at which it ends."""
 
     def __getitem__(self, index: Any) -> "Clock":
         """The same of some of the elements, as an array is indexed."""
         return Clock(*(values[index] for values in astuple(self)))
 
 
-EVEN = Clock(np.ones(()), np.ones(()), np.full((), -np.pi / 2))
+EVEN = Clock(np.ones(()), np.ones(()), np.full((), -np.pi / 2), np.full((), np.pi / 2))
 """Legs that turn at one rate."""
 
 
@@ -64,7 +66,8 @@ def clock(gaits: Sequence[str]) -> Clock:
     """How legs turn in gaits by their names, ``(n,)``; as in the assumed gait where the name does not tell."""
     theta_s, theta_0, duty = np.array([clock_signal(gait) or GAITS[ASSUMED] for gait in gaits]).T
     turn = 2 * np.pi
-    return Clock(theta_s / (turn * duty), (turn - theta_s) / (turn * (1 - duty)), theta_0 - theta_s / 2)
+    slow, swing = theta_s / (turn * duty), (turn - theta_s) / (turn * (1 - duty))
+    return Clock(slow, swing, theta_0 - theta_s / 2, theta_0 + theta_s / 2)
 
 
 def slow_phase_ratio(gait: str) -> float:
@@ -78,15 +81,18 @@ def fastest_phase_ratio(gait: str) -> float:
     return float(max(turns.slow_ratio[0], turns.swing_ratio[0]))
 
 
-def peak_is_resolved(gait: str, omega: float, frame_rate_hz: float = USUAL_FRAME_RATE_HZ) -> bool:
-    """Whether the fastest part of a stance lasts long enough to be seen by the cameras.
+def peaks_resolved(
+    turns: Clock, omega: Array, stance_rad: tuple[Array, Array], mount_rad: float, rate_hz: float
+) -> Bool:
+    """Whether the cameras see the fastest part of a stance ``(n,)``, at ``rate_hz`` frames a second.
 
-    A gait that passes into the fast phase before the leg leaves the ground ends its stance at (2π - θ_s)/(2π(1 -
-    d_c)) ω for (0.75 - θ_e)/that seconds; below two frames the largest v_x(t) is the cameras' and not the robot's.
+    A stance that outlasts the slow phase has its peak in the fast one, which must last long enough to be seen: below
+    two frames the largest v_x(t) is the cameras' and not the robot's. One that lies within the slow phase has no such
+    part. ``stance_rad`` are the least and the largest angle from which, and to which, the leg may have stood, by the
+    lift measured; a peak of which they leave open which phase it is of is none to go by. NaN: as legs usually stand.
     """
-    theta_s, theta_0, duty = clock_signal(gait) or GAITS[ASSUMED]
-    slow_end = theta_0 + theta_s / 2
-    if slow_end >= STANCE_END:
-        return True
-    swing = (2 * np.pi - theta_s) / (2 * np.pi * (1 - duty)) * omega
-    return (STANCE_END - slow_end) / swing >= FRAMES_OF_A_PEAK / frame_rate_hz
+    slow_rad = np.minimum(-(turns.slow_begin_rad + mount_rad), turns.slow_end_rad + mount_rad)
+    least, largest = (np.where(np.isfinite(angle), angle, STANCE_END) for angle in stance_rad)
+    lasts_s = (STANCE_END - slow_rad) / (turns.swing_ratio * omega)
+    seen = (slow_rad >= STANCE_END) | (lasts_s >= FRAMES_OF_A_PEAK / rate_hz)
+    return np.asarray((largest < slow_rad) | ((least > slow_rad) & seen))

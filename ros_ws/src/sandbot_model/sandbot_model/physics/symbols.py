@@ -14,7 +14,10 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 
 READABLE = {
-    "clock": ("k", "omega", "phi", "delta_t", "v_swim", "depth", "slow_phase_ratio", "swing_ratio", "slow_begin"),
+    "clock": (
+        *("k", "omega", "phi", "delta_t", "v_swim", "depth"),
+        *("slow_phase_ratio", "swing_ratio", "slow_begin", "slow_end"),
+    ),
     "step": ("leg_speed", "peak_ratio", "chord", "step", "a"),
     "speed": ("kept", "v"),
     "strength": ("penetration", "sigma_phi"),
@@ -30,6 +33,7 @@ SYMBOLS = {
     "slow_phase_ratio": ("β", "beta"),
     "swing_ratio": ("β_swing", "beta_swing"),
     "slow_begin": ("d_slow",),
+    "slow_end": ("d_end",),
     "peak_ratio": ("peak",),
     "chord": ("s_0",),
     "step": ("s",),

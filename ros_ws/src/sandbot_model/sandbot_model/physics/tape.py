@@ -18,7 +18,7 @@ from sandbot_model.physics.machine import COMPARISONS, LOGICAL, NUMBER, OF_ROW, 
 from sandbot_model.physics.stages import through
 from sandbot_model.physics.walking import Walker, observables
 
-CONDITIONS = ("k", "omega", "phi", "delta_t", "v_swim", "slow_phase_ratio", "swing_ratio", "slow_begin")
+CONDITIONS = ("k", "omega", "phi", "delta_t", "v_swim", "slow_phase_ratio", "swing_ratio", "slow_begin", "slow_end")
 """Inputs of the chain that are its quantities; the others are ``effect.parameter``."""
 FEET, VIRGIN = ("depth", "walking"), ("virgin_depth", "virgin_walking")
 """Inputs that a footing gives, steady and on virgin ground."""

@@ -171,6 +171,7 @@ class Walker:
             slow_phase_ratio=_column(inputs.clock.slow_ratio),
             swing_ratio=_column(inputs.clock.swing_ratio),
             slow_begin=self.slow_begin_m(inputs.clock)[..., None],
+            slow_end=self.slow_end_m(inputs.clock)[..., None],
             first_step=first_step,
             k_of_phi=inputs.k_of_phi or (lambda _phi: k),
             one_leg=one_leg,
@@ -243,7 +244,14 @@ class Walker:
     def slow_begin_m(self, clock: Clock) -> Array:
         """Depth at which the slow phase begins [m]; the deepest where that is not on the way down."""
         angle = np.asarray(clock.slow_begin_rad) + self.robot.leg_mount_rad
-        return np.clip(depth_at(self.robot, np.minimum(angle, 0.0)), 0.0, deepest_m(self.robot))
+        return self._depth_at(np.minimum(angle, 0.0))
+
+    def slow_end_m(self, clock: Clock) -> Array:
+        """Depth at which it ends [m]; the deepest where that is not on the way up."""
+        return self._depth_at(np.maximum(np.asarray(clock.slow_end_rad) + self.robot.leg_mount_rad, 0.0))
+
+    def _depth_at(self, angle_rad: Array) -> Array:
+        return np.clip(depth_at(self.robot, angle_rad), 0.0, deepest_m(self.robot))
 
 
 def observables(steady: Chain, virgin: Chain, walking: Bool, virgin_walking: Bool) -> dict[str, Array]:

@@ -5,31 +5,55 @@ import numpy as np
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Parameter, Values
 
+NEVER = 1e3
+"""A rate at which no ground holds."""
+ROUNDING_M = 1e-7
+"""A stance that begins as the slow phase does lies within it."""
+
 
 class SlowPhaseSpeed(Effect):
     """The body is brought to βRω, β of the gait, and reaches ρRω while the leg stands.
 
     Before its slow phase begins, at the depth d_slow, a leg turns at the swing rate: where the ground holds only at the
-    slow one the step is the chord of the slow phase, however strong the ground. ρ is β where the whole stance lies in
-    the slow phase; a stance that outlasts it (SGCS is slow until θ = 0.05 rad, a leg stands until asin(s/2R)) ends at
-    the swing rate, ρ = (2π - θ_s)/(2π(1 - d_c)) = 1.5. The peak of v_x(t) tells which; where no step is cut short, the
-    mean speed can't (Δt → βΔt).
+    slow one the step is the chord of the slow phase, however strong the ground. In the first step no leg is there: it
+    sets out as its slow phase begins.
+
+    A stance that lies within the slow phase, deeper than where that begins and ends, has its peak at β. One that
+    outlasts it (SGCS is slow until θ = 0.05 rad, a leg stands until asin(s/2R)) has it at the swing rate, there where
+    the slow phase is left: ρ = β_swing cos θ, about 1.5, and the others β/ρ of that. The peak of v_x(t) tells which;
+    where no step is cut short, the mean speed can't (Δt → βΔt).
     """
 
     identifier = "slow_phase_speed"
     stage = "balance"
-    formula = "Delta_v -> Delta_v*where(d < d_slow, beta_swing, beta); peak -> rho*peak"
+    formula = (
+        "Delta_v -> Delta_v*where(d < d_slow, where(first, 1e3, beta_swing), beta); "
+        "peak -> rho*peak*where(d < d_in, 1, beta/max(beta_swing*(d_in + h - R)/R, beta)); "
+        "d_in = max(d_slow, d_end) - 1e-7"
+    )
     source = "the clock: beta = theta_s/(2 pi d_c)"
     clocked = True
+    first_step_differs = True
     seen_in = "W peak"
     parameters = (
         Parameter(
-            "rho", "1", 0.2, 1.6, 0.9, "largest leg rate in stance over the mean rate", neutral=1.0, hard_low=0.05
+            "rho",
+            "1",
+            0.2,
+            1.6,
+            0.9,
+            "leg rate over the mean rate at the peak of a stance that outlasts the slow phase",
+            neutral=1.0,
+            hard_low=0.05,
         ),
     )
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""
-        swings = chain.depth < chain.slow_begin
-        chain.delta_v = chain.delta_v * np.where(swings, chain.swing_ratio, chain.slow_phase_ratio)
-        chain.peak_ratio = chain.peak_ratio * p["rho"]
+        swing = NEVER if chain.first_step else chain.swing_ratio
+        chain.delta_v = chain.delta_v * np.where(chain.depth < chain.slow_begin, swing, chain.slow_phase_ratio)
+        radius, height = chain.robot.leg_radius_m, chain.robot.axle_height_m
+        inside = np.maximum(chain.slow_begin, chain.slow_end) - ROUNDING_M
+        left_at = chain.swing_ratio * (inside + height - radius) / radius
+        within = chain.slow_phase_ratio / np.maximum(left_at, chain.slow_phase_ratio)
+        chain.peak_ratio = chain.peak_ratio * p["rho"] * np.where(chain.depth < inside, 1.0, within)
