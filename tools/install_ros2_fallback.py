@@ -22,7 +22,7 @@ def install(binaries: Path) -> str:
     ours = link.is_symlink() and link.resolve() == FALLBACK
     if not ours and (link.is_symlink() or link.exists()):
         return f"{link} is not the fallback; left as it is"
-    if (real := real_ros2(FALLBACK)) is not None:
+    if (real := real_ros2()) is not None:
         link.unlink(missing_ok=True)
         return f"ros2 is {real}" + ("; the fallback was taken away" if ours else "; no fallback needed")
     if ours:

@@ -22,6 +22,8 @@ _MODULES = {
     "bag": "bag",
 }
 
+_OURS = Path(__file__).parent.name
+"""What stands beside the stand-in, and not beside a real ros2."""
 _IGNORED = ("--use-python-default-buffering",)
 
 
@@ -50,11 +52,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
 
 
-def real_ros2(own: Path) -> str | None:
-    """The first ``ros2`` on the PATH that is not this program, or None."""
+def real_ros2() -> str | None:
+    """The first ``ros2`` on the PATH that is none of ours, or None.
+
+    Two checkouts sourced in one shell would otherwise take each other for the real one, and hand over for ever.
+    """
     for folder in os.environ.get("PATH", "").split(os.pathsep):
         found = shutil.which("ros2", path=folder) if folder else None
-        if found is not None and Path(found).resolve() != own.resolve():
+        if found is not None and not (Path(found).resolve().parent / _OURS).is_dir():
             return found
     return None
 

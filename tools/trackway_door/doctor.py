@@ -60,7 +60,7 @@ def checks(args: argparse.Namespace) -> Iterator[Finding]:
     yield python()
     yield wheels(ROOT / "requirements.lock", _installed())
     yield workspace(ROOT / "ros_ws")
-    yield ros2(real_ros2(ROOT / "tools" / "ros2"))
+    yield ros2(real_ros2())
     yield messages(lambda: round_trip_s(args.patience))
     yield shared_memory(SHARED_MEMORY)
     yield cameras(sorted(Path("/dev").glob("video*")))

@@ -33,14 +33,16 @@ def test_help_says_what_it_is(capsys):
 
 
 def test_the_real_ros2_is_found_wherever_it_stands_on_the_path(tmp_path, monkeypatch):
-    own, real = program(tmp_path / "tools"), program(tmp_path / "real")
+    own, other, real = (program(tmp_path / name) for name in ("tools", "another checkout/tools", "real"))
+    for ours in (own, other):
+        (ours.parent / "ros2cli_fallback").mkdir()
     link = tmp_path / "bin" / "ros2"
     link.parent.mkdir()
     link.symlink_to(own)
-    monkeypatch.setenv("PATH", f"{link.parent}:{real.parent}")
-    assert real_ros2(own) == str(real)
-    monkeypatch.setenv("PATH", f"{link.parent}::{tmp_path / 'nothing'}")
-    assert real_ros2(own) is None
+    monkeypatch.setenv("PATH", f"{link.parent}:{other.parent}:{real.parent}")
+    assert real_ros2() == str(real)
+    monkeypatch.setenv("PATH", f"{link.parent}:{other.parent}::{tmp_path / 'nothing'}")
+    assert real_ros2() is None
 
 
 @pytest.fixture
