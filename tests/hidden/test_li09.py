@@ -60,6 +60,7 @@ def test_without_disturbed_ground_walking_does_not_end_where_it_does():
 
 
 @pytest.mark.whole
+@pytest.mark.timeout(1200)
 def test_discover_finds_them_by_itself():
     verdict = discover(cells(), EFFECTS).verdict
     assert verdict.status == "identified"
@@ -78,6 +79,7 @@ CHANGED = {
 
 
 @pytest.mark.whole
+@pytest.mark.timeout(1200)
 @pytest.mark.parametrize(("changes", "base", "named"), CHANGED.values(), ids=CHANGED)
 def test_an_effect_removed_or_added_is_discovered(changes, base, named):
     """docs/li09.md; the last case is the control."""

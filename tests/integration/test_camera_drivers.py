@@ -15,7 +15,7 @@ from sandbot_lab.cameras import LabCamera
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(300)]
 
 CAMERAS = Path(__file__).parents[2] / "ros_ws/src/sandbot_bringup/config/cameras.yaml"
-FRAMES, PERIOD_NS, SPEED = 20, 10_000_000, 0.2
+EMPTY, FRAMES, PERIOD_NS, SPEED = 40, 20, 10_000_000, 0.2
 RAW = {"dorsal": topics.DORSAL_IMAGE.name, "lateral": topics.LATERAL_IMAGE.name}
 NOTHING = dict.fromkeys(RAW, np.full((480, 640), 60, np.uint8))
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
@@ -69,14 +69,14 @@ def show(beside, driver, frames, start_ns, said):
             cameras[name].publish(make(messages.header(stamp, name), pixels))
         return beside.wait(lambda: stamp in said, 1.0)
 
-    # Empty frames until the tracker has heard the legs and knows whose clock the stamps are.
-    assert any(is_said(start_ns + (n - 40) * PERIOD_NS, NOTHING) for n in range(40))
-    for n, views in enumerate(frames):
+    # Empty frames, after the LED, until the tracker has heard the legs and knows whose clock the stamps are.
+    assert any(is_said(start_ns + n * PERIOD_NS, NOTHING) for n in range(EMPTY))
+    for n, views in enumerate(frames, EMPTY):
         # Best effort may lose one.
         assert any(is_said(start_ns + n * PERIOD_NS, views) for _ in range(20))
     for one in (*cameras.values(), legs, led):
         beside.node.destroy_publisher(one)
-    return [said[start_ns + n * PERIOD_NS] for n in range(FRAMES)]
+    return [said[start_ns + n * PERIOD_NS] for n in range(EMPTY, EMPTY + FRAMES)]
 
 
 def test_every_driver_gives_the_same_speeds(start, beside):
