@@ -264,6 +264,16 @@ def test_a_clock_that_ends_leaves_the_legs_at_rest(number, commander):
         assert not any("Traceback" in line for line in said)
 
 
+@pytest.mark.parametrize("module", ["sandbot_tracking.tracker_parameters", "sandbot_hardware.serial_legs_node"])
+def test_whose_figures_tell_his_health_says_that_he_ends_all_the_same(module, beside):
+    told = []
+    node.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.append(message.status[0]))
+    with running(module) as process:
+        beside.until(lambda: told)
+        process.terminate()
+        beside.until(lambda: (told[-1].level, told[-1].message) == (b"\2", "ended: SIGTERM"))
+
+
 def test_one_clock_at_a_time(commander, beside):
     with running("sandbot_clock.clock_node") as clock:
         beside.until(lambda: "clock" in commander.told)

@@ -471,7 +471,7 @@ class Operator(Node):
         level, text, _ = self._told.get("recorder", (0, "", {}))
         if self._recorder is not None and level > 1:
             # A full disk, say: what the legs do from now on is lost, so they stop.
-            return f"the recorder failed: {text}"
+            return f"the recorder {text if text.startswith('ended: ') else f'failed: {text}'}"
         if self._recorder is not None and self._recorder.ended:
             return f"the recorder ended: {self._recorder.why_ended}"
         if self._recorder is not None and self._recorder.frozen:

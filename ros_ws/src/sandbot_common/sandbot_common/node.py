@@ -231,19 +231,23 @@ class Health:
         self._node, self._values = node, values
         self.level, self.text = 0, "ok"
         self.refused = ""
+        self.ended = ""
+        """Why the node ends: its last word, whatever its figures say of themselves."""
         self._since_ns, self._process = time.time_ns(), own_name()
         self._publisher = publisher(node, topics.DIAGNOSTICS)
         node.create_timer(period_s, self.publish)
+        node.health = self
         if sole:
-            node.health = self
             subscription(node, topics.DIAGNOSTICS, self._look_for_a_rival)
 
     def publish(self) -> None:
         """Publish now."""
         now = self._node.get_clock().now().nanoseconds
         name = self._node.get_name()
+        # First of all: some nodes set level and text from their figures.
         values = {**self._values(), _SINCE: self._since_ns, PROCESS: self._process}
-        self._publisher.publish(messages.diagnostics(now, name, values, level=self.level, text=self.text))
+        level, text = (2, f"ended: {self.ended}") if self.ended else (self.level, self.text)
+        self._publisher.publish(messages.diagnostics(now, name, values, level=level, text=text))
 
     def _look_for_a_rival(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -284,11 +288,13 @@ def run(
                     _spin(node, stop, turn)
             finally:
                 if node is not None:
+                    health = getattr(node, "health", None)
+                    if isinstance(health, Health):
+                        health.ended = stop.why
                     if (close := getattr(node, "close", None)) is not None:
                         close()
                     stop.say(node.get_name())
-                    if stop.asked and isinstance(health := getattr(node, "health", None), Health):
-                        health.level, health.text = 2, f"ended: {stop.why}"
+                    if stop.asked and isinstance(health, Health):
                         health.publish()
                     _let_all_hear(node)
                     node.destroy_node()

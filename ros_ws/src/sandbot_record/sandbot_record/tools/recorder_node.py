@@ -181,6 +181,8 @@ class Recorder(Node):
 
     def close(self) -> None:
         """Stop taking messages and close the bag."""
+        if self._health.ended:
+            self._health.publish()  # before what takes longest: nobody may walk on unrecorded
         self._receiver.close()
         for source in self._by_name.values():
             if source.loss is not None:
