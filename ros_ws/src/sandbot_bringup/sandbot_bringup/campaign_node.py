@@ -485,7 +485,9 @@ class Operator(Node):
         if self._recorder is not None and (unplugged := self._unplugged()):
             return f"the {unplugged[0]}"
         silent = self._supervisor.silent(self._listening.now_s)
-        return f"the {silent}" if silent else ""
+        level, text, _ = self._told.get("clock", (0, "", {}))
+        # A clock that has stopped is silent by right, and has said why: the robot's reports may lag behind it.
+        return "" if not silent else f"the clock: {text}" if level > 1 else f"the {silent}"
 
     def _unplugged(self) -> list[str]:
         """Drivers that are there, but not their devices."""
