@@ -1,10 +1,12 @@
 """Every command of README and docs, typed as it stands into one shell that nobody has prepared, and its exit code.
 
-``python tools/pasted.py`` writes docs/lookup/pasted.md; tests/integration/test_pasted.py runs most of them again and
-holds the page to it. Campaigns are checked to their last limit instead of run (``--dry-run``), and what reads a
-campaign finds six trials: here it is commands that are tried. ``make test-whole`` runs README and tutorial in full.
+``python tools/pasted.py`` writes docs/lookup/pasted.md, with ``--new`` it runs only what is not in it yet;
+tests/integration/test_pasted.py runs most of them again and holds the page to it. Campaigns are checked to their last
+limit instead of run (``--dry-run``), and what reads a campaign finds six trials: here it is commands that are tried.
+``make test-whole`` runs README and tutorial in full.
 """
 
+import argparse
 import os
 import re
 import shlex
@@ -110,13 +112,12 @@ def fresh_shell(lines: Sequence[str], folder: Path, timeout_s: float) -> dict[st
     return dict(zip(lines, map(int, done.stdout.split()), strict=True))
 
 
-def tried() -> dict[str, int]:
-    """Exit code of every command that is run here."""
+def tried(lines: Sequence[str]) -> dict[str, int]:
+    """Exit codes of these commands, of those that are run here."""
+    run = [line for line in lines if not one_of(list(ELSEWHERE), line)]
+    typed = ["source env.sh", *(as_typed(line) for line in run if line != "source env.sh")]
     with tempfile.TemporaryDirectory() as folder:
-        here = with_campaigns(Path(folder))
-        run = [line for line in ALL if not one_of(list(ELSEWHERE), line)]
-        lines = ["source env.sh", *(as_typed(line) for line in run if line != "source env.sh")]
-        codes = fresh_shell(lines, here, 3600)
+        codes = fresh_shell(typed, with_campaigns(Path(folder)), 3600)
     return {line: codes[as_typed(line)] for line in run}
 
 
@@ -174,10 +175,15 @@ def rows_of(text: str) -> Iterator[tuple[str, str]]:
 
 def main() -> int:
     """Write the page; 1 if a command did not end as it should."""
-    text = page(tried())
-    PAGE.write_text(text, encoding="utf-8")
-    wrong = [(line, code) for line, code in rows_of(text) if code.isdigit() and not right(line, int(code))]
-    print(PAGE.relative_to(ROOT), *(f"{code}: {line}" for line, code in wrong), sep="\n")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--new", action="store_true", help="run only the commands that are not on the page yet")
+    known = {}
+    if parser.parse_args().new:
+        known = {line: int(code) for line, code in rows_of(PAGE.read_text(encoding="utf-8")) if code.isdigit()}
+    codes = {line: known[line] for line in ALL if line in known} | tried([line for line in ALL if line not in known])
+    PAGE.write_text(page(codes), encoding="utf-8")
+    wrong = [f"{code}: {line}" for line, code in codes.items() if not right(line, code)]
+    print(PAGE.relative_to(ROOT), *wrong, sep="\n")
     return int(bool(wrong))
 
 

@@ -76,7 +76,20 @@ COMMANDS = {
     for setup in sorted(ROOT.glob("ros_ws/src/*/setup.py"))
     for name, module in re.findall(r'"(\w+) = ([\w.]+):main"', setup.read_text(encoding="utf-8"))
 }
-SLOW = {"rclpy", "sensor_msgs", "dash", "flask", "plotly", "matplotlib", "cv2", "pandas", "scipy", "numba"}
+SLOW = {
+    "rclpy",
+    "sensor_msgs",
+    "dash",
+    "flask",
+    "plotly",
+    "matplotlib",
+    "cv2",
+    "pandas",
+    "scipy",
+    "numba",
+    "av",
+    "rerun",
+}
 """What costs a tenth of a second and more to import; counted, because times hang on the machine."""
 
 
