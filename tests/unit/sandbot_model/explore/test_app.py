@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 import yaml
+from dash.exceptions import PreventUpdate
 from made_up import Inline, made_up_trials
 
 from sandbot_common.errors import InputError
@@ -86,6 +87,18 @@ def test_formulas_are_typeset_by_the_page(session, trials, tmp_path):
     assert mathml_in_pieces(effects["leg_slip"].formula) not in shown["cable_drag"]
 
 
+def test_previews_are_those_of_the_address_and_none_come_before_it(session, trials, tmp_path):
+    """A slow page's first tick came before its figures: the effects of the base model stood beside another one's."""
+    explorer = Explorer(session, trials, [tmp_path / "x.csv"], "test")
+    session.fit_ahead = lambda selection: None
+    with pytest.raises(PreventUpdate):
+        explorer.on_preview_clock(1, None)
+    on = '<small class="values">'
+    for query, count in (("", 0), ("?effect=leg_slip", 1)):
+        options = explorer.on_preview_clock(1, query)["effects.options"]
+        assert sum(on in option["label"].to_plotly_json()["props"]["data-html"] for option in options) == count
+
+
 def test_data_that_show_nothing_get_a_page_that_says_why():
     page = no_data.app("<lab>", "trials.csv: no trials: nothing below the header").test_client()
     answer = page.get("/", headers={"Host": "127.0.0.1:8050"})
@@ -116,11 +129,11 @@ def test_two_models_stand_side_by_side_on_axes_that_end_alike(session, trials, t
     alone = shown_by(explorer, Selection())
     assert (alone["beside.children"], alone["pane-title.hidden"], alone["unpin.hidden"]) == ([], True, True)
     both = shown_by(explorer, Selection(effects=("leg_slip",)).pin().toggled(["stance_overlap"]))
-    assert (both["pane-title.children"], both["pane-title.hidden"]) == ("lab: + stance overlap", False)
+    assert (both["pane-title.children"], both["pane-title.hidden"]) == ("lab: simple model + stance overlap", False)
     pane, apart = both["beside.children"]
     assert apart.children[0].children == "Difference of the two"
     title, body = pane.children
-    assert title.children == "lab: + leg slip, set beside"
+    assert title.children == "lab: simple model + leg slip, set beside"
     other = body.children[0].children.figure
     assert other["layout"]["yaxis"]["range"] == both["figure.figure"]["layout"]["yaxis"]["range"]
     assert not both["unpin.hidden"]

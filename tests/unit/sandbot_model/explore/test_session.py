@@ -3,7 +3,7 @@
 from concurrent.futures import Executor, Future
 
 import pytest
-from made_up import EFFECTS, Inline
+from made_up import EFFECTS, Inline, made_up_trials
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
@@ -82,3 +82,33 @@ def test_promises_are_the_errors_that_come_true(trials):
 def test_what_is_not_known_is_refused(session, selection):
     with pytest.raises(InputError):
         views.show(session, selection, LIGHT)
+
+
+class Counting(Inline):
+    """Counts what it is asked for."""
+
+    def __init__(self):
+        self.asked = []
+
+    def submit(self, function, /, *arguments, **named):
+        self.asked.append(function.__name__)
+        return super().submit(function, *arguments, **named)
+
+
+def test_a_suggestion_does_not_fit_again_what_the_page_has_fitted():
+    """And says the very same as discovery by itself."""
+    trials = made_up_trials(effect=("disturbed_ground", {"k_l_n_per_m": 172.0, "s_c": 0.95}))
+    few = {name: EFFECTS[name] for name in ("disturbed_ground", "leg_slip", "cable_drag", "stance_overlap")}
+    told, asked = {}, {}
+    for ahead in (False, True):
+        workers = Counting()
+        session = Session(cells_of(trials), workers)
+        session.catalogue = lambda formulas=(): few
+        if ahead:
+            session.step(Selection())
+            session.fit_ahead(Selection())
+        workers.asked.clear()
+        told[ahead] = session.suggest(Selection(), lambda *_: None).to_dict()
+        asked[ahead] = workers.asked.count("solve")
+    assert told[True] == told[False]
+    assert asked[False] - asked[True] == 1 + len(few)

@@ -220,10 +220,12 @@ class Explorer:
                 return act(selection, control, value)
         return selection
 
-    def on_preview_clock(self, _tick: int, shown_query: str | None) -> dict[str, Any]:
+    def on_preview_clock(self, _tick: int, search: str | None) -> dict[str, Any]:
         """Show the errors of fits that have ended since; the clock stops after the last one."""
+        if search is None:
+            raise PreventUpdate
         try:
-            return self._previews(from_query(shown_query or ""))
+            return self._previews(from_query(search))
         except InputError:
             return {"effects.options": no_update, "preview-clock.disabled": True}
 

@@ -7,10 +7,11 @@ methods may be called from any thread.
 import contextlib
 import math
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.discover import Discovery, discover
 from sandbot_model.discovery.reproduce import point_of
+from sandbot_model.fitting import global_minimum
 from sandbot_model.fitting.fit import Fit, fit, fitted_at
 from sandbot_model.fitting.global_minimum import Point, WarmStart
 from sandbot_model.fitting.parallel import Progress
@@ -65,6 +67,7 @@ class Session:
         self._files = tuple(effect_files)
         self._lock = threading.RLock()
         self._solved: dict[Key, Future[Solved]] = {}
+        self._starts: dict[Key, WarmStart | None] = {}
         self._steps: dict[Key, Step] = {}
         self._catalogues: dict[tuple[str, ...], dict[str, Effect]] = {}
 
@@ -113,13 +116,35 @@ class Session:
         return found
 
     def suggest(self, selection: Selection, progress: Progress) -> Discovery:
-        """Run discovery over the catalogue and the user's formulas."""
+        """Run discovery over the catalogue and the user's formulas; what was fitted ahead is not fitted again."""
         effects = self.catalogue(selection.formulas)
-        return discover(self.cells, effects, base=selection.model, fit_all=self._workers.map, progress=progress)
+
+        def fit_all(function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterable[Any]:
+            ahead = [
+                self._fitted_ahead(task, selection) if function is global_minimum.solve else None for task in tasks
+            ]
+            asked = [
+                self._workers.submit(function, task) if point is None else None
+                for task, point in zip(tasks, ahead, strict=True)
+            ]
+            return (point if later is None else later.result() for point, later in zip(ahead, asked, strict=True))
+
+        return discover(self.cells, effects, base=selection.model, fit_all=fit_all, progress=progress)
 
     def model(self, selection: Selection) -> Model:
         """The model selected. Raises InputError for an effect that is not known."""
         return model_of(selection.model, selection.effects, self.catalogue(selection.formulas), self.cells.robot)
+
+    def _fitted_ahead(self, task: tuple[Model, Cells, WarmStart | None, bool], selection: Selection) -> Point | None:
+        """The minimum of a task of discovery's, where the page has searched for the very same from the same start."""
+        model, _, start, nearby = task
+        key = self._key(replace(selection, model=model.base, effects=model.identifiers))
+        with self._lock:
+            future, begun = self._solved.get(key), self._starts.get(key)
+        if nearby or model.held or _preview(future) is None or not _same(start, begun):
+            return None
+        assert future is not None
+        return None if future.exception() else future.result().point
 
     def _error_alone(self, selection: Selection) -> float:
         """Error [m/s] with only the last effect, if fitted: the most helpful effect is fitted first."""
@@ -156,11 +181,12 @@ class Session:
             # A pool reports as running what is only queued, and workers have low priority.
             with contextlib.suppress(TimeoutError):
                 return fitted_at(model, self.cells, future.result(PATIENCE_S).point)
-        found = fit(model, self.cells, self._warm_start(selection))
+        start, key = self._warm_start(selection), self._key(selection)
+        found = fit(model, self.cells, start)
         made: Future[Solved] = Future()
         made.set_result(solved(found))
         with self._lock:
-            self._solved[self._key(selection)] = made
+            self._solved[key], self._starts[key] = made, start
         return found
 
     def _warm_start(self, selection: Selection) -> WarmStart | None:
@@ -175,13 +201,20 @@ class Session:
         with self._lock:
             if key not in self._solved:
                 model, start = self.model(selection), self._warm_start(selection)
-                self._solved[key] = self._workers.submit(solve, model, self.cells, start)
+                self._solved[key], self._starts[key] = self._workers.submit(solve, model, self.cells, start), start
             return self._solved[key]
 
     def _key(self, selection: Selection) -> Key:
         catalogue = self.catalogue(selection.formulas)
         own = [text for text in selection.formulas if text.split(":")[0].strip() in selection.effects]
         return selection.model, frozenset(selection.effects) & set(catalogue), tuple(own)
+
+
+def _same(one: WarmStart | None, other: WarmStart | None) -> bool:
+    """Whether two searches begin at the same place."""
+    if one is None or other is None:
+        return one is other
+    return one.deviance == other.deviance and dict(one.parameters) == dict(other.parameters)
 
 
 def _preview(future: "Future[Solved] | None") -> tuple[float, float] | None:

@@ -116,7 +116,8 @@ def wire(app: Dash, answers: Answers) -> None:
     app.callback(
         output=_outputs("effects.options", "preview-clock.disabled", allow_duplicate=True),
         inputs={"_tick": Input("preview-clock", "n_intervals")},
-        state={"shown_query": State("shown", "data")},
+        # Not of what is shown: where figures are slow to come, effects of the page before would be written over theirs.
+        state={"search": State("address", "search")},
         prevent_initial_call=True,
     )(answers.on_preview_clock)
     app.callback(

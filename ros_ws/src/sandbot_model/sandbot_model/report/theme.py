@@ -72,7 +72,7 @@ DARK = Theme(
 THEMES = {"light": LIGHT, "dark": DARK}
 
 
-LEGEND_ABOVE = {"l": 64, "r": 24, "t": 96, "b": 56}
+LEGEND_ABOVE = {"l": 64, "r": 24, "t": 84, "b": 56}
 """Margins of a figure whose legend needs several lines on a narrow screen."""
 
 
