@@ -129,11 +129,11 @@ def test_two_models_stand_side_by_side_on_axes_that_end_alike(session, trials, t
     alone = shown_by(explorer, Selection())
     assert (alone["beside.children"], alone["pane-title.hidden"], alone["unpin.hidden"]) == ([], True, True)
     both = shown_by(explorer, Selection(effects=("leg_slip",)).pin().toggled(["stance_overlap"]))
-    assert (both["pane-title.children"], both["pane-title.hidden"]) == ("lab: simple model + stance overlap", False)
+    assert (both["pane-title.children"], both["pane-title.hidden"]) == ("lab: + stance overlap", False)
     pane, apart = both["beside.children"]
     assert apart.children[0].children == "Difference of the two"
     title, body = pane.children
-    assert title.children == "lab: simple model + leg slip, set beside"
+    assert title.children == "lab: + leg slip, set beside"
     other = body.children[0].children.figure
     assert other["layout"]["yaxis"]["range"] == both["figure.figure"]["layout"]["yaxis"]["range"]
     assert not both["unpin.hidden"]

@@ -115,7 +115,7 @@ class Explorer:
             "figure.style": blocks.height(shown.figure),
             "figure-how.children": shown.how_to_read,
             "figure-says.children": shown.caption,
-            "pane-title.children": f"{self.title}: {shown.current.whole_label}",
+            "pane-title.children": f"{self.title}: {shown.current.label}",
             "pane-title.hidden": not panes,
             "unpin.hidden": not selection.against,
             "ladder.figure": shown.ladder,
@@ -147,7 +147,7 @@ class Explorer:
             shown.append(views.beside(self.beside.session, replace(selection, cell=None), self.beside.title, theme))
             self.beside.session.fit_ahead(selection)
         if (other := selection.other) is not None:
-            title = f"{self.title}: {self.session.step(other).whole_label}, set beside"
+            title = f"{self.title}: {self.session.step(other).label}, set beside"
             shown.append(views.beside(self.session, other, title, theme))
             shown.append(views.difference(self.session, selection, other, theme))
         return shown
