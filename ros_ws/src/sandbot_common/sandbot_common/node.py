@@ -30,7 +30,7 @@ from rclpy.subscription import Subscription
 from sandbot_common import cli, messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
-from sandbot_common.neighbours import LOOK_S, Neighbours
+from sandbot_common.neighbours import Neighbours
 from sandbot_common.parameters import Spec, from_mapping, specs
 from sandbot_common.process import ask_for_real_time, own_name
 from sandbot_common.suggest import did_you_mean
@@ -154,24 +154,28 @@ class Partners:
     """
 
     def __init__(self, node: Node) -> None:
-        self._neighbours = Neighbours()
+        self._neighbours, self._lock = Neighbours(), threading.Lock()
         subscription(node, topics.DIAGNOSTICS, self._on_diagnostics)
-        node.create_timer(LOOK_S, lambda: self._neighbours.look(time.monotonic()))
 
     def begin(self, name: str) -> None:
         """He is obeyed from now on: if one of his name has ended, it was another."""
         if self.fault(name):
-            self._neighbours.forget(name)
+            with self._lock:
+                self._neighbours.forget(name)
 
     def fault(self, name: str) -> str:
         """What has become of him, "the clock is gone"; an empty string while he runs, or nothing is known of him."""
-        fault = self._neighbours.faults.get(name)
+        # Asked here and not by a timer: that would stand behind all that a busy node has not yet heard.
+        with self._lock:
+            self._neighbours.look(time.monotonic())
+            fault = self._neighbours.faults.get(name)
         return f"the {name} {fault}" if fault else ""
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             process = next((pair.value for pair in status.values if pair.key == PROCESS), "")
-            self._neighbours.meet(status.name, process)
+            with self._lock:
+                self._neighbours.meet(status.name, process)
 
 
 class Command:
