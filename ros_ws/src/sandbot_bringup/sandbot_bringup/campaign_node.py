@@ -387,15 +387,15 @@ class Operator(Node):
     def _explain_rest(self) -> None:
         """Legs came to rest in the middle: a fault ends the trial, a hand on the stop the campaign."""
         self._commanding = False
-        self._spin_until(lambda: self._told["clock"][0] > 1 or self.hold.now, EXPLAIN_S)
+        # Whoever reports the legs may have seen before us that the clock is gone.
+        self._spin_until(lambda: self._told["clock"][0] > 1 or self.hold.now or bool(self._fault()), EXPLAIN_S)
         if self.hold.now:
             raise Held(self.hold.why)
-        silent = self._supervisor.silent(self._listening.now_s)
+        if fault := self._fault():
+            raise TrialFailed(fault)
         level, text, _ = self._told["clock"]
         if level > 1:
             raise TrialFailed(f"the clock: {text}")
-        if silent:
-            raise TrialFailed(f"the {silent}")
         self._stopped_by_hand("the legs were stopped by hand")
 
     def _stopped_by_hand(self, what: str) -> NoReturn:
