@@ -44,7 +44,7 @@ class SerialBed(Node):
 
     def _on_blower(self, message: Float64) -> None:
         self._lease.renew(time.monotonic())
-        # Not "<=" so that NaN is off.
+        # NaN is off.
         level = message.data if 0.0 <= message.data <= 1.0 else 0.0
         # Nothing goes on by itself: air that was stopped comes on again when it has been told off.
         self._lapsed = self._lapsed and level > 0.0
