@@ -24,7 +24,7 @@ TRUTH = {
     "delta_t_s": 0.18,
     "disturbed_ground.k_l_n_per_m": 182.0,
     "belly_coast.mu_b": 0.35,
-    "slow_phase_speed.rho": 1.278,
+    "slow_phase_speed.rho": 0.389,
 }
 
 
@@ -56,7 +56,10 @@ def test_without_disturbed_ground_walking_does_not_end_where_it_does():
     """Control."""
     found = fitted("slow_phase_speed", "belly_coast")
     assert found.lack_of_fit_p < 1e-12
-    assert found.rmse_m_s > 1.4 * fitted("slow_phase_speed", "disturbed_ground", "belly_coast").rmse_m_s
+    held = fitted("slow_phase_speed", "disturbed_ground", "belly_coast").goodness.rmse
+    # What the ground remembers shows in a first step, on virgin ground, beside all others.
+    assert found.goodness.rmse["first_step"] > 3 * held["first_step"]
+    assert found.goodness.rmse["speed"] > 1.2 * held["speed"]
 
 
 @pytest.mark.whole

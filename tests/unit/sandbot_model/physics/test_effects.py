@@ -92,10 +92,12 @@ def test_the_peak_is_of_the_phase_that_the_stance_reaches_and_the_first_step_beg
     effect = next(one for one in CATALOGUE if one.identifier == "slow_phase_speed")
     walker = Walker((effect,), Robot(leg_mount_rad=0.5))
     radius = walker.robot.leg_radius_m
-    rho = SGCS.swing_ratio * np.cos(0.55)
-    seen = walker.predict(Inputs(np.array([185.0, 220.0, 300.0]), 16.0, 0.18, 0.62, 0.02, SGCS), [{"rho": rho}])
+    beyond = SGCS.swing_ratio * np.cos(0.55)
+    seen = walker.predict(
+        Inputs(np.array([185.0, 220.0, 300.0]), 16.0, 0.18, 0.62, 0.02, SGCS), [{"rho": SGCS.slow_ratio}]
+    )
     largest = seen.peak_speed_m_s / (16.0 * radius)
-    np.testing.assert_allclose(largest, [SGCS.slow_ratio, SGCS.slow_ratio, rho], rtol=1e-3)
+    np.testing.assert_allclose(largest, [SGCS.slow_ratio, SGCS.slow_ratio, beyond], rtol=1e-3)
     np.testing.assert_allclose(seen.first_step_m[:2], seen.step_m[:2], rtol=1e-6)
     assert float(seen.first_step_m[2]) == pytest.approx(2 * radius * np.sin(0.55), rel=1e-4)
     assert float(seen.step_m[2]) > 1.1 * float(seen.first_step_m[2])

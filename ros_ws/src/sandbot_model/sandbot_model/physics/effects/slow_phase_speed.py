@@ -4,9 +4,12 @@ import numpy as np
 
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Parameter, Values
+from sandbot_model.physics.gait import STANCE_END
 
 NEVER = 1e3
 """A rate at which no ground holds."""
+WIDE = np.cos(STANCE_END / 2)
+"""A slow phase that reaches beyond half a long stance is left further out than here [R]."""
 ROUNDING_M = 1e-7
 """A stance that begins as the slow phase does lies within it."""
 
@@ -18,18 +21,19 @@ class SlowPhaseSpeed(Effect):
     slow one the step is the chord of the slow phase, however strong the ground. In the first step no leg is there: it
     sets out as its slow phase begins.
 
-    A stance that lies within the slow phase, deeper than where that begins and ends, has its peak at β. One that
-    outlasts it (SGCS is slow until θ = 0.05 rad, a leg stands until asin(s/2R)) has it at the swing rate, there where
-    the slow phase is left: ρ = β_swing cos θ, about 1.5, and the others β/ρ of that. The peak of v_x(t) tells which;
-    where no step is cut short, the mean speed can't (Δt → βΔt).
+    A stance that lies within the slow phase, deeper than where that begins and ends, has its peak at β; one that
+    outlasts it, at the swing rate, there where the slow phase is left: β_swing cos θ. ρ is that of the usual stance: of
+    one within a slow phase that reaches beyond 0.375 rad to either side, half a long stance, and of one that outlasts
+    a narrower one (SGCS on SandBot's own mount is slow until θ = 0.05 rad: ρ = 1.5). The other has its share of that.
+    The peak of v_x(t) tells which; where no step is cut short, the mean speed can't (Δt → βΔt).
     """
 
     identifier = "slow_phase_speed"
     stage = "balance"
     formula = (
         "Delta_v -> Delta_v*where(d < d_slow, where(first, 1e3, beta_swing), beta); "
-        "peak -> rho*peak*where(d < d_in, 1, beta/max(beta_swing*(d_in + h - R)/R, beta)); "
-        "d_in = max(d_slow, d_end) - 1e-7"
+        "peak -> rho*peak*where(c < cos(0.375), where(d < d_in, q, 1), where(d < d_in, 1, 1/q)); "
+        "q = max(beta_swing*c/beta, 1); c = (d_in + h - R)/R; d_in = max(d_slow, d_end) - 1e-7"
     )
     source = "the clock: beta = theta_s/(2 pi d_c)"
     clocked = True
@@ -42,7 +46,7 @@ class SlowPhaseSpeed(Effect):
             0.2,
             1.6,
             0.9,
-            "leg rate over the mean rate at the peak of a stance that outlasts the slow phase",
+            "largest leg rate in stance over the mean rate",
             neutral=1.0,
             hard_low=0.05,
         ),
@@ -54,6 +58,8 @@ class SlowPhaseSpeed(Effect):
         chain.delta_v = chain.delta_v * np.where(chain.depth < chain.slow_begin, swing, chain.slow_phase_ratio)
         radius, height = chain.robot.leg_radius_m, chain.robot.axle_height_m
         inside = np.maximum(chain.slow_begin, chain.slow_end) - ROUNDING_M
-        left_at = chain.swing_ratio * (inside + height - radius) / radius
-        within = chain.slow_phase_ratio / np.maximum(left_at, chain.slow_phase_ratio)
-        chain.peak_ratio = chain.peak_ratio * p["rho"] * np.where(chain.depth < inside, 1.0, within)
+        left_at = (inside + height - radius) / radius
+        faster = np.maximum(chain.swing_ratio * left_at / chain.slow_phase_ratio, 1.0)
+        outlasts = chain.depth < inside
+        of_usual = np.where(left_at < WIDE, np.where(outlasts, faster, 1.0), np.where(outlasts, 1.0, 1.0 / faster))
+        chain.peak_ratio = chain.peak_ratio * p["rho"] * of_usual
