@@ -59,12 +59,14 @@ def films():
     return [{name: view.render(0.3 + SPEED * n * 0.01, 0.025) for name, view in views.items()} for n in range(FRAMES)]
 
 
-def show(beside, driver, frames, start_ns, said):
+def show(beside, driver, frames, said):
     """Send frame after frame, each when the one before has come back as a speed; the speeds."""
     make, kind, qos, suffix = DRIVERS[driver]
     cameras = {name: beside.node.create_publisher(kind, topic + suffix, qos) for name, topic in RAW.items()}
     legs, led = (node.publisher(beside.node, topic) for topic in (topics.LEG_STATES, topics.SYNC_LED))
     beside.until(lambda: all(one.get_subscription_count() for one in (*cameras.values(), legs, led)), 60.0)
+    # Never ahead of the host's clock: frames may come late, but stamps from the future are a clock that was set.
+    start_ns = beside.node.get_clock().now().nanoseconds
     led.publish(messages.header(start_ns, "sync_led"))
     zero = np.zeros(6)
 
@@ -92,11 +94,8 @@ def test_every_driver_gives_the_same_speeds(start, beside):
 
     node.subscription(beside.node, topics.SPEED, hear)
     start("ros2", "run", "sandbot_tracking", "tracker")
-    frames, start_ns = films(), beside.node.get_clock().now().nanoseconds
-    speeds = {
-        driver: show(beside, driver, frames, start_ns + 30_000_000_000 * turn, said)
-        for turn, driver in enumerate(DRIVERS)
-    }
+    frames = films()
+    speeds = {driver: show(beside, driver, frames, said) for driver in DRIVERS}
     assert speeds["mono8"][-1] == pytest.approx(SPEED, rel=0.05)
     for driver, given in speeds.items():
-        assert given == pytest.approx(speeds["mono8"], abs=1e-6, nan_ok=True), driver
+        assert given == pytest.approx(speeds["mono8"], abs=2e-5, nan_ok=True), driver
