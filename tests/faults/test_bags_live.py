@@ -343,7 +343,7 @@ def test_replayed_is_what_was_recorded(tmp_path):
     original = first.columns("/leg_states").log_time_ns
     start_ns = first.start_ns + 1_000_000_000  # of the bag: how many came before then is the talker's and the machine's
     assert numbers[0] == np.searchsorted(original, start_ns)
-    # Half of the messages later, twice as soon: the median, and what the replay itself says that the machine held it up.
+    # Half of the messages later, twice as soon: the median, and what the replay says that the machine held it up.
     half = len(numbers) // 2
     took, had_taken = (np.median(t_ns[half:] - t_ns[:-half]) for t_ns in (again.log_time_ns, original[numbers[0] :]))
     held_up_ns = 1e6 * float(re.search(r"(\S+) \(worst\)", line)[1])
