@@ -363,13 +363,14 @@ qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 outlets = [node.create_publisher(JointState, "/leg_states", qos) for _ in range(2)]
 state = JointState(effort=[0.0] * 20_000)
 print("there", flush=True)
-input()
-while not all(one.get_subscription_count() for one in outlets):
-    time.sleep(0.02)
-for _ in range(1000):
-    for one in outlets:
-        one.publish(state)
-print("done", flush=True)
+for _ in range(2):
+    input()
+    while not all(one.get_subscription_count() for one in outlets):
+        time.sleep(0.02)
+    for _ in range(500):
+        for one in outlets:
+            one.publish(state)
+    print("done", flush=True)
 time.sleep(1.0)
 """
 
@@ -382,9 +383,12 @@ def test_what_the_middleware_lost_is_counted_also_of_two_publishers(tmp_path):
     ):
         until(source, "there")
         until(record, "recording to")  # it has met both
-        source.stdin.write("\n")
-        source.stdin.flush()
-        until(source, "done")
+        # A recorder that stands still loses what comes meanwhile, and sees so by what comes after.
+        for held_up in (True, False):
+            record.send_signal(signal.SIGSTOP if held_up else signal.SIGCONT)
+            source.stdin.write("\n")
+            source.stdin.flush()
+            until(source, "done")
         record.send_signal(signal.SIGINT)
         last = record.stdout.read()
         assert record.wait(60) == 0
