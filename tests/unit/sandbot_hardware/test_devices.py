@@ -43,6 +43,21 @@ def test_set_points_that_come_together_are_obeyed_at_their_own_times():
     assert walked == pytest.approx([1.0, 1.005, 1.01, 1.015, 1.02], abs=1e-5)
 
 
+@pytest.mark.parametrize("again_s", [50.0, 49.99])
+def test_a_set_point_no_later_than_the_last_report_still_moves_time_on(again_s):
+    """The simulated robot refuses time that does not rise, and its process ended in the middle of a campaign."""
+    walked = []
+
+    def walk(t_s, angles, rates):
+        walked.append(t_s)
+        return angles, rates, rates
+
+    legs = LegController(6, walk, lambda t_s: None)
+    legs.heard(setpoint(MOVING, 50.0), 1.0)
+    legs.heard(setpoint(MOVING, again_s), 1.0)
+    assert 0 < walked[1] - walked[0] < 1e-4
+
+
 def test_legs_that_hear_nothing_rest_by_themselves_and_are_deaf_until_told_rest():
     legs, _ = leg_controller()
     legs.heard(setpoint(MOVING), 1.0)
