@@ -17,13 +17,14 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Kernel, Matern, WhiteKernel
 
 from sandbot_common.accuracy import USUAL
+from sandbot_common.robot import SANDBOT
 from sandbot_model.data.clustering import phi_levels
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.data.regime import swum_at_once
+from sandbot_model.data.regime import peaks_seen, swum_at_once
 from sandbot_model.fitting.fit import Fit, fit
 from sandbot_model.fitting.global_minimum import WarmStart
 from sandbot_model.physics.catalogue import catalogue
-from sandbot_model.physics.gait import clock, peak_is_resolved
+from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, clock
 from sandbot_model.physics.model import Model, model_of
 from sandbot_model.physics.observables import COLUMNS, Observable, usual_noise
 from sandbot_model.physics.walking import KCurve
@@ -88,7 +89,8 @@ def table_of(trials: Trials) -> Table:
     """All trials of one gait; what is left out for everybody is left out here."""
     values = np.stack([np.asarray(getattr(trials, name), dtype=float) for name in COLUMNS], axis=-1)
     omega, gait = np.asarray(trials.omega_rad_s, dtype=float), str(trials.gait[0])
-    values[[not peak_is_resolved(gait, one) for one in omega], Observable.peak_speed] = np.nan
+    seen = peaks_seen([gait] * len(omega), omega, values, SANDBOT, USUAL, USUAL_FRAME_RATE_HZ)
+    values[~seen, Observable.peak_speed] = np.nan
     values[swum_at_once([gait] * len(omega), omega, values), Observable.first_step] = np.nan
     phi = np.asarray(trials.phi, dtype=float)
     level = phi_levels(phi)

@@ -363,37 +363,38 @@ qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 outlets = [node.create_publisher(JointState, "/leg_states", qos) for _ in range(2)]
 state = JointState(effort=[0.0] * 20_000)
 print("there", flush=True)
-for _ in range(2):
-    input()
-    while not all(one.get_subscription_count() for one in outlets):
-        time.sleep(0.02)
-    for _ in range(500):
-        for one in outlets:
-            one.publish(state)
-    print("done", flush=True)
+input()
+while not all(one.get_subscription_count() for one in outlets):
+    time.sleep(0.02)
+for _ in range(1000):
+    for one in outlets:
+        one.publish(state)
+print("done", flush=True)
 time.sleep(1.0)
 """
 
 
-def test_what_the_middleware_lost_is_counted_also_of_two_publishers(tmp_path):
-    """Two publishers: gaps in their numbers can't be told apart, only the middleware's own count is left."""
-    with (
-        process("-c", FLOOD, stdin=subprocess.PIPE) as source,
-        recorder("/leg_states", "--out", tmp_path / "b") as record,
-    ):
+def flooded(out):
+    """Record a flood: what the bag says was written and lost, and the recorder's last words."""
+    with process("-c", FLOOD, stdin=subprocess.PIPE) as source, recorder("/leg_states", "--out", out) as record:
         until(source, "there")
         until(record, "recording to")  # it has met both
-        # A recorder that stands still loses what comes meanwhile, and sees so by what comes after.
-        for held_up in (True, False):
-            record.send_signal(signal.SIGSTOP if held_up else signal.SIGCONT)
-            source.stdin.write("\n")
-            source.stdin.flush()
-            until(source, "done")
+        source.stdin.write("\n")
+        source.stdin.flush()
+        until(source, "done")
         record.send_signal(signal.SIGINT)
         last = record.stdout.read()
         assert record.wait(60) == 0
-    told = Bag.open(tmp_path / "b").provenance["recording"]["/leg_states"]
+    told = Bag.open(out).provenance["recording"]["/leg_states"]
     written, lost = (int(number) for number in re.findall(r"(?:written|lost) (\d+)", told))
+    return written, lost, last
+
+
+def test_what_the_middleware_lost_is_counted_also_of_two_publishers(tmp_path):
+    """Two publishers: gaps in their numbers can't be told apart, only the middleware's own count is left."""
+    # A machine that is busy enough floods no faster than it records: then once more.
+    floods = (flooded(tmp_path / str(number)) for number in range(5))
+    written, lost, last = next((one for one in floods if one[1]), (0, 0, ""))
     assert written > 0
     assert lost > 0
     assert written + lost <= 2000  # what was lost after the last one that came, nobody can see

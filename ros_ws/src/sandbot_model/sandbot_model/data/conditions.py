@@ -15,9 +15,9 @@ from sandbot_model.data.clustering import phi_levels, same_within
 from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error
-from sandbot_model.data.regime import stance_rad, swum_at_once, walks
+from sandbot_model.data.regime import peaks_seen, swum_at_once, walks
 from sandbot_model.data.stated_error import stated_variance, with_stated
-from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, Clock, clock, peaks_resolved
+from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, Clock, clock
 from sandbot_model.physics.observables import NAMES, Observable, shared_variance, usual_noise
 from sandbot_record.trials.table import Trials
 
@@ -113,9 +113,7 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     phi, omega, values = phi[usable], omega[usable], values[usable]
     rate_hz = trials.frame_rate_hz if np.isfinite(trials.frame_rate_hz) else USUAL_FRAME_RATE_HZ
     robot, accuracy = trials.robot or SANDBOT, trials.accuracy or USUAL
-    stance = stance_rad(values, robot, accuracy)
-    seen = peaks_resolved(clock([*gait]), omega, stance, robot.leg_mount_rad, rate_hz)
-    values[~seen, Observable.peak_speed] = np.nan
+    values[~peaks_seen(gait, omega, values, robot, accuracy, rate_hz), Observable.peak_speed] = np.nan
     values[swum_at_once(gait, omega, values), Observable.first_step] = np.nan
     stated = np.stack([trials.replicate, trials.speed_sd_m_s, trials.phi_sd])[:, usable]
     batch, order = np.asarray(trials.batch)[usable], np.asarray(trials.run_order, dtype=float)[usable]

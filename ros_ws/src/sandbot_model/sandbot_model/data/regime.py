@@ -7,7 +7,7 @@ import numpy as np
 from sandbot_common.accuracy import Accuracy
 from sandbot_common.robot import Robot
 from sandbot_model.physics.arrays import Array, Bool
-from sandbot_model.physics.gait import slow_phase_ratio
+from sandbot_model.physics.gait import clock, peaks_resolved, slow_phase_ratio
 from sandbot_model.physics.geometry import stance_angle, step_from_lift
 from sandbot_model.physics.observables import Observable
 
@@ -38,7 +38,14 @@ def swum_at_once(gaits: Iterable[str], omega: Array, values: Array) -> Bool:
     return np.asarray(uneven & ~walks(values) & (first_step < speed * np.pi / omega + HELD_M))
 
 
-def stance_rad(values: Array, robot: Robot, accuracy: Accuracy) -> tuple[Array, Array]:
+def peaks_seen(
+    gaits: Iterable[str], omega: Array, values: Array, robot: Robot, accuracy: Accuracy, rate_hz: float
+) -> Bool:
+    """Trials ``(n,)`` of values ``(n, 4)`` whose peak the cameras saw, and of whose phase the lift leaves no doubt."""
+    return peaks_resolved(clock([*gaits]), omega, _stance_rad(values, robot, accuracy), robot.leg_mount_rad, rate_hz)
+
+
+def _stance_rad(values: Array, robot: Robot, accuracy: Accuracy) -> tuple[Array, Array]:
     """The least and the largest leg angle [rad] in which trials of values ``(n, 4)`` may have ended their stance, by a
     lift that is uncertain by its usual scatter; NaN where lift was not measured, or nothing was lifted.
     """
