@@ -94,7 +94,7 @@ def test_the_peak_is_of_the_phase_that_the_stance_reaches_and_the_first_step_beg
     radius = walker.robot.leg_radius_m
     beyond = SGCS.swing_ratio * np.cos(0.55)
     seen = walker.predict(
-        Inputs(np.array([185.0, 220.0, 300.0]), 16.0, 0.18, 0.62, 0.02, SGCS), [{"rho": SGCS.slow_ratio}]
+        Inputs(np.array([185.0, 220.0, 400.0]), 16.0, 0.18, 0.62, 0.02, SGCS), [{"rho": SGCS.slow_ratio}]
     )
     largest = seen.peak_speed_m_s / (16.0 * radius)
     np.testing.assert_allclose(largest, [SGCS.slow_ratio, SGCS.slow_ratio, beyond], rtol=1e-3)

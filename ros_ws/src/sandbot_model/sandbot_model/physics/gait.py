@@ -17,6 +17,8 @@ STANCE_END = 0.75
 """Leg angle [rad] at which a long stance ends, asin(s/2R)."""
 USUAL_FRAME_RATE_HZ = 100.0
 """Frames a second where the data do not tell (Li09)."""
+SEEN_RAD = 0.1
+"""So far a leg turns at the swing's rate before all of that is seen in v_x(t)."""
 FRAMES_OF_A_PEAK = 2.5
 _CUSTOM = re.compile(r"CUSTOM\((\S+) (\S+) (\S+)\)")
 
@@ -95,4 +97,4 @@ def peaks_resolved(
     least, largest = (np.where(np.isfinite(angle), angle, STANCE_END) for angle in stance_rad)
     lasts_s = (STANCE_END - slow_rad) / (turns.swing_ratio * omega)
     seen = (slow_rad >= STANCE_END) | (lasts_s >= FRAMES_OF_A_PEAK / rate_hz)
-    return np.asarray((largest < slow_rad) | ((least > slow_rad) & seen))
+    return np.asarray((largest < slow_rad) | ((least > slow_rad + SEEN_RAD) & seen))

@@ -4,14 +4,12 @@ import numpy as np
 
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Parameter, Values
-from sandbot_model.physics.gait import STANCE_END
+from sandbot_model.physics.gait import SEEN_RAD, STANCE_END
 
 NEVER = 1e3
 """A rate at which no ground holds."""
 WIDE = np.cos(STANCE_END / 2)
 """A slow phase that reaches beyond half a long stance is left further out than here [R]."""
-ROUNDING_M = 1e-7
-"""A stance that begins as the slow phase does lies within it."""
 
 
 class SlowPhaseSpeed(Effect):
@@ -22,9 +20,10 @@ class SlowPhaseSpeed(Effect):
     sets out as its slow phase begins.
 
     A stance that lies within the slow phase, deeper than where that begins and ends, has its peak at β; one that
-    outlasts it, at the swing rate, there where the slow phase is left: β_swing cos θ. ρ is that of the usual stance: of
-    one within a slow phase that reaches beyond 0.375 rad to either side, half a long stance, and of one that outlasts
-    a narrower one (SGCS on SandBot's own mount is slow until θ = 0.05 rad: ρ = 1.5). The other has its share of that.
+    outlasts it, at the swing rate, there where the slow phase is left: β_swing cos θ, all of which is seen from 0.1 rad
+    on. ρ is that of the usual stance: of one within a slow phase that reaches beyond 0.375 rad to either side, half a
+    long stance, and of one that outlasts a narrower one (SGCS on SandBot's own mount is slow until θ = 0.05 rad: ρ =
+    1.5). The other has its share of that.
     The peak of v_x(t) tells which; where no step is cut short, the mean speed can't (Δt → βΔt).
     """
 
@@ -32,8 +31,8 @@ class SlowPhaseSpeed(Effect):
     stage = "balance"
     formula = (
         "Delta_v -> Delta_v*where(d < d_slow, where(first, 1e3, beta_swing), beta); "
-        "peak -> rho*peak*where(c < cos(0.375), where(d < d_in, q, 1), where(d < d_in, 1, 1/q)); "
-        "q = max(beta_swing*c/beta, 1); c = (d_in + h - R)/R; d_in = max(d_slow, d_end) - 1e-7"
+        "peak -> rho*peak*(1 + (q - 1)*share)/where(c < cos(0.375), 1, q); q = max(beta_swing*c/beta, 1); "
+        "share = clip((asin(s_0/(2*R)) - acos(c))/0.1, 0, 1); c = (max(d_slow, d_end) + h - R)/R"
     )
     source = "the clock: beta = theta_s/(2 pi d_c)"
     clocked = True
@@ -57,9 +56,10 @@ class SlowPhaseSpeed(Effect):
         swing = NEVER if chain.first_step else chain.swing_ratio
         chain.delta_v = chain.delta_v * np.where(chain.depth < chain.slow_begin, swing, chain.slow_phase_ratio)
         radius, height = chain.robot.leg_radius_m, chain.robot.axle_height_m
-        inside = np.maximum(chain.slow_begin, chain.slow_end) - ROUNDING_M
-        left_at = (inside + height - radius) / radius
+        left_at = (np.maximum(chain.slow_begin, chain.slow_end) + height - radius) / radius
         faster = np.maximum(chain.swing_ratio * left_at / chain.slow_phase_ratio, 1.0)
-        outlasts = chain.depth < inside
-        of_usual = np.where(left_at < WIDE, np.where(outlasts, faster, 1.0), np.where(outlasts, 1.0, 1.0 / faster))
-        chain.peak_ratio = chain.peak_ratio * p["rho"] * of_usual
+        beyond = np.arcsin(np.clip(chain.chord / (2 * radius), 0.0, 1.0)) - np.arccos(np.clip(left_at, -1.0, 1.0))
+        share = np.clip(beyond / SEEN_RAD, 0.0, 1.0)
+        chain.peak_ratio = (
+            chain.peak_ratio * p["rho"] * (1 + (faster - 1) * share) / np.where(left_at < WIDE, 1.0, faster)
+        )
