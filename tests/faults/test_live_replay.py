@@ -35,5 +35,11 @@ def test_commands_are_not_replayed_into_a_live_trackway(tmp_path, beside):
     assert not blown
 
     assert "replayed 3 messages" in replay(bag, "--topics", topics.LIFT.name).stdout
-    assert "replayed 6 messages" in replay(bag, "--with-commands").stdout
-    beside.until(lambda: len(blown) == 3)
+
+    def insisted():
+        # It may be over before a busy machine has let the two meet.
+        blown.clear()
+        assert "replayed 6 messages" in replay(bag, "--with-commands").stdout
+        return beside.wait(lambda: len(blown) == 3, 5.0)
+
+    assert any(insisted() for _ in range(5))
