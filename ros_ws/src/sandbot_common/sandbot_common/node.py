@@ -171,6 +171,12 @@ class Partners:
             fault = self._neighbours.faults.get(name)
         return f"the {name} {fault}" if fault else ""
 
+    def lost(self, name: str, lease: Lease, silence: str) -> str:
+        """Why to obey him no more: what has become of him, or ``silence`` for too long; empty while he commands."""
+        if fault := self.fault(name):
+            return fault
+        return f"{silence} for {lease.limit_s:g} s" if lease.late(time.monotonic()) else ""
+
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             process = next((pair.value for pair in status.values if pair.key == PROCESS), "")
@@ -206,11 +212,7 @@ class Command:
         """Why to stop; an empty string while the lease is renewed or a person commands."""
         if not self._leased:
             return ""
-        if fault := self._partners.fault(self._holder):
-            return fault
-        if not self._lease.late(time.monotonic()):
-            return ""
-        return f"{self._holder} did not renew /operator/lease for {self._lease.limit_s:g} s"
+        return self._partners.lost(self._holder, self._lease, f"{self._holder} did not renew /operator/lease")
 
     def _on_renewal(self, message: Any) -> None:
         self._holder = message.frame_id or self._holder

@@ -10,7 +10,7 @@ from sandbot_hardware import lines
 from sandbot_hardware.device_clock import DeviceClock
 from sandbot_hardware.lines import Line
 
-TICK_S = 1e-6
+RESOLUTION_S = 1e-6
 """The line's resolution: legs go on by at least that from one report to the next, whatever a late host says."""
 Walk = Callable[[float, Sequence[float], Sequence[float]], tuple[Sequence[float], Sequence[float], Sequence[float]]]
 """Device time [s], angles and rates asked for, to angles, rates and efforts that came of it."""
@@ -34,7 +34,7 @@ class LegController:
         replies = self._watch(now_s)
         # Where the legs are to be at the set-point's own time: how long it was under way is not their affair.
         t_s = self._host.host_ns(int(line.values[0]) * 1000, round(now_s * 1e9)) * 1e-9
-        t_s = max(t_s, self.said_s + TICK_S)
+        t_s = max(t_s, self.said_s + RESOLUTION_S)
         angles, rates = lines.split(line.values[1:], self._legs)
         moving = any(rates)
         if self.lapsed and moving:

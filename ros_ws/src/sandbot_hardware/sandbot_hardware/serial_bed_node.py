@@ -58,9 +58,8 @@ class SerialBed(Node):
         self._port.write(lines.encode("B", float(level)))
 
     def _watch(self) -> None:
-        silence = f"nothing on {topics.BED_BLOWER.name} for {self._lease.limit_s:g} s"
-        late = silence if self._lease.late(time.monotonic()) else ""
-        if self._level > 0.0 and (why := self._partners.fault(BED) or late):
+        silence = f"nothing on {topics.BED_BLOWER.name}"
+        if self._level > 0.0 and (why := self._partners.lost(BED, self._lease, silence)):
             self._lapsed = True
             self._blow(0.0)
             self.get_logger().error(f"air off: {why}")

@@ -70,8 +70,7 @@ class SerialLegs(Node):
         self._sent += self._say(messages.nanoseconds(message.header.stamp), rates)
 
     def _watch(self) -> None:
-        late = f"no set-point for {self._lease.limit_s:g} s" if self._lease.late(time.monotonic()) else ""
-        if self._moving and (why := self._partners.fault(CLOCK) or late):
+        if self._moving and (why := self._partners.lost(CLOCK, self._lease, "no set-point")):
             self._lapsed = True
             self._rest()
             self.get_logger().error(f"legs stopped: {why}")

@@ -169,19 +169,14 @@ class LabNode(Node):
     def _watch(self) -> None:
         """Stop what is no longer commanded."""
         self._stop_late_legs()
-        if self._blower > 0 and (why := self._lost(BED, self._air, f"nothing on {topics.BED_BLOWER.name}")):
+        silence = f"nothing on {topics.BED_BLOWER.name}"
+        if self._blower > 0 and (why := self._partners.lost(BED, self._air, silence)):
             self._air_lapsed = True
             self._blow(0.0)
             self._alarm(f"air off: {why}")
 
-    def _lost(self, commander: str, lease: Lease, silence: str) -> str:
-        """Why to obey a commander no more; an empty string while his commands come in time."""
-        if fault := self._partners.fault(commander):
-            return fault
-        return f"{silence} for {lease.limit_s:g} s" if lease.late(time.monotonic()) else ""
-
     def _stop_late_legs(self) -> None:
-        if not self._standing and (why := self._lost(CLOCK, self._legs, "no set-point")):
+        if not self._standing and (why := self._partners.lost(CLOCK, self._legs, "no set-point")):
             self._legs_lapsed = self._standing = True
             if self._trial is not None:
                 self._advance(self._trial, self._now_ns(), self._held, np.zeros_like(self._held))

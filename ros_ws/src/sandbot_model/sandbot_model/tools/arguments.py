@@ -16,6 +16,7 @@ from sandbot_common.cli import Parser, output
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_text, writing
 from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, to_mapping
+from sandbot_model.discovery.choice import Selection
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ
 from sandbot_model.physics.walking import BASES
 
@@ -55,11 +56,22 @@ def add_data(parser: Parser) -> None:
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
     add_setting(parser)
     add_penetrometer(parser)
-    parser.add_argument("--model", choices=tuple(BASES), default="simple", help="base model (default: simple)")
+    add_model(parser)
     parser.add_argument("--json", type=output, metavar="OUT", help="write the result as JSON")
     parser.add_argument("--html", type=output, metavar="OUT", help="write a self-contained report")
     parser.add_argument("--title", default=None, help="title of the report (default: the name of DATA)")
     parser.add_argument("--verbose", "-v", action="store_true", help="print all: every effect tried, every miss")
+
+
+def add_model(parser: Parser) -> None:
+    """The base model; which effects come on top each command says in its own words (``--effects``)."""
+    parser.add_argument("--model", choices=tuple(BASES), default="simple", help="base model (default: simple)")
+
+
+def selection(args: argparse.Namespace) -> Selection:
+    """What ``--model``, ``--effects`` and ``--effect`` select."""
+    names = tuple(name.strip() for name in args.effects.split(",") if name.strip())
+    return Selection(args.model, names, tuple(args.effect))
 
 
 def add_setting(parser: Parser) -> None:

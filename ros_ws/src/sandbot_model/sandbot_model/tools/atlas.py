@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import check_output
-from sandbot_model.discovery.choice import Selection
-from sandbot_model.physics.walking import BASES
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
@@ -29,7 +27,7 @@ def _atlas(argv: Sequence[str]) -> None:
     parser = cli.Parser(prog="atlas", description=__doc__)
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="where to draw (default: DATA/atlas, or ./atlas)")
-    parser.add_argument("--model", choices=tuple(BASES), default="simple", help="base model (default: simple)")
+    arguments.add_model(parser)
     parser.add_argument("--effects", default="", metavar="a,b", help="effects of the model whose lines are drawn")
     arguments.add_catalogue(parser)
     arguments.add_setting(parser)
@@ -69,12 +67,11 @@ def _material(args: argparse.Namespace) -> "Material":
     from sandbot_model.report.atlas.gathered import gathered
     from sandbot_model.report.provenance import bags_of
 
-    names = tuple(name.strip() for name in args.effects.split(",") if name.strip())
     effects = catalogue(args.effects_from, tuple(args.effect))
     trials, robot_line = arguments.trials(args)
     print(robot_line)
     cells = cells_of(trials.select(trials.usable))
-    steps = steps_of(Selection(args.model, names, tuple(args.effect)), cells, effects)
+    steps = steps_of(arguments.selection(args), cells, effects)
     beside = None if args.beside is None else _published(args.beside)
     return gathered(trials, steps, bags_of(args.data), beside)
 

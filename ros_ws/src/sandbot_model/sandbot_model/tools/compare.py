@@ -100,10 +100,9 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
 
 def _selection(args: argparse.Namespace) -> Selection:
     """What the arguments, or the file that stands for them, select. Raises InputError."""
-    names = [name.strip() for name in args.effects.split(",") if name.strip()]
-    given = Selection(args.model, tuple(names), tuple(args.effect))
+    given = arguments.selection(args)
     # What is typed as a formula is meant to be added; --effects only says where in the order.
-    given = given.toggled([*names, *(name_of(text) for text in args.effect)])
+    given = given.toggled([*given.effects, *(name_of(text) for text in args.effect)])
     for held in args.hold:
         given = held_by_text(given, held, "--hold")
     if given.by_hand and args.bootstrap is not None:

@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sandbot_common import cli
-from sandbot_model.discovery.choice import Selection
-from sandbot_model.physics.walking import BASES
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
@@ -29,7 +27,7 @@ def _export(argv: Sequence[str]) -> None:
     parser.add_argument(
         "--out", type=_out, required=True, metavar="FILE", help=f"what to write: a name that ends in {_either()}"
     )
-    parser.add_argument("--model", choices=tuple(BASES), default="simple", help="base model (default: simple)")
+    arguments.add_model(parser)
     parser.add_argument("--effects", default="", metavar="a,b", help="effects of the model that is shown")
     arguments.add_catalogue(parser)
     arguments.add_setting(parser)
@@ -69,9 +67,8 @@ def _fitted(args: argparse.Namespace, trials: "Trials") -> "Fit":
     from sandbot_model.discovery.reproduce import steps_of
     from sandbot_model.physics.catalogue import catalogue
 
-    names = tuple(name.strip() for name in args.effects.split(",") if name.strip())
     effects = catalogue(args.effects_from, tuple(args.effect))
-    return steps_of(Selection(args.model, names, tuple(args.effect)), cells_of(trials), effects)[-1]
+    return steps_of(arguments.selection(args), cells_of(trials), effects)[-1]
 
 
 def _out(text: str) -> Path:

@@ -5,6 +5,7 @@ import numpy as np
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Parameter, Values
 from sandbot_model.physics.gait import SEEN_RAD, STANCE_END
+from sandbot_model.physics.geometry import stance_angle
 
 NEVER = 1e3
 """A rate at which no ground holds."""
@@ -23,8 +24,8 @@ class SlowPhaseSpeed(Effect):
     outlasts it, at the swing rate, there where the slow phase is left: β_swing cos θ, all of which is seen from 0.1 rad
     on. ρ is that of the usual stance: of one within a slow phase that reaches beyond 0.375 rad to either side, half a
     long stance, and of one that outlasts a narrower one (SGCS on SandBot's own mount is slow until θ = 0.05 rad: ρ =
-    1.5). The other has its share of that.
-    The peak of v_x(t) tells which; where no step is cut short, the mean speed can't (Δt → βΔt).
+    1.5). The other has its share of that. The peak of v_x(t) tells which; where no step is cut short, the mean speed
+    can't (Δt → βΔt).
     """
 
     identifier = "slow_phase_speed"
@@ -40,14 +41,7 @@ class SlowPhaseSpeed(Effect):
     seen_in = "W peak"
     parameters = (
         Parameter(
-            "rho",
-            "1",
-            0.2,
-            1.6,
-            0.9,
-            "largest leg rate in stance over the mean rate",
-            neutral=1.0,
-            hard_low=0.05,
+            "rho", "1", 0.2, 1.6, 0.9, "largest leg rate in stance over the mean rate", neutral=1.0, hard_low=0.05
         ),
     )
 
@@ -58,7 +52,7 @@ class SlowPhaseSpeed(Effect):
         radius, height = chain.robot.leg_radius_m, chain.robot.axle_height_m
         left_at = (np.maximum(chain.slow_begin, chain.slow_end) + height - radius) / radius
         faster = np.maximum(chain.swing_ratio * left_at / chain.slow_phase_ratio, 1.0)
-        beyond = np.arcsin(np.clip(chain.chord / (2 * radius), 0.0, 1.0)) - np.arccos(np.clip(left_at, -1.0, 1.0))
+        beyond = stance_angle(chain.chord, radius) - np.arccos(np.clip(left_at, -1.0, 1.0))
         share = np.clip(beyond / SEEN_RAD, 0.0, 1.0)
         chain.peak_ratio = (
             chain.peak_ratio * p["rho"] * (1 + (faster - 1) * share) / np.where(left_at < WIDE, 1.0, faster)
