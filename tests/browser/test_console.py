@@ -26,12 +26,12 @@ pytestmark = [pytest.mark.browser, pytest.mark.ros, pytest.mark.slow, pytest.mar
 
 BED = {"fluidise_s": 4.0, "ramp_s": 0.3, "settle_s": 0.4, "pulse_off_s": 0.3, "average_s": 0.2}
 PLAN = {"name": "watched", "cameras": "cameras.yaml", "seed": 5, "gait": "UNIFORM", "phi": [0.605],
-        "omega_rad_s": [8.0], "replicates": 3, "periods": 12.0, "images": "none", "bed": BED}  # fmt: skip
+        "omega_rad_s": [6.0], "replicates": 3, "periods": 8.0, "images": "none", "bed": BED}  # fmt: skip
 PATIENT = {"clock.lease_s": 1.0, "clock.robot_s": 1.0, "clock.late_s": 0.25, "lab.legs_lease_s": 1.0}
 PATIENCE_S = 120
 BUSY_S = 5.0
 """What a busy machine may take; docs/console.md has the seconds of a quiet one."""
-FIRST, SECOND, THIRD = (f"phi0.6050_w08.000_r0{number}" for number in (1, 2, 3))
+FIRST, SECOND, THIRD = (f"phi0.6050_w06.000_r0{number}" for number in (1, 2, 3))
 
 
 class Witness:

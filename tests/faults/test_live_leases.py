@@ -407,13 +407,25 @@ class Bed:
         self.reason = message.status[0].message
 
     def blow(self):
-        self.beside.until(lambda: self.levels)
-        self.beside.until(lambda: self.beside.call("/bed/prepare").success)
-        self.beside.until(lambda: self.levels[-1][1] > 0)
+        """Prepare, again where a busy machine let the preparation fail at once, until the air is on."""
 
-    def failed(self, why):
-        self.beside.until(lambda: self.levels[-1][1] == 0.0)
-        self.beside.until(lambda: why in self.reason)
+        def blows():
+            self.commander.renewing, self.reason = True, ""
+            return self.beside.call("/bed/prepare").success and self.beside.wait(lambda: self.levels[-1][1] > 0, 5.0)
+
+        self.beside.until(lambda: self.levels)
+        self.beside.until(blows)
+
+    def fails(self, why, cause):
+        """When the air was last on [ns], once it is off because of ``cause``; a busy machine may give causes itself."""
+
+        def failed():
+            self.blow()
+            cause()
+            self.beside.until(lambda: self.levels[-1][1] == 0.0)
+            return self.beside.wait(lambda: why in self.reason, 5.0)
+
+        self.beside.until(failed)
         return next(t_ns for t_ns, level in reversed(self.levels) if level > 0)
 
 
@@ -421,21 +433,25 @@ def test_the_bed_turns_the_air_off_by_itself_and_says_why(beside):
     bed = Bed(beside)
     with running("sandbot_bed.bed_node") as process:
         bed.commander.command()
-        bed.blow()
-        busy = Busy(process)
-        bed.commander.renewing = False
-        last_ns = bed.failed("beside did not renew /operator/lease")
+
+        def falls_silent():
+            nonlocal busy
+            busy = Busy(process)
+            bed.commander.renewing = False
+
+        def freezes():
+            process.send_signal(signal.SIGSTOP)
+            beside.wait(lambda: False, 0.7)
+            process.send_signal(signal.SIGCONT)
+
+        busy = None
+        last_ns = bed.fails("beside did not renew /operator/lease", falls_silent)
         assert (last_ns - bed.commander.renewed_ns) * 1e-9 <= AIR_S + busy.seconds
         refused = beside.call("/bed/prepare")
         assert not refused.success
         assert "does not renew" in refused.message
 
-        bed.commander.renewing = True
-        bed.blow()
-        process.send_signal(signal.SIGSTOP)
-        beside.wait(lambda: False, 0.7)
-        process.send_signal(signal.SIGCONT)
-        bed.failed("held up")
+        bed.fails("held up", freezes)
 
         with running("sandbot_bed.bed_node") as second:
             _, said = second.communicate(timeout=60)
