@@ -7,19 +7,17 @@ python benchmarks/nuisance.py [--seeds 20] [--only NAME] [--out runs/nuisance.js
 
 import argparse
 import dataclasses
-import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
+from _matrix import collect
 from hidden import OMEGA, PHI
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.week import Week
@@ -182,27 +180,9 @@ def _covered(some: Sequence[Mapping[str, Any]], kind: str) -> str:
     return f"{np.mean(z < 1):.2f}/{np.mean(z < 2):.2f}" if len(z) else "–"
 
 
-def collect(wanted: Sequence[Case], path: Path, workers: int | None = None, own: bool = False) -> list[dict[str, Any]]:
-    """Outcomes of all cases; each is written once it is known, and what ``path`` holds is not run again."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    known = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-    names = [field.name for field in dataclasses.fields(Case)]
-    done = {tuple(one[name] for name in names) for one in known}
-    todo = [case for case in wanted if dataclasses.astuple(case) not in done]
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool, path.open("a") as out:
-        for future in tqdm(
-            as_completed([pool.submit(analyse, case, own) for case in todo]), total=len(todo), unit="world"
-        ):
-            known.append(future.result())
-            out.write(json.dumps(known[-1]) + "\n")
-            out.flush()
-    asked = {dataclasses.astuple(case) for case in wanted}
-    return [one for one in known if tuple(one[name] for name in names) in asked]
-
-
 def main() -> str:
     """A first part of the matrix; the report, in Markdown."""
-    return document(collect(list(cases(QUICK_SEEDS)), OUT))
+    return document(collect(analyse, list(cases(QUICK_SEEDS)), OUT))
 
 
 def command() -> None:
@@ -214,7 +194,8 @@ def command() -> None:
     parser.add_argument("--workers", type=int)
     parser.add_argument("--own", action="store_true", help="no effects but the truth's; give a file of its own")
     args = parser.parse_args()
-    print(report(collect(list(cases(args.seeds, args.only)), args.out, args.workers, args.own)))
+    wanted = list(cases(args.seeds, args.only))
+    print(report(collect(partial(analyse, own=args.own), wanted, args.out, args.workers)))
 
 
 if __name__ == "__main__":

@@ -5,20 +5,17 @@ python benchmarks/trials_to_verdict.py [--seeds 10] [--only STRATEGY] [--week] [
 
 import argparse
 import dataclasses
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 import hidden
+from _matrix import collect
 from hidden import OMEGA, PHI
 from sandbot_lab.direct import ReadingErrors, direct_trial
 from sandbot_lab.week import Occasion, Week, batch_seed
@@ -260,21 +257,6 @@ def by_world(results: Sequence[Mapping[str, Any]], strategy: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def collect(wanted: Sequence[Case], path: Path, workers: int | None = None) -> list[dict[str, Any]]:
-    """Outcomes of all cases; each is written once it is known, and what ``path`` holds is not run again."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    known = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-    done = {tuple(one[f.name] for f in dataclasses.fields(Case)) for one in known}
-    todo = [case for case in wanted if dataclasses.astuple(case) not in done]
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool, path.open("a") as out:
-        running = [pool.submit(analyse, case) for case in todo]
-        for future in tqdm(as_completed(running), total=len(todo), unit="campaign"):
-            known.append(future.result())
-            out.write(json.dumps(known[-1]) + "\n")
-            out.flush()
-    return known
-
-
 def cases(seeds: int, only: Sequence[str] = (), week: bool = False) -> list[Case]:
     """Seed by seed, so that a run stopped early has something of every world."""
     names = only or STRATEGIES
@@ -306,7 +288,7 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
 
 def main() -> str:
     """Ours and the grids, once in each world: what `make bench` has time for."""
-    return document(collect(cases(1, ("until verdict", *FIXED)), OUT))
+    return document(collect(analyse, cases(1, ("until verdict", *FIXED)), OUT))
 
 
 def command() -> None:
@@ -318,7 +300,7 @@ def command() -> None:
     parser.add_argument("--out", type=Path, default=OUT)
     parser.add_argument("--workers", type=int)
     args = parser.parse_args()
-    print(document(collect(cases(args.seeds, args.only, args.week), args.out, args.workers)))
+    print(document(collect(analyse, cases(args.seeds, args.only, args.week), args.out, args.workers)))
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ def test_what_is_known_is_not_run_again_and_coverage_is_counted(tmp_path):
     known = {**vars(wanted[0]), "outcome": "adequate", "z": {"delta_t_s": 0.5, "k[0]": 1.5, "k[1]": -3.0}}
     path = tmp_path / "out.jsonl"
     path.write_text(json.dumps(known) + "\n")
-    found = nuisance.collect(wanted, path, 1)
+    found = nuisance.collect(nuisance.analyse, wanted, path, 1)
     assert found == [known]
     assert len(path.read_text().splitlines()) == 1
     assert nuisance.report(found).splitlines()[2] == (

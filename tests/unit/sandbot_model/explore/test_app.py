@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 import yaml
+from dash import no_update
 from dash.exceptions import PreventUpdate
 from made_up import Inline, made_up_trials
 
@@ -32,12 +33,26 @@ def test_an_address_sets_the_controls_that_stand_elsewhere(session, trials, tmp_
     session.fit_ahead = lambda selection: None
     made = {}
     monkeypatch.setattr(app, "set_props", made.__setitem__)
-    explorer.on_address("?effect=leg_slip&cell=1", "dark", values_of(Selection()))
+    explorer.on_address("?effect=leg_slip&cell=1", "dark", values_of(Selection()), [], [])
     assert made == {
         "effects": {"value": ["leg_slip"]},
         "cell": {"value": 1},
         "shown": {"data": "?effect=leg_slip&cell=1"},
     }
+
+
+def test_sliders_that_stand_where_they_should_are_not_made_anew(session, trials, tmp_path, monkeypatch):
+    explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "test")
+    session.fit_ahead = lambda selection: None
+    said = []
+    monkeypatch.setattr(app, "set_props", lambda *given: said.append(given))
+    held = Selection(view="parameters", by_hand=(("delta_t_s", 0.3),))
+    made = explorer.show(held, "dark")["by-hand.children"]
+    at = {one.children[1].id["by_hand"]: one.children[1].value for one in made}
+    assert set(at) == {"delta_t_s", "v_swim_m_s"}
+    assert explorer.show(held, "dark", at)["by-hand.children"] is no_update
+    assert said == [({"held": "delta_t_s"}, {"hidden": False}), ({"held": "v_swim_m_s"}, {"hidden": True})]
+    assert len(explorer.show(held, "dark", at | {"delta_t_s": 0.31})["by-hand.children"]) == 2
 
 
 def test_the_saved_file_carries_the_numbers_shown(session, trials, tmp_path):

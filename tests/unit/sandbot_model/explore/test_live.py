@@ -50,8 +50,8 @@ def campaign(tmp_path):
 
 
 @pytest.fixture
-def live(desk, campaign):
-    return Live(desk, server("0"), [campaign])
+def live(desk, campaign, tmp_path_factory):
+    return Live(desk, server("0"), tmp_path_factory.mktemp("dropped"), [campaign])
 
 
 def test_a_complete_recording_makes_a_new_server_and_nothing_else_does(live, desk, campaign):

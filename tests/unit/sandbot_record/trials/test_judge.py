@@ -63,7 +63,7 @@ def test_a_landmark_that_is_not_a_number_is_not_seen(tmp_path):
     stamps = [bags.T0 + 300_000_000 + round(t_s * 1e9) for t_s in (1.1, 1.2, 1.3)]
     unseen = [(topics.COM, 1.0, messages.point(stamp, (np.nan,) * 3)) for stamp in stamps]
     said = status(tmp_path, kept=within(topics.COM, 1.005, 1.395), more=setpoints() + unseen)
-    assert said == "tracking lost: no centre of mass for 0.40 s at t = 1.00 s"
+    assert said == "tracking lost: no centre of mass for 0.40 s at t = 1.00 s, last seen at x = 0.30 m"
 
 
 @pytest.mark.parametrize(

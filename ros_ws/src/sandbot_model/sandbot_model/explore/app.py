@@ -88,8 +88,10 @@ class Explorer:
         wire(app, self)
         return app
 
-    def show(self, selection: Selection, theme_name: str | None) -> dict[str, Any]:
-        """Everything on the page for a selection, by the names in ``SHOWN``."""
+    def show(
+        self, selection: Selection, theme_name: str | None, at: Mapping[str, float] | None = None
+    ) -> dict[str, Any]:
+        """Everything on the page for a selection, by the names in ``SHOWN``; ``at``: where sliders stand."""
         theme = THEMES.get(theme_name or "", LIGHT)
         session = self.session
         effects = session.catalogue(selection.formulas)
@@ -101,7 +103,7 @@ class Explorer:
             views.same_ranges([shown.figure, *(pane.figure for pane in panes if pane.same_axes and pane.figure)])
         by_hand = selection.view == "parameters"
         # Sliders are slow to make and seldom looked at: only with their view.
-        sliders = controls.by_hand(views.sliders(selection, shown.current, effects)) if by_hand else []
+        sliders = _sliders(views.sliders(selection, shown.current, effects), at or {}) if by_hand else []
         rows = views.parameter_rows(selection, shown.current, effects) if by_hand else None
         return {
             **self._previews(selection),
@@ -168,7 +170,10 @@ class Explorer:
         files = waveforms.files_of(self.bags[trial_id]) if trial_id in self.bags else {}
         return send_file(files[name].resolve(), as_attachment=True) if name in files else abort(404)
 
-    def on_address(self, search: str | None, theme: str | None, displayed: Mapping[str, Any]) -> dict[str, Any]:
+    def on_address(
+        self, search: str | None, theme: str | None, displayed: Mapping[str, Any],
+        sliders: Sequence[float], slider_ids: Sequence[Mapping[str, str]],
+    ) -> dict[str, Any]:  # fmt: skip
         """The address has changed: show what it says, and set the controls that differ from it."""
         if theme is None:
             raise PreventUpdate
@@ -179,7 +184,7 @@ class Explorer:
                     set_props(control, {"value": value})
             # Last: a control whose value is not that of "shown" counts as used.
             set_props("shown", {"data": to_query(selection)})
-            return self.show(selection, theme)
+            return self.show(selection, theme, controls.at(slider_ids, sliders))
         except InputError as error:
             return {**dict.fromkeys(SHOWN, no_update), "message.children": _message(error)}
 
@@ -188,15 +193,13 @@ class Explorer:
         slider_ids: Sequence[Mapping[str, str]], formula: str | None, search: str | None, shown_query: str | None,
     ) -> None:  # fmt: skip
         """A control was used: add to the address every value that differs from the page's, and the button pressed."""
-        by_hand = {
-            slider["by_hand"].replace("/", "."): value for slider, value in zip(slider_ids, sliders, strict=True)
-        }
         try:
             before, shown = from_query(search or ""), from_query(shown_query or "")
             after = with_controls(before, shown, values)
             if any(isinstance(control, dict) for control in ctx.triggered_prop_ids.values()):
                 fitted = self.session.step(shown).fit.parameters
-                after = with_sliders(after, {name: estimate.value for name, estimate in fitted.items()}, by_hand)
+                values_fitted = {name: estimate.value for name, estimate in fitted.items()}
+                after = with_sliders(after, values_fitted, controls.at(slider_ids, sliders))
             for fired in ctx.triggered:
                 after = self._pressed(after, ctx.triggered_prop_ids[fired["prop_id"]], fired["value"], formula or "")
             self.session.catalogue(after.formulas)
@@ -273,6 +276,15 @@ def _on_error(error: Exception) -> None:
     traceback.print_exception(error)
     set_props("preview-clock", {"disabled": True})
     set_props("message", {"children": f"That failed: {type(error).__name__}: {error} (the terminal says where)"})
+
+
+def _sliders(wanted: Sequence[views.Slider], at: Mapping[str, float]) -> Any:
+    """Sliders, made anew unless they stand where they should: a key pressed meanwhile would be lost with them."""
+    if at != {one.name: one.value for one in wanted}:
+        return controls.by_hand(wanted)
+    for one in wanted:
+        set_props(controls.held_id(one.name), {"hidden": not one.held})
+    return no_update
 
 
 def _message(error: InputError) -> str:

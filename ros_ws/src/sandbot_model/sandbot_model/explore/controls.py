@@ -1,7 +1,7 @@
 """The explorer's page: what stands where, with a name for each control. No fit and no figure is made here."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dash import dcc, html
@@ -69,7 +69,7 @@ def by_hand(sliders: Sequence[Slider]) -> list[Any]:
     return [
         html.Div(
             [
-                html.Label([slider.words, html.Strong(" held" if slider.held else "")]),
+                html.Label([slider.words, html.Strong(" held", id=held_id(slider.name), hidden=not slider.held)]),
                 dcc.Slider(
                     slider.low,
                     slider.high,
@@ -78,13 +78,28 @@ def by_hand(sliders: Sequence[Slider]) -> list[Any]:
                     marks=None,
                     updatemode="mouseup",
                     tooltip={"placement": "bottom"},
-                    id={"by_hand": slider.name.replace(".", "/")},
+                    id={"by_hand": _key(slider.name)},
                 ),
             ],
             className="slider",
         )
         for slider in sliders
     ]
+
+
+def held_id(name: str) -> dict[str, str]:
+    """The id of the word that tells a parameter held by hand."""
+    return {"held": _key(name)}
+
+
+def at(ids: Sequence[Mapping[str, str]], values: Sequence[float]) -> dict[str, float]:
+    """Where sliders stand, by parameter."""
+    return {one["by_hand"].replace("/", "."): value for one, value in zip(ids, values, strict=True)}
+
+
+def _key(name: str) -> str:
+    # Dash allows no full stop in an id.
+    return name.replace(".", "/")
 
 
 def parameter_table(rows: Sequence[tuple[str, str, str]]) -> html.Table:

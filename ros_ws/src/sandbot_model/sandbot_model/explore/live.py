@@ -5,7 +5,6 @@ The pages know one data set each; for another one a new server is made beside th
 
 import hashlib
 import json
-import tempfile
 import threading
 import traceback
 from collections.abc import Callable, Iterable, Sequence
@@ -27,11 +26,11 @@ Make = Callable[[Path | None], Flask]
 class Live:
     """What is served now: a WSGI application."""
 
-    def __init__(self, make: Make, first: Flask, campaigns: Sequence[Path] = ()) -> None:
-        """``campaigns`` are the folders that are followed."""
+    def __init__(self, make: Make, first: Flask, folder: Path, campaigns: Sequence[Path] = ()) -> None:
+        """``folder`` takes the tables that are dropped; ``campaigns`` are the folders that are followed."""
         self._make, self._campaigns = make, tuple(campaigns)
         self._dropped: Path | None = None
-        self._folder = tempfile.TemporaryDirectory()
+        self._folder = folder
         self._lock = threading.Lock()
         self._seen = grown(self._campaigns)
         self._version = 0
@@ -69,7 +68,7 @@ class Live:
         content = request.get_data(cache=False)
         if len(content) > MAX_BYTES or Path(name).suffix.lower() != ".csv":
             return Response(f"{name}: a trials CSV of at most 50 MB is needed", 400, mimetype="text/plain")
-        path = Path(self._folder.name) / hashlib.sha256(content).hexdigest()[:16] / name
+        path = self._folder / hashlib.sha256(content).hexdigest()[:16] / name
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(content)
         before, self._dropped = self._dropped, path

@@ -91,7 +91,11 @@ def wire(app: Dash, answers: Answers) -> None:
     app.callback(
         output=_outputs(*SHOWN),
         inputs={"search": Input("address", "search"), "theme": Input("theme", "data")},
-        state={"displayed": {name: State(name, "value") for name in CONTROLS}},
+        state={
+            "displayed": {name: State(name, "value") for name in CONTROLS},
+            "sliders": State({"by_hand": ALL}, "value"),
+            "slider_ids": State({"by_hand": ALL}, "id"),
+        },
     )(answers.on_address)
     # What is shown sets the controls and they set the address, all by set_props: Outputs would be a circle to Dash,
     # and it would let a control wait until the figures before have come, and then set it back.

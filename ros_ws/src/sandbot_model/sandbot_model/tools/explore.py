@@ -9,6 +9,7 @@ import os
 import signal
 import socket
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -165,18 +166,19 @@ def _serve(desk: _Desk, first: "Flask", campaigns: Sequence[Path], said: str) ->
     except OSError as error:
         raise InputError(f"--port {port}: {error.strerror}; another explorer may be running, try --port 0") from None
     port = listening.getsockname()[1]
-    live, ended = Live(desk.made, first, campaigns), threading.Event()
-    server = make_server(HOST, port, live, threaded=True, fd=listening.fileno())
-    if campaigns:
-        threading.Thread(target=live.follow, args=(ended,), name="follow", daemon=True).start()
-    print(
-        f"explore: http://{HOST}:{port}/{desk.query}  (Ctrl-C ends it)", *([said] if said else []), sep="\n", flush=True
-    )
-    # It ends by Ctrl-C alone, which werkzeug keeps to itself.
-    try:
-        server.serve_forever()
-    finally:
-        ended.set()
+    ended = threading.Event()
+    with tempfile.TemporaryDirectory() as dropped:
+        live = Live(desk.made, first, Path(dropped), campaigns)
+        server = make_server(HOST, port, live, threaded=True, fd=listening.fileno())
+        if campaigns:
+            threading.Thread(target=live.follow, args=(ended,), name="follow", daemon=True).start()
+        address = f"explore: http://{HOST}:{port}/{desk.query}  (Ctrl-C ends it)"
+        print(address, *([said] if said else []), sep="\n", flush=True)
+        # It ends by Ctrl-C alone, which werkzeug keeps to itself.
+        try:
+            server.serve_forever()
+        finally:
+            ended.set()
     raise KeyboardInterrupt
 
 

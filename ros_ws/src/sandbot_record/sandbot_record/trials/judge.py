@@ -3,6 +3,8 @@
 What is judged is what was recorded, live or in batch, here or elsewhere; a topic the bag does not have is not judged.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -101,9 +103,13 @@ def _tracking(bag: Bag, start_ns: int, end_ns: int) -> str:
         if not _has(bag, topic):
             return f"tracking lost: no {name}"
         columns = bag.columns(topic, "point.x", *FIELD_STAMP)
-        seen = columns.stamp_ns[np.isfinite(columns["point.x"])]
-        if gap := _gap(seen, start_ns, end_ns, TRACKING_GAP_S):
-            return f"tracking lost: no {name} for {gap}"
+        seen = np.isfinite(columns["point.x"])
+        stamps, x_m = columns.stamp_ns[seen], columns["point.x"][seen]
+        if gap := _gap(stamps, start_ns, end_ns, TRACKING_GAP_S):
+            # Where it was tells a marker that was hidden from a robot that walked out of the picture.
+            before = stamps <= start_ns + round(gap.at_s * 1e9)
+            where = f", last seen at x = {x_m[before][-1]:.2f} m" if before.any() else ""
+            return f"tracking lost: no {name} for {gap}{where}"
     return ""
 
 
@@ -114,13 +120,23 @@ def _has_lateral_camera(bag: Bag) -> bool:
     return _has(bag, topics.LATERAL_INFO.name)
 
 
-def _gap(stamps: Times, start_ns: int, end_ns: int, allowed_s: float) -> str:
-    """The longest time between stamps, start and end, if longer than allowed: ``0.31 s at t = 0.60 s``."""
+class _Gap(NamedTuple):
+    """A time without a message, from the start of the trial on."""
+
+    length_s: float
+    at_s: float
+
+    def __str__(self) -> str:
+        return f"{self.length_s:.2f} s at t = {self.at_s:.2f} s"
+
+
+def _gap(stamps: Times, start_ns: int, end_ns: int, allowed_s: float) -> _Gap | None:
+    """The longest time between stamps, start and end, if longer than allowed."""
     inside = np.sort(stamps[(stamps > start_ns) & (stamps < end_ns)])
     edges = np.concatenate([[start_ns], inside, [end_ns]])
     worst = int(np.argmax(np.diff(edges)))
-    gap_s, at_s = (edges[worst + 1] - edges[worst]) * 1e-9, (edges[worst] - start_ns) * 1e-9
-    return f"{gap_s:.2f} s at t = {at_s:.2f} s" if gap_s > allowed_s else ""
+    gap = _Gap((edges[worst + 1] - edges[worst]) * 1e-9, (edges[worst] - start_ns) * 1e-9)
+    return gap if gap.length_s > allowed_s else None
 
 
 def _bed(bag: Bag, start_ns: int, end_ns: int) -> str:

@@ -1,0 +1,38 @@
+"""The harness of the benchmark of other forms: every form acts, and what counts as what."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import variants
+from sandbot_model.physics.catalogue import catalogue
+
+
+@pytest.mark.parametrize(
+    ("family", "status", "sets", "said"),
+    [
+        ("stance_overlap", "identified", [["stance_overlap"]], "identified"),
+        ("stance_overlap", "partial", [["stance_overlap"]], "partial"),
+        ("stance_overlap", "ambiguous", [["dilation"], ["stance_overlap"]], "ambiguous"),
+        ("stance_overlap", "identified", [["stance_overlap", "dilation"]], "half"),
+        ("stance_overlap", "partial", [["dilation"]], "false claim"),
+        ("cable_drag", "identified", [["leg_slip"]], "identified"),
+        ("stance_overlap", "identified", [["leg_slip"]], "false claim"),
+        ("stance_overlap", "adequate", [], "adequate"),
+        ("stance_overlap", "unexplained", [], "unexplained"),
+    ],
+)
+def test_a_verdict_falls_in_its_column(family, status, sets, said):
+    verdict = SimpleNamespace(status=status, alternatives=sets, effects=sets[0] if sets else [])
+    assert variants.outcome(family, SimpleNamespace(verdict=verdict)) == said
+    assert said in variants.OUTCOMES
+
+
+def test_every_form_is_of_a_family_and_moves_the_speed():
+    still = variants.Form("none", "nothing acts", "speed", "kept")
+    without = variants.drawn(still, 3).speed_m_s
+    for form in variants.FORMS:
+        assert form.family in catalogue()
+        # The same noise in both.
+        assert np.abs(variants.drawn(form, 3).speed_m_s - without).max() > 1e-3, form
