@@ -3,10 +3,6 @@
 from dataclasses import dataclass
 
 
-class Held(RuntimeError):
-    """The trial under way was stopped by a person; it is neither ok nor failed, and will be run again."""
-
-
 @dataclass
 class Hold:
     """``now``: the trial under way must end at once. ``pausing``: the campaign is to be held once it has ended."""

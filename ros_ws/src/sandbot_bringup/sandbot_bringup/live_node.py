@@ -11,11 +11,12 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from tqdm import tqdm
 
-from sandbot_bringup.campaign_node import PRIORITY, SILENCE_S, Operator, TrialFailed
+from sandbot_bringup.campaign_node import PRIORITY, Operator
 from sandbot_bringup.config import robot_of
 from sandbot_bringup.desk_node import Desk
+from sandbot_bringup.endings import Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
-from sandbot_bringup.hold import Held
+from sandbot_bringup.hearing_node import SILENCE_S
 from sandbot_bringup.journal import Journal
 from sandbot_bringup.plan import Plan, PlannedTrial, trials_of
 from sandbot_bringup.queue import Queue

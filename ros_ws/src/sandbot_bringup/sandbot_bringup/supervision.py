@@ -1,4 +1,4 @@
-"""Who must be heard from while a trial runs: pure; ``campaign_node`` feeds it, the clock is passed in.
+"""Who must be heard from while a trial runs: pure; ``hearing_node`` feeds it, the clock is passed in.
 
 Its clock is the time the campaign listened (``Listening``): where a busy machine keeps the campaign itself from the
 CPU, nobody is taken for silent, and the more it does so the more patient the campaign is. Nor does time count for which

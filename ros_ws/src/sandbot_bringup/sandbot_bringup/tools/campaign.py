@@ -43,7 +43,7 @@ def command(argv: Sequence[str]) -> int:
         trials, failures = _batch(plan, folder, files, options)
     else:
         # The live runner starts ROS; batch and dry runs must not.
-        from sandbot_bringup.campaign_node import SILENCE_BOUNDS_S, SILENCE_S
+        from sandbot_bringup.hearing_node import SILENCE_BOUNDS_S, SILENCE_S
         from sandbot_bringup.live_node import run_live
 
         silence_s = SILENCE_S if options.silence is None else options.silence

@@ -1,0 +1,15 @@
+"""How a trial or a campaign ends before it is over."""
+
+from sandbot_common.errors import InputError
+
+
+class TrialFailed(RuntimeError):
+    """A trial could not be completed; the campaign goes on with the next one."""
+
+
+class Held(RuntimeError):
+    """The trial under way was stopped by a person; it is neither ok nor failed, and will be run again."""
+
+
+class CampaignEnds(InputError):
+    """Nothing more can be run, or somebody stopped it by hand; what was finished is kept."""

@@ -1,0 +1,66 @@
+"""What a campaign asks of the nodes: their services and parameters. An order that is refused fails the trial."""
+
+from collections.abc import Callable
+from typing import Any
+
+from rcl_interfaces.srv import SetParameters
+from rclpy.client import Client
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
+
+from sandbot_bringup.endings import TrialFailed
+from sandbot_common import topics
+from sandbot_common.node import ask
+
+CALL_S = 10.0
+_TRIGGERS = ("/clock/home", "/clock/start", "/clock/stop", "/bed/prepare", "/bed/abort", "/lab/reset")
+_PAUSE_IMAGES = "/recorder/pause_images"
+
+Wait = Callable[[Callable[[], bool], float], bool]
+"""Spin until a condition holds, at most so many seconds; whether it does."""
+
+
+class Orders:
+    """Clients of a node's; ``wait`` spins it."""
+
+    def __init__(self, node: Node, wait: Wait) -> None:
+        self._wait = wait
+        self._triggers = {name: node.create_client(Trigger, topics.relative(name)) for name in _TRIGGERS}
+        self._pause_images = node.create_client(SetBool, topics.relative(_PAUSE_IMAGES))
+        self._setters = {
+            name: node.create_client(SetParameters, f"{name}/set_parameters") for name in ("clock", "bed", "lab")
+        }
+
+    def is_offered(self, name: str) -> bool:
+        """Whether anybody offers the service."""
+        return bool(self._triggers[name].service_is_ready())
+
+    def call(self, name: str) -> None:
+        """Give an order and have it obeyed; TrialFailed otherwise."""
+        answer = self._ask(self._triggers[name], Trigger.Request(), name)
+        if not answer.success:
+            raise TrialFailed(f"{name} refused: {answer.message}")
+
+    def send(self, name: str) -> None:
+        """Give an order and wait for nothing."""
+        self._triggers[name].call_async(Trigger.Request())
+
+    def set(self, node: str, name: str, value: Any) -> None:
+        """Set a node's parameter; TrialFailed where it refuses."""
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        answer = self._ask(self._setters[node], request, f"parameters of {node}")
+        if not answer.results[0].successful:
+            raise TrialFailed(f"{node} refused {name}={value}: {answer.results[0].reason}")
+
+    def film(self) -> None:
+        """Have the recorder keep frames from here on."""
+        if not self._wait(self._pause_images.service_is_ready, CALL_S):
+            raise TrialFailed(f"the recorder does not offer {_PAUSE_IMAGES}")
+        self._ask(self._pause_images, SetBool.Request(data=False), _PAUSE_IMAGES)
+
+    def _ask(self, client: Client, request: Any, what: str) -> Any:
+        answer = ask(client, request, self._wait, CALL_S)
+        if answer is None:
+            raise TrialFailed(f"no answer from {what} within {CALL_S:g} s")
+        return answer
