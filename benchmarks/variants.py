@@ -143,8 +143,8 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
             "",
             f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × {REPLICATES}, drawn from the project's own "
             f"chain with a formula of forms.yaml in the place of a catalogue's effect; up to {MAX_EFFECTS} effects. "
-            "The forms are those of somebody who knew the catalogue's formulas and nothing else. `half`: the family, and "
-            "another beside it. leg_slip, cable_drag and bed_slope count as one family.",
+            "The forms are those of somebody who knew the catalogue's formulas and nothing else. `half`: the family, "
+            "and another beside it. leg_slip, cable_drag and bed_slope count as one family.",
             "",
             f"* the right family named, partial or in the set: {named} of {len(results)} ({named / len(results):.0%}; "
             "asked ≥ 90 %)",
