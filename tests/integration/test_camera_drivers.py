@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image
 
@@ -74,6 +75,8 @@ def show(beside, driver, frames, said):
     # Never ahead of the host's clock: frames may come late, but stamps from the future are a clock that was set.
     start_ns = beside.node.get_clock().now().nanoseconds
     led.publish(messages.header(start_ns, "sync_led"))
+    # To a new reader it may come a second late, and a trial begins with it: only then the frames.
+    assert led.wait_for_all_acked(Duration(seconds=60))
     zero = np.zeros(6)
 
     def is_said(stamp, views):
