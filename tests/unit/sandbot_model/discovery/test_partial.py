@@ -69,3 +69,16 @@ def test_cells_without_an_observable_have_not_measured_it(drawn):
     left = without(cells, Observable.lift)
     assert left.observables == ("speed", "peak_speed", "first_step")
     assert cells.observables == ("speed", "lift", "peak_speed", "first_step")
+
+
+STRONG = "d: balance: extra_force += 3*600*w*R*(R*omega)**2"
+
+
+@pytest.mark.slow
+def test_an_effect_that_explains_all_with_a_number_nobody_believes_is_named_with_that_number(drawn):
+    found = discover(cells_of(drawn(formulas=(STRONG,), seed=5)), EFFECTS, max_effects=1)
+    assert (found.verdict.status, found.verdict.effects) == ("partial", ("inertial_drag",))
+    assert "inertial_drag.lambda_1 = " in found.verdict.because
+    assert "beyond the end of 0.5 to 2" in found.verdict.because
+    assert found.partial.fails == ()
+    assert len(found.partial.holds) == 4

@@ -8,15 +8,17 @@ import pytest
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.variants import VARIANTS, variants_of
-from sandbot_model.physics.walking import Inputs, Walker
+from sandbot_model.physics.walking import Inputs, KCurve, Walker
 
 PAIRS = [(effect, variant) for effect in CATALOGUE for variant in variants_of(effect)]
 OMEGA, K = (axis.ravel() for axis in np.meshgrid([4.0, 10.0, 16.0, 24.0], np.linspace(172.0, 220.0, 40)))
 
+GROUND = KCurve(np.array([0.58, 0.633]), np.array([172.0, 220.0]))
+
 
 def predicted(effect):
     start = {parameter.name: parameter.start for parameter in effect.parameters}
-    return Walker((effect,)).predict(Inputs(K, OMEGA, 0.4, 0.6), [start]).observables
+    return Walker((effect,)).predict(Inputs(K, OMEGA, 0.4, 0.6, k_of_phi=GROUND), [start]).observables
 
 
 def test_every_family_with_variants_is_in_the_catalogue():

@@ -4,6 +4,9 @@ Any one observable may be wrong: another convention, a camera. Each is left out 
 catalogue then leaves replicates nothing to explain, it is named, unless the base model does so too (then the observable
 is all that is wrong) or another effect does about as well with the same or another observable left out. Without such an
 observable an effect is named if a small rest is left, and it leads clearly whichever observable is left out.
+
+So is an effect that leaves nothing, and no other comes near, but only with a number beyond what is believed of it: its
+formula may have another form here, or the range be too narrow.
 """
 
 from collections.abc import Mapping
@@ -14,7 +17,7 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.verdict import Verdict, overdispersion, passes, sound, worth
+from sandbot_model.discovery.verdict import Verdict, gains, leaves_nothing, odd, overdispersion, passes, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.fitting.jacobian import project_out, tangent_basis
@@ -60,8 +63,10 @@ def partly(search: EffectSearch) -> tuple[Verdict, Partial] | None:
     observables = [one for one in Observable if one.name in search.cells.observables]
     if len(observables) < FEWEST or len(search.fits) == 1:
         return None
-    spared = {one: _without(search, one) for one in observables}
-    found = _one_is_wrong(spared, search.criteria) or _all_but_a_rest(search, spared)
+    found = _all_but_its_number(search)
+    if found is None:
+        spared = {one: _without(search, one) for one in observables}
+        found = _one_is_wrong(spared, search.criteria) or _all_but_a_rest(search, spared)
     if found is None:
         return None
     fits, names, failing = found
@@ -117,6 +122,18 @@ def _excess(fit: Fit) -> float:
     return fit.deviance - fit.goodness.dof
 
 
+def _all_but_its_number(search: EffectSearch) -> Found | None:
+    """The effect that would be identified if the values of its own parameters were believable."""
+    singles = {names: fit for names, fit in search.fits.items() if len(names) < 2}
+    leader = min((fit for names, fit in singles.items() if names), key=lambda fit: fit.bic)
+    beyond = odd(leader)
+    if not beyond or not all("." in name for name in beyond) or not leaves_nothing(leader, search.criteria):
+        return None
+    apart = search.criteria.clearly * overdispersion(leader)
+    alone = all(fit.bic - leader.bic > apart for fit in singles.values() if fit is not leader)
+    return (singles, leader.effects, []) if alone and gains(singles, leader.effects, (), search.criteria) else None
+
+
 def _all_but_a_rest(search: EffectSearch, spared: Spared) -> Found | None:
     """The effect that leads whichever observable is left out and leaves a small rest; where that is."""
     singles = {names: fit for names, fit in search.fits.items() if len(names) < 2}
@@ -159,7 +176,16 @@ def _because(found: Partial, at: Fit) -> str:
         for miss in found.fails
     )
     there = " there" if len(found.fails) == 1 else ""
+    beyond = "".join(f"; but {_range(at, name)}" for name in dict.fromkeys(odd(at)))
     return (
         f"{found.effect} holds in {holds} and removes {min(found.share, 1.0):.0%} of what the base model misses{there} "
-        f"(lack of fit p = {at.lack_of_fit_p:.2g})" + (f"; it fails in {fails}" if fails else "")
+        f"(lack of fit p = {at.lack_of_fit_p:.2g})" + (f"; it fails in {fails}" if fails else "") + beyond
     )
+
+
+def _range(fit: Fit, name: str) -> str:
+    """What is not believed of a parameter."""
+    parameter = dict(zip(fit.model.names, fit.model.parameters, strict=True))[name]
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    value = f"{fit.parameters[name].value:.3g}{unit}"
+    return f"{name} = {value} is at or beyond the end of {parameter.low:g} to {parameter.high:g}{unit}"

@@ -28,18 +28,23 @@ class Verdict:
 
 
 def passes(fit: Fit, criteria: Criteria = DEFAULT) -> bool:
-    """Whether the replicates leave nothing to explain, jointly and in each observable, at believable parameters."""
+    """Whether the replicates leave nothing to explain, at believable parameters."""
+    return leaves_nothing(fit, criteria) and sound(fit)
+
+
+def leaves_nothing(fit: Fit, criteria: Criteria = DEFAULT) -> bool:
+    """Whether the replicates leave nothing to explain, jointly and in each observable."""
     tested = [p for p in fit.goodness.lack_of_fit.values() if np.isfinite(p)]
     jointly = fit.lack_of_fit_p >= criteria.lack_of_fit
-    return bool(jointly and all(p >= criteria.lack_of_fit_of_one for p in tested) and sound(fit))
+    return bool(jointly and all(p >= criteria.lack_of_fit_of_one for p in tested))
 
 
 def sound(fit: Fit) -> bool:
     """Whether every parameter of an effect is inside its range, and Δt where there is an effect."""
-    return not _odd(fit)
+    return not odd(fit)
 
 
-def _odd(fit: Fit) -> list[str]:
+def odd(fit: Fit) -> list[str]:
     """Parameters of effects that are at a bound, or are not believable; an effect that needs such a Δt is none."""
     asked = RESPONSE_TIME if fit.effects and _known(*fit.parameters[RESPONSE_TIME]) else ""
     return [name for name in (*fit.at_bounds, *fit.implausible) if "." in name or name == asked]
@@ -51,9 +56,12 @@ def _known(value: float, stderr: float) -> bool:
 
 
 def worth(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria = DEFAULT) -> bool:
-    """Whether the larger set is sound and earns its additional effects, also without the part that gains the most."""
-    if not sound(fits[larger]):
-        return False
+    """Whether the larger set is sound and earns its additional effects."""
+    return sound(fits[larger]) and gains(fits, larger, smaller, criteria)
+
+
+def gains(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria = DEFAULT) -> bool:
+    """Whether additional effects bring what is asked of each, also without the cell or level that gains the most."""
     gain = _parts(fits[smaller]) - _parts(fits[larger])
     price = claim(fits[larger], criteria) * (len(larger) - len(smaller))
     return bool(gain.sum() > price and gain.sum() - gain.max() > criteria.one_cell * price)
@@ -133,7 +141,7 @@ def _because(fits: Sets, best: Fit) -> str:
     nearest = min(others, key=lambda fit: fit.bic, default=None)
     if nearest is not None and nearest is not second:
         # Left out for its parameters, not for its fit: the reader may think otherwise of them.
-        but = f"but with {_odd(nearest)[0]} at or beyond its bound"
+        but = f"but with {odd(nearest)[0]} at or beyond its bound"
         rest += f" ({_name(nearest.effects)} {nearest.bic - best.bic:.0f}, {but})"
     return (
         f"with {_name(best.effects)} the deviance falls from {base.deviance:.0f} to {best.deviance:.0f} "

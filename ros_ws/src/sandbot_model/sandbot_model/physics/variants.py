@@ -12,7 +12,8 @@ from sandbot_model.physics.formula import formula_effect
 
 _CRATER = "penetration = maximum(z - z_0_m*{left}*clip((1.2*R - step*kept)/({width}*R), 0, 1)*(1 - first), 0)"
 _EMPTIED = "exp(-pi/(omega*tau_s))"
-_SLIP = "step, peak_ratio *= clip(1 - sigma*(d_r/maximum(d, 1e-6)){power}, 0, 1)"
+_SLIP = "clip(1 - sigma*(d_r/maximum(d, 1e-6)){more}, 0, 1)"
+_DRAG = "clip(1 - f_c_n*{more}/maximum(1.5*146e3*w*{depths}, 1e-6), 0, 1)"
 _TOUCH_DOWN = "beta*omega*maximum(d + h - R, 0)"
 _TIME_LEFT = "maximum(pi/omega - 2*arcsin(clip(s_0/(2*R), 0, 1))/(beta*omega), 0)"
 _SLIDING = f"minimum({_TOUCH_DOWN}/(mu_b*g), {_TIME_LEFT})"
@@ -21,6 +22,9 @@ _DECAY_S = "0.2/(mu_b*g)"
 VARIANTS: Mapping[str, Mapping[str, str]] = {
     "disturbed_ground": {
         "a ramp of 0.3 R": "k - maximum(k - k_l_n_per_m, 0)*clip((s_c*R - step*kept)/(0.3*R), 0, 1)*(1 - first)",
+        "a share of k": (
+            "k - k*maximum(1 - k_l_n_per_m/K(0.61), 0)*clip((s_c*R - step*kept)/(0.1*R), 0, 1)*(1 - first)"
+        ),
     },
     "stance_overlap": {
         "the first step spared": "kept *= 1 - eta*(1 - first)",
@@ -53,11 +57,15 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     },
     "phi_dependent_response": {"exponential in φ": "delta_t *= exp(b*(phi - 0.61)/0.05)"},
     "cable_drag": {
-        "F_x in proportion to depth": ("step, peak_ratio *= clip(1 - f_c_n/maximum(1.5*146e3*w*d_r*d, 1e-6), 0, 1)")
+        "F_x in proportion to depth": f"step, peak_ratio *= {_DRAG.format(more=1, depths='d_r*d')}",
+        "in proportion to the legs' speed": f"step, peak_ratio *= {_DRAG.format(more='omega/16', depths='d**2')}",
+        "the peak spared": f"step *= {_DRAG.format(more=1, depths='d**2')}",
     },
     "leg_slip": {
-        "in inverse proportion to depth": _SLIP.format(power=""),
-        "by the inverse cube of depth": _SLIP.format(power="**3"),
+        "in inverse proportion to depth": f"step, peak_ratio *= {_SLIP.format(more='')}",
+        "by the inverse cube of depth": f"step, peak_ratio *= {_SLIP.format(more='**3')}",
+        "in proportion to ω": f"step, peak_ratio *= {_SLIP.format(more='**2*omega/16')}",
+        "the peak spared": f"step *= {_SLIP.format(more='**2')}",
     },
     "motor_saturation": {
         "a sharper bend": "omega/(1 + (omega/omega_s_rad_s)**4)**0.25",
