@@ -45,11 +45,13 @@ class Form:
     name: str
     stage: str
     text: str
+    lab: str = ""
 
 
 FORMS = [
-    Form(family, name, stage, text)
-    for family, forms in yaml.safe_load(Path(__file__).with_name("forms.yaml").read_text(encoding="utf-8")).items()
+    Form(family, name, stage, text, lab)
+    for lab, families in yaml.safe_load(Path(__file__).with_name("forms.yaml").read_text(encoding="utf-8")).items()
+    for family, forms in families.items()
     for name, form in forms.items()
     for stage, text in form.items()
 ]
@@ -59,6 +61,7 @@ FORMS = [
 class Case:
     """One campaign to analyse."""
 
+    lab: str
     family: str
     form: str
     seed: int
@@ -67,7 +70,10 @@ class Case:
 def cases(seeds: int, only: Sequence[str] = ()) -> list[Case]:
     """Seed by seed, so that a run stopped early has something of every form."""
     return [
-        Case(form.family, form.name, seed) for seed in range(seeds) for form in FORMS if not only or form.family in only
+        Case(form.lab, form.family, form.name, seed)
+        for seed in range(seeds)
+        for form in FORMS
+        if not only or form.family in only
     ]
 
 
@@ -98,7 +104,7 @@ def drawn(form: Form, seed: int) -> Trials:
 
 def analyse(case: Case) -> dict[str, Any]:
     """What the analysis says of one campaign, and how that is to be judged."""
-    form = next(one for one in FORMS if (one.family, one.name) == (case.family, case.form))
+    form = next(one for one in FORMS if (one.lab, one.family, one.name) == (case.lab, case.family, case.form))
     found = discover(cells_of(drawn(form, 2000 + case.seed)), catalogue(), max_effects=MAX_EFFECTS)
     return {**dataclasses.asdict(case), "outcome": outcome(case.family, found), "said": found.headline}
 
@@ -119,12 +125,10 @@ OUTCOMES = ("identified", "partial", "ambiguous", "adequate", "unexplained", "ha
 
 
 def report(results: Sequence[Mapping[str, Any]]) -> str:
-    """A row for each form, and one for all, in Markdown."""
+    """A row for each form of one lab, and one for all, in Markdown."""
     lines = ["| family | form | campaigns | " + " | ".join(OUTCOMES) + " |", "|" + "---|" * (3 + len(OUTCOMES))]
-    for form in FORMS:
-        some = [one for one in results if (one["family"], one["form"]) == (form.family, form.name)]
-        if some:
-            lines.append(_row(form.family, form.name, some))
+    for family, form in dict.fromkeys((one["family"], one["form"]) for one in results):
+        lines.append(_row(family, form, [one for one in results if (one["family"], one["form"]) == (family, form)]))
     return "\n".join([*lines, _row("all", "", results)]) + "\n"
 
 
@@ -135,25 +139,31 @@ def _row(family: str, form: str, some: Sequence[Mapping[str, Any]]) -> str:
 
 def document(results: Sequence[Mapping[str, Any]]) -> str:
     """The whole report, in Markdown."""
-    counts = Counter(one["outcome"] for one in results)
+    parts = [
+        "# Effects whose formulas have another form",
+        "",
+        f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × {REPLICATES}, drawn from the project's own chain "
+        f"with a formula of forms.yaml in the place of a catalogue's effect; up to {MAX_EFFECTS} effects. The forms are "
+        "those of two labs that knew the catalogue's formulas and nothing else. `adequate`: the base model takes in "
+        "what the form does, nothing is left to be told. `half`: the family, and another beside it. leg_slip, "
+        "cable_drag and bed_slope count as one family.",
+    ]
+    for lab in dict.fromkeys(form.lab for form in FORMS):
+        if some := [one for one in results if one["lab"] == lab]:
+            parts += ["", f"## The {lab} lab's", "", *_shares(some), "", report(some)]
+    return "\n".join(parts)
+
+
+def _shares(some: Sequence[Mapping[str, Any]]) -> list[str]:
+    counts = Counter(one["outcome"] for one in some)
+    told = len(some) - counts["adequate"]
     named = counts["identified"] + counts["partial"] + counts["ambiguous"]
-    return "\n".join(
-        [
-            "# Effects whose formulas have another form",
-            "",
-            f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × {REPLICATES}, drawn from the project's own "
-            f"chain with a formula of forms.yaml in the place of a catalogue's effect; up to {MAX_EFFECTS} effects. "
-            "The forms are those of somebody who knew the catalogue's formulas and nothing else. `half`: the family, "
-            "and another beside it. leg_slip, cable_drag and bed_slope count as one family.",
-            "",
-            f"* the right family named, partial or in the set: {named} of {len(results)} ({named / len(results):.0%}; "
-            "asked ≥ 90 %)",
-            f"* another family: {counts['false claim']} ({counts['false claim'] / len(results):.0%}; asked ≤ 2 %), "
-            f"another beside the right one: {counts['half']}",
-            "",
-            report(results),
-        ]
-    )
+    return [
+        f"* the right family named, partial or in the set: {named} of {told} that are not adequate ({named / told:.0%}; "
+        "asked ≥ 90 %)",
+        f"* another family: {counts['false claim']} of {len(some)} ({counts['false claim'] / len(some):.0%}; asked "
+        f"≤ 2 %), another beside the right one: {counts['half']}",
+    ]
 
 
 def main() -> str:
