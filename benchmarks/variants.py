@@ -143,8 +143,8 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         "# Effects whose formulas have another form",
         "",
         f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × {REPLICATES}, drawn from the project's own chain "
-        f"with a formula of forms.yaml in the place of a catalogue's effect; up to {MAX_EFFECTS} effects. The forms are "
-        "those of two labs that knew the catalogue's formulas and nothing else. `adequate`: the base model takes in "
+        f"with a formula of forms.yaml in the place of a catalogue's effect; up to {MAX_EFFECTS} effects. The forms "
+        "are those of two labs that knew the catalogue's formulas and nothing else. `adequate`: the base model takes in "
         "what the form does, nothing is left to be told. `half`: the family, and another beside it. leg_slip, "
         "cable_drag and bed_slope count as one family.",
     ]
@@ -159,7 +159,7 @@ def _shares(some: Sequence[Mapping[str, Any]]) -> list[str]:
     told = len(some) - counts["adequate"]
     named = counts["identified"] + counts["partial"] + counts["ambiguous"]
     return [
-        f"* the right family named, partial or in the set: {named} of {told} that are not adequate ({named / told:.0%}; "
+        f"* right family named, partial or in the set: {named} of {told} that are not adequate ({named / told:.0%}, "
         "asked ≥ 90 %)",
         f"* another family: {counts['false claim']} of {len(some)} ({counts['false claim'] / len(some):.0%}; asked "
         f"≤ 2 %), another beside the right one: {counts['half']}",

@@ -63,10 +63,8 @@ def partly(search: EffectSearch) -> tuple[Verdict, Partial] | None:
     observables = [one for one in Observable if one.name in search.cells.observables]
     if len(observables) < FEWEST or len(search.fits) == 1:
         return None
-    found = _all_but_its_number(search)
-    if found is None:
-        spared = {one: _without(search, one) for one in observables}
-        found = _one_is_wrong(spared, search.criteria) or _all_but_a_rest(search, spared)
+    spared = {one: _without(search, one) for one in observables}
+    found = _one_is_wrong(spared, search.criteria) or _all_but_a_rest(search, spared) or _all_but_its_number(search)
     if found is None:
         return None
     fits, names, failing = found

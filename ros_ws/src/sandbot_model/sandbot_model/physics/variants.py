@@ -59,13 +59,11 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     "cable_drag": {
         "F_x in proportion to depth": f"step, peak_ratio *= {_DRAG.format(more=1, depths='d_r*d')}",
         "in proportion to the legs' speed": f"step, peak_ratio *= {_DRAG.format(more='omega/16', depths='d**2')}",
-        "the peak spared": f"step *= {_DRAG.format(more=1, depths='d**2')}",
     },
     "leg_slip": {
         "in inverse proportion to depth": f"step, peak_ratio *= {_SLIP.format(more='')}",
         "by the inverse cube of depth": f"step, peak_ratio *= {_SLIP.format(more='**3')}",
         "in proportion to ω": f"step, peak_ratio *= {_SLIP.format(more='**2*omega/16')}",
-        "the peak spared": f"step *= {_SLIP.format(more='**2')}",
     },
     "motor_saturation": {
         "a sharper bend": "omega/(1 + (omega/omega_s_rad_s)**4)**0.25",
