@@ -144,8 +144,8 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         "",
         f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × {REPLICATES}, drawn from the project's own chain "
         f"with a formula of forms.yaml in the place of a catalogue's effect; up to {MAX_EFFECTS} effects. The forms "
-        "are those of two labs that knew the catalogue's formulas and nothing else. `adequate`: the base model takes in "
-        "what the form does, nothing is left to be told. `half`: the family, and another beside it. leg_slip, "
+        "are those of two labs that knew the catalogue's formulas and nothing else. `adequate`: the base model takes "
+        "in what the form does, nothing is left to be told. `half`: the family, and another beside it. leg_slip, "
         "cable_drag and bed_slope count as one family.",
     ]
     for lab in dict.fromkeys(form.lab for form in FORMS):
