@@ -111,11 +111,12 @@ class EffectSearch:
         return not any(worth(self.fits, names, best.effects, self.criteria) for names in larger)
 
     def _try_conventions(self) -> bool:
-        """Single effects under other conventions, kept where they leave nothing to explain; whether any does.
+        """Single effects under other conventions, kept where only these leave nothing to explain; whether any does.
 
         One effect comes before two: a pair can take the place of a formula that has another form.
         """
-        others = [effect for name in self.names for effect in variants_of(self.effects[name])]
+        open_to = [name for name in self.names if not passes(self.fits[name,], self.criteria)]
+        others = [effect for name in open_to for effect in variants_of(self.effects[name])]
         models = [
             model_of(self.base, (one.identifier,), {**self.effects, one.identifier: one}, self.cells.robot)
             for one in others

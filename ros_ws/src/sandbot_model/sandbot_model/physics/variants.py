@@ -11,7 +11,7 @@ from sandbot_model.physics.effect import Effect, Values
 from sandbot_model.physics.formula import formula_effect
 
 _CRATER = "penetration = maximum(z - z_0_m*{left}*clip((1.2*R - step*kept)/({width}*R), 0, 1)*(1 - first), 0)"
-_EMPTIED = "exp(-pi/(omega*tau_s))"
+_LEFT = "exp(-pi/(omega*tau_s))"
 _SLIP = "clip(1 - sigma*(d_r/maximum(d, 1e-6)){more}, 0, 1)"
 _DRAG = "clip(1 - f_c_n*{more}/maximum(1.5*146e3*w*{depths}, 1e-6), 0, 1)"
 _TOUCH_DOWN = "beta*omega*maximum(d + h - R, 0)"
@@ -50,8 +50,8 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
         "in proportion to depth": "extra_force += lambda_1*600*w*d*(R*omega)**2",
     },
     "crater_refill": {
-        "a ramp of 0.02 R": _CRATER.format(left=_EMPTIED, width=0.02),
-        "a ramp of 0.3 R": _CRATER.format(left=_EMPTIED, width=0.3),
+        "a ramp of 0.02 R": _CRATER.format(left=_LEFT, width=0.02),
+        "a ramp of 0.3 R": _CRATER.format(left=_LEFT, width=0.3),
         "refilled evenly": _CRATER.format(left="maximum(1 - pi/(omega*2*tau_s), 0)", width=0.1),
         "refilled ever slower": _CRATER.format(left="tau_s/(tau_s + pi/omega)", width=0.1),
     },
