@@ -1,10 +1,10 @@
-"""Where no set fits: the leading effects under other conventions of their formulas (see ``physics.variants``)."""
+"""Other conventions of effects' formulas (``physics.variants``): where no set fits, and where several effects do."""
 
 from collections.abc import Sequence
 from itertools import product
 
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.verdict import parts_of, sound
+from sandbot_model.discovery.verdict import overdispersion, parts_of, passes, sound
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, solve
 from sandbot_model.physics.effect import Effect
@@ -27,6 +27,23 @@ def other_conventions(search: EffectSearch) -> bool:
         anywhere = _fitted(search, [fit.model], fit.warm_start, nearby=False)[0]
         search.fits[best] = anywhere if anywhere.deviance < fit.deviance else fit
     return bool(better)
+
+
+def one_in_place_of(search: EffectSearch, several: Fit) -> bool:
+    """Give single effects a convention under which they leave nothing to explain, where that is clearly better than
+    ``several`` effects under the usual ones; whether any is.
+    """
+    limit = several.bic - search.criteria.clearly * overdispersion(several)
+    names = [(name,) for name in search.names if not passes(search.fits[name,], search.criteria)]
+    models = [
+        model_of(search.base, one, {**search.effects, **swapped}, search.cells.robot)
+        for one in names
+        for swapped in _swaps(search, one)
+    ]
+    found = _fitted(search, models, search.fits[()].warm_start, nearby=True)
+    good = [fit for fit in found if fit.bic < limit and passes(fit, search.criteria)]
+    search.fits |= {fit.effects: fit for fit in sorted(good, key=lambda fit: -fit.bic)}
+    return bool(good)
 
 
 def _better(search: EffectSearch, names: Names) -> bool:

@@ -16,7 +16,7 @@ from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.calibration import would_fall
 from sandbot_model.discovery.candidates import Candidate, candidates
-from sandbot_model.discovery.conventions import conventions, other_conventions
+from sandbot_model.discovery.conventions import conventions, one_in_place_of, other_conventions
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try
@@ -169,6 +169,8 @@ def discover(
     search.run(0 if at_once else max_effects)
     found = Shared(at_once, search.fits, search.fits[()]) if at_once else _concluded(search)
     partial = None
+    if len(found.verdict.effects) > 1 and one_in_place_of(search, found.named):
+        found = _concluded(search)
     if found.verdict.status == "unexplained" and not at_once:
         found, partial = _between(search, found)
     search.fits, verdict, named = found.fits, found.verdict, found.named

@@ -12,7 +12,6 @@ from sandbot_model.fitting.global_minimum import solve, solve_near
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.model import Model, model_of
-from sandbot_model.physics.variants import variants_of
 
 SURVIVORS = 9
 """Single effects that go into every pair among themselves."""
@@ -50,7 +49,7 @@ class EffectSearch:
         if max_effects > 0:
             self._try("singles", [(name,) for name in self.names])
         for size in range(2, max_effects + 1):
-            if self._settled(size - 1) or (size == 2 and self._try_conventions() and self._settled(1)):
+            if self._settled(size - 1):
                 return
             self._try(f"sets of {size}", self._larger(size))
 
@@ -109,26 +108,6 @@ class EffectSearch:
         larger = self.extended(best.effects)
         self._try(f"beyond {' + '.join(best.effects) or 'base'}", self._new(larger))
         return not any(worth(self.fits, names, best.effects, self.criteria) for names in larger)
-
-    def _try_conventions(self) -> bool:
-        """Single effects under other conventions, kept where only these leave nothing to explain; whether any does.
-
-        One effect comes before two: a pair can take the place of a formula that has another form.
-        """
-        open_to = [name for name in self.names if not passes(self.fits[name,], self.criteria)]
-        others = [effect for name in open_to for effect in variants_of(self.effects[name])]
-        models = [
-            model_of(self.base, (one.identifier,), {**self.effects, one.identifier: one}, self.cells.robot)
-            for one in others
-        ]
-        tasks = [(model, self.cells, self.fits[()].warm_start, True) for model in models]
-        points = self.fit_all(solve, tasks)
-        fits = [fitted_at(model, self.cells, point) for model, point in zip(models, points, strict=True)]
-        good = [fit for fit in fits if passes(fit, self.criteria)]
-        for fit in sorted(good, key=lambda fit: -fit.deviance):
-            self.fits[fit.effects] = fit
-            self.effects = {**self.effects, **{effect.identifier: effect for effect in fit.model.effects}}
-        return bool(good)
 
     def _larger(self, size: int) -> list[Names]:
         """Sets one larger: all among the survivors, and the leaders with everybody."""
