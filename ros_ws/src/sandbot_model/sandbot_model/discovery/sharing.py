@@ -56,8 +56,9 @@ class Shared:
 def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
     """The verdict beside what trials share; None where nothing repairs the base model.
 
-    Few effects are tried before many: the best of hundreds of pairs takes a share of any scatter for its own. Where
-    readings off their zero or scale are enough, the bed does not scatter.
+    Few effects are tried before many: the best of hundreds of pairs takes a share of any scatter for its own. What was
+    claimed stands if each of its effects earns its place beside as much scatter: that fewer pass a test of all at once
+    says less. Where readings off their zero or scale are enough, the bed does not scatter.
     """
     if plain.status == "adequate":
         scatter = bed_scatter(search.fits[()], search.criteria)
@@ -69,7 +70,9 @@ def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
         if claimed and (survivor := _survivor(search, plain.effects, scatter)):
             return Shared(plain, search.fits, survivor)
         if found := _readings(search, plain, scatter) or _beside(search, plain, size, scatter):
-            return found
+            larger = len(plain.effects) > len(found.verdict.effects)
+            survivor = _survivor(search, plain.effects, scatter) if larger and not claimed else None
+            return Shared(plain, search.fits, survivor) if survivor else found
     return None
 
 
