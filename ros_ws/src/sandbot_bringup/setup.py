@@ -31,6 +31,7 @@ setup(
         "flask",
         "werkzeug",
         "opencv-python-headless",
+        "scipy",
     ],
     extras_require={"test": ["pytest", "hypothesis"]},
     zip_safe=True,

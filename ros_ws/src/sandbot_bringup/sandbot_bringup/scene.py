@@ -6,9 +6,9 @@ The robot stands where its marks were tracked, its legs as they were reported; w
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from sandbot_common.robot import Robot
 from sandbot_tracking.calibration import Camera
@@ -60,10 +60,8 @@ class Shape:
 
 def quaternion(rotation: ArrayLike) -> Floats:
     """(x, y, z, w) of a rotation matrix (3, 3)."""
-    vector = cv2.Rodrigues(np.asarray(rotation, dtype=float))[0].ravel()
-    half = np.linalg.norm(vector) / 2
-    # np.sinc(x) is sin(πx) / πx: no division by the angle of no turn.
-    return np.append(vector * np.sinc(half / np.pi) / 2, np.cos(half))
+    turn: Floats = Rotation.from_matrix(np.asarray(rotation, dtype=float)).as_quat(canonical=True)
+    return turn
 
 
 HERE = Pose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
