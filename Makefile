@@ -35,9 +35,9 @@ setup: ros_ws/install/.ready
 demo: setup
 	$(RUN) bash tools/demo.sh "$(DEMO_OUT)" "$(SEED)"
 
-# Three workers more than there are CPUs: what runs nodes over DDS or a browser mostly waits.
+# Two workers more than there are CPUs: what runs nodes over DDS or a browser mostly waits.
 PYTEST := python -m pytest --dist loadfile --no-loadscope-reorder
-WORKERS ?= $(shell echo $$(($$(nproc) + 3)))
+WORKERS ?= $(shell echo $$(($$(nproc) + 2)))
 
 test: setup browser lint
 	$(RUN) $(PYTEST) -n $(WORKERS) -m "not whole" $(PYTEST_ARGS)

@@ -38,7 +38,9 @@ def test_mean_speed_cannot_see_the_slow_phase_and_its_peak_can():
     assert (found.verdict.status, found.verdict.effects) == ("identified", ("slow_phase_speed",))
 
 
-@pytest.mark.parametrize("name", ["cohesion(c_pa=300)", "depth_nonlinearity(n=1.25)"])
+@pytest.mark.parametrize(
+    "name", ["cohesion(c_pa=300)", pytest.param("depth_nonlinearity(n=1.25)", marks=pytest.mark.whole)]
+)
 def test_trials_cannot_see_the_law_of_force_and_a_penetrometer_can(name):
     world = BY_NAME[name]
     trials = world.trials(21)

@@ -34,9 +34,20 @@ def test_a_planted_effect_is_identified(name):
 
 
 @pytest.mark.slow
+@pytest.mark.whole  # the next one is a pair, too
 def test_a_planted_pair_is_identified():
     found = said_of("stance_overlap + phi_dependent_response", max_effects=2, phi=PHI[::2])
     assert found.first_right, (found.status, found.named)
+
+
+@pytest.mark.slow
+def test_half_of_a_pair_is_not_left_to_a_lift_zero_that_could_be_off():
+    """One effect beside a zero off by a grain passes a test of all at once; the other gains 103 beside the same."""
+    cells = cells_of(BY_NAME["exact_vertical_acceleration + stance_overlap"].trials(322, noise=2.0))
+    few = {name: EFFECTS[name] for name in ("exact_vertical_acceleration", "inertial_drag", "stance_overlap")}
+    found = discover(cells, few, max_effects=2)
+    assert found.verdict.status == "identified"
+    assert set(found.verdict.effects) == {"exact_vertical_acceleration", "stance_overlap"}
 
 
 @pytest.mark.slow
