@@ -7,7 +7,6 @@ from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.verdict import overdispersion, parts_of, passes, sound
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, solve
-from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.model import Model, model_of
 from sandbot_model.physics.variants import variants_of
 
@@ -35,11 +34,7 @@ def one_in_place_of(search: EffectSearch, several: Fit) -> bool:
     """
     limit = several.bic - search.criteria.clearly * overdispersion(several)
     names = [(name,) for name in search.names if not passes(search.fits[name,], search.criteria)]
-    models = [
-        model_of(search.base, one, {**search.effects, **swapped}, search.cells.robot)
-        for one in names
-        for swapped in _swaps(search, one)
-    ]
+    models = [model for one in names for model in _models(search, one)]
     found = _fitted(search, models, search.fits[()].warm_start, nearby=True)
     good = [fit for fit in found if fit.bic < limit and passes(fit, search.criteria)]
     search.fits |= {fit.effects: fit for fit in sorted(good, key=lambda fit: -fit.bic)}
@@ -48,10 +43,7 @@ def one_in_place_of(search: EffectSearch, several: Fit) -> bool:
 
 def _better(search: EffectSearch, names: Names) -> bool:
     """Whether a set fits clearly better under another convention, which then takes its place."""
-    models = [
-        model_of(search.base, names, {**search.effects, **swapped}, search.cells.robot)
-        for swapped in _swaps(search, names)
-    ]
+    models = _models(search, names)
     start = min((search.fits[part] for part in parts_of(names, search.fits)), key=lambda fit: fit.deviance).warm_start
     found = [fit for fit in _fitted(search, models, start, nearby=True) if sound(fit)]
     best = min(found, key=lambda fit: fit.deviance, default=search.fits[names])
@@ -79,7 +71,8 @@ def _leading(search: EffectSearch) -> list[Names]:
     return found
 
 
-def _swaps(search: EffectSearch, names: Names) -> list[dict[str, Effect]]:
-    """The effects of a set under all conventions but those it was fitted with."""
+def _models(search: EffectSearch, names: Names) -> list[Model]:
+    """A set under all conventions but those it was fitted with."""
     own = [(search.effects[name], *variants_of(search.effects[name])) for name in names]
-    return [{effect.identifier: effect for effect in some} for some in list(product(*own))[1:]]
+    swaps = [{effect.identifier: effect for effect in some} for some in list(product(*own))[1:]]
+    return [model_of(search.base, names, {**search.effects, **swapped}, search.cells.robot) for swapped in swaps]

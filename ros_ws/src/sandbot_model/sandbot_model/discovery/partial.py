@@ -122,8 +122,7 @@ def _excess(fit: Fit) -> float:
 
 def _all_but_its_number(search: EffectSearch) -> Found | None:
     """The effect that would be identified if the values of its own parameters were believable."""
-    singles = {names: fit for names, fit in search.fits.items() if len(names) < 2}
-    leader = min((fit for names, fit in singles.items() if names), key=lambda fit: fit.bic)
+    singles, leader = _singles(search)
     beyond = odd(leader)
     if not beyond or not all("." in name for name in beyond) or not leaves_nothing(leader, search.criteria):
         return None
@@ -134,8 +133,7 @@ def _all_but_its_number(search: EffectSearch) -> Found | None:
 
 def _all_but_a_rest(search: EffectSearch, spared: Spared) -> Found | None:
     """The effect that leads whichever observable is left out and leaves a small rest; where that is."""
-    singles = {names: fit for names, fit in search.fits.items() if len(names) < 2}
-    leader = min((fit for names, fit in singles.items() if names), key=lambda fit: fit.bic)
+    singles, leader = _singles(search)
     if _share(singles, leader.effects) < search.criteria.all_but_a_rest:
         return None
     if not all(_leads(fits, leader.effects, search.criteria) for fits in (singles, *spared.values())):
@@ -143,6 +141,12 @@ def _all_but_a_rest(search: EffectSearch, spared: Spared) -> Found | None:
     tests = leader.goodness.lack_of_fit
     failing = [one for one in spared if tests.get(one.name, 1.0) < search.criteria.lack_of_fit_of_one]
     return singles, leader.effects, failing
+
+
+def _singles(search: EffectSearch) -> tuple[dict[Names, Fit], Fit]:
+    """The base model and the single effects, and of these the best."""
+    singles = {names: fit for names, fit in search.fits.items() if len(names) < 2}
+    return singles, min((fit for names, fit in singles.items() if names), key=lambda fit: fit.bic)
 
 
 def _leads(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:

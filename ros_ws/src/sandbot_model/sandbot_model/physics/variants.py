@@ -12,8 +12,8 @@ from sandbot_model.physics.formula import formula_effect
 
 _CRATER = "penetration = maximum(z - z_0_m*{left}*clip((1.2*R - step*kept)/({width}*R), 0, 1)*(1 - first), 0)"
 _LEFT = "exp(-pi/(omega*tau_s))"
-_SLIP = "clip(1 - sigma*(d_r/maximum(d, 1e-6)){more}, 0, 1)"
-_DRAG = "clip(1 - f_c_n*{more}/maximum(1.5*146e3*w*{depths}, 1e-6), 0, 1)"
+_SLIP = "step, peak_ratio *= clip(1 - sigma*(d_r/maximum(d, 1e-6)){more}, 0, 1)"
+_DRAG = "step, peak_ratio *= clip(1 - f_c_n*{more}/maximum(1.5*146e3*w*{depths}, 1e-6), 0, 1)"
 _TOUCH_DOWN = "beta*omega*maximum(d + h - R, 0)"
 _TIME_LEFT = "maximum(pi/omega - 2*arcsin(clip(s_0/(2*R), 0, 1))/(beta*omega), 0)"
 _SLIDING = f"minimum({_TOUCH_DOWN}/(mu_b*g), {_TIME_LEFT})"
@@ -57,13 +57,13 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     },
     "phi_dependent_response": {"exponential in φ": "delta_t *= exp(b*(phi - 0.61)/0.05)"},
     "cable_drag": {
-        "F_x in proportion to depth": f"step, peak_ratio *= {_DRAG.format(more=1, depths='d_r*d')}",
-        "in proportion to the legs' speed": f"step, peak_ratio *= {_DRAG.format(more='omega/16', depths='d**2')}",
+        "F_x in proportion to depth": _DRAG.format(more=1, depths="d_r*d"),
+        "in proportion to the legs' speed": _DRAG.format(more="omega/16", depths="d**2"),
     },
     "leg_slip": {
-        "in inverse proportion to depth": f"step, peak_ratio *= {_SLIP.format(more='')}",
-        "by the inverse cube of depth": f"step, peak_ratio *= {_SLIP.format(more='**3')}",
-        "in proportion to ω": f"step, peak_ratio *= {_SLIP.format(more='**2*omega/16')}",
+        "in inverse proportion to depth": _SLIP.format(more=""),
+        "by the inverse cube of depth": _SLIP.format(more="**3"),
+        "in proportion to ω": _SLIP.format(more="**2*omega/16"),
     },
     "motor_saturation": {
         "a sharper bend": "omega/(1 + (omega/omega_s_rad_s)**4)**0.25",
