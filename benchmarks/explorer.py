@@ -13,12 +13,11 @@ import numpy as np
 from selenium import webdriver
 from selenium.webdriver.support.ui import WebDriverWait
 
+from _drawn import table as made_table
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
-from sandbot_model.physics.observables import COLUMNS
 from sandbot_model.physics.walking import Inputs
 from sandbot_record.trials.csv_table import write_csv
-from sandbot_record.trials.table import Row, from_rows
 
 TOGGLES = 50
 NAMES = ("disturbed_ground", "leg_slip", "stance_overlap", "cable_drag", "cohesion")
@@ -128,18 +127,7 @@ def made_up_trials(path: Path, levels: int, frequencies: int, replicates: int) -
     values = walker.predict(inputs, [{"k_l_n_per_m": 172.0, "s_c": 0.95}]).observables
     values = values + rng.normal(0, 1, values.shape) * [0.005, 0.0002, 0.008, 0.002]
     measured = phi + rng.normal(0, 3e-4, phi.shape)
-    rows = [
-        Row(
-            trial_id=f"t{i:05d}",
-            phi=float(measured[i]),
-            omega_rad_s=float(omega[i]),
-            gait="UNIFORM",
-            replicate=float(replicate[i]),
-            **dict(zip(COLUMNS, values[i].tolist(), strict=True)),
-        )
-        for i in range(len(phi))
-    ]
-    write_csv(from_rows(rows), path)
+    write_csv(made_table(measured, omega, replicate, values), path)
 
 
 if __name__ == "__main__":

@@ -13,26 +13,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 
+from _drawn import drawn
 from _matrix import collect
 from hidden import OMEGA, PHI
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.discover import Discovery, discover
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.formula import formula_effect
-from sandbot_model.physics.observables import COLUMNS
-from sandbot_model.physics.walking import Inputs, KCurve, Walker
-from sandbot_record.trials.table import Row, Trials, from_rows
+from sandbot_model.physics.walking import Walker
+from sandbot_record.trials.table import Trials
 
 SEEDS, QUICK_SEEDS, REPLICATES, MAX_EFFECTS = 6, 1, 3, 2
 OUT = Path("runs/variants.jsonl")
-GROUND = KCurve(np.array([0.58, 0.6, 0.633]), np.array([170.0, 205.0, 220.0]))
-DELTA_T_S = 0.4
-NOISE = np.array([0.005, 0.0004, 0.006, 0.001])
-"""Scatter of a trial: speed, lift, peak speed, first step [SI]."""
-PHI_SD = 6e-4
 ALIKE = frozenset({"leg_slip", "cable_drag", "bed_slope"})
 """Told apart by how they vary with depth alone: of these one may stand for another in a set."""
 
@@ -77,35 +71,16 @@ def cases(seeds: int, only: Sequence[str] = ()) -> list[Case]:
     ]
 
 
-def drawn(form: Form, seed: int) -> Trials:
+def campaign(form: Form, seed: int) -> Trials:
     """A campaign of 7 φ × 7 ω × 3 in a world in which the form acts."""
-    rng = np.random.default_rng(seed)
-    grid = np.meshgrid(PHI, OMEGA, np.arange(REPLICATES), indexing="ij")
-    phi, omega, replicate = (axis.ravel().astype(float) for axis in grid)
-    phi = phi + rng.normal(0.0, PHI_SD, phi.shape)
     walker = Walker((formula_effect(f"hidden: {form.stage}: {form.text}"),))
-    inputs = Inputs(GROUND(phi), omega, DELTA_T_S, phi, k_of_phi=GROUND)
-    seen = walker.predict(inputs, [{}]).observables
-    seen = seen + NOISE * rng.normal(size=seen.shape)
-    return from_rows(
-        [
-            Row(
-                trial_id=f"t{i}",
-                phi=float(phi[i]),
-                omega_rad_s=float(omega[i]),
-                gait="UNIFORM",
-                replicate=float(replicate[i]),
-                **dict(zip(COLUMNS, map(float, seen[i]), strict=True)),
-            )
-            for i in range(len(phi))
-        ]
-    )
+    return drawn(walker, [{}], PHI, OMEGA, REPLICATES, seed)
 
 
 def analyse(case: Case) -> dict[str, Any]:
     """What the analysis says of one campaign, and how that is to be judged."""
     form = next(one for one in FORMS if (one.lab, one.family, one.name) == (case.lab, case.family, case.form))
-    found = discover(cells_of(drawn(form, 2000 + case.seed)), catalogue(), max_effects=MAX_EFFECTS)
+    found = discover(cells_of(campaign(form, 2000 + case.seed)), catalogue(), max_effects=MAX_EFFECTS)
     return {**dataclasses.asdict(case), "outcome": outcome(case.family, found), "said": found.headline}
 
 

@@ -31,8 +31,8 @@ def test_a_verdict_falls_in_its_column(family, status, sets, said):
 
 def test_every_form_is_of_a_family_and_moves_the_speed():
     still = variants.Form("none", "nothing acts", "speed", "kept")
-    without = variants.drawn(still, 3).speed_m_s
+    without = variants.campaign(still, 3).speed_m_s
     for form in variants.FORMS:
         assert form.family in catalogue()
         # The same noise in both.
-        assert np.abs(variants.drawn(form, 3).speed_m_s - without).max() > 1e-3, form
+        assert np.abs(variants.campaign(form, 3).speed_m_s - without).max() > 1e-3, form
