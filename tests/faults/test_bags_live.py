@@ -163,7 +163,7 @@ def stop_by_service() -> None:
     subprocess.run([sys.executable, "-c", CALLER], check=True, timeout=180)
 
 
-@pytest.mark.parametrize("batches", [3, pytest.param(10, marks=pytest.mark.whole)])
+@pytest.mark.parametrize("batches", [2, pytest.param(10, marks=pytest.mark.whole)])
 def test_killed_at_any_moment_all_but_the_last_second_comes_back(tmp_path, batches):
     draw = random.Random(9)
     with publisher(1000, 200_000) as source:

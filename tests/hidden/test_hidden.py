@@ -51,7 +51,7 @@ def test_half_of_a_pair_is_not_left_to_a_lift_zero_that_could_be_off():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [257, 402])
+@pytest.mark.parametrize("seed", [pytest.param(257, marks=pytest.mark.whole), 402])
 def test_the_deepest_of_many_valleys_is_found(seed):
     """A plain descent ended at eta 0.128, s_c 0.907, and a third effect was then bought to mend it."""
     cells = cells_of(BY_NAME["disturbed_ground + stance_overlap"].trials(seed, noise=0.5))
