@@ -11,6 +11,7 @@ import itertools
 import json
 import os
 import pty
+import re
 import resource
 import signal
 import subprocess
@@ -27,12 +28,12 @@ import yaml
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
+import cells
+
 from conftest import Beside, own_domain
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_record.bags.reader import Bag
-from trackway_door.doctor import SHARED_MEMORY
-from trackway_door.doctor import leftovers as segments
 
 BED = {"fluidise_s": 1.5, "ramp_s": 0.3, "settle_s": 0.4, "pulse_off_s": 0.3, "average_s": 0.2}
 PLAN = {"name": "one", "seed": 5, "gait": "UNIFORM", "phi": [0.605], "omega_rad_s": [8.0], "replicates": 1,
@@ -188,8 +189,9 @@ def launch_command() -> list[str]:
     return ["ros2", "launch", "sandbot_bringup", "trackway.launch.py", *(f"bed.{k}:={v}" for k, v in BED.items())]
 
 
-BORN_S = 5.0
-"""A segment so young may not have been locked yet by the node that is about to use it."""
+SHARED_MEMORY = Path("/dev/shm")
+BORN_S = 10.0
+"""A segment so young may not have been mapped yet."""
 RECORDER = "sandbot_record.tools.record"
 
 
@@ -231,25 +233,29 @@ def row(target: str, fault: str, moment: str, silence_s: float = 1.0, trials: in
         finally:
             cell.close()
             beside.close()
+            clear_memory()
 
 
 def clear_memory() -> None:
     """Remove what killed nodes have left, 70 MB each: after 300 cells a machine of 24 GB had no memory any more.
 
-    Only between cells of a matrix that runs alone: nodes of tests beside it went deaf when their memory was looked at.
+    Segments that no process maps. Ports stay: one that is just being opened is lost to a node, which then is deaf.
     """
-    for segment in segments(SHARED_MEMORY):
-        with contextlib.suppress(FileNotFoundError):
-            if time.time() - segment.stat().st_mtime > BORN_S:
-                segment.unlink()
-                segment.with_name(f"{segment.name}_el").unlink()
+    mapped: set[str] = set()
+    for path in Path("/proc").glob("[0-9]*/maps"):
+        with contextlib.suppress(OSError):
+            mapped.update(re.findall(r"/fastrtps_([0-9a-f]{16})$", path.read_text(), re.M))
+    for segment in SHARED_MEMORY.glob("fastrtps_" + "[0-9a-f]" * 16):
+        if segment.name.removeprefix("fastrtps_") not in mapped and time.time() - segment.stat().st_mtime > BORN_S:
+            segment.unlink(missing_ok=True)
+            segment.with_name(f"{segment.name}_el").unlink(missing_ok=True)
 
 
 def outcome(cell: Cell, target: str, fault: str, moment: str, witness: Witness) -> Sequence[str]:
     """Strike at the moment, and tell what came of it."""
     beside, campaign, come = witness.beside, cell.running["campaign"], witness.at(moment)
     if not beside.wait(lambda: come() or campaign.poll() is not None, 90.0) or not come():
-        return ["-", "-", "-", "-", f"the moment never came: {cell.last_line('campaign')}", "-", "-"]
+        return ["-", "-", "-", "-", f"{cells.NEVER_CAME}: {cell.last_line('campaign')}", "-", "-"]
     was_moving, was_blowing, load = witness.moving, witness.air, os.getloadavg()[0]
     start_ns = time.time_ns()
     witness.rest_ns = witness.off_ns = 0
@@ -297,9 +303,6 @@ def bag_of(out: Path) -> tuple[str, str]:
         return "torn, for recover", "?"
 
 
-HEAD = ("who", "fault", "moment", "legs [s]", "air [s]", "bag", "exit_status", "campaign", "left running", "load")
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the table, row by row."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -307,13 +310,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--faults", nargs="+", choices=FAULTS, default=FAULTS)
     parser.add_argument("--moments", nargs="+", choices=MOMENTS, default=MOMENTS)
     parser.add_argument("--trials", type=int, default=1, help="of each campaign: what it does next is seen with 2")
+    parser.add_argument("--out", type=Path, help="JSON lines: what stands there is not run again")
+    parser.add_argument("--part", default="1/1", metavar="I/N", help="the I-th of N parts: several streams, one file")
     chosen = parser.parse_args(argv)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # not without ending what was started
-    print("| " + " | ".join(HEAD) + " |\n|" + "---|" * len(HEAD), flush=True)
-    for target, fault, moment in itertools.product(chosen.targets, chosen.faults, chosen.moments):
-        if target in ONLY_FOR.get(fault, TARGETS):
-            print("| " + " | ".join(row(target, fault, moment, trials=chosen.trials)) + " |", flush=True)
-            clear_memory()
+    wanted = [
+        cell
+        for cell in itertools.product(chosen.targets, chosen.faults, chosen.moments)
+        if cell[0] in ONLY_FOR.get(cell[1], TARGETS)
+    ]
+    part, parts = map(int, chosen.part.split("/"))
+    todo = cells.missing(wanted[part - 1 :: parts], chosen.out) if chosen.out else wanted[part - 1 :: parts]
+    for target, fault, moment in todo:
+        one = row(target, fault, moment, trials=chosen.trials)
+        print(cells.line(one), flush=True)
+        if chosen.out:
+            cells.add(chosen.out, one)
     return 0
 
 
