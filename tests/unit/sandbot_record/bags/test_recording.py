@@ -1,5 +1,6 @@
 import errno
 import os
+import threading
 import time
 
 import bags
@@ -199,6 +200,20 @@ def test_a_full_disk_closes_the_bag_with_what_fitted(tmp_path, monkeypatch, room
     assert bag.complete
     assert [m.sequence for m in bag.messages()] == list(range(1, bag.count + 1))
     assert bag.provenance["recording"]["exit_status"].startswith("No space left")
+
+
+def test_a_full_disk_is_told_before_a_chunk_is_full(tmp_path, monkeypatch):
+    """Legs may be moving: one small message is enough, nobody waits for the next."""
+    told = threading.Event()
+    made = recording(tmp_path / "b", flush_period_s=0.01)
+    made.on_stop = told.set
+    put(made, [1])
+    assert not told.wait(0.1)  # there is room
+    full_at(monkeypatch, 0)
+    put(made, [2])
+    assert told.wait(10)
+    assert "No space left" in made.reason
+    made.close()
 
 
 def test_images_become_a_video(tmp_path):

@@ -78,7 +78,7 @@ class Recording:
         codec: str = "rawvideo",
         monotonic_s: Callable[[], float],
         free_bytes: Callable[[Path], int] = lambda folder: shutil.disk_usage(folder).free,
-        flush_period_s: float = 0.25,
+        flush_period_s: float = 0.1,
     ) -> None:
         self._writer, self._limits, self._images, self._codec = writer, limits, images, codec
         self._monotonic_s, self._free_bytes, self._flush_period_s = monotonic_s, free_bytes, flush_period_s
@@ -95,6 +95,8 @@ class Recording:
         self.tallies: dict[str, Tally] = {}
         self.refused: dict[str, str] = {}
         self.stopped = threading.Event()
+        self.on_stop: Callable[[], None] = lambda: None
+        """Called in the thread in which recording ended on its own."""
         self.reason = ""
         self.failed = False
         self.paused = False
@@ -278,6 +280,8 @@ class Recording:
             self.stop(str(error))
         finally:
             self.stopped.set()
+            if not self._finish.is_set():
+                self.on_stop()
 
     def _drain(self) -> None:
         while self._pending_topics:

@@ -176,6 +176,7 @@ class Recorder(Node):
             if name in _KNOWN:
                 self._subscribe(name, _KNOWN[name].type, [])
         self.create_timer(_LOOK_AROUND_S, self._look_around)
+        recording.on_stop = self._heed_stop
         if selection.end_with_stdin:
             threading.Thread(target=self._heed_stdin, name="stdin", daemon=True).start()
 
@@ -213,9 +214,7 @@ class Recorder(Node):
         if self._receiver.broken:
             self._recording.stop("receiving ended with an error")
         if self._recording.stopped.is_set():
-            # Said at once where it failed: to close a bag on a full disk takes seconds, and legs may be moving.
-            self._health.publish()
-            self.done = True
+            self._heed_stop()
             return
         new = False
         for full_name, types in self.get_topic_names_and_types():
@@ -224,6 +223,11 @@ class Recorder(Node):
             if ours and (self._selection(name) or name in self._by_name):
                 new |= self._look_at(name, types)
         self._announce(new)
+
+    def _heed_stop(self) -> None:
+        # Said at once: to close a bag on a full disk takes seconds, and legs may be moving.
+        self._health.publish()
+        self.done = True
 
     def _look_at(self, name: str, types: Sequence[str]) -> bool:
         """Subscribe if need be; whether anything changed or is not matched yet."""
