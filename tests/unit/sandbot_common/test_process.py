@@ -1,3 +1,4 @@
+import os
 import signal
 import subprocess
 import sys
@@ -64,3 +65,39 @@ def test_waiting_for_a_cpu_is_counted_and_sleeping_is_not(other):
     other[0].kill()
     other[0].wait()
     assert one.starved_s == 0.0
+
+
+HURRY = """
+import os, sys, threading
+from sandbot_common.process import ask_for_real_time, real_time_while
+
+def look(own):
+    if own:
+        ask_for_real_time(5)
+    ready.wait()
+    while not done.wait(0.001):
+        seen[own] = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
+
+seen, ready, done = {}, threading.Barrier(3), threading.Event()
+for own in (False, True):
+    threading.Thread(target=look, args=(own,)).start()
+ready.wait()
+for needed in (True, False):
+    real_time_while(needed, 1)
+    seen.clear()
+    while len(seen) < 2:
+        done.wait(0.001)
+    print(os.sched_getscheduler(0), seen[False], seen[True], flush=True)
+done.set()
+"""
+
+
+def test_all_threads_hurry_together_but_for_those_that_had_a_priority_of_their_own():
+    told = subprocess.check_output([sys.executable, "-c", HURRY], text=True, timeout=60).splitlines()
+    if told[0].startswith(f"{os.SCHED_OTHER} "):
+        pytest.skip("real-time priority is not granted here")
+    own = (os.SCHED_FIFO, 5)
+    assert told == [
+        f"{os.SCHED_FIFO} {(os.SCHED_FIFO, 1)} {own}",
+        f"{os.SCHED_OTHER} {(os.SCHED_OTHER, 0)} {own}",
+    ]

@@ -1,6 +1,7 @@
 """Which process a node is, and what the system says of it: on one host nobody need be guessed dead from his silence."""
 
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +26,16 @@ def ask_for_real_time(priority: int) -> bool:
     except (AttributeError, OSError):
         return False
     return True
+
+
+def real_time_while(needed: bool, priority: int) -> None:
+    """All ordinary threads of this process get real-time priority, or those that have this one give it back."""
+    before, after = ((os.SCHED_OTHER, 0), (os.SCHED_FIFO, priority))[:: 1 if needed else -1]
+    for task in (_PROC / "self/task").glob("*"):
+        thread = int(task.name)
+        with suppress(AttributeError, OSError):  # a thread may end meanwhile, or none may have it
+            if (os.sched_getscheduler(thread), os.sched_getparam(thread).sched_priority) == before:
+                os.sched_setscheduler(thread, after[0], os.sched_param(after[1]))
 
 
 @dataclass(frozen=True)

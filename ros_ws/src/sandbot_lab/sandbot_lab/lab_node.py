@@ -4,7 +4,8 @@ A trial begins when the legs start after standing: the robot is back at the star
 fraction, and the LED flashes. Frames are taken on the robot's time, t0 + k / frame rate. No topic carries the truth.
 
 Legs and air stop by themselves where their commands are late, as those of a real driver must: a clock or bed that was
-killed or froze can't tell. Both then stay so until they have been told rest, and off; legs also by /lab/reset.
+killed or froze can't tell. Both then stay so until they have been told rest, and off; legs also by /lab/reset. While
+legs move or air blows the lab has real-time priority where it is granted: no robot of metal waits for a CPU to stop.
 """
 
 import time
@@ -22,6 +23,7 @@ from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_common.lease import Lease
+from sandbot_common.process import real_time_while
 from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_lab.bed import LabBed
 from sandbot_lab.calibration import Calibration, calibration
@@ -36,6 +38,8 @@ IDLE_RATE_HZ = 100.0
 WATCH_RATE_HZ = 100.0
 SENSOR_RANGE_M = (0.02, 0.5)
 CAMERAS = ("dorsal", "lateral")
+PRIORITY = 1
+"""Below all who command."""
 CLOCK, BED = "clock", "bed"
 """Who commands legs and air: of those on this host the system tells when they are gone."""
 
@@ -58,6 +62,7 @@ class LabNode(Node):
         self._held = np.zeros(len(self._order))
         self._legs, self._air = Lease(current.legs_lease_s), Lease(current.air_lease_s)
         self._legs_lapsed, self._air_lapsed, self._blower = False, False, 0.0
+        self._urgent = False
         self._partners = node.Partners(self)
         self._idle = self._idle_cameras()
         self._setpoints = self._refused = self._trials = 0
@@ -174,6 +179,9 @@ class LabNode(Node):
             self._air_lapsed = True
             self._blow(0.0)
             self._alarm(f"air off: {why}")
+        if self._urgent != (commanded := not self._standing or self._blower > 0):
+            self._urgent = commanded
+            real_time_while(commanded, PRIORITY)
 
     def _stop_late_legs(self) -> None:
         if not self._standing and (why := self._partners.lost(CLOCK, self._legs, "no set-point")):
