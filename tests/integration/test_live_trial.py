@@ -4,11 +4,13 @@ Two beds are never the same (a pulse of air on a busy machine lasts longer than 
 1.5 % of speed: so both labs are given the ground to run on, and the beds only have to keep the plan's tolerance.
 """
 
+import contextlib
 import csv
 import re
 
 import numpy as np
 import pytest
+from layouts import plotted, value
 
 from sandbot_bringup import batch, runner
 from sandbot_bringup.plan import read_plan
@@ -91,3 +93,16 @@ def test_live_row_equals_batch_row_and_speed_is_seen_live(
     assert bag.attachments == batch_bag.attachments
     for one in (bag, filmed):
         assert [one.topics[topic.name].count for topic in (topics.TRIAL, topics.BED_PHI)] == [1, 1]
+    # What the layouts for Foxglove and PlotJuggler plot is in it, by these names.
+    for topic, *names in plotted():
+        assert np.isfinite(float(seen(bag, topic, names))), (topic, names)
+    with pytest.raises(LookupError):
+        seen(bag, topics.LEG_STATES.name, ["fifth_wheel", "position"])
+
+
+def seen(bag, topic, names):
+    """The first value that a plot shows; LookupError where there is none in the bag."""
+    for message in bag.messages([topic]):
+        with contextlib.suppress(StopIteration):  # /diagnostics comes from one node at a time
+            return value(message.decode(), *names)
+    raise LookupError(f"no {topic} {names}")

@@ -1,15 +1,17 @@
-"""The layouts shipped for Foxglove and PlotJuggler name what there is: topics, fields, legs, key figures."""
+"""The layouts shipped for Foxglove and PlotJuggler name what there is: topics, fields, legs, key figures.
+
+That a bag of a live trial holds all of it: test_live_trial.
+"""
 
 import json
 import re
-import xml.etree.ElementTree as ElementTree
 
 import pytest
+from layouts import TYPES, curves, foxglove, foxglove_panels, plotjuggler, split
 
 from sandbot_bringup.config import config_folder
 from sandbot_common import messages, topics
 
-TYPES = {topic.name: topic.type for topic in (*topics.ALL, topics.SCENE, topics.FRAMES)}
 FIGURES = {"tracker": {"lost_frames", "dorsal_dropped", "lateral_dropped"}, "clock": {"missed_deadlines"}}
 """What the nodes tell of themselves, as test_two_cameras and the clock's tests hold it."""
 
@@ -41,18 +43,6 @@ CHOICES = {"legendDisplay": {"floating", "top", "left", "none"}, "diffMethod": {
            "followMode": {"follow-pose", "follow-position", "follow-none"}}  # fmt: skip
 SHOWN_IN_3D = {"visualization_msgs/msg/MarkerArray", "geometry_msgs/msg/TransformStamped"}
 """Types that its 3D panel takes, of those published here (ThreeDeeRender/ros.ts)."""
-
-
-def foxglove_panels():
-    return json.loads((config_folder() / "foxglove_layout.json").read_text())["configById"]
-
-
-def foxglove():
-    return [path for panel in foxglove_panels().values() for path in panel.get("paths", ())]
-
-
-def curves():
-    return [one.get("name") for one in ElementTree.parse(config_folder() / "plotjuggler_layout.xml").iter("curve")]
 
 
 @pytest.mark.parametrize("path", foxglove(), ids=lambda path: path["value"])
@@ -94,10 +84,6 @@ def test_every_panel_of_foxglove_is_laid_out_once():
     assert sorted(leaves(layout["layout"])) == sorted(layout["configById"])
 
 
-def plotjuggler(tag):
-    return list(ElementTree.parse(config_folder() / "plotjuggler_layout.xml").iter(tag))
-
-
 def test_plotjuggler_finds_a_plot_for_every_area_it_splits():
     """As MainWindow, TabbedPlotWidget and PlotDocker::restoreSplitter read it; a count that is off ends PlotJuggler."""
     (root,), (window,) = plotjuggler("root"), plotjuggler("tabbed_widget")
@@ -121,8 +107,7 @@ def test_plotjuggler_finds_a_plot_for_every_area_it_splits():
 
 @pytest.mark.parametrize("name", curves())
 def test_plotjuggler_plots_what_is_published(name):
-    topic = max((one for one in TYPES if name.startswith(f"{one}/")), key=len)
-    names = name.removeprefix(f"{topic}/").split("/")
+    topic, *names = split(name)
     if topic == topics.DIAGNOSTICS.name:  # PlotJuggler names these by node and key
         assert names[1] in FIGURES[names[0]]
     elif TYPES[topic] == "sensor_msgs/msg/JointState":  # and these by joint
