@@ -96,7 +96,7 @@ def test_live_row_equals_batch_row_and_speed_is_seen_live(
     # What the layouts for Foxglove and PlotJuggler plot is in it, by these names.
     for topic, *names in plotted():
         assert np.isfinite(float(seen(bag, topic, names))), (topic, names)
-    with pytest.raises(LookupError):
+    with pytest.raises(AttributeError):
         seen(bag, topics.LEG_STATES.name, ["fifth_wheel", "position"])
 
 
