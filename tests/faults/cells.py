@@ -3,6 +3,7 @@
 import argparse
 import fcntl
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -35,7 +36,7 @@ def add(path: Path, row: Sequence[str]) -> None:
 
 
 def spoilt(row: Row) -> bool:
-    return row["exit_status"].startswith(NEVER_CAME)
+    return row["campaign"].startswith(NEVER_CAME)
 
 
 def missing(cells: Iterable[Key], path: Path) -> list[Key]:
@@ -51,14 +52,50 @@ def line(values: Iterable[str]) -> str:
 
 def table(rows: Iterable[Row]) -> str:
     """All cells, a line each."""
-    return "\n".join([line(HEAD), "|" + "---|" * len(HEAD), *(line(row[name] for name in HEAD) for row in rows)])
+    return _table(HEAD, ([row[name] if name != "campaign" else _exit(row) for name in HEAD] for row in rows))
+
+
+def worst(rows: Iterable[Row]) -> str:
+    """A line for each fault of each process: the slowest of its moments, and the loads."""
+    by: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        by.setdefault((row["who"], row["fault"]), []).append(row)
+    head = ("who", "fault", "moments", "legs [s]", "air [s]", "bags whole", "left running", "load")
+    return _table(head, ([*who, *_worst(some)] for who, some in by.items()))
+
+
+def _worst(rows: Sequence[Row]) -> list[str]:
+    run = [row for row in rows if not spoilt(row)]
+    slowest = (max((row[name] for row in run), default=NONE, key=_seconds) for name in ("legs [s]", "air [s]"))
+    whole = sum(row["bag"] == "whole" for row in run)
+    left = {row["left running"] for row in run} - {"nothing"}
+    loads = sorted(int(row["load"]) for row in run)
+    span = f"{loads[0]} to {loads[-1]}" if loads else NONE
+    return [str(len(run)), *slowest, str(whole), ", ".join(left) or "nothing", span]
+
+
+def _seconds(text: str) -> float:
+    """What a cell says of legs or air, for comparing."""
+    known = {NONE: -1.0, "goes on": 0.0, "NEVER": math.inf}
+    return known[text] if text in known else float(text)
+
+
+def _exit(row: Row) -> str:
+    """The campaign's exit code; its last words only where they say more than the trial's bag."""
+    code, _, words = row["campaign"].removeprefix("exit ").partition(": ")
+    return code if not words or words.endswith(row["exit_status"]) else f"{code}: {words}"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    return "\n".join([line(head), "|" + "---|" * len(head), *map(line, rows)])
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print the table of a file."""
+    """Print the tables of a file."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("file", type=Path)
-    print(table(read(parser.parse_args(argv).file).values()))
+    rows = sorted(read(parser.parse_args(argv).file).values(), key=key)
+    print(worst(rows), table(rows), sep="\n\n")
     return 0
 
 

@@ -10,6 +10,10 @@ def row(cell=WALKING, status="the clock is gone", legs="0.02"):
     return [*cell, legs, "-", "whole", status, "exit 1", "nothing", "3"]
 
 
+def spoilt(cell=WALKING):
+    return [*cell, "-", "-", "-", "-", f"{cells.NEVER_CAME}: the tracker is stuck", "-", "-"]
+
+
 @pytest.fixture
 def path(tmp_path):
     return tmp_path / "cells.jsonl"
@@ -26,10 +30,10 @@ def test_without_a_file_all_is_missing(path):
 
 
 def test_a_trial_that_ended_before_the_fault_is_run_again_and_never_hides_a_row(path):
-    cells.add(path, row(status=f"{cells.NEVER_CAME}: the tracker is stuck", legs="-"))
+    cells.add(path, spoilt())
     assert cells.missing([WALKING], path) == [WALKING]
     cells.add(path, row())
-    cells.add(path, row(status=cells.NEVER_CAME))
+    cells.add(path, spoilt())
     assert cells.missing([WALKING], path) == []
     assert cells.read(path)[WALKING]["legs [s]"] == "0.02"
 
@@ -37,4 +41,24 @@ def test_a_trial_that_ended_before_the_fault_is_run_again_and_never_hides_a_row(
 def test_of_two_rows_the_last_counts(path):
     cells.add(path, row(legs="0.70"))
     cells.add(path, row(legs="0.10"))
-    assert cells.table(cells.read(path).values()).splitlines()[2:] == [cells.line(row(legs="0.10"))]
+    (kept,) = cells.read(path).values()
+    assert kept["legs [s]"] == "0.10"
+
+
+def test_the_slowest_moment_of_a_fault_stands_for_all(path):
+    for legs, moment in (("0.02", "walking"), ("NEVER", "stopping"), ("-", "closing")):
+        cells.add(path, row(("clock", "KILL", moment), legs=legs))
+    cells.add(path, spoilt(("clock", "KILL", "blowing")))
+    (only,) = cells.worst(cells.read(path).values()).splitlines()[2:]
+    assert only == "| clock | KILL | 3 | NEVER | - | 3 | nothing | 3 to 3 |"
+
+
+def test_the_campaign_s_words_stand_where_they_say_more_than_the_bag(path):
+    one = row()
+    one[7] = "exit 1: phi0.6_r01: failed: the clock is gone"
+    two = row(("bed", "TERM", "blowing"), status="the bed node stopped")
+    two[7] = "exit 2: start it again"
+    cells.add(path, one)
+    cells.add(path, two)
+    campaign = [text.split(" | ")[7] for text in cells.table(cells.read(path).values()).splitlines()[2:]]
+    assert campaign == ["1", "2: start it again"]
