@@ -13,6 +13,9 @@ import time
 
 import numpy as np
 import pytest
+from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import LivelinessPolicy, QoSProfile
 from starved import starved_ns
 
 from sandbot_common import messages, node, topics
@@ -27,8 +30,8 @@ LEGS_S, AIR_S = 0.4, 0.7
 BUSY_S = 5.0
 """What any machine may add to a process that has ended since."""
 ASK = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))"
-GRANTED = subprocess.call([sys.executable, "-c", ASK], stderr=subprocess.DEVNULL) == 0
-"""Whether this host gives real-time priority to whom asks."""
+HURRIED = os.SCHED_OTHER if subprocess.call([sys.executable, "-c", ASK], stderr=subprocess.DEVNULL) else os.SCHED_FIFO
+"""How a node runs that asks for real-time priority: as any other where this host grants none."""
 
 
 @contextlib.contextmanager
@@ -301,6 +304,44 @@ def test_one_clock_at_a_time(commander, beside):
             assert third.poll() is None
 
 
+class Driver:
+    """Legs of another maker, which ask DDS for set-points at least that often."""
+
+    def __init__(self, beside, deadline_s):
+        self.heard, self.missed, self.alive, self.refused = [], [], [], []
+        asked = Duration(seconds=deadline_s)
+        beside.node.create_subscription(
+            messages.message_class(topics.LEG_SETPOINTS.type),
+            topics.LEG_SETPOINTS.relative,
+            self.heard.append,
+            QoSProfile(
+                depth=10,
+                deadline=asked,
+                liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+                liveliness_lease_duration=asked,
+            ),
+            event_callbacks=SubscriptionEventCallbacks(
+                deadline=self.missed.append,
+                liveliness=lambda event: self.alive.append(event.alive_count),
+                incompatible_qos=self.refused.append,
+            ),
+        )
+
+
+def test_dds_tells_a_driver_that_asks_when_set_points_stay_away(beside, commander):
+    patient, hasty = Driver(beside, topics.LEG_SETPOINTS.deadline_s), Driver(beside, 0.1)
+    with running("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}", "lease_s:=1.0") as clock:
+        commander.command()
+        commander.walk()
+        beside.until(lambda: patient.heard and patient.alive[-1:] == [1])
+        patient.missed.clear()
+        clock.send_signal(signal.SIGSTOP)
+        beside.until(lambda: patient.missed and patient.alive[-1] == 0)
+    # More often than is promised nobody may ask.
+    assert hasty.refused
+    assert not hasty.heard
+
+
 def test_the_lab_stops_legs_and_air_whose_commands_are_late(beside):
     states, told = [], []
     setpoints = node.publisher(beside.node, topics.LEG_SETPOINTS)
@@ -327,7 +368,7 @@ def test_the_lab_stops_legs_and_air_whose_commands_are_late(beside):
         beside.until(lambda: setpoints.get_subscription_count() and blower.get_subscription_count() and told, 60.0)
         timer = beside.node.create_timer(0.02, walk)
         beside.until(lambda: len(states) > 30)
-        beside.until(lambda: os.sched_getscheduler(lab.pid) == (os.SCHED_FIFO if GRANTED else os.SCHED_OTHER))
+        beside.until(lambda: os.sched_getscheduler(lab.pid) == HURRIED)
         busy = Busy(lab)
         timer.cancel()
         beside.until(lambda: not any(states[-1].velocity))
@@ -463,7 +504,9 @@ def test_the_bed_turns_the_air_off_by_itself_and_says_why(beside):
             assert second.returncode == 2
             assert "another bed is running already" in said
 
+        beside.until(lambda: os.sched_getscheduler(process.pid) == os.SCHED_OTHER)
         bed.blow()
+        beside.until(lambda: os.sched_getscheduler(process.pid) == HURRIED)
         said, code = ended(process, signal.SIGHUP)
         beside.until(lambda: bed.levels[-1][1] == 0.0)
         assert said[-1] == "bed: ended: SIGHUP"

@@ -111,7 +111,7 @@ def finished(start: Callable[..., Process]) -> Callable[..., None]:
         for _ in range(3):
             if campaign.wait(200) == 0:
                 return
-            campaign = start(*again, "--redo", "failed")
+            campaign = start(*again[:4], "--redo", "failed", *again[4:])  # not behind --ros-args
         assert campaign.wait(200) == 0, "\n".join(campaign.lines)
 
     return wait

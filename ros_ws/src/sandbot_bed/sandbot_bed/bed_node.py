@@ -21,7 +21,10 @@ from sandbot_bed.protocol import Command, PulseProtocol, Stage
 from sandbot_bed.status import status_message
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
+from sandbot_common.process import real_time_while
 
+PRIORITY = 3
+"""Real-time priority while the bed is prepared: a node that is held up for as long as the lease ends it."""
 _LEGS_STILL_S = 0.2
 _STATUS_PERIOD_S = 0.1
 # A reading older than this is no reading.
@@ -126,6 +129,7 @@ class BedNode(Node):
 
     def _on_new_stage(self, command: Command) -> None:
         self._reported = f"{command.stage} {command.reason}"
+        real_time_while(command.stage.busy, PRIORITY)
         failed = command.stage is Stage.FAILED
         self._health.level, self._health.text = (2, command.reason) if failed else (0, "ok")
         if failed:

@@ -23,7 +23,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
@@ -67,8 +67,13 @@ def config_file(name: str) -> Path:
 
 
 def publisher(node: Node, topic: topics.Topic) -> Publisher:
-    """A publisher on a trackway topic."""
-    return node.create_publisher(messages.message_class(topic.type), topic.relative, qos(topic))
+    """A publisher on a trackway topic; it offers the topic's deadline, which its subscriptions need not ask for."""
+    offered = qos(topic)
+    if math.isfinite(topic.deadline_s):
+        # By hand: alive is who commands, not who has a process.
+        offered.liveliness = LivelinessPolicy.MANUAL_BY_TOPIC
+        offered.deadline = offered.liveliness_lease_duration = Duration(seconds=topic.deadline_s)
+    return node.create_publisher(messages.message_class(topic.type), topic.relative, offered)
 
 
 def subscription(

@@ -4,6 +4,7 @@ Names are those of bags, and of a trackway without a namespace. Nodes ask for th
 namespace (``-r __ns:=/robot1``) a whole trackway is on its own: topics, services, health and lease.
 """
 
+import math
 from dataclasses import dataclass
 
 LEGS = ("front_left", "middle_right", "rear_left", "front_right", "middle_left", "rear_right")
@@ -15,12 +16,17 @@ FRAME = "trackway"
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic; ``latched`` ones keep their last message for late subscribers (transient local)."""
+    """A topic; ``latched`` ones keep their last message for late subscribers (transient local).
+
+    ``deadline_s``: while there is anything to command, a command comes at least that often (decision 16). It is offered
+    as DDS deadline and liveliness: a driver that asks for as much is told of a miss.
+    """
 
     name: str
     type: str
     latched: bool = False
     depth: int = 50
+    deadline_s: float = math.inf
 
     @property
     def relative(self) -> str:
@@ -33,11 +39,11 @@ def relative(name: str) -> str:
     return name.removeprefix("/")
 
 
-LEG_SETPOINTS = Topic("/leg_setpoints", "sensor_msgs/msg/JointState", depth=2000)
+LEG_SETPOINTS = Topic("/leg_setpoints", "sensor_msgs/msg/JointState", depth=2000, deadline_s=0.25)
 LEG_STATES = Topic("/leg_states", "sensor_msgs/msg/JointState", depth=2000)
 SYNC_LED = Topic("/sync_led", "std_msgs/msg/Header")
 BED_HEIGHT = Topic("/bed/height", "sensor_msgs/msg/Range")
-BED_BLOWER = Topic("/bed/blower", "std_msgs/msg/Float64")
+BED_BLOWER = Topic("/bed/blower", "std_msgs/msg/Float64", deadline_s=0.45)
 BED_PHI = Topic("/bed/volume_fraction", "std_msgs/msg/Float64", latched=True, depth=1)
 BED_STATUS = Topic("/bed/status", "diagnostic_msgs/msg/DiagnosticArray")
 DORSAL_IMAGE = Topic("/camera/dorsal/image_raw", "sensor_msgs/msg/Image", depth=200)
@@ -64,7 +70,7 @@ LIFT = Topic("/lift", "std_msgs/msg/Float64")
 MODEL_SPEED = Topic("/model/speed", "geometry_msgs/msg/TwistWithCovarianceStamped", depth=200)
 MODEL_SPEED_MEAN = Topic("/model/speed/mean", "std_msgs/msg/Float64")
 MODEL_ERROR = Topic("/model/error", "std_msgs/msg/Float64")
-OPERATOR_LEASE = Topic("/operator/lease", "std_msgs/msg/Header", depth=1)
+OPERATOR_LEASE = Topic("/operator/lease", "std_msgs/msg/Header", depth=1, deadline_s=0.25)
 """Renewed by whoever commands bed and clock (a campaign), named in frame_id; they stop by themselves without it."""
 TRIAL = Topic("/trial", "std_msgs/msg/String", latched=True, depth=1)
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")

@@ -1,4 +1,5 @@
 import errno
+import itertools
 import os
 import threading
 import time
@@ -6,6 +7,7 @@ import time
 import bags
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from sandbot_common import messages
 from sandbot_common.errors import InputError
@@ -214,6 +216,17 @@ def test_a_full_disk_is_told_before_a_chunk_is_full(tmp_path, monkeypatch):
     assert told.wait(10)
     assert "No space left" in made.reason
     made.close()
+
+
+def test_what_waits_is_flushed_while_more_comes(tmp_path):
+    """A second passes between any two looks at this clock: each message is on the disk before the next."""
+    seconds = itertools.count()
+    made = recording(tmp_path / "b", monotonic_s=lambda: next(seconds))
+    put(made, range(1, 51))
+    made.close()
+    with (tmp_path / "b" / "b_0.mcap").open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    assert len(chunks) == 50
 
 
 def test_images_become_a_video(tmp_path):

@@ -82,6 +82,7 @@ class Recording:
     ) -> None:
         self._writer, self._limits, self._images, self._codec = writer, limits, images, codec
         self._monotonic_s, self._free_bytes, self._flush_period_s = monotonic_s, free_bytes, flush_period_s
+        self._flushed_s = 0.0
         self._queue: deque[Received] = deque()
         self._queued_bytes = 0
         self._wake, self._finish = threading.Event(), threading.Event()
@@ -255,7 +256,7 @@ class Recording:
         return f"recorded {self.written} messages of {heard} topics to {self._writer.path}, {what}{ended}"
 
     def _run(self) -> None:
-        start = flushed = self._monotonic_s()
+        start = self._flushed_s = self._monotonic_s()
         try:
             ended = False
             while not ended:
@@ -264,14 +265,8 @@ class Recording:
                 self._wake.clear()
                 ended = self._finish.is_set() or self.stopped.is_set()
                 self._drain()
-                now = self._monotonic_s()
-                if now - flushed >= self._flush_period_s:
-                    flushed = now
-                    self._writer.flush()
-                    for file in self._videos:
-                        file.check()
-                    self._check_free()
-                if self._limits.duration_s and now - start >= self._limits.duration_s:
+                now_s = self._flush_if_due()
+                if self._limits.duration_s and now_s - start >= self._limits.duration_s:
                     self.stopped.set()
         except OSError as error:
             self._torn = True
@@ -291,6 +286,19 @@ class Recording:
             with self._lock:
                 self._queued_bytes -= len(message.data)
             self._write(message)
+            # Here, too: on a busy machine the queue may not be empty for seconds, and a full disk is met on writing.
+            self._flush_if_due()
+
+    def _flush_if_due(self) -> float:
+        """Bring what is there to the disk, if it is time to; the time."""
+        now_s = self._monotonic_s()
+        if now_s - self._flushed_s >= self._flush_period_s:
+            self._flushed_s = now_s
+            self._writer.flush()
+            for file in self._videos:
+                file.check()
+            self._check_free()
+        return now_s
 
     def _write(self, message: Received) -> None:
         name, data = self._written_as[message.topic], message.data
