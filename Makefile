@@ -9,7 +9,7 @@ PYTEST_ARGS ?=
 PACKAGE_FILES := $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg ros_ws/src/*/package.xml \
 	ros_ws/src/sandbot_bringup/launch/* ros_ws/src/sandbot_bringup/config/*)
 
-.PHONY: help setup demo faults test test-quick test-whole lint bench bench-quick screenshots notebook docs reference pasted rerun lock browser clean
+.PHONY: help setup demo faults fuzz soak test test-quick test-whole lint bench bench-quick screenshots notebook docs reference pasted rerun lock browser clean
 
 help:
 	@sed -n '1p' Makefile
@@ -52,6 +52,16 @@ test-whole: setup
 # Every process of a live trial killed, frozen and ended at every moment; FAULTS narrows it down, as in --targets clock.
 faults: setup
 	$(RUN) python tests/faults/matrix.py $(FAULTS)
+
+# Spoilt files for every parser, FUZZ cases more than there were; counts in benchmarks/fuzz.md.
+FUZZ ?= 10000
+fuzz: setup
+	$(RUN) python tests/faults/fuzz.py --cases $(FUZZ)
+
+# Live trials back to back for SOAK minutes: what grows, drifts or is lost, in benchmarks/soak.md.
+SOAK ?= 30
+soak: setup
+	$(RUN) python tests/faults/soak.py --minutes $(SOAK)
 
 lint: setup
 	$(RUN) ruff check . && ruff format --check . && mypy && lint-imports

@@ -272,6 +272,21 @@ def test_nobody_else_is_obeyed(client, fake, path):
     assert fake.called == []
 
 
+def test_a_page_whose_name_points_here_sees_nothing(client):
+    for path in ("", "stream", "camera/dorsal.jpg", "console.js"):
+        assert client.get(f"/{path}", headers={"Host": "evil.example:8060"}).status_code == 403
+        assert client.get(f"/{path}", headers={"Host": "127.0.0.1:8060"}).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "path", ["../console_page.py", "..%2fconsole_page.py", "%2e%2e/console_page.py", "/etc/passwd"]
+)
+@pytest.mark.parametrize("below", ["", "camera/", "page/", "call/"])
+def test_no_path_leads_out_of_the_page(client, below, path):
+    for tried in (f"/{below}{path}", f"/{below}{'..%2f' * 12}etc%2fpasswd"):
+        assert client.get(tried).status_code in (403, 404, 405)
+
+
 @pytest.mark.parametrize(
     ("body", "kind"), [("[1]", "application/json"), ("{", "application/json"), ("a=1", "text/plain")]
 )

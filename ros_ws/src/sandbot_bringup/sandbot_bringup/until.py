@@ -17,9 +17,10 @@ import numpy as np
 
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.journal import end_torn_line
-from sandbot_bringup.plan import Plan, trials_of, with_block
+from sandbot_bringup.plan import ExtraTrials, Plan, trials_of, with_block
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json, read_text, write_text, writing
+from sandbot_common.parameters import from_mapping
 from sandbot_common.suggest import did_you_mean
 from sandbot_record.bags import metadata
 
@@ -76,7 +77,17 @@ def looks_of(folder: CampaignFolder) -> list[Entry]:
         return []
     # What a kill left of the last line is looked at again.
     lines = read_text(folder.looks, "looks").split("\n")[:-1]
-    return [parse_json(line, f"{folder.looks}: line {number}") for number, line in enumerate(lines, start=1)]
+    return [_entry(line, f"{folder.looks}: line {number}") for number, line in enumerate(lines, start=1)]
+
+
+def _entry(line: str, where: str) -> Entry:
+    found = parse_json(line, where)
+    kinds = {"look": int, "planned": int, "finished": int, "text": str, "next": list}
+    if not isinstance(found, dict) or not all(isinstance(found.get(key), kind) for key, kind in kinds.items()):
+        raise InputError(f"{where}: no look of a campaign: {line[:80]!r}")
+    for index, one in enumerate(found["next"]):
+        from_mapping(ExtraTrials, one, f"{where}: next[{index}]")
+    return found
 
 
 def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: int, workers: int) -> Entry:

@@ -104,6 +104,9 @@ def parse_yaml(text: str, where: str) -> Any:
         return load_yaml(text)
     except yaml.YAMLError as error:
         raise InputError(f"{where}: not YAML: {' '.join(str(error).split())}") from None
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
+        # PyYAML's own, where a scalar is not of the kind that its tag or form says: a month 13, !!int of nothing.
+        raise InputError(f"{where}: not YAML: {type(error).__name__}: {' '.join(str(error).split())}") from None
 
 
 def read_yaml(path: Path) -> dict[str, Any]:

@@ -10,6 +10,7 @@ fields as ROS parameters.
 
 import dataclasses
 import math
+import sys
 import types
 import typing
 from collections.abc import Mapping
@@ -20,6 +21,8 @@ from sandbot_common.suggest import did_you_mean
 
 T = TypeVar("T")
 _KEY = "sandbot"
+LARGEST = sys.float_info.max
+"""Of integers, too: a larger one has no float."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,7 +97,11 @@ def from_mapping(cls: type[T], mapping: Any, where: str) -> T:
     required = {f.name for f in dataclasses.fields(cls) if _required(f)}  # type: ignore[arg-type]
     if missing := sorted(required - values.keys()):
         raise InputError(f"{where}: missing key {missing[0]!r} ({known[missing[0]].doc})")
-    return cls(**values)
+    try:
+        return cls(**values)
+    except InputError as error:  # values that contradict each other
+        said = str(error).removeprefix(f"{where}: ").removeprefix(f"{where.rpartition(': ')[2]}: ")
+        raise InputError(f"{where}: {said}") from None
 
 
 def check(spec: Spec, value: Any, where: str) -> Any:
@@ -124,7 +131,7 @@ def check(spec: Spec, value: Any, where: str) -> Any:
 
 
 def _bounded(spec: Spec, value: float, where: str) -> Any:
-    if not math.isfinite(value) or not spec.low <= value <= spec.high:
+    if not -LARGEST <= value <= LARGEST or not spec.low <= value <= spec.high:
         unit = f" {spec.unit}" if spec.unit else ""
         raise InputError(f"{where}: {spec.name}: {value} is outside [{spec.low:g}, {spec.high:g}]{unit} ({spec.doc})")
     return _chosen(spec, value, where)

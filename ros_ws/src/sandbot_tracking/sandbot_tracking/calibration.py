@@ -155,17 +155,13 @@ def camera_from_mapping(mapping: Any, where: str) -> Camera:
             raise InputError(f"{where}: {key}: {value} has {len(value)} numbers, expected {lengths[-1]}")
     if isinstance(camera.get("distortion"), list) and len(camera["distortion"]) == 4:
         camera["distortion"] = [*camera["distortion"], 0.0]
-    try:
-        return from_mapping(Camera, camera, where)
-    except InputError as error:
-        message = str(error)
-        raise InputError(message if message.startswith(where) else f"{where}: {message}") from None
+    return from_mapping(Camera, camera, where)
 
 
 def _matrix(rows: Any, where: str) -> tuple[tuple[float, ...], ...]:
     try:
         matrix = np.array(rows, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         matrix = np.empty(0)
     if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
         raise InputError(f"{where}: rotation: {rows!r} is not 3 rows of 3 numbers")

@@ -160,6 +160,29 @@ def test_only_this_host_is_answered(session, trials, tmp_path):
     assert client.get("/", headers={"Host": "elsewhere.example"}).status_code == 403
 
 
+def test_a_page_of_another_site_asks_in_vain(session, trials, tmp_path):
+    client = Explorer(session, trials, [tmp_path / "x.csv"], "test").app().server.test_client()
+
+    def asked(**headers):
+        host = {"Host": "127.0.0.1:8050"}
+        return client.post("/_dash-update-component", json={}, headers=host | headers).status_code
+
+    for origin in ("http://elsewhere.example", "null", "http://127.0.0.1:9000", "https://127.0.0.1:8050"):
+        assert asked(Origin=origin) == 403
+    assert asked(Origin="http://127.0.0.1:8050", Host="elsewhere.example:8050") == 403
+    assert asked(Origin="http://127.0.0.1:8050") != 403
+    assert asked() != 403
+
+
+@pytest.mark.parametrize("path", ["../x.csv", "..%2fx.csv", "%2e%2e/x.csv", "....//x.csv", "/x.csv", "x.csv%00"])
+@pytest.mark.parametrize("below", ["", "assets/", "bag/", "bag/a/", "clip/", "_dash-component-suites/dash/"])
+def test_no_path_leads_out_of_the_page(below, path, session, trials, tmp_path):
+    (tmp_path / "x.csv").write_text("a secret")
+    client = Explorer(session, trials, [tmp_path / "t" / "x.csv"], "test").app().server.test_client()
+    for tried in (f"/{below}{path}", f"/{below}{'..%2f' * 12}{tmp_path}/x.csv", f"/{below}{tmp_path}/x.csv"):
+        assert b"a secret" not in client.get(tried, headers={"Host": "127.0.0.1"}).data
+
+
 @pytest.mark.parametrize(
     ("typed", "said"),
     [

@@ -94,6 +94,29 @@ def test_a_formula_may_set_another_quantity():
     assert float(found.depth_m) < float(Walker().predict(Inputs(200.0, 8.0, 0.4)).depth_m)
 
 
+ESCAPES = (
+    "().__class__.__bases__[0].__subclasses__()",
+    "f'{k.__class__.__init__.__globals__}'",  # CVE-2025-24359: format strings of asteval before 1.0.6
+    "'{0.__class__}'.format(k)",
+    "k.tofile('x')",
+    "sqrt.reduce.__self__",
+    "[one for one in (1, 2)]",
+    "{one: 1 for one in (1, 2)}",
+    "(lambda: 1)()",
+    "(k := 1)",
+    "k[0]",
+    "sqrt(k, out=phi)",
+    "sqrt(*(k, phi))",
+    "where(phi > [], 1, 2)",
+    "k*'a'",
+    "k*1j",
+    "k*...",
+    "k*None",
+)
+"""By what expressions have reached Python elsewhere; no part of arithmetic."""
+BUILT_IN = ("open(1)", "eval(1)", "exec(1)", "getattr(k, k)", "type(k)", "vars()", "print(1)", "numpy(1)")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -112,6 +135,11 @@ def test_a_formula_may_set_another_quantity():
         ("boost: strength: __import__('os').system('true')", "boost"),
         ("boost: strength: open('/etc/passwd').read()", "boost"),
         ("boost: strength: k.__class__.__bases__", "boost"),
+        ("boost: strength: k*sqrt()", r"sqrt\(\) takes 1 values, 0 are given"),
+        ("boost: strength: k*min(1, 2, 3)", r"min\(\) takes 2 values, 3 are given"),
+        *((f"boost: strength: {escape}", "only names, numbers, operators and functions") for escape in ESCAPES),
+        *((f"boost: strength: k*{name}", f"'{name.split('(')[0]}' is not known") for name in BUILT_IN),
+        *((f"boost: strength: {writing}", "takes 1 values, 2 are given") for writing in ("sqrt(k, phi)", "abs(k, k)")),
     ],
 )
 def test_refuses_formulas_that_do_not_fit(text, message):

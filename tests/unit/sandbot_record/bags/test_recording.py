@@ -64,6 +64,18 @@ def test_what_the_middleware_lost_is_not_counted_twice(tmp_path):
     assert Bag.open(tmp_path / "b").provenance["recording"]["/x"] == "written 3, lost 5, dropped 0"
 
 
+def test_what_was_sent_before_the_first_message_is_not_lost(tmp_path):
+    made = recording(tmp_path / "b")
+    made.lose("/x", 49)
+    put(made, [50])
+    assert made.lost == 49  # nothing speaks against it yet
+    put(made, [51, 53])
+    assert made.lost == 1
+    made.lose("/x", 4)  # no message after it: these may be true
+    made.close()
+    assert made.lost == 4
+
+
 def test_a_topic_that_cannot_be_recorded_makes_it_incomplete(tmp_path):
     made = recording(tmp_path / "b")
     put(made, [1, 2])
@@ -79,8 +91,14 @@ def test_a_topic_that_cannot_be_recorded_makes_it_incomplete(tmp_path):
 def test_several_publishers_have_no_common_sequence(tmp_path):
     made = recording(tmp_path / "b")
     put(made, [5, 900, 6, 901], sole_publisher=False)
-    made.close()
     assert made.lost == 0
+    put(made, [7, 8])  # the other one has gone
+    assert made.lost == 0
+    made.lose("/x", 3)
+    put(made, [902], sole_publisher=False)
+    put(made, [9, 11])
+    made.close()
+    assert made.lost == 4
 
 
 def test_a_full_queue_drops_and_counts(tmp_path):

@@ -106,8 +106,11 @@ def to_query(selection: Selection) -> str:
     return f"?{urlencode(pairs)}" if pairs else ""
 
 
-def from_query(query: str) -> Selection:
-    """The selection in an address. Raises InputError for anything it does not know; effects are checked at the fit."""
+def from_query(query: str, *, nested: bool = False) -> Selection:
+    """The selection in an address, or ``nested`` in one.
+
+    Raises InputError for anything it does not know; effects are checked at the fit.
+    """
     found = Selection()
     for key, value in parse_qsl(query.lstrip("?"), keep_blank_values=True):
         match key:
@@ -122,7 +125,9 @@ def from_query(query: str) -> Selection:
             case "cell":
                 found = dataclasses.replace(found, cell=_index(value))
             case "against":
-                from_query(value)
+                if nested:
+                    raise InputError("address: against: a model beside a model beside this one; there is room for one")
+                from_query(value, nested=True)
                 found = dataclasses.replace(found, against=value)
             case "effect" | "formula":
                 pass
@@ -168,15 +173,27 @@ def from_mapping(content: Mapping[str, Any], where: str) -> Selection:
         raise InputError(f"{where}: schema is {content.get('schema')!r}, expected {SCHEMA!r}")
     unknown = set(content) - {"schema", "command", "model", "effects", "formulas", "by_hand", "result"}
     if unknown:
-        raise InputError(f"{where}: unknown key {min(unknown)!r}")
+        raise InputError(f"{where}: unknown key {min(unknown, key=str)!r}")
     effects, formulas = (_texts(content.get(key, []), f"{where}: {key}") for key in ("effects", "formulas"))
     found = Selection(str(content.get("model", "simple")), effects, formulas)
+    _check_formulas(formulas, f"{where}: formulas")
     by_hand = content.get("by_hand", {})
     if not isinstance(by_hand, Mapping):
         raise InputError(f"{where}: by_hand: expected parameter: value, got {by_hand!r}")
     for name, value in by_hand.items():
         found = found.held(str(name), _finite(value, f"{where}: by_hand: {name}"))
     return _checked(found, where)
+
+
+def _check_formulas(formulas: Sequence[str], where: str) -> None:
+    # Imported here, as above.
+    from sandbot_model.physics.formula import formula_effect
+
+    for text in formulas:
+        try:
+            formula_effect(text)
+        except InputError as error:
+            raise InputError(f"{where}: {str(error).removeprefix('--effect ')}") from None
 
 
 def _checked(selection: Selection, where: str) -> Selection:

@@ -6,10 +6,14 @@ HOST = "127.0.0.1"
 
 
 def own_host_only(server: Flask) -> None:
-    """Refuse a page of another site that had its name point here (DNS rebinding)."""
+    """Refuse a page of another site, whether its name points here (DNS rebinding) or it sends something here."""
 
     def check() -> tuple[str, int] | None:
         host = request.host.rsplit(":", 1)[0]
-        return None if host in (HOST, "localhost") else (f"this page is for this host only, not for {host}", 403)
+        if host not in (HOST, "localhost"):
+            return f"this page is for this host only, not for {host}", 403
+        if request.headers.get("Origin") not in (None, f"http://{request.host}"):
+            return "only this page may ask for that", 403
+        return None
 
     server.before_request(check)

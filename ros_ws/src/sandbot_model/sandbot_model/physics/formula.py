@@ -31,11 +31,13 @@ from sandbot_model.physics.walking import Inputs, Walker
 MAIN = {"clock": "omega", "strength": "k", "balance": "force", "step": "step", "speed": "kept"}
 """What a bare expression sets at each stage."""
 
-FUNCTIONS = (
-    *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh"),
-    *("exp", "log", "log10", "sqrt", "abs", "sign", "floor", "minimum", "maximum", "clip", "where", "hypot"),
-)
-"""numpy functions an expression may use."""
+FUNCTIONS = {
+    **dict.fromkeys(("sin", "cos", "tan", "arcsin", "arccos", "arctan", "sinh", "cosh", "tanh"), 1),
+    **dict.fromkeys(("exp", "log", "log10", "sqrt", "abs", "sign", "floor"), 1),
+    **dict.fromkeys(("arctan2", "minimum", "maximum", "hypot"), 2),
+    **dict.fromkeys(("clip", "where"), 3),
+}
+"""numpy functions an expression may use, and how many values each takes: one more would be where it writes to."""
 SHORT = {"max": "maximum", "min": "minimum", "asin": "arcsin", "acos": "arccos", "atan": "arctan"}
 """As the catalogue writes some of them."""
 _AS_TYPED = str.maketrans({"^": "**", "−": "-", "·": "*", "×": "*", "²": "**2", "³": "**3"})
@@ -48,7 +50,12 @@ _PARAMETER = re.compile(rf"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\])?\s+in\s+({_NUMBE
 _ASSIGNMENT = re.compile(r"\s*([^\W\d]\w*(?:\s*,\s*[^\W\d]\w*)*)\s*(?:([*+]?)=(?!=)|->|→)\s*(.*)")
 _ALWAYS = {*FUNCTIONS, *SHORT, "pi", "first", "K"}
 _CHANGES: dict[str, Callable[[Array, Array], Array]] = {"*": np.multiply, "+": np.add, "": lambda _, new: new}
+_TAKES = {**FUNCTIONS, **{name: FUNCTIONS[meant] for name, meant in SHORT.items()}, "K": 1}
 _PARSING = threading.Lock()
+_PLAIN = (
+    *(ast.Expr, ast.Name, ast.Load, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp, ast.Call),
+    *(ast.operator, ast.unaryop, ast.boolop, ast.cmpop),
+)
 
 
 def formula_effect(text: str) -> Effect:
@@ -131,7 +138,8 @@ class _Formula(Effect):
             interpreter.code_text.clear()  # it would keep an entry for every call
         kind = value.dtype if hasattr(value, "dtype") else np.asarray(value).dtype
         if value is None or kind.kind not in "iuf":
-            raise InputError(f"effect {self.identifier}: {self.sets.expression!r} gives {value!r}, expected a number")
+            given = "nothing" if value is None else f"values of type {kind}"
+            raise InputError(f"effect {self.identifier}: {self.sets.expression!r} gives {given}, expected numbers")
         change = _CHANGES[self.sets.how]
         for name in self.sets.quantities:
             meant = self.readable[name]
@@ -178,9 +186,28 @@ def _parsed(expression: str, text: str) -> ast.Expr:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:  # the last: nested too deep
         why = getattr(error, "msg", None) or str(error) or "nested too deep"
         raise InputError(f"--effect {text!r}: {expression!r} is not an expression: {why}") from None
-    if any(isinstance(part, ast.Attribute | ast.Lambda | ast.Subscript) for part in ast.walk(parsed)):
+    parts = list(ast.walk(parsed))
+    if not all(_plain(part) for part in parts):
         raise InputError(f"--effect {text!r}: only names, numbers, operators and functions; no '.', '[' or lambda")
+    for call in (part for part in parts if isinstance(part, ast.Call)):
+        _check_call(call, text)
     return parsed
+
+
+def _check_call(call: ast.Call, text: str) -> None:
+    name = call.func.id if isinstance(call.func, ast.Name) else ""
+    takes = _TAKES.get(name)
+    if takes is None:
+        return  # a name that is none is told with the one that may be meant
+    if len(call.args) != takes:
+        raise InputError(f"--effect {text!r}: {name}() takes {takes} values, {len(call.args)} are given")
+
+
+def _plain(part: ast.AST) -> bool:
+    """Whether a part of an expression is one of arithmetic; asteval knows more, which no formula needs."""
+    if isinstance(part, ast.Constant):
+        return isinstance(part.value, int | float)
+    return isinstance(part, _PLAIN)
 
 
 def _checked(effect: _Formula, text: str) -> Effect:

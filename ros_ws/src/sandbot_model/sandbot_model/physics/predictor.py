@@ -123,15 +123,14 @@ def predictor_from_json(path: Path, robot: Robot | None = None) -> Predictor:
     try:
         step = content["steps"][-1]
         values = {name: entry["value"] for name, entry in step["parameters"].items()}
-        curve = [(row["phi"], row["value"]) for row in step["k_n_per_m"]]
+        phi, k = np.array([(row["phi"], row["value"]) for row in step["k_n_per_m"]], dtype=float).T
         stated = content.get("robot")
         own = robot_from_mapping(stated, f"{path}: robot") if stated is not None else robot or SANDBOT
         model = model_of(content["model"], step["effects"], catalogue(), own)
-    except (KeyError, IndexError, TypeError, AttributeError) as error:
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{path}: not a result of discover or compare: {type(error).__name__} {error}") from None
     if robot is not None and robot != own:
         raise InputError(f"{path}: the result of another robot than robot says ({difference(own, robot)})")
-    phi, k = np.array(curve, dtype=float).T
     return _predictor(model, values, phi, k, str(path))
 
 

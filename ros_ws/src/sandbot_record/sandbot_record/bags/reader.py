@@ -362,6 +362,8 @@ def _stacked(parts: list[tuple[Batch, NDArray[np.int64]]], length: int) -> colum
     picked = []
     for batch, rows in parts:
         at = batch.at[rows[batch.length[rows] == length]]
+        if not at.size:  # of a batch that may be shorter than that
+            continue
         windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(batch.data, np.uint8), length)
         picked.append(windows[at])
     return np.concatenate(picked)

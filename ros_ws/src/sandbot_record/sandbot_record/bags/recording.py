@@ -47,6 +47,16 @@ class Tally:
     """Received, but the queue or the disk was full."""
     sequence: int = 0
 
+    def count(self, sequence: int) -> None:
+        """A message with its publisher's number; 0: unknown, or of several publishers, whose numbers have no order."""
+        if not sequence:
+            self.gaps = self.lost
+        elif self.sequence:
+            self.gaps += max(0, sequence - self.sequence - 1)
+            # On a busy machine the middleware reports what was sent before it was matched; the numbers know better.
+            self.reported = min(self.reported, self.gaps)
+        self.sequence = sequence
+
     @property
     def lost(self) -> int:
         """Sent, never received; both ways of counting see the same messages, but neither sees all."""
@@ -151,9 +161,7 @@ class Recording:
     def put(self, message: Received, *, sole_publisher: bool = True) -> None:
         """Take a message; never blocks on the disk."""
         tally = self.tallies[message.topic]
-        if sole_publisher and message.sequence and tally.sequence:
-            tally.gaps += max(0, message.sequence - tally.sequence - 1)
-        tally.sequence = message.sequence
+        tally.count(message.sequence if sole_publisher else 0)
         if self.paused or self.stopped.is_set() or (self.images_paused and message.topic in self._image_topics):
             return
         if self._queued_bytes + len(message.data) > self._limits.queue_bytes:

@@ -205,7 +205,9 @@ class Recorder(Node):
         message = Received(source.name, data, received, published, info["publication_sequence_number"] or 0)
         if source.name == topics.TRIAL.name:
             self._trial = data
-        self._recording.put(message, sole_publisher=source.publishers == 1)
+        # Of a second publisher the graph may tell later than its first message comes; what is matched does not.
+        sole = source.publishers == 1 and source.handle.get_publisher_count() == 1
+        self._recording.put(message, sole_publisher=sole)
 
     def _say_lost(self, source: _Source, count: int) -> None:
         self._recording.lose(source.name, count)

@@ -67,7 +67,15 @@ def trial_from_bag(path: Path) -> Trials:
     return from_rows([row], *setting.for_table)
 
 
-def _measured(path: Path) -> tuple[Row, Setting]:
+def _measured(path: Path) -> Measured:
+    """As `trial_from_bag`; what a message of the bag says wrong is told of the bag."""
+    try:
+        return _read(path)
+    except InputError as error:
+        raise InputError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
+
+
+def _read(path: Path) -> Measured:
     bag = Bag.open(path)
     if not bag.count:
         raise InputError(f"{path}: empty bag, no messages")
