@@ -33,6 +33,10 @@ class Brittle(Effect):
         chain.k = chain.k * (1 + p["a"])
 """
 BOOST = "boost: strength: k*(1 + a*(phi - 0.6)); a [1] in -5..5"
+COLUMNS = """
+const axes = document.querySelector("#figure .js-plotly-plot")._fullLayout;
+return [axes.xaxis, axes.xaxis2].filter(Boolean).map((axis) => axis._categories)
+"""
 DROP = """
 const [name, content] = arguments, dataTransfer = new DataTransfer();
 dataTransfer.items.add(new File([content], name));
@@ -50,6 +54,9 @@ def test_switching_the_hidden_effect_on_brings_the_error_to_what_compare_says(pa
     page.until(lambda: "disturbed ground" in page.text("status"))
     assert page.error_cm_s() == pytest.approx(best, rel=0.01, abs=0.006)
     assert page.error_cm_s() < 0.7 * base
+    # Both maps have the frequencies in order, whichever cells fail.
+    page.until(lambda: len(page.driver.execute_script(COLUMNS)) == 2)
+    assert all(one == sorted(one, key=float) for one in page.driver.execute_script(COLUMNS))
     assert "effect=disturbed_ground" in page.driver.current_url
     page.press("undo")
     page.until(lambda: "disturbed ground" not in page.text("status"))

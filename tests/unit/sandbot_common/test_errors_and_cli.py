@@ -79,3 +79,26 @@ def test_a_line_is_seen_through_a_pipe_when_it_is_said():
     ) as process:
         assert process.stdout.readline() == "said\n"
         process.communicate("done\n", timeout=10)
+
+
+@pytest.mark.parametrize("reads", [True, False])
+def test_a_reader_that_leaves_does_not_end_the_work(tmp_path, reads):
+    """As in ``compare DATA --html OUT | head -1``: the file is still written."""
+    wrote = tmp_path / "out.txt"
+    code = (
+        "import sys; from pathlib import Path; from sandbot_common import cli\n"
+        "def work(_): input(); print('one'); print('two'); Path(sys.argv[1]).write_text('whole')\n"
+        "sys.exit(cli.run(work, []))"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(wrote)], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:  # fmt: skip
+        if not reads:
+            process.stdout.close()
+        process.stdin.write("\n")
+        process.stdin.flush()
+        if reads:
+            assert process.stdout.read() == "one\ntwo\n"
+        assert (process.stderr.read(), process.wait(60)) == ("", 0)
+    assert wrote.read_text() == "whole"

@@ -124,13 +124,21 @@ def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | No
     except KeyboardInterrupt:
         print(f"{name}: interrupted; what was finished is kept", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:
-        # The reader of our output (head, less) has gone: not an error of ours.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+
+
+class Outlet(io.TextIOWrapper):
+    """An output whose reader (head, less) may go: from then on it is silent, for files may still have to be written."""
+
+    def write(self, text: str, /) -> int:
+        """As of any text stream."""
+        try:
+            return super().write(text)
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            return len(text)
 
 
 def speak_line_by_line() -> None:
     """Let each line be seen when it is said, also through a pipe: other programs wait for "recording to …"."""
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)
+    if sys.stdout is sys.__stdout__ and sys.stdout is not None:
+        sys.stdout = Outlet(sys.stdout.buffer, sys.stdout.encoding, sys.stdout.errors, line_buffering=True)

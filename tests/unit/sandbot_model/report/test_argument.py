@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -77,6 +78,8 @@ def test_the_difference_of_two_models_is_that_of_their_predictions(shown):
     meant = 100 * (base.fit.predicted - named.fit.predicted)[:, Observable.speed]
     drawn = {told[1]: z for row, zs in zip(heat["customdata"], heat["z"], strict=True)
              for told, z in zip(row, zs, strict=True) if told[1] is not None}  # fmt: skip
+    axes = apart.difference_map(base, named, "speed", LIGHT)["layout"]
+    assert (axes["xaxis"]["categoryarray"], axes["yaxis"]["categoryarray"]) == (heat["x"], heat["y"])
     assert [drawn[cell] for cell in range(len(meant))] == pytest.approx(meant, abs=1e-4)
     largest = re.search(r"largest difference is (−?[\d.]+) cm/s", apart.difference_says(base, named, "speed"))[1]
     assert float(largest.replace("−", "-")) == pytest.approx(meant[np.abs(meant).argmax()], abs=0.005)
@@ -121,14 +124,28 @@ def test_a_profile_rises_from_the_fit_as_its_standard_error_says(found):
     assert np.interp(here + 2 * error * np.array([-1, 1]), values, rise) == pytest.approx([4.0, 4.0], rel=0.5)
 
 
-def test_errors_hang_together_with_themselves_and_no_more_than_that(found):
+def test_errors_are_correlated_with_themselves_and_no_more_than_that(found):
     values = profiles.correlation(found.fit.covariance)
     known = np.isfinite(np.diag(values))
     assert np.diag(values)[known] == pytest.approx(1.0)
     assert np.nanmax(np.abs(values)) <= 1 + 1e-9
     (step,) = steps([found.fit])
-    names = profiles.correlations(step, LIGHT)["data"][-1]["x"]
-    assert names[:4] == ["Δt", "v_swim", "k_L", "s_c"]
+    drawn = profiles.correlations(step, LIGHT)
+    names = drawn["data"][-1]["x"]
+    assert names[:4] == ["Δt", "v<sub>swim</sub>", "k<sub>L</sub>", "s<sub>c</sub>"]
+    assert drawn["layout"]["xaxis"]["categoryarray"] == drawn["layout"]["yaxis"]["categoryarray"] == names
+    apart = np.nan_to_num(values)[: len(names), : len(names)] * (1 - np.eye(len(names)))
+    said = re.search(r"Most correlated are .*: (−?[\d.]+)\.$", profiles.correlations_say(step))[1]
+    assert float(said.replace("−", "-")) == pytest.approx(apart.flat[np.abs(apart).argmax()], abs=0.005)
+
+
+def test_unknowns_of_one_symbol_are_told_apart(found):
+    """Two effects may use the same letter; on a map they would fall into one row."""
+    model = EFFECTS["leg_slip"], EFFECTS["cable_drag"]
+    names = [f"{effect.identifier}.{parameter.name}" for effect in model for parameter in effect.parameters]
+    parameters = [replace(parameter, symbol="a") for effect in model for parameter in effect.parameters]
+    fit = SimpleNamespace(model=SimpleNamespace(names=names, parameters=parameters), level_phi=[0.6])
+    assert profiles.labels(fit) == ["leg slip a", "cable drag a", "k at φ 0.600"]
 
 
 def test_a_stage_that_holds_is_said_to_hold(found):

@@ -129,6 +129,22 @@ def test_failing_cells_are_marked_by_sign_and_number_not_by_colour_alone():
     assert (text != "").sum() == 2
 
 
+@given(st.sets(st.integers(0, len(PHI) * len(OMEGA) - 1)))
+def test_a_map_has_its_rows_and_columns_in_order_whichever_cells_fail(failing):
+    """The words stand on the map as a trace of their own, before it: left to itself Plotly would order by them."""
+    cells = made_up_cells()
+    fails = tuple(Fail("speed", cells.phi[i], cells.omega[i], 0.1, 9.0) for i in failing)
+    step = made_up_step(cells, np.full((len(cells), 4), 9.0), fails)
+    base = made_up_step(cells)
+    spec = residual_map.residual_map(step, "speed", base)
+    for key in ("", "2"):
+        across, up = (spec["layout"][f"{letter}axis{key}"] for letter in "xy")
+        assert (across["categoryorder"], up["categoryorder"]) == ("array", "array")
+        assert across["categoryarray"] == ["4", "12", "20", "28"]
+        assert up["categoryarray"] == ["φ 0.580", "φ 0.600", "φ 0.633"]
+    assert len(spec["data"][2]["text"]) == len(failing)
+
+
 def test_a_cell_that_was_not_measured_is_said_to_be_so():
     speed = np.full(NONE.shape, 0.1)
     lift = np.where(np.arange(len(NONE)) < 2, np.nan, 0.005)

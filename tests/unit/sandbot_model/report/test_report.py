@@ -155,7 +155,8 @@ def test_every_figure_is_there_for_every_step_in_both_themes(page):
     for name, themes in figures.items():
         assert set(themes) == {"light", "dark"}
         assert {len(specs) for specs in themes.values()} == ({1} if name == "lock" else {2})
-        assert f'id="plot-{name}" role="group" aria-labelledby="says-{name}"' in page
+        assert f'role="group" aria-labelledby="says-{name}"' in page
+        assert f'id="plot-{name}"' in page
         assert f'id="says-{name}"' in page
 
 

@@ -15,7 +15,7 @@ from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.typeset import mathml_in_pieces
 from sandbot_model.report import text
 from sandbot_model.report.drawings import drawing
-from sandbot_model.report.effect_facts import DESIGN, range_of, words
+from sandbot_model.report.effect_facts import DESIGN, span_of, words
 from sandbot_model.report.fingerprint_map import fingerprint_map
 from sandbot_model.report.page import source
 from sandbot_model.report.view import readable
@@ -108,7 +108,7 @@ class CardsPage:
         others = [one for one in selection.effects if one != name]
         toggled = selection.toggled(others if on else [*selection.effects, name])
         picture = f'<img src="/drawing/{name}.svg" alt="" width="160" height="100">' if drawing(name) else ""
-        ranges = "".join(f"<dt>range</dt><dd>{escape(range_of(one))}</dd>" for one in effect.parameters)
+        ranges = "".join(f"<dt>{text.symbol(one)}</dt><dd>{escape(span_of(one))}</dd>" for one in effect.parameters)
         return CARD.format(
             name=escape(name), picture=picture, heading=heading, verb="Switch off" if on else "Switch on",
             change=change_of(preview, on, now_m_s), query=escape(to_query(toggled)), words=escape(words(effect)),

@@ -13,7 +13,7 @@ from sandbot_model.explore.views import values
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.symbols import listed
-from sandbot_model.physics.typeset import mathml_in_pieces
+from sandbot_model.physics.typeset import mathml_in_pieces, plain
 from sandbot_model.report.drawings import drawing
 from sandbot_model.report.view import Step, readable
 
@@ -37,7 +37,7 @@ def effect_options(
             html.Small(values(effect, current), className="values") if name in on else None,
             className="effect-line" if useful else "effect-line useless",
         )
-        options.append({"value": name, "label": label, "title": effect.seen_in})
+        options.append({"value": name, "label": label, "title": plain(effect.seen_in)})
     return options
 
 

@@ -34,18 +34,19 @@ PAGE = """<!doctype html>
 <p class="kind">{model}. Other trials of this condition: {others}</p></header>
 <main class="theatre"><div class="stage">{film}{leg}</div>
 <div class="controls"><button type="button" id="play">Play</button>
+<span><label for="pace">pace</label> <select id="pace"><option value="1">1</option>
+<option value="0.25" selected>1/4</option><option value="0.1">1/10</option></select></span>
 <label for="clock">time (s)</label>
-<input type="range" id="clock" min="{start}" max="{end}" step="0.005" value="0" autocomplete="off">
-<label for="pace">pace</label><select id="pace"><option value="1">1</option><option value="0.25" selected>1/4</option>
-<option value="0.1">1/10</option></select></div>
+<input type="range" id="clock" min="{start}" max="{end}" step="0.005" value="0" autocomplete="off"></div>
 <p id="reading" class="reading"></p>
 {records}{phase}
 <p><a class="download" download="{trial}.mp4" href="/theatre/clip.mp4?{address}">Clip of this trial
 (MP4, a quarter of its pace)</a></p></main>
 <script src="/plotly.js"></script><script type="application/json" id="scene">{data}</script>
 <script>{export}</script><script>{script}</script></body></html>"""
-FIGURE = """<figure><div class="screen"><div class="plot" id="plot-{name}" role="group" aria-labelledby="says-{name}">
-</div>{cursor}</div><figcaption><p id="says-{name}">{says}</p><p class="save">Save figure: {buttons}</p></figcaption>
+FIGURE = """<figure><div class="scroll" tabindex="0" role="group" aria-labelledby="says-{name}"><div class="screen">
+<div class="plot" id="plot-{name}"></div>{cursor}</div></div>
+<figcaption><p id="says-{name}">{says}</p><p class="save">Save figure: {buttons}</p></figcaption>
 </figure>"""
 LEG = """<svg class="leg" viewBox="-9 -9 18 14" role="img" aria-label="The model's legs: coloured while they hold">
 <rect x="-9" y="0" width="18" height="5" class="bed"/><g id="ground">{stones}</g>

@@ -1,4 +1,4 @@
-"""The c-leg as a circle that rolls on its lowest point: how depth, lift, step and leg angle hang together."""
+"""The c-leg as a circle that rolls on its lowest point: how depth, lift, step and leg angle are related."""
 
 import numpy as np
 

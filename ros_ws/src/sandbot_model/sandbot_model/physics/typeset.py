@@ -54,6 +54,7 @@ def mathml(formula: str) -> str:
     """The formula as a ``<math>`` element."""
     try:
         lines, words = statements(formula)
+        words = plain(words)
         shown = "<mtext>;&#160; </mtext>".join(map(_line, lines))
     except (ValueError, SyntaxError):
         shown, words = "", formula
@@ -65,6 +66,7 @@ def mathml_in_pieces(formula: str) -> str:
     """The same as a ``<math>`` for each statement, between which a narrow column may break its lines."""
     try:
         lines, words = statements(formula)
+        words = plain(words)
         shown = [f"<math>{_line(line)}</math>" for line in lines]
     except (ValueError, SyntaxError):
         shown, words = [], formula

@@ -11,15 +11,18 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import CM, NAMES, Observable
 from sandbot_model.report import text
+from sandbot_model.report.captions import at
 from sandbot_model.report.figures import as_json, model_name
 from sandbot_model.report.map_text import words_on
 from sandbot_model.report.residual_map import MAX_LABELLED_COLUMNS, column_label
-from sandbot_model.report.theme import Spec, Theme, axis, layout, note
+from sandbot_model.report.theme import Spec, Theme, category_axis, layout, note
 from sandbot_model.report.view import Step, bands, frequencies, observable_label
 
 CLEAR_SD = 3.0
 """Difference of two predictions, in standard deviations of one trial, that a trial or two shows."""
-COLOUR_END_SD = 8.0
+LEAST_END_SD = 10.0
+DECADES = (1, 3, 10, 30, 100, 300, 1000)
+"""Labels of the separation's colour bar, which is logarithmic: gaps of 3 and of 300 stand side by side."""
 
 
 def difference(first: Step, second: Step, observable: str) -> Array:
@@ -62,8 +65,8 @@ def difference_says(first: Step, second: Step, observable: str) -> str:
     most = int(np.nanargmax(np.abs(away)))
     return (
         f"{observable_label(observable).capitalize()}, {_less(first, second)}. The largest difference is "
-        f"{text.number(CM * away[most], 2)} {Observable[observable].readers_unit}, at φ {cells.phi[most]:.3f}, ω "
-        f"{cells.omega[most]:.3g} rad/s."
+        f"{text.number(CM * away[most], 2)} {Observable[observable].readers_unit}, at "
+        f"{at(cells, most)}."
     )
 
 
@@ -103,9 +106,11 @@ def separation_map(found: Gaps, trials: Sequence[NextTrial], theme: Theme) -> Sp
     z = np.array([[trial.expected_gap_sd if trial else 0.0 for trial in row] for row in at])
     rows = [f"φ {value:.3f}" for value in phi]
     heat = _heat(
-        as_json(omega), rows, np.minimum(z, COLOUR_END_SD), theme.gap_scale(), 0.0, COLOUR_END_SD,
-        "difference (standard<br>deviations of a trial)",
-    ) | {
+        as_json(omega), rows, np.log10(np.maximum(z, 1.0)), theme.gap_scale(), 0.0,
+        float(np.log10(max(LEAST_END_SD, z.max()))), "difference (standard<br>deviations of a trial)",
+    )  # fmt: skip
+    heat["colorbar"] |= {"tickvals": np.log10(DECADES).tolist(), "ticktext": [str(sd) for sd in DECADES]}
+    heat |= {
         "customdata": [[[trial.expected_gap_sd if trial else 0.0, _watched(trial)] for trial in row] for row in at],
         "hovertemplate": "%{y}, ω %{x:.3g} rad/s<br>%{customdata[0]:.1f} s.d. %{customdata[1]}<extra></extra>",
     }  # fmt: skip
@@ -161,8 +166,8 @@ def _map(data: list[Spec], rows: int, theme: Theme) -> Spec:
         "data": data,
         "layout": layout(
             theme, 150 + max(28 * rows, 110), plot_bgcolor=theme.empty, showlegend=False,
-            xaxis=axis(theme, "ω (rad/s)", type="category", showgrid=False, ticks=""),
-            yaxis=axis(theme, "", type="category", showgrid=False, ticks=""),
+            xaxis=category_axis(theme, "ω (rad/s)", data[-1]["x"]),
+            yaxis=category_axis(theme, "", data[-1]["y"]),
         ),
     }  # fmt: skip
     spec["layout"]["margin"] |= {"t": 68, "l": 84}

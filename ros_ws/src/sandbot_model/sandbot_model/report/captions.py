@@ -128,8 +128,8 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float) -> str:
 
 
 def at(cells: Cells, cell: int) -> str:
-    """A condition in words."""
-    return f"φ {cells.phi[cell]:.3f}, ω {cells.omega[cell]:.3g} rad/s"
+    """A condition in words, by the φ of its level, as panels and maps are labelled."""
+    return f"φ {cells.level_phi[cells.level[cell]]:.3f}, ω {cells.omega[cell]:.3g} rad/s"
 
 
 def worst_frequency(fit: Fit) -> float:

@@ -24,11 +24,14 @@ def words(effect: Effect) -> str:
 
 
 def range_of(parameter: Parameter) -> str:
-    """A parameter's plausible range, its usual value, and what it is."""
+    """A parameter's name, plausible range, usual value, and what it is."""
+    return f"{parameter.name} {span_of(parameter)}"
+
+
+def span_of(parameter: Parameter) -> str:
+    """The same without its name."""
     unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-    return (
-        f"{parameter.name} {parameter.low:g} to {parameter.high:g}{unit}, usually {parameter.start:g}: {parameter.doc}"
-    )
+    return f"{parameter.low:g} to {parameter.high:g}{unit}, usually {parameter.start:g}: {parameter.doc}"
 
 
 def shown_in(found: Fingerprint) -> list[Observable]:

@@ -1,4 +1,4 @@
-"""How well each parameter is known: profile curves of the deviance, and how the parameters' errors hang together."""
+"""How well each parameter is known: profile curves of the deviance, and correlations of the parameters' errors."""
 
 from functools import lru_cache
 from textwrap import wrap
@@ -8,11 +8,10 @@ import numpy as np
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.profile import profile
 from sandbot_model.physics.arrays import Array
-from sandbot_model.physics.typeset import plain
 from sandbot_model.report import text
 from sandbot_model.report.figures import as_json, grid_of_panels, in_panel, legend_entry
 from sandbot_model.report.map_text import words_on
-from sandbot_model.report.theme import Spec, Theme, axis, layout
+from sandbot_model.report.theme import Spec, Theme, axis, category_axis, layout
 from sandbot_model.report.view import Step
 
 SIGMAS = np.linspace(-3.5, 3.5, 15)
@@ -22,9 +21,9 @@ WITHOUT_ERROR = 0.02
 RISES = ((1.0, "68 %"), (3.84, "95 %"))
 """Rise of the deviance at the ends of an interval for one parameter (Wilks), and the interval's confidence."""
 TOP = 12.0
-PANEL_WIDTH = 44
-"""Characters of a title below a panel."""
-SYMBOLS = {"delta_t_s": "Δt", "v_swim_m_s": "v_swim"}
+PANEL_WIDTH, TITLE_PX = 28, 32
+"""Characters of a title below a panel, and the room that its second and third line take."""
+SYMBOLS = {"delta_t_s": "Δt", "v_swim_m_s": "v<sub>swim</sub>"}
 """Of the base model's parameters."""
 
 
@@ -42,7 +41,9 @@ def profiles(step: Step, theme: Theme) -> Spec:
     """A panel for each shared parameter: the profile, and the parabola its standard error stands for."""
     fit = step.fit
     names = list(fit.model.names)
-    spec = grid_of_panels([f"<b>{symbol(fit, name)}</b>" for name in names], theme, 3, height=240)
+    spec = grid_of_panels([f"<b>{symbol(fit, name)}</b>" for name in names], theme, 3, height=260)
+    spec["layout"]["height"] += TITLE_PX
+    spec["layout"]["margin"]["b"] += TITLE_PX
     for i, name in enumerate(names):
         values, rise = curve(fit, i)
         estimate = fit.parameters[name]
@@ -87,10 +88,9 @@ def _dashed(theme: Theme) -> Spec:
 
 
 def symbol(fit: Fit, name: str) -> str:
-    """What the formula calls a parameter: ``Δt``, ``k_L``."""
+    """What formulas call a parameter: ``Δt``, ``k<sub>L</sub>``."""
     parameter = fit.model.parameters[fit.model.names.index(name)]
-    called = plain(parameter.symbol or parameter.name.removesuffix(f"_{parameter.unit}"))
-    return SYMBOLS.get(parameter.name, called)
+    return SYMBOLS.get(parameter.name) or text.symbol(parameter)
 
 
 def _title(fit: Fit, name: str) -> str:
@@ -102,8 +102,7 @@ def _title(fit: Fit, name: str) -> str:
 def correlations(step: Step, theme: Theme) -> Spec:
     """Correlations of the errors of all unknowns, k of every level among them."""
     fit = step.fit
-    names = [symbol(fit, name) for name in fit.model.names]
-    names += [f"k at φ {phi:.3f}" for phi in fit.level_phi]
+    names = labels(fit)
     values = correlation(fit.covariance[: len(names), : len(names)])
     words = [[text.number(v, 1) if abs(v) >= 0.3 and i != j else "" for j, v in enumerate(row)]
              for i, row in enumerate(np.nan_to_num(values))]  # fmt: skip
@@ -111,18 +110,28 @@ def correlations(step: Step, theme: Theme) -> Spec:
         "type": "heatmap", "x": names, "y": names, "z": as_json(values), "zmin": -1, "zmax": 1,
         "colorscale": theme.residual_scale(), "xgap": 1, "ygap": 1, "hoverongaps": False,
         "hovertemplate": "%{y} and %{x}: %{z:.2f}<extra></extra>",
-        "colorbar": {"title": {"text": "correlation", "side": "right"}, "thickness": 14, "outlinewidth": 0},
+        "colorbar": {
+            "title": {"text": "correlation", "side": "right", "font": {"size": 12}}, "thickness": 14, "outlinewidth": 0,
+        },
     }  # fmt: skip
-    bare = {"showgrid": False, "ticks": ""}
     spec: Spec = {
         "data": [words_on(heat, words, theme), heat],
         "layout": layout(
             theme, 120 + 30 * len(names), showlegend=False, plot_bgcolor=theme.empty,
-            xaxis=axis(theme, "", tickangle=-40, **bare), yaxis=axis(theme, "", autorange="reversed", **bare),
+            xaxis=category_axis(theme, "", names, tickangle=-40),
+            yaxis=category_axis(theme, "", names, autorange="reversed"),
         ),
     }  # fmt: skip
-    spec["layout"]["margin"] |= {"l": 100, "b": 90, "t": 20}
+    spec["layout"]["margin"] |= {"l": 100, "b": 90, "t": 44}
     return spec
+
+
+def labels(fit: Fit) -> list[str]:
+    """A symbol for each unknown; where effects share one, the effect's name stands before it."""
+    symbols = [symbol(fit, name) for name in fit.model.names]
+    owners = [name.rpartition(".")[0].replace("_", " ") for name in fit.model.names]
+    shared = [f"{owner} {one}" if symbols.count(one) > 1 else one for owner, one in zip(owners, symbols, strict=True)]
+    return shared + [f"k at φ {phi:.3f}" for phi in fit.level_phi]
 
 
 def correlation(covariance: Array) -> Array:
@@ -154,15 +163,16 @@ def _parabolic(fit: Fit, index: int) -> bool:
 
 
 def correlations_say(step: Step) -> str:
-    """Which errors hang together most."""
+    """Which errors are correlated most."""
     fit = step.fit
     names = [text.described(name, fit.model.catalogue.values())[0] for name in fit.model.names]
+    names += [f"k at φ {phi:.3f}" for phi in fit.level_phi]
     values = np.nan_to_num(correlation(fit.covariance[: len(names), : len(names)]))
     values[np.tril_indices(len(names))] = 0.0
     if not values.any():
-        return "The errors of the shared parameters do not hang together."
+        return "The errors of the parameters are not correlated."
     one, other = np.unravel_index(np.abs(values).argmax(), values.shape)
     return (
-        f"Errors of {names[int(one)]} and {names[int(other)]} hang together most: correlation "
+        f"Most correlated are the errors of {names[int(one)]} and {names[int(other)]}: "
         f"{text.number(float(values[one, other]), 2)}."
     )

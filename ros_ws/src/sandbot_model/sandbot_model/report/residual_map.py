@@ -9,7 +9,7 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.report.figures import as_json, model_name
 from sandbot_model.report.map_text import words_on
-from sandbot_model.report.theme import LIGHT, Spec, Theme, axis, layout, note
+from sandbot_model.report.theme import LIGHT, Spec, Theme, category_axis, layout, note
 from sandbot_model.report.view import Step, bands, frequencies, observable_label, residual_z
 
 Z_FAIL = 3.0
@@ -38,12 +38,8 @@ def residual_map(step: Step, observable: str, base: Step | None = None, theme: T
         axes = {"xaxis": f"x{key}", "yaxis": f"y{key}"}
         spec["data"].append(words_on(trace, trace["text"], theme) | axes)
         spec["data"].append(trace | axes | {"showscale": i == len(shown) - 1})
-        spec["layout"][f"xaxis{key}"] = axis(
-            theme, "ω (rad/s)", type="category", showgrid=False, ticks="", domain=across, anchor=f"y{key}"
-        )
-        spec["layout"][f"yaxis{key}"] = axis(
-            theme, "", type="category", showgrid=False, ticks="", showticklabels=i == 0, anchor=f"x{key}"
-        )
+        spec["layout"][f"xaxis{key}"] = category_axis(theme, "ω (rad/s)", trace["x"], domain=across, anchor=f"y{key}")
+        spec["layout"][f"yaxis{key}"] = category_axis(theme, "", trace["y"], showticklabels=i == 0, anchor=f"x{key}")
         failing = _count(failing_cells(drawn.fit, observable))
         words = f"<b>{observable_label(observable)}</b><br>{model_name(drawn)}: {failing}"
         spec["layout"]["annotations"].append(

@@ -76,5 +76,9 @@ def stages_say(stages: Sequence[StageTest]) -> str:
     failing = sorted((stage for stage in stages if stage.missed), key=lambda stage: stage.p)
     if not failing:
         return "Every stage of the base model holds in these trials."
-    names = "; ".join(f"{stage.stage} ({stage.connects}) at {len(stage.missed)} conditions" for stage in failing)
+    names = "; ".join(f"{stage.stage} ({stage.connects}) at {_conditions(len(stage.missed))}" for stage in failing)
     return f"The base model fails at: {names}."
+
+
+def _conditions(count: int) -> str:
+    return f"{count} condition{'' if count == 1 else 's'}"

@@ -8,7 +8,7 @@ from markupsafe import Markup
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import CM, Observable
-from sandbot_model.physics.typeset import mathml
+from sandbot_model.physics.typeset import mathml, plain
 from sandbot_model.report import text
 from sandbot_model.report.page import Picture, Section, Table, data_uri
 from sandbot_model.report.view import Step, observable_label, readable
@@ -86,7 +86,7 @@ def parameters(steps: tuple[Step, ...]) -> Section:
 
 
 def _correlations(step: Step) -> list[Table]:
-    """How the errors of the last step's shared parameters hang together; a dash where there is no error."""
+    """How the errors of the last step's shared parameters are correlated; a dash where there is no error."""
     names = list(step.fit.parameters)
     covariance = step.fit.covariance[: len(names), : len(names)]
     sd = np.sqrt(np.diag(covariance))
@@ -106,7 +106,7 @@ def _correlation(value: float) -> str:
 def _formulas(fit: Fit) -> list[Table]:
     """What each effect of the last step changes; nothing where there is no effect."""
     rows = [
-        (readable(effect.identifier), effect.stage, Markup(mathml(effect.formula)), effect.seen_in)
+        (readable(effect.identifier), effect.stage, Markup(mathml(effect.formula)), plain(effect.seen_in))
         for effect in fit.model.effects
     ]
     caption = "What the effects change: → in the chain from clock to speed, with the parameters above."
@@ -155,7 +155,8 @@ def failing(steps: tuple[Step, ...]) -> Section:
             for f in fails[:MAX_FAILING_ROWS]
         ]  # fmt: skip
         more = f", the worst {MAX_FAILING_ROWS} shown" if len(fails) > MAX_FAILING_ROWS else ""
-        caption = f"{step.label}: {len(fails)} failing cells{more}. Residual: measured minus model."
+        count = f"{len(fails)} failing cell{'' if len(fails) == 1 else 's'}"
+        caption = f"{step.label}: {count}{more}. Residual: measured minus model."
         head = ("observable", "φ", "ω (rad/s)", "residual", "standard errors")
         tables.append(Table(caption, head, rows, (True, False, False, False, False), step=i, folded=len(rows) > 8))
     return Section("failing", "Failing cells", tables=tuple(tables))

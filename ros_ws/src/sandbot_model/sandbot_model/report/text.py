@@ -4,13 +4,14 @@ import math
 from collections.abc import Iterable
 
 from sandbot_model.fitting.text import UNKNOWN, cm_s, probability, with_error
-from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import BASE_PARAMETERS
 from sandbot_model.physics.observables import CM
+from sandbot_model.physics.typeset import plain
 from sandbot_model.report.view import readable
 
-__all__ = ("centi", "cm_s", "described", "number", "probability", "with_error")
+__all__ = ("centi", "cm_s", "described", "number", "probability", "symbol", "with_error")
 
 
 def centi(value: float) -> str:
@@ -21,6 +22,13 @@ def centi(value: float) -> str:
 def number(value: float, digits: int = 1) -> str:
     """A plain number with a true minus sign."""
     return f"{value:.{digits}f}".replace("-", "−") if math.isfinite(value) else UNKNOWN
+
+
+def symbol(parameter: Parameter) -> str:
+    """What formulas call a parameter, its subscript as HTML and Plotly set it: ``k<sub>L</sub>``."""
+    called = plain(parameter.symbol or parameter.name.removesuffix(f"_{parameter.unit}"))
+    head, _, subscript = called.partition("_")
+    return f"{head}<sub>{subscript}</sub>" if subscript else head
 
 
 def described(parameter: str, effects: Iterable[Effect] = CATALOGUE) -> tuple[str, str]:

@@ -1,5 +1,6 @@
 """How figures look: ink, paper, the ordered palette of φ and the diverging one of residuals, light and dark."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -104,6 +105,12 @@ def axis(theme: Theme, title: str = "", **more: Any) -> Spec:
         "zeroline": False,
         **more,
     }
+
+
+def category_axis(theme: Theme, title: str, labels: Sequence[str], **more: Any) -> Spec:
+    """An axis of a map, its labels in this order: left to itself, Plotly takes them as its traces come."""
+    order = {"type": "category", "categoryorder": "array", "categoryarray": list(labels)}
+    return axis(theme, title, showgrid=False, **(order | {"ticks": ""} | more))
 
 
 def note(text: str, x: float, y: float, **more: Any) -> Spec:
