@@ -1,8 +1,10 @@
 """What there is: each verb's executable, what it does in a line, and what to look at afterwards."""
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 from sandbot_common.terminal import filled
 
@@ -85,8 +87,15 @@ def usage(others: Sequence[str]) -> str:
 
 def then(verb: Verb, arguments: Sequence[str]) -> list[str]:
     """What to look at after a verb was run with these arguments; nothing that would need a name not known."""
-    words = [one for one in arguments if not one.startswith("-")]
     out = next((after for name, after in pairwise(arguments) if name in ("--out", "-o")), "")
-    known = {"data": words[0] if words else "", "out": out}
+    known = {"data": _data(arguments), "out": out}
     unknown = [f"{{{name}}}" for name, value in known.items() if not value]
-    return [line.format(**known) for line in verb.then if not any(name in line for name in unknown)]
+    quoted = {name: shlex.quote(value) for name, value in known.items()}
+    return [line.format(**quoted) for line in verb.then if not any(name in line for name in unknown)]
+
+
+def _data(arguments: Sequence[str]) -> str:
+    """The first word that is no option's value; behind a flag (``--verbose DATA``) one that is a file or folder."""
+    words = [(before, word) for before, word in pairwise(["", *arguments]) if not word.startswith("-")]
+    free = [word for before, word in words if not before.startswith("-") or "=" in before]
+    return next(iter([*free, *(word for _, word in words if Path(word).exists())]), "")

@@ -69,9 +69,15 @@ def test_a_verb_that_is_none_is_answered_with_the_one_that_may_be_meant():
         ("campaign", ["p.yaml", "--out", "runs/x"], ["trackway compare runs/x", "trackway discover runs/x"]),
         ("campaign", ["p.yaml"], []),
         ("record", ["-a", "-o", "bag"], ["trackway info bag", "trackway replay bag"]),
+        ("table", ["my trials"], ["trackway compare 'my trials'"]),
+        ("table", ["--rate", "8", "runs/x"], ["trackway compare runs/x"]),
+        ("table", ["--verbose", str(door.TOOLS)], [f"trackway compare {door.TOOLS}"]),
+        ("table", ["--rate=8", "runs/x"], ["trackway compare runs/x"]),
+        ("table", ["--robot", "none.yaml"], []),
     ],
 )
 def test_what_is_next_names_what_was_given(name, arguments, told):
+    """As it can be pasted: quoted, and no option's value for the data."""
     assert then(VERBS[name], arguments) == told
 
 
