@@ -73,9 +73,10 @@ bench: setup
 bench-quick: setup
 	$(RUN) python benchmarks/run.py --quick
 
-# The pictures of docs/explorer.md, drawn anew.
+# The pictures of docs/explorer.md and docs/console.md, drawn anew.
 screenshots: setup browser
 	$(RUN) python tools/screenshots.py
+	$(RUN) python tools/console_picture.py
 
 # docs/python.md run, its outputs written back, and examples/python.ipynb made of it.
 notebook: setup

@@ -180,11 +180,7 @@ def chromium() -> Iterator[webdriver.Chrome]:
 
 def take(driver: webdriver.Chrome, shot: Shot, address: str, ready: str, folder: Path, colours: str) -> None:
     """One picture in a colour scheme, small enough for a repository."""
-    scheme = [{"name": "prefers-color-scheme", "value": colours}]
-    driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
-    width, height = shot.size
-    metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
-    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    look(driver, colours, shot.size)
     driver.get(address)
     WebDriverWait(driver, PATIENCE_S).until(lambda d: d.execute_script(ready))
     if shot.act is not None:
@@ -195,7 +191,19 @@ def take(driver: webdriver.Chrome, shot: Shot, address: str, ready: str, folder:
     )
     if shot.scroll_to:
         driver.execute_script(f"document.querySelector({shot.scroll_to!r}).scrollIntoView()")
-    path = folder / f"{shot.name}.png"
+    save(driver, folder / f"{shot.name}.png")
+
+
+def look(driver: webdriver.Chrome, colours: str, size: tuple[int, int]) -> None:
+    """What a page is told of the reader's screen."""
+    scheme = [{"name": "prefers-color-scheme", "value": colours}]
+    driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
+    metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+
+
+def save(driver: webdriver.Chrome, path: Path) -> None:
+    """What the browser shows, in few colours."""
     picture = Image.open(io.BytesIO(driver.get_screenshot_as_png())).convert("RGB")
     picture.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
     print(f"{path.relative_to(OUT)}: {path.stat().st_size // 1024} kB")
