@@ -32,6 +32,7 @@ FILES = {
     "world.yaml of the virtual lab": ("sandbot_lab.world", "World"),
     "noise in world.yaml": ("sandbot_lab.world", "Noise"),
     "week in world.yaml": ("sandbot_lab.week", "Week"),
+    "resistive in world.yaml": ("sandbot_lab.resistive", "ResistiveGround"),
 }
 EXAMPLE = "examples/demo_trials.csv"
 

@@ -25,6 +25,8 @@ def press(
 
     Raises InputError for a volume fraction no bed has, or a depth the leg can't reach with the belly at rest.
     """
+    if world.resistive:
+        raise InputError("resistive: this ground creeps under a leg that is pressed slowly; it has no penetrometer")
     radius, height = world.body.leg_radius_m, world.body.axle_height_m
     deepest = 2 * radius - height
     rows = []

@@ -4,14 +4,16 @@ robot = LabRobot(world, phi, seed);  state = robot.advance(t_s, angles, rates)
 trace = simulate(world, phi, t_s, angles, rates, seed)
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sandbot_common.errors import InputError
-from sandbot_lab import kernel
+from sandbot_lab import kernel, resistive
 from sandbot_lab.physics import fresh_state, physics_record
 from sandbot_lab.week import Occasion, Week
 from sandbot_lab.world import START_X_M, World
@@ -59,8 +61,7 @@ class LabRobot:
 
     def __init__(self, world: World, phi: float, seed: int, start_x_m: float = START_X_M) -> None:
         """Raises InputError for a volume fraction no grain bed has."""
-        self._physics = physics_record(world, checked_phi(phi), seed)
-        self._state = fresh_state(world, start_x_m)
+        self._run = _mechanism(world, checked_phi(phi), seed, start_x_m)
         self._legs = len(world.body.leg_order)
         self._rows = np.zeros((1, 5 + 3 * self._legs))
         self._t = -np.inf
@@ -72,7 +73,7 @@ class LabRobot:
         """
         angles, rates = (np.ascontiguousarray(legs, np.float64) for legs in (angles_rad, rates_rad_s))
         _check_legs(np.array([self._t, t_s]), angles[None], rates[None], self._legs)
-        kernel.run(self._physics, self._state, np.array([t_s], np.float64), angles[None], rates[None], self._rows)
+        self._run(np.array([t_s], np.float64), angles[None], rates[None], self._rows)
         self._t = float(t_s)
         row = self._rows[0]
         return BodyState(
@@ -106,7 +107,7 @@ def simulate(
         raise InputError(f"set-points: t_s {times.shape}, angles {angles.shape}: expected (n,) and (n, {legs})")
     _check_legs(times, angles, rates, legs)
     rows: NDArray[Any] = np.zeros((times.size, 5 + 3 * legs))
-    kernel.run(physics_record(world, checked_phi(phi), seed), fresh_state(world, start_x_m), times, angles, rates, rows)
+    _mechanism(world, checked_phi(phi), seed, start_x_m)(times, angles, rates, rows)
     return Trace(
         t_s=times,
         x_m=rows[:, 0],
@@ -117,6 +118,13 @@ def simulate(
         mode=rows[:, 3].astype(np.int8),
         tripod=rows[:, 4].astype(np.int8),
     )
+
+
+def _mechanism(world: World, phi: float, seed: int, start_x_m: float) -> Callable[..., None]:
+    """Carries a robot at rest through set-points, see `kernel.run`: on the ground that this world has."""
+    if world.resistive:
+        return partial(resistive.run, *resistive.records(world, world.resistive, phi, seed, start_x_m))
+    return partial(kernel.run, physics_record(world, phi, seed), fresh_state(world, start_x_m))
 
 
 def as_seen(trace: Trace, week: Week, occasion: Occasion) -> Trace:

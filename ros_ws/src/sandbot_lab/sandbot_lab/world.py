@@ -20,6 +20,7 @@ from sandbot_common.parameters import from_mapping, parameter
 from sandbot_common.robot import SANDBOT, Robot, robot_from_mapping, to_mapping
 from sandbot_common.suggest import did_you_mean
 from sandbot_lab.effects import DRAWN, EFFECTS, checked_effect
+from sandbot_lab.resistive import ResistiveGround
 from sandbot_lab.week import Occasion, Week
 
 SCHEMA = "sandbot.world/1"
@@ -64,11 +65,15 @@ class World:
     robot: Robot | None = None
     """The robot that truly walks, whatever robot.yaml says; None: the campaign's (`walked_by`), else SandBot."""
     week: Week = field(default_factory=Week)
+    resistive: ResistiveGround | None = None
+    """Ground of another kind in place of the one that holds, which k, Δt, v_swim, effects and most noise describe."""
 
     def __post_init__(self) -> None:
         """Fill in the defaults of the effects and refuse what can't be."""
         filled = {name: checked_effect(name, dict(given or {}), "effects") for name, given in self.effects.items()}
         object.__setattr__(self, "effects", filled)
+        if self.resistive and self.effects:
+            raise InputError(f"effects: {', '.join(self.effects)}: they act on ground that holds; resistive: has none")
         rises = all(low < high for low, high in zip(self.phi_knots, self.phi_knots[1:], strict=False))
         if len(self.phi_knots) < 2 or len(self.phi_knots) != len(self.k_knots_n_per_m) or not rises:
             raise InputError(
@@ -95,7 +100,11 @@ class World:
     def at(self, occasion: Occasion) -> "World":
         """The world as one trial of the campaign meets it: its virgin ground as strong as the bed is then."""
         factor = self.week.strength(occasion)
-        return dataclasses.replace(self, k_knots_n_per_m=tuple(factor * k for k in self.k_knots_n_per_m))
+        ground = self.resistive and dataclasses.replace(
+            self.resistive, strength_n_per_m3=factor * self.resistive.strength_n_per_m3
+        )
+        knots = tuple(factor * k for k in self.k_knots_n_per_m)
+        return dataclasses.replace(self, k_knots_n_per_m=knots, resistive=ground)
 
     def with_noise(self, scale: float) -> "World":
         """The same world with every noise multiplied by ``scale``."""
@@ -123,10 +132,14 @@ def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
     schema = values.pop("schema", SCHEMA)
     if schema != SCHEMA:
         raise InputError(f"{where}: schema: {schema!r} is not {SCHEMA!r}")
+    if "resistive" in values:
+        _check_resistive(values, where)
     sections: dict[str, Any] = {
         "noise": from_mapping(Noise, values.pop("noise", {}), f"{where}: noise"),
         "week": from_mapping(Week, values.pop("week", {}), f"{where}: week"),
     }
+    if "resistive" in values:
+        sections["resistive"] = from_mapping(ResistiveGround, values.pop("resistive") or {}, f"{where}: resistive")
     if "robot" in values:
         sections["robot"] = robot_from_mapping(values.pop("robot"), f"{where}: robot")
     effects = values.pop("effects", None) or {}
@@ -138,6 +151,14 @@ def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith(where) else f"{where}: {text}") from None
+
+
+def _check_resistive(values: Mapping[str, Any], where: str) -> None:
+    """What describes ground that holds is refused beside ground that does not."""
+    ignored = [key for key in ("phi_knots", "k_knots_n_per_m", "delta_t_s", "swim_m_s") if key in values]
+    ignored += [f"noise: {key}" for key in values.get("noise") or {} if key not in ("scale", "phi_sd")]
+    if ignored:
+        raise InputError(f"{where}: {ignored[0]}: means nothing on the ground of resistive:; leave it out")
 
 
 _OLD_NAMES = {"k_knots_n_m": "k_knots_n_per_m", "k_l_n_m": "k_l_n_per_m"}
@@ -181,6 +202,11 @@ def write_world(world: World, path: Path) -> None:
         "noise": dataclasses.asdict(world.noise),
         "week": {**dataclasses.asdict(world.week), "k_jumps_at": list(world.week.k_jumps_at)},
     }
+    if world.resistive is not None:
+        for name in ("phi_knots", "k_knots_n_per_m", "delta_t_s", "swim_m_s", "effects"):
+            del content[name]
+        content["noise"] = {"scale": world.noise.scale, "phi_sd": world.noise.phi_sd}
+        content["resistive"] = dataclasses.asdict(world.resistive)
     if world.robot is not None:
         content["robot"] = to_mapping(world.robot)
     write_text(path, yaml.safe_dump(content, sort_keys=False))
