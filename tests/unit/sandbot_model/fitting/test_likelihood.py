@@ -6,6 +6,8 @@ import pytest
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.nuisances import Nuisances
+from sandbot_model.fitting.points import ArrayChains
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable
@@ -68,3 +70,27 @@ def test_what_was_not_measured_does_not_count(problem):
     assert not fewer.measured[0, Observable.lift]
     assert moved.residual[0, 0, Observable.lift] == 0.0
     assert np.isfinite(moved.deviance).all()
+
+
+@pytest.mark.parametrize("recorded", [True, False])
+@pytest.mark.parametrize("effects", [("stance_overlap",), ("phi_nonuniformity",), ("dilation", "leg_slip")])
+@pytest.mark.parametrize("shares", [True, False])
+def test_each_cell_at_parameters_of_its_own_is_that_cell_of_a_whole_evaluation(drawn, effects, recorded, shares):
+    model = model_of("simple", effects, EFFECTS)
+    cells = cells_of(drawn(levels=3, omega=(6, 12, 24)))
+    draw, count = np.random.default_rng(2), len(cells)
+    slope = draw.normal(0, 1e-3, (count, 4, 2))
+    nuisances = Nuisances(("a", "b"), np.array([1.0, 2.0]), slope, np.full(count, 0.005)) if shares else None
+    problem = Problem(model, cells, nuisances)
+    if not recorded:
+        problem.cell_means.chains = ArrayChains(model)
+    theta = np.array([one.start for one in model.parameters]) * draw.uniform(0.95, 1.05, (count, len(model.parameters)))
+    ln_k = np.log([175.0, 195.0, 220.0]) + draw.normal(0, 0.02, (count, 3))
+    shared = draw.normal(0, 1, (count, 2)) if shares else None
+    found = problem.cell_by_cell(theta, ln_k, SLOPE, shared)
+    whole, own = problem.states(theta, ln_k, SLOPE, shared), (np.arange(count),) * 2
+    np.testing.assert_array_equal(found.predicted, whole.predicted[own])
+    np.testing.assert_array_equal(found.widening, problem.widening(whole.covariance[own]))
+    np.testing.assert_allclose(found.deviance, whole.cell_deviance[own], rtol=1e-12)
+    np.testing.assert_array_equal(found.walks, whole.footing.walking[own].mean(axis=1) > 0.5)
+    assert 0 < found.walks.sum() < count

@@ -74,11 +74,22 @@ class CellMeans:
         points, track = self._points(theta, ln_k, slope)
         footing = self.chains.footing(points)
         values = self.chains.values(NAMES, points, vars(footing).values())
-        weights = self._weights(values)
+        return self._judged(footing, values, track, self._independent(ln_k, slope))
+
+    def said_by_row(self, theta: Array, ln_k: Array, slope: Array) -> Said:
+        """Prediction and likelihood of cell i by row i, in one row."""
+        slope = slope + np.zeros_like(ln_k)
+        points, track = self._points(theta, ln_k, slope, by_row=True)
+        footing = self.chains.footing(points)
+        values = self.chains.values(NAMES, points, vars(footing).values())
+        footing = Footing(*(np.ascontiguousarray(np.swapaxes(part, 0, 1)) for part in vars(footing).values()))
+        replicates = np.ascontiguousarray(_own(self._independent(ln_k, slope))[None])
+        return self._judged(footing, np.ascontiguousarray(np.swapaxes(values, 1, 2)), track.T, replicates)
+
+    def _judged(self, footing: Footing, values: Array, track: Array, replicates: Array) -> Said:
         share = share_between_trials(self.along, self.cells.phi_scatter, track)
-        replicates = self._independent(ln_k, slope)
-        found = kernels.judged(values, footing.walking, weights, WEIGHTS, self.measured, share, replicates)
-        return Said(footing, *found)
+        of = self._weights(values), WEIGHTS, self.measured, share, replicates
+        return Said(footing, *kernels.judged(values, footing.walking, *of))
 
     def jacobian(self, theta: Array, ln_k: Array, slope: Array, feet: Footing, whiten: Array) -> Array:
         """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``; the last column is the level's ln k.
@@ -140,18 +151,23 @@ class CellMeans:
     def _weights(self, values: Array) -> Array:
         return node_weights(np.moveaxis(values, 0, -1), True) if self.along else EVERYWHERE
 
-    def _points(self, theta: Array, ln_k: Array, slope: Array) -> tuple[Points, Array]:
-        """The nodes of every cell, and the standard deviation of φ along its track ``(rows or 1, cells or 1)``."""
+    def _points(self, theta: Array, ln_k: Array, slope: Array, *, by_row: bool = False) -> tuple[Points, Array]:
+        """The nodes of every cell, and the standard deviation of φ along its track ``(rows or 1, cells or 1)``.
+
+        ``by_row``: those of cell i in row i alone.
+        """
         cells, level_k = self.cells, np.exp(ln_k)
+        where = self.at.by_row() if by_row else self.at
         curve = KCurve(cells.level_phi, level_k, inner=3)
         track = np.zeros((1, 1))
         if self.chains.varies_phi:
-            at = Points(theta, self.at, level_k[:, cells.level, None], curve)
+            k = level_k[:, cells.level]
+            at = Points(theta, where, _own(k)[:, None, None] if by_row else k[..., None], curve)
             feet = np.full(at.shape, 0.01), np.ones(at.shape)
             track = self.chains.values(("sigma_phi",), at, (*feet, *feet))[0, ..., 0]
-        sigma_phi = np.hypot(cells.phi_scatter, track) + np.zeros(len(cells))
+        sigma_phi = np.hypot(cells.phi_scatter, track.T if by_row else track) + np.zeros(len(cells))
         k = kernels.node_k(level_k, slope, self._level, sigma_phi, self.ln_k_sd, NODES, LEAST_SPREAD)
-        return Points(theta, self.at, k, curve), track
+        return Points(theta, where, np.ascontiguousarray(_own(k)[:, None]) if by_row else k, curve), track
 
     def _independent(self, ln_k: Array, slope: Array) -> Array:
         """Replicates in terms of which the nodes' scatter is that of the mean ``(rows or 1, cells)``.
@@ -163,3 +179,9 @@ class CellMeans:
         relative = np.abs(slope) / np.exp(ln_k) * self.cells.phi_scatter
         own, shared = np.maximum(relative, LEAST_SPREAD)[:, self.cells.level] ** 2, self.ln_k_sd**2
         return np.ascontiguousarray((own + shared) / (own / self._replicates + shared))
+
+
+def _own(each: Array) -> Array:
+    """Row i's value for cell i, ``(cells, ...)`` of ``(rows or 1, cells, ...)``."""
+    at = np.arange(each.shape[1])
+    return each[at % len(each), at]

@@ -21,14 +21,17 @@ def descend(problem: Problem, states: States, iterations: int = ITERATIONS, fixe
     rows = np.arange(len(states.theta))
     damping = np.full(len(rows), 1e-2)
     active = np.ones(len(rows), dtype=bool)
+    jacobian, moved = full_jacobian(problem, states), np.zeros(len(rows), dtype=bool)
     for _ in range(iterations):
         at = np.flatnonzero(active)
         if not len(at):
             break
+        if (new := at[moved[at]]).size:
+            jacobian[new] = full_jacobian(problem, states.take(new))
         here = states.take(at)
-        trial = _moved(problem, here, damping[at], fixed)
+        trial = _moved(problem, here, jacobian[at], damping[at], fixed)
         gain = here.deviance - trial.deviance
-        better = gain > 0
+        better = moved[at] = gain > 0
         states = _put(states, at, here.where(better, trial))
         damping[at] = np.where(better, np.maximum(damping[at] / 10, 1e-9), damping[at] * 10)
         active[at] = np.where(better, gain > TOLERANCE, damping[at] < MAX_DAMPING)
@@ -40,15 +43,13 @@ def bounds(problem: Problem) -> tuple[Array, Array]:
     return problem.model.bounds
 
 
-def _moved(problem: Problem, states: States, damping: Array, fixed: Sequence[int]) -> States:
+def _moved(problem: Problem, states: States, jacobian: Array, damping: Array, fixed: Sequence[int]) -> States:
     """Each row after one damped step, parameters that are fixed or pressed against a bound held."""
     low, high = bounds(problem)
     count = states.theta.shape[1]
     free = np.ones(count, dtype=bool)
     free[list(fixed)] = False
-    step = problem.cell_means.step(
-        full_jacobian(problem, states), states.all_residuals, states.theta, low, high, free, damping
-    )
+    step = problem.cell_means.step(jacobian, states.all_residuals, states.theta, low, high, free, damping)
     theta = np.clip(states.theta + step[:, :count], low, high)
     levels = states.ln_k.shape[1]
     return problem.states(theta, states.ln_k + np.clip(step[:, count : count + levels], -0.2, 0.2), states.slope)

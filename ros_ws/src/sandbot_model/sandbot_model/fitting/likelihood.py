@@ -117,14 +117,15 @@ class Problem:
 
     def cell_by_cell(self, theta: Array, ln_k: Array, slope: Array, shared: Array | None = None) -> CellByCell:
         """What is predicted for cell i with row i of θ ``(cells, parameters)`` and ln k ``(cells, levels)``."""
-        states = self.states(theta, ln_k, slope, shared)
-        at = np.arange(len(self.cells))
-        return CellByCell(
-            states.predicted[at, at],
-            self.widening(states.covariance[at, at]),
-            states.cell_deviance[at, at],
-            states.footing.walking[at, at].mean(axis=1) > 0.5,
-        )
+        said = self.cell_means.said_by_row(theta, ln_k, slope)
+        predicted, residual, deviance = said.predicted[0], said.residual[0], said.deviance[0]
+        if self.nuisances is not None and shared is not None:
+            shift = self.whitened(said.whiten, self.nuisances)[0]
+            predicted = predicted + np.einsum("cim,cm->ci", self.nuisances.slope, shared)
+            left = residual - np.einsum("cim,cm->ci", shift, shared)
+            deviance = deviance + np.sum(left**2 - residual**2, axis=1)
+        walks = said.footing.walking[0].mean(axis=1) > 0.5
+        return CellByCell(predicted, self.widening(said.covariance[0]), deviance, walks)
 
     def widening(self, covariance: Array) -> Array:
         """How much wider a cell mean's speed scatters than by pure error ``(cells,)``; above 1 beside a switch."""

@@ -23,7 +23,7 @@ SEEN = (*NAMES, "margin", "virgin_margin")
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """What a cell is, arrays ``(cells,)``; φ also of every row, ``(rows, cells)``."""
+    """What a cell is, arrays ``(cells,)``; of every row, ``(rows, cells)``, φ may be, and all in ``by_row``."""
 
     omega: Array
     phi: Array
@@ -39,6 +39,12 @@ class Conditions:
         phi = np.atleast_2d(self.phi)
         others = (self.omega, self.clock.slow_ratio, self.clock.swing_ratio, self.slow_begin, self.slow_end)
         return np.stack([phi, *(np.broadcast_to(each, phi.shape) for each in others)])
+
+    def by_row(self) -> "Conditions":
+        """One cell for each row."""
+        one = slice(None), None
+        own = (self.omega[one], self.phi[one], self.clock[one], self.slow_begin[one], self.slow_end[one])
+        return Conditions(*own, self.depths)
 
     @classmethod
     def of(cls, walker: Walker, omega: Array, phi: Array, clock: Clock) -> "Conditions":
@@ -57,7 +63,7 @@ class Points(NamedTuple):
     @property
     def shape(self) -> tuple[int, int, int]:
         """Rows, cells, nodes."""
-        return len(self.theta), len(self.at.omega), self.k.shape[2]
+        return len(self.theta), self.at.omega.shape[-1], self.k.shape[2]
 
 
 class Chains(Protocol):

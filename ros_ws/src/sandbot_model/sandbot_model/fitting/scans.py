@@ -36,6 +36,7 @@ def look_along_theta(problem: Problem, state: States) -> States:
     """Shift every shared parameter, with every k adjusted to it or unchanged: the deviance shows no slope where a
     switch begins."""
     low, high = bounds(problem)
+    response = k_response(problem, state)
     for index, (name, parameter) in enumerate(zip(problem.model.names, problem.model.parameters, strict=True)):
         reach = state.theta[0, index] if "." not in name else parameter.high - parameter.low
         theta = np.repeat(state.theta, len(REACHES), axis=0)
@@ -43,12 +44,13 @@ def look_along_theta(problem: Problem, state: States) -> States:
         moves = (theta[:, index] - state.theta[0, index])[:, None]
         tried = problem.states(
             np.concatenate([theta, theta]),
-            np.concatenate([state.ln_k + bounded(moves * k_response(problem, state)[index]), state.ln_k + 0 * moves]),
+            np.concatenate([state.ln_k + bounded(moves * response[index]), state.ln_k + 0 * moves]),
             state.slope[0],
         )
         best = np.argmin(tried.deviance)
         if tried.deviance[best] < state.deviance[0] - TOLERANCE:
             state = tried.take(np.array([best]))
+            response = k_response(problem, state)
     return state
 
 
