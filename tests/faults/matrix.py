@@ -261,11 +261,13 @@ def outcome(cell: Cell, target: str, fault: str, moment: str, witness: Witness) 
     witness.rest_ns = witness.off_ns = 0
     strike(cell, target, fault, beside)
     frozen = target == "campaign" and fault == "STOP"
-    if fault != SECOND:
+    # A launch that is frozen keeps nobody from his work.
+    goes_on = fault == SECOND or (target == "launch" and fault in FROZEN_S)
+    if not goes_on:
         beside.wait(lambda: not witness.moving and not witness.air, 10.0)
     rest = told(was_moving, witness.moving, witness.rest_ns, start_ns)
     off = told(was_blowing, witness.air, witness.off_ns, start_ns)
-    if fault == SECOND:
+    if goes_on:
         rest = off = "goes on"
     beside.wait(lambda: campaign.poll() is not None or frozen, 120.0)
     beside.wait(lambda: frozen or not leftovers(cell, target, fault), 10.0)
