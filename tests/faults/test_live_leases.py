@@ -342,6 +342,43 @@ def test_dds_tells_a_driver_that_asks_when_set_points_stay_away(beside, commande
     assert not hasty.heard
 
 
+ENGAGED = """
+import sys, time
+from rclpy.node import Node
+from sandbot_common import node, topics
+
+class Engaged(Node):
+    def __init__(self):
+        super().__init__("engaged")
+        node.Health(self, dict)
+        node.subscription(self, topics.TRIAL, self.work)
+
+    def work(self, _):
+        print("working", flush=True)
+        time.sleep(3600.0)
+
+sys.exit(node.run(Engaged))
+"""
+
+
+def test_a_node_that_is_to_end_says_so_in_the_middle_of_its_work(beside):
+    told = []
+    node.subscription(
+        beside.node, topics.DIAGNOSTICS, lambda message: told.extend((one.name, one.message) for one in message.status)
+    )
+    process = subprocess.Popen([sys.executable, "-c", ENGAGED], stdout=subprocess.PIPE, text=True)
+    try:
+        beside.until(lambda: ("engaged", "ok") in told)
+        node.publisher(beside.node, topics.TRIAL).publish(messages.string("work"))
+        assert process.stdout.readline() == "working\n"
+        process.send_signal(signal.SIGTERM)
+        beside.until(lambda: ("engaged", "ended: SIGTERM") in told)
+        assert process.poll() is None
+    finally:
+        process.kill()
+        process.communicate()
+
+
 def test_the_lab_stops_legs_and_air_whose_commands_are_late(beside):
     states, told = [], []
     setpoints = node.publisher(beside.node, topics.LEG_SETPOINTS)

@@ -253,12 +253,19 @@ class Health:
 
     def publish(self) -> None:
         """Publish now."""
-        now = self._node.get_clock().now().nanoseconds
-        name = self._node.get_name()
-        # First of all: some nodes set level and text from their figures.
-        values = {**self._values(), _SINCE: self._since_ns, PROCESS: self._process}
+        self._tell(self._values())
+
+    def say_end(self, why: str) -> None:
+        """Tell that the node ends, without its figures: from any thread, whatever the node's own is busy with."""
+        self.ended = why
+        self._tell({})
+
+    def _tell(self, figures: Mapping[str, object]) -> None:
+        # After the figures: some nodes set level and text from them.
         level, text = (2, f"ended: {self.ended}") if self.ended else (self.level, self.text)
-        self._publisher.publish(messages.diagnostics(now, name, values, level=level, text=text))
+        values = {**figures, _SINCE: self._since_ns, PROCESS: self._process}
+        now_ns = self._node.get_clock().now().nanoseconds
+        self._publisher.publish(messages.diagnostics(now_ns, self._node.get_name(), values, level=level, text=text))
 
     def _look_for_a_rival(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -295,7 +302,7 @@ def run(
             node: Node | None = None
             try:
                 node = make()
-                with _beating(node) as turn:
+                with _beating(node, stop) as turn:
                     _spin(node, stop, turn)
             finally:
                 if node is not None:
@@ -332,10 +339,11 @@ def real_time(priority: int, *, inherited: bool = False) -> Iterator[None]:
 
 
 @contextmanager
-def _beating(node: Node) -> Iterator[Callable[[], None]]:
+def _beating(node: Node, stop: "Stop") -> Iterator[Callable[[], None]]:
     """Publish /heartbeat from a thread: a process that is dead or frozen falls silent, one that is busy does not.
 
-    Yields what the node's loop is to call at each turn: the beats tell when it last did.
+    Yields what the node's loop is to call at each turn: the beats tell when it last did. That the node has been asked
+    to end is told from here, too: on a busy machine its loop may take a second to come round.
     """
     topic = topics.HEARTBEAT
     outlet = node.create_publisher(messages.message_class(topic.type), topic.relative, qos(topic, best_effort=True))
@@ -347,8 +355,12 @@ def _beating(node: Node) -> Iterator[Callable[[], None]]:
 
     def beat() -> None:
         ask_for_real_time(_BEAT_PRIORITY)
+        health, told = getattr(node, "health", None), False
         while not ending.wait(BEAT_S):
             outlet.publish(messages.header(turned_ns, node.get_name()))
+            if stop.asked and not told and isinstance(health, Health):
+                told = True
+                health.say_end(stop.why)
 
     thread = threading.Thread(target=beat, name="heartbeat", daemon=True)
     thread.start()
