@@ -44,6 +44,7 @@ def test_an_effect_that_is_there_is_still_in_the_set():
     assert ("exact_vertical_acceleration",) in verdict("exact_vertical_acceleration()", 1).alternatives
 
 
+@pytest.mark.whole
 def test_something_smooth_gains_where_there_is_something_and_little_where_there_is_nothing():
     there, nothing = (
         smooth_gain(rooms.discover(cells(name, 2), EFFECTS, max_effects=1).steps[0], Observable.speed)

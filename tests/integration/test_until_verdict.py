@@ -65,6 +65,7 @@ def test_the_truth_stays_sealed(run):
     assert unseal.main([str(run)]) == 0
 
 
+@pytest.mark.whole
 def test_killed_at_its_second_look_it_comes_to_the_same_end(run, tmp_path):
     """What a kill -9 leaves: bags of some trials, a torn look, a plan that has not grown."""
     torn = tmp_path / "torn"
