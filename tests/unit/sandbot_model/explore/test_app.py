@@ -129,6 +129,7 @@ def test_a_second_data_set_is_shown_with_the_same_effects(session, trials, tmp_p
     other.fit_ahead = session.fit_ahead = lambda selection: None
     explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "first", Beside(other, "the other lab"))
     values = explorer.show(Selection(effects=("leg_slip",), cell=1), "light")
+    assert values["pane-title.children"] == "first: + leg slip"
     beside = str(values["beside.children"])
     assert "the other lab" in beside
     assert "leg slip" in beside
@@ -144,11 +145,11 @@ def test_two_models_stand_side_by_side_on_axes_that_end_alike(session, trials, t
     alone = shown_by(explorer, Selection())
     assert (alone["beside.children"], alone["pane-title.hidden"], alone["unpin.hidden"]) == ([], True, True)
     both = shown_by(explorer, Selection(effects=("leg_slip",)).pin().toggled(["stance_overlap"]))
-    assert (both["pane-title.children"], both["pane-title.hidden"]) == ("lab: + stance overlap", False)
+    assert (both["pane-title.children"], both["pane-title.hidden"]) == ("+ stance overlap", False)
     pane, apart = both["beside.children"]
     assert apart.children[0].children == "Difference of the two"
     title, body = pane.children
-    assert title.children == "lab: + leg slip, set beside"
+    assert title.children == "+ leg slip, set beside"
     other = body.children[0].children.figure
     assert other["layout"]["yaxis"]["range"] == both["figure.figure"]["layout"]["yaxis"]["range"]
     assert not both["unpin.hidden"]

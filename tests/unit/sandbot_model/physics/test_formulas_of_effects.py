@@ -208,6 +208,15 @@ def test_it_is_typeset(name):
         assert symbol in mathml(effect.formula)
 
 
+def test_a_choice_in_a_product_or_a_choice_has_parentheses():
+    def shown(formula):
+        return "".join(ElementTree.fromstring(mathml(formula)).itertext()).replace("\u00a0", " ")
+
+    assert shown("k -> k*where(d > 1, 2, 3)") == "k→k\u2062(2 if d>1, else 3)"
+    assert shown("k -> where(d > 1, where(d > 2, 4, 5), 3)") == "k→(4 if d>2, else 5) if d>1, else 3"
+    assert shown("k -> where(d > 1, 2*d, 3)") == "k→2\u2062d if d>1, else 3"
+
+
 def test_words_of_a_user_are_shown_as_they_are():
     assert mathml("k (1 + a (omega/12 - 1)) <b>") == "<math><mtext>k (1 + a (omega/12 - 1)) &lt;b&gt;</mtext></math>"
 

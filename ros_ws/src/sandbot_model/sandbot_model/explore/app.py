@@ -117,7 +117,7 @@ class Explorer:
             "figure.style": blocks.height(shown.figure),
             "figure-how.children": shown.how_to_read,
             "figure-says.children": shown.caption,
-            "pane-title.children": f"{self.title}: {shown.current.label}",
+            "pane-title.children": self._titled(shown.current.label),
             "pane-title.hidden": not panes,
             "unpin.hidden": not selection.against,
             "ladder.figure": shown.ladder,
@@ -149,10 +149,14 @@ class Explorer:
             shown.append(views.beside(self.beside.session, replace(selection, cell=None), self.beside.title, theme))
             self.beside.session.fit_ahead(selection)
         if (other := selection.other) is not None:
-            title = f"{self.title}: {self.session.step(other).label}, set beside"
+            title = self._titled(f"{self.session.step(other).label}, set beside")
             shown.append(views.beside(self.session, other, title, theme))
             shown.append(views.difference(self.session, selection, other, theme))
         return shown
+
+    def _titled(self, model: str) -> str:
+        """A model, with its data set where there are two; a title on one line keeps panels level."""
+        return model if self.beside is None else f"{self.title}: {model}"
 
     def _narrow(self, selection: Selection, shown: views.Shown, theme: Theme) -> Spec:
         """The figure as it is drawn beside another one: no ghost, fewer panels in a row."""

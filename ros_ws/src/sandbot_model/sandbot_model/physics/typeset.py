@@ -25,7 +25,7 @@ _STATEMENT = re.compile(
 )
 _SIGNS: dict[type[ast.AST], str] = {ast.Add: "+", ast.Sub: "−", ast.Mult: "\u2062", ast.Gt: "&gt;", ast.Lt: "&lt;"}
 _RAISED = str.maketrans({"^": None, "2": "²", "3": "³"})
-_SUM, _PRODUCT, _POWER, _ATOM = range(4)
+_CHOICE, _SUM, _PRODUCT, _POWER, _ATOM = range(5)
 """How tightly an expression holds together."""
 
 
@@ -116,6 +116,8 @@ def _node(node: ast.expr) -> tuple[str, int]:
             return f"<mrow>{_held(left, _SUM)}<mo>{_SIGNS[type(sign)]}</mo>{after}</mrow>", _SUM
         case ast.Compare(left=left, ops=[ast.Gt() | ast.Lt() as sign], comparators=[right]):
             return f"<mrow>{_row(left)}<mo>{_SIGNS[type(sign)]}</mo>{_row(right)}</mrow>", _SUM
+        case ast.Call(func=ast.Name(id="where"), args=[condition, value, otherwise]):
+            return _choice(_row(condition), _held(value, _SUM), _held(otherwise, _SUM)), _CHOICE
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return _CALLS.get(name, _call)(name, [_row(argument) for argument in arguments]), _ATOM
     raise ValueError(f"{ast.unparse(node)!r} is not typeset")
@@ -152,9 +154,8 @@ def _hypotenuse(_name: str, arguments: list[str]) -> str:
     return f"<msqrt>{'<mo>+</mo>'.join(f'<msup>{side}<mn>2</mn></msup>' for side in arguments)}</msqrt>"
 
 
-def _choice(_name: str, arguments: list[str]) -> str:
-    condition, value, otherwise = arguments
+def _choice(condition: str, value: str, otherwise: str) -> str:
     return f"<mrow>{value}<mtext>&#160;if&#160;</mtext>{condition}<mtext>, else&#160;</mtext>{otherwise}</mrow>"
 
 
-_CALLS: dict[str, Callable[[str, list[str]], str]] = {"sqrt": _root, "hypot": _hypotenuse, "where": _choice}
+_CALLS: dict[str, Callable[[str, list[str]], str]] = {"sqrt": _root, "hypot": _hypotenuse}

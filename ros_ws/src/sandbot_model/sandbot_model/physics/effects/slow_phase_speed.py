@@ -31,7 +31,7 @@ class SlowPhaseSpeed(Effect):
     identifier = "slow_phase_speed"
     stage = "balance"
     formula = (
-        "Delta_v -> Delta_v*where(d < d_slow, where(first, 1e3, beta_swing), beta); "
+        "Delta_v -> Delta_v*b; b = where(d < d_slow, b_s, beta); b_s = where(first, 1e3, beta_swing); "
         "peak -> rho*peak*(1 + (q - 1)*share)/where(c < cos(0.375), 1, q); q = max(beta_swing*c/beta, 1); "
         "share = clip((asin(s_0/(2*R)) - acos(c))/0.1, 0, 1); c = (max(d_slow, d_end) + h - R)/R"
     )
