@@ -20,13 +20,12 @@ from sandbot_bringup.queue import Queue
 from sandbot_bringup.tools import unseal
 from sandbot_bringup.until import looks_of
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
 from sandbot_common.robot import read_robot
 from sandbot_lab.world import null_world, read_world, write_world
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.data.penetrometer import read_readings
 from sandbot_model.data.quality import checked
-from sandbot_model.discovery.choice import from_mapping, from_query
+from sandbot_model.discovery.choice import from_query, read_selection
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.predictor import predictor_from_json
 from sandbot_model.tools import discover
@@ -88,12 +87,6 @@ def message(path: Path) -> None:
             other = one.topic.encode() == name and (number % 10 == 0 or one.topic in ("/trial", "/sync_led"))
             writer.write(one.topic, payload if other else one.data, one.log_time_ns, one.publish_time_ns, number)
     trial_from_bag(target)
-
-
-def selection(path: Path) -> None:
-    """As ``explore --open`` and ``compare --selection`` do."""
-    for text in from_mapping(read_yaml(path), str(path)).formulas:
-        formula_effect(text)
 
 
 def discovery(path: Path) -> None:
@@ -231,7 +224,7 @@ PARSERS = (
     Parser("message", "message.bin", message, _messages, 2),
     Parser("formula", "formula.txt", lambda path: formula_effect(text(path)),
            lambda _: [one.encode() for one in FORMULAS], 15, names_file=False),
-    Parser("selection", "selection.yaml", selection, lambda _: [_SELECTION.encode()], 10),
+    Parser("selection", "selection.yaml", read_selection, lambda _: [_SELECTION.encode()], 10),
     Parser("address", "address.txt", lambda path: from_query(text(path)), lambda _: list(_ADDRESSES), 10,
            names_file=False),
     Parser("discovery", "discovery.json", discovery, _discoveries, 5),

@@ -9,12 +9,14 @@ import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
 import yaml
 
 from sandbot_common.errors import InputError
+from sandbot_common.files import read_yaml
 from sandbot_model.physics.observables import NAMES
 from sandbot_model.physics.walking import BASES
 
@@ -176,7 +178,6 @@ def from_mapping(content: Mapping[str, Any], where: str) -> Selection:
         raise InputError(f"{where}: unknown key {min(unknown, key=str)!r}")
     effects, formulas = (_texts(content.get(key, []), f"{where}: {key}") for key in ("effects", "formulas"))
     found = Selection(str(content.get("model", "simple")), effects, formulas)
-    _check_formulas(formulas, f"{where}: formulas")
     by_hand = content.get("by_hand", {})
     if not isinstance(by_hand, Mapping):
         raise InputError(f"{where}: by_hand: expected parameter: value, got {by_hand!r}")
@@ -185,15 +186,18 @@ def from_mapping(content: Mapping[str, Any], where: str) -> Selection:
     return _checked(found, where)
 
 
-def _check_formulas(formulas: Sequence[str], where: str) -> None:
+def read_selection(path: Path) -> Selection:
+    """The selection in a saved YAML file, its formulas tried. Raises InputError."""
     # Imported here, as above.
     from sandbot_model.physics.formula import formula_effect
 
-    for text in formulas:
+    found = from_mapping(read_yaml(path), str(path))
+    for text in found.formulas:
         try:
             formula_effect(text)
         except InputError as error:
-            raise InputError(f"{where}: {str(error).removeprefix('--effect ')}") from None
+            raise InputError(f"{path}: formulas: {str(error).removeprefix('--effect ')}") from None
+    return found
 
 
 def _checked(selection: Selection, where: str) -> Selection:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml, writing
+from sandbot_common.files import writing
 from sandbot_common.terminal import filled
-from sandbot_model.discovery.choice import Selection, from_mapping, held_by_text, name_of
+from sandbot_model.discovery.choice import Selection, held_by_text, name_of, read_selection
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def _selection(args: argparse.Namespace) -> Selection:
         return given
     if given != Selection():
         raise InputError("--selection says model, effects and held values: leave out the options that say them too")
-    return from_mapping(read_yaml(args.selection), str(args.selection))
+    return read_selection(args.selection)
 
 
 if __name__ == "__main__":

@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
-from sandbot_model.discovery.choice import Selection, from_mapping, from_query, to_query, with_formula
+from sandbot_model.discovery.choice import Selection, from_query, read_selection, to_query, with_formula
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
@@ -79,7 +78,7 @@ def _explore(argv: Sequence[str]) -> None:
 
 def _opened(args: argparse.Namespace) -> Selection:
     """The state to open in: the one saved, if any, with the formulas that were typed. Raises InputError."""
-    saved = from_mapping(read_yaml(args.selection), str(args.selection)) if args.selection else Selection()
+    saved = read_selection(args.selection) if args.selection else Selection()
     for text in args.effect:
         saved = with_formula(saved, text)
     return saved
