@@ -20,7 +20,7 @@ import tempfile
 import termios
 import time
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +66,7 @@ class Witness:
         self.moved_s = self.blown_s = 0.0
         # The legs of a dead robot are its driver's affair; the commands still have to end.
         node.subscription(beside.node, topics.LEG_SETPOINTS if robot_dies else topics.LEG_STATES, self._on_legs)
-        node.subscription(beside.node, topics.BED_BLOWER, lambda message: self._on_air(message.data > 0))
+        node.subscription(beside.node, topics.BED_BLOWER, self._on_blower)
         node.subscription(beside.node, topics.CAMPAIGN_STATUS, self._on_campaign)
         node.subscription(beside.node, topics.DIAGNOSTICS, self._on_diagnostics)
 
@@ -82,17 +82,21 @@ class Witness:
             self.rest_ns = messages.nanoseconds(message.header.stamp)
         self.moving = moving
 
-    def _on_air(self, on: bool) -> None:
+    def _on_blower(self, message: Any, info: Mapping[str, int]) -> None:
+        self._on_air(message.data > 0, info["source_timestamp"])
+
+    def _on_air(self, on: bool, at_ns: int) -> None:
+        """As with the legs: when it was said, however late it reaches us."""
         if on and not self.air:
             self.blown_s = time.monotonic()
         if self.air and not on:
-            self.off_ns = time.time_ns()
+            self.off_ns = at_ns
         self.air = on
 
     def _on_diagnostics(self, message: Any) -> None:
         # A bed that was killed says nothing any more; the one who blows does.
         if any(status.name == "lab" and status.message.startswith("air off") for status in message.status):
-            self._on_air(False)
+            self._on_air(False, messages.nanoseconds(message.header.stamp))
 
     def all_up(self) -> bool:
         """Whether all nodes are there."""

@@ -108,3 +108,15 @@ def test_cameras_must_run_and_at_the_rate_of_their_calibration():
     assert pace_fault(pace(50), pace(50)) == "the dorsal camera sends no frames"
     both = pace_fault(pace(3), pace(50) | pace(50, 20.0, "lateral"))
     assert both == "the lateral camera takes 50 frames a second, cameras.yaml says 100"
+
+
+def test_who_was_away_is_the_reason_of_a_silence_for_a_while():
+    listening = Listening(0.04)
+    for now_s in (0.0, 0.02, 0.1):
+        listening.look(now_s)
+    assert listening.held_up == ""
+    listening.look(3.1)
+    assert listening.held_up == "the campaign was held up for 3 s"
+    for number in range(1, 200):
+        listening.look(3.1 + 0.02 * number)
+    assert listening.held_up == ""

@@ -136,7 +136,7 @@ class Hearing:
             return f"the {unplugged[0]}"
         # A clock that has stopped is silent by right, and has said why: the robot's reports may lag behind it.
         silent = self._supervisor.silent(self.now_s)
-        return silent and (self.clock_fault or f"the {silent}")
+        return silent and (self.clock_fault or self._listening.held_up or f"the {silent}")
 
     @property
     def clock_fault(self) -> str:

@@ -37,13 +37,26 @@ class Listening:
     most_s: float
     now_s: float = 0.0
     _looked_s: float = math.inf
+    _held_s: float = 0.0
+    _held_at_s: float = -math.inf
 
     def look(self, monotonic_s: float) -> None:
         """Somebody is about to listen, at this time of a monotonic clock."""
-        self.now_s += min(max(monotonic_s - self._looked_s, 0.0), self.most_s)
+        passed_s = max(monotonic_s - self._looked_s, 0.0)
+        if passed_s > HELD_UP_S:
+            self._held_s, self._held_at_s = passed_s, self.now_s
+        self.now_s += min(passed_s, self.most_s)
         self._looked_s = monotonic_s
 
+    @property
+    def held_up(self) -> str:
+        """How long the listener was away just now, where others may have lost his lease over it; empty: he was not."""
+        recent = self.now_s - self._held_at_s < EXPLAINS_S
+        return f"the campaign was held up for {self._held_s:.2g} s" if recent else ""
 
+
+HELD_UP_S, EXPLAINS_S = 0.25, 2.0
+"""Who does not come round for so long loses a lease; and for how long after that he is the reason of a silence."""
 PACE = 0.4
 """Part by which a camera's frame rate may be off the calibration's: a driver on a busy machine is slow at rest, and the
 simulated one took 43 frames of 50; a camera set to another rate is off by more."""
