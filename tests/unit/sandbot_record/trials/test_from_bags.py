@@ -12,6 +12,7 @@ from sandbot_common.robot import Robot, to_mapping
 from sandbot_record.bags.writer import BagWriter
 from sandbot_record.tools import info as info_tool
 from sandbot_record.tools import table as table_tool
+from sandbot_record.trials import cache
 from sandbot_record.trials import from_bags as table
 from sandbot_record.trials.csv_table import read_csv
 from sandbot_record.trials.read import read
@@ -134,6 +135,58 @@ def test_bags_are_read_once(tmp_path, monkeypatch):
     second = table.campaign(folder)
     assert (second.cached, read_bags) == (3, [])
     assert repr(second.trials) == repr(first.trials)
+
+
+def test_bags_nobody_has_touched_are_not_even_hashed(tmp_path, monkeypatch):
+    folder = campaign(tmp_path)
+    first = table.campaign(folder)
+    kept, hashed, hash_of = (folder / table.CACHE).read_bytes(), [], cache.content_hash
+    monkeypatch.setattr(cache, "content_hash", lambda bag: hashed.append(bag.name) or hash_of(bag))
+    assert table.campaign(folder).cached == 3
+    assert (hashed, (folder / table.CACHE).read_bytes()) == ([], kept)
+    (folder / "trials" / "t1").rename(folder / "trials" / "t9")
+    again = table.campaign(folder)
+    assert (again.cached, hashed) == (3, ["t9"])  # known by its content
+    assert repr(again.trials) == repr(first.trials)
+
+
+def test_a_bag_changed_behind_its_size_and_time_is_read_again(tmp_path):
+    folder = campaign(tmp_path, 2)
+    table.campaign(folder)
+    file = folder / "trials" / "t1" / "t1_0.mcap"
+    times = file.stat().st_atime_ns, file.stat().st_mtime_ns
+    file.write_bytes(file.read_bytes()[:-1] + b"x")
+    os.utime(file, ns=times)
+    report = table.campaign(folder)
+    assert report.cached == 1
+    assert len(report.skipped) == 1
+
+
+@pytest.mark.parametrize("change", [lambda kept: "{", lambda kept: kept.replace('"recipe": "', '"recipe": "0')])
+def test_what_is_kept_of_another_recipe_or_torn_is_not_taken(tmp_path, change):
+    folder = campaign(tmp_path, 2)
+    first, path = table.campaign(folder), folder / table.CACHE
+    path.write_text(change(path.read_text()))
+    again = table.campaign(folder)
+    assert again.cached == 0
+    assert repr(again.trials) == repr(first.trials)
+
+
+def test_a_table_that_is_interrupted_goes_on_from_what_was_kept(tmp_path, monkeypatch):
+    folder = campaign(tmp_path)
+    monkeypatch.setattr(table, "_KEPT_EACH", 1)
+    read_bag = table._row_or_reason
+
+    def interrupted(bag):
+        if bag.name == "t2":
+            raise KeyboardInterrupt
+        return read_bag(bag)
+
+    monkeypatch.setattr(table, "_row_or_reason", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        table.campaign(folder)
+    monkeypatch.setattr(table, "_row_or_reason", read_bag)
+    assert table.campaign(folder).cached == 2
 
 
 def test_a_changed_bag_is_read_again(tmp_path):

@@ -1,47 +1,39 @@
 """Bags to the trials table: one bag to one row; a campaign in parallel, with what was skipped and why.
 
-The rows of a campaign are cached in ``.table-cache.json`` beside its trials, by the content hash of each bag and the
-version of the row's recipe, so only new or changed bags are read again.
+The rows of a campaign are kept beside its trials (``cache``), so only new or changed bags are read again.
 """
 
-import contextlib
-import hashlib
-import json
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sandbot_common import files, topics
-from sandbot_common.accuracy import Accuracy
 from sandbot_common.errors import InputError
 from sandbot_common.legs import leg_mount_rad
-from sandbot_common.robot import SANDBOT, Robot, robot_from_mapping
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_common.workers import pool
 from sandbot_record.bags import reader
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials import judge
+from sandbot_record.trials.cache import CACHE as CACHE
+from sandbot_record.trials.cache import Cache, Measured
 from sandbot_record.trials.csv_table import read_csv, write_csv
 from sandbot_record.trials.legs import leg_columns
-from sandbot_record.trials.setting import Setting, of_bag, of_campaign, shared
+from sandbot_record.trials.setting import of_bag, of_campaign, shared
 from sandbot_record.trials.table import OK, Floats, Row, Trials, from_rows
 from sandbot_tracking.trial import TrialSummary, summarise
 
 TRIALS_CSV = "trials.csv"
-CACHE = ".table-cache.json"
-RECIPE = "7"
-"""Part of the cache key: raise it when rows are made otherwise."""
-
 _POINT = ("point.x", "point.y", "point.z")
 _PARALLEL_FROM = 8
 """Bags from which starting worker processes pays."""
-
-
-Measured = tuple[Row, Setting]
+_KEPT_EACH = 1000
+"""Bags after which what they gave is kept: a table of very many that is interrupted goes on from there."""
 
 
 @dataclass(frozen=True)
@@ -137,18 +129,27 @@ def campaign(folder: Path, workers: int | None = None) -> Report:
         setting = shared([recorded, _measured(bags[0])[1]])
         table = from_rows(read_csv(folder / TRIALS_CSV).rows(), *setting.for_table)
         return Report(table, (), len(bags))
-    cache = _read_cache(folder)
-    hashes = {bag: content_hash(bag) for bag in bags}
-    todo = [bag for bag in bags if hashes[bag] not in cache]
-    made = dict(zip(todo, _rows(todo, workers), strict=True))
-    results = {bag: made[bag] if bag in made else cache[hashes[bag]] for bag in bags}
-    measured = {bag: result for bag, result in results.items() if not isinstance(result, str)}
-    skipped = [error for error in results.values() if isinstance(error, str)]
+    cache = Cache.read(folder)
+    before = dict(cache.seen)
+    keys = {bag: cache.key(bag) for bag in bags}
+    todo = [bag for bag in bags if keys[bag] not in cache.measured]
+    failed: dict[Path, str] = {}
+    for first in range(0, len(todo), _KEPT_EACH):
+        some = todo[first : first + _KEPT_EACH]
+        for bag, result in zip(some, _rows(some, workers), strict=True):
+            if isinstance(result, str):
+                failed[bag] = result
+            else:
+                cache.measured[keys[bag]] = result
+        cache.write(keys)
+    if not todo and cache.seen != before:
+        cache.write(keys)
+    measured = {bag: found for bag in bags if (found := cache.get(keys[bag], bag)) is not None}
+    skipped = [failed[bag] for bag in bags if bag in failed]
     if not measured:
         raise InputError(f"{folder}: none of {len(bags)} bags gives a row; the first: {skipped[0]}")
     rows = {bag: row for bag, (row, _) in measured.items()}
     _check_ids(rows)
-    _write_cache(folder, {hashes[bag]: result for bag, result in measured.items()})
     setting = shared([recorded, *(own for _, own in measured.values())])
     table = from_rows(list(rows.values()), *setting.for_table)
     return Report(table, tuple(skipped), len(bags) - len(todo))
@@ -168,18 +169,6 @@ def bags_in(folder: Path) -> list[Path]:
     if not inside.is_dir():
         return []
     return sorted(path for path in inside.iterdir() if not path.name.startswith(".") and reader.is_bag(path))
-
-
-def content_hash(bag: Path) -> str:
-    """Hash of the bag's files, as a cache key."""
-    digest = hashlib.blake2b(RECIPE.encode(), digest_size=16)
-    for file in sorted(bag.iterdir()) if bag.is_dir() else [bag]:
-        if file.is_file():
-            digest.update(f"\0{file.name}\0{file.stat().st_size}\0".encode())
-            with file.open("rb") as stream:
-                while block := stream.read(1 << 20):
-                    digest.update(block)
-    return digest.hexdigest()
 
 
 def _table_is_newer(folder: Path, bags: Sequence[Path]) -> bool:
@@ -324,37 +313,3 @@ def _check_ids(rows: dict[Path, Row]) -> None:
         if row.trial_id in seen:
             raise InputError(f"{bag}: trial id {row.trial_id!r} is that of {seen[row.trial_id].name} too")
         seen[row.trial_id] = bag
-
-
-def _read_cache(folder: Path) -> dict[str, Measured]:
-    """Rows and settings by content hash; a cache that can't be read is no cache."""
-    try:
-        return {key: _from_json(entry) for key, entry in files.read_json(folder / CACHE).items()}
-    except (InputError, TypeError, ValueError, AttributeError, LookupError):
-        return {}
-
-
-def _write_cache(folder: Path, measured: dict[str, Measured]) -> None:
-    # A read-only campaign is read all the same, only not as fast the next time.
-    with contextlib.suppress(OSError):
-        files.write_text(folder / CACHE, json.dumps({key: _jsonable(*result) for key, result in measured.items()}))
-
-
-def _jsonable(row: Row, setting: Setting) -> list[dict[str, Any]]:
-    return [
-        {
-            name: None if isinstance(value, float) and math.isnan(value) else value
-            for name, value in asdict(part).items()
-        }
-        for part in (row, setting)
-    ]
-
-
-def _from_json(content: list[dict[str, Any]]) -> Measured:
-    row: dict[str, Any]
-    setting: dict[str, Any]
-    row, setting = ({name: math.nan if value is None else value for name, value in part.items()} for part in content)
-    robot, accuracy = setting["robot"], setting["accuracy"]
-    setting["robot"] = robot_from_mapping(robot, CACHE) if isinstance(robot, dict) else None
-    setting["accuracy"] = Accuracy(**accuracy) if isinstance(accuracy, dict) else None
-    return Row(**row), Setting(**setting)
