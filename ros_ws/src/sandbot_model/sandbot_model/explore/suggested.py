@@ -19,7 +19,7 @@ def suggestion(found: Discovery, why: str = "/why") -> list[Any]:
         named = f"one of {len(verdict.alternatives)} sets of effects, these data can't tell which"
     because = verdict.because[:1].upper() + verdict.because[1:]
     parts: list[Any] = [
-        html.P([html.Strong(f"{verdict.status.capitalize()}{f': {named}' if named else ''}. "), because]),
+        html.P([html.Strong(f"{verdict.status.capitalize()}{f': {named}' if named else ''}. "), f"{because}."]),
         html.P(html.A("Why: the argument, the rivals and the plan of the next trials", href=why)),
         table(
             "Best single effects",

@@ -24,8 +24,8 @@ HOW = {
     "ground. Points along the curve: the legs hold, and only how deep they sink changes. Points off it: speed is lost "
     "or won after the legs hold (slip, drag, overlap of stances, coasting). Open grey: the robot swims (no lift beyond "
     "noise).",
-    "critical": "Left: walking ends at ω_c; the bar spans from the last ω measured that walks to the first that swims. "
-    "Right: the largest mean speed; the model's line is over all ω, its circles over the ω measured.",
+    "critical": "Left: the frequency ω at which walking ends; the bar spans from the last ω measured that walks to the "
+    "first that swims. Right: the largest mean speed; the model's line is over all ω, its circles over the ω measured.",
     "step": "Step length πv̄/ω over leg radius R. Grey band: s/R from 0.9 to 1, where Li09 saw walking end.",
     "balance": "The leg sinks until the ground first gives what the body needs (dot); where it never does, the robot "
     "swims. Coloured: force the ground gives. Dashed: weight and the force that brings the body to leg speed. "
