@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 import _ratios
+import _short
 
 HERE = Path(__file__).resolve().parent
 BUDGET_S = 3300.0
@@ -90,6 +91,8 @@ def readme(ratios: list[_ratios.Ratio], names: list[str], ran: list[str]) -> str
         f"{platform.python_version()}; load average at the end {os.getloadavg()[0]:.1f}.",
         "",
         _ratios.table(ratios),
+        "",
+        *_short.lines(),
         "",
         "![Ratios in parts of their aims](ratios.svg)",
         "",

@@ -1,5 +1,6 @@
 """Fits elsewhere: the same numbers in the same order, a user's effects included, and one line where nobody fits."""
 
+import json
 import os
 import signal
 import socket
@@ -94,6 +95,32 @@ def test_a_bootstrap_is_the_same_on_a_cluster(scheduler, drawn):
     trials, model = drawn(seed=3, levels=2), model_of("simple", (), catalogue())
     with cluster(scheduler) as fit_all:
         assert bootstrap(trials, model, 6, fit_all=fit_all) == pytest.approx(bootstrap(trials, model, 6), rel=1e-9)
+
+
+@pytest.mark.slow
+def test_a_worker_killed_midway_changes_no_byte(drawn):
+    from distributed import LocalCluster
+
+    trials, model = drawn(seed=3, levels=2), model_of("simple", (), catalogue())
+    killed = []
+
+    def with_a_death(function, tasks):
+        """The first result, then the death of a worker, then all others."""
+        found = iter(fit_all(function, tasks))
+        first = next(found)
+        killed.append(next(one.process.pid for one in local.workers.values()))
+        os.kill(killed[0], signal.SIGKILL)
+        return [first, *found]
+
+    with (
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", host="127.0.0.1") as local,
+        cluster(local.scheduler_address) as fit_all,
+    ):
+        harmed = bootstrap(trials, model, 16, fit_all=with_a_death)
+        assert not psutil.pid_exists(killed[0])
+        unharmed = bootstrap(trials, model, 16, fit_all=fit_all)
+    assert len(killed) == 1
+    assert json.dumps(harmed) == json.dumps(unharmed) == json.dumps(bootstrap(trials, model, 16))
 
 
 def test_what_goes_wrong_on_a_cluster_is_told_here(scheduler):

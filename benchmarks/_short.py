@@ -1,0 +1,56 @@
+"""Aims that are missed, what was measured where, and why: what benchmarks/README.md says beside the ratios."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Short:
+    """One aim."""
+
+    what: str
+    aim: str
+    measured: str
+    why: str
+
+
+ALL = (
+    Short(
+        "markers followed, beside SimpleBlobDetector",
+        "≥ 40 ×",
+        "35 to 36 × ([tracking](tracking.md))",
+        "a rim fit of three discs with the bed (1.06 × the camera's noise) costs 16 to 22 µs; the centroid before it was "
+        "faster and 1.95 × the noise",
+    ),
+    Short(
+        "a tracker's first frame, beside SimpleBlobDetector",
+        "≥ 3 ×",
+        "2.5 × ([tracking](tracking.md))",
+        "it is the search of the whole frame (4.2 ×) and then the first fit of each disc, which no frame before has "
+        "prepared",
+    ),
+    Short(
+        "columns of a topic",
+        "≥ 1.5 M messages/s",
+        "0.7 to 1.2 M/s on a busy machine ([recording](recording.md))",
+        "not measured on a quiet one since; the code is that which reached it",
+    ),
+    Short(
+        "batch campaign through film",
+        "≥ 2 × the speed of before",
+        "1.6 ×",
+        "most of what is left is drawing the film; rows equal those of before to 1e-13, not to the byte, as the order of "
+        "sums has changed",
+    ),
+    Short(
+        "explorer's first page",
+        "< 1.5 s",
+        "1.82 s ([explorer](explorer.md))",
+        "1.2 s of it is the browser's own work on plotly.js and two figures; fetching it earlier changed nothing",
+    ),
+)
+
+
+def lines() -> list[str]:
+    """The table, in Markdown."""
+    head = ["Missed, and why:", "", "| what | aim | measured | why |", "|---|---|---|---|"]
+    return head + [f"| {one.what} | {one.aim} | {one.measured} | {one.why} |" for one in ALL]
