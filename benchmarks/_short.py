@@ -18,8 +18,8 @@ ALL = (
         "markers followed, beside SimpleBlobDetector",
         "≥ 40 ×",
         "35 to 36 × ([tracking](tracking.md))",
-        "the fit of three rims takes 16 to 22 µs a frame; medians on a busy machine say 46 to 61 ×, the fastest fifth of "
-        "the calls, which flatters nobody, 35 to 36 ×",
+        "the fit of three rims takes 16 to 22 µs a frame; medians on a busy machine say 46 to 61 ×, the fastest "
+        "fifth of the calls, which flatters nobody, 35 to 36 ×",
     ),
     Short(
         "a tracker's first frame, beside SimpleBlobDetector",
