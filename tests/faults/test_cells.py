@@ -38,6 +38,11 @@ def test_a_trial_that_ended_before_the_fault_is_run_again_and_never_hides_a_row(
     assert cells.read(path)[WALKING]["legs [s]"] == "0.02"
 
 
+def test_legs_that_had_come_to_rest_before_the_fault_say_nothing(path):
+    cells.add(path, row(legs=cells.NONE))
+    assert cells.missing([WALKING], path) == [WALKING]
+
+
 def test_of_two_rows_the_last_counts(path):
     cells.add(path, row(legs="0.70"))
     cells.add(path, row(legs="0.10"))
