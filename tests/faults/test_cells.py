@@ -61,7 +61,7 @@ def test_the_slowest_moment_of_a_fault_stands_for_all(path):
 def test_the_campaign_s_words_stand_where_they_say_more_than_the_bag(path):
     one = row()
     one[7] = "exit 1: phi0.6_r01: failed: the clock is gone"
-    two = row(("bed", "TERM", "blowing"), status="the bed node stopped")
+    two = row(("bed", "TERM", "standing"), status="the bed node stopped")
     two[7] = "exit 2: start it again"
     cells.add(path, one)
     cells.add(path, two)
