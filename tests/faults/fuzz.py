@@ -30,8 +30,8 @@ from fuzz_parsers import PARSERS, ROOT, Parser
 from sandbot_common.errors import InputError
 
 KEPT, PAGE = ROOT / "runs" / "fuzz.json", ROOT / "benchmarks" / "fuzz.md"
-HANG_S = 20.0
-"""Longer than any case takes on a busy machine."""
+CPU_S, WALL_S = 20.0, 600.0
+"""A hang: so much work, or so long a wait; a machine with a load of 25 has taken 29 s for one second of work."""
 MEMORY_BYTES = 8 << 30
 BATCH = 500
 """Cases after which counts are kept."""
@@ -196,13 +196,14 @@ class HangError(Exception):
 
 
 def _alarm(*_: object) -> None:
-    raise HangError(f"more than {HANG_S:g} s")
+    raise HangError(f"more than {CPU_S:g} s of work, or {WALL_S:g} s of waiting")
 
 
 def run(parser: Parser, path: Path, content: bytes) -> str:
     """``good``, ``refused``, or what went wrong."""
     path.write_bytes(content)
-    signal.setitimer(signal.ITIMER_REAL, HANG_S)
+    signal.setitimer(signal.ITIMER_PROF, CPU_S)
+    signal.setitimer(signal.ITIMER_REAL, WALL_S)
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             parser.read(path)
@@ -219,6 +220,7 @@ def run(parser: Parser, path: Path, content: bytes) -> str:
         last = f"{Path(where[-1].filename).name}:{where[-1].lineno}" if where else "?"
         return f"{type(error).__name__} at {last}: {' '.join(str(error).split())[:160]}"
     finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.setitimer(signal.ITIMER_REAL, 0)
     return "good"
 
@@ -226,7 +228,8 @@ def run(parser: Parser, path: Path, content: bytes) -> str:
 @contextlib.contextmanager
 def careful() -> Iterator[None]:
     """A case may take no more than so much memory, and no longer than so long; numpy keeps quiet, as in a command."""
-    before, limits = signal.signal(signal.SIGALRM, _alarm), resource.getrlimit(resource.RLIMIT_AS)
+    before = {one: signal.signal(one, _alarm) for one in (signal.SIGALRM, signal.SIGPROF)}
+    limits = resource.getrlimit(resource.RLIMIT_AS)
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY_BYTES, limits[1]))
     try:
@@ -235,7 +238,8 @@ def careful() -> Iterator[None]:
             yield
     finally:
         resource.setrlimit(resource.RLIMIT_AS, limits)
-        signal.signal(signal.SIGALRM, before)
+        for one, handler in before.items():
+            signal.signal(one, handler)
 
 
 def cases(parser: Parser, numbers: Sequence[int], folder: Path, count: Count) -> None:
@@ -260,8 +264,8 @@ def page(counts: dict[str, Count]) -> str:
     lines = [
         "# Spoilt files and texts",
         "",
-        f"{total:,} cases, {failed} of them a traceback, a hang (over {HANG_S:g} s), {MEMORY_BYTES >> 30} GB or more, "
-        "an error of several lines or one without its file's name. `make fuzz FUZZ=N` runs N more; the seed of a case "
+        f"{total:,} cases, {failed} of them a traceback, a hang (over {CPU_S:g} s of CPU), {MEMORY_BYTES >> 30} GB, an "
+        "error of several lines or one without its file's name. `make fuzz FUZZ=N` runs N more; the seed of a case "
         "is its parser and its number, counted on from the last run. `make test` runs a sample "
         "(`tests/faults/test_fuzz.py`), and every case that once failed.",
         "",

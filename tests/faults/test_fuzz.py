@@ -81,9 +81,14 @@ def nameless(path):
     raise InputError("something is wrong")
 
 
-def hanging(path):
+def waiting(path):
     while True:
         time.sleep(0.01)
+
+
+def working(path):
+    while True:
+        pass
 
 
 @pytest.mark.parametrize(
@@ -92,11 +97,13 @@ def hanging(path):
         (lambda path: 1 / 0, "ZeroDivisionError"),
         (refusing, "several lines"),
         (nameless, "without the file's name"),
-        (hanging, "HangError"),
+        (waiting, "HangError"),
+        (working, "HangError"),
     ],
 )
 def test_a_parser_that_fails_is_caught(read, found, tmp_path, monkeypatch):
-    monkeypatch.setattr(fuzz, "HANG_S", 0.1)
+    monkeypatch.setattr(fuzz, "CPU_S", 0.1)
+    monkeypatch.setattr(fuzz, "WALL_S", 1.0)
     parser, count = Parser("bad", "bad.txt", read, lambda _: [b"a: 1\n"]), fuzz.Count()
     fuzz.cases(parser, range(2), tmp_path, count)
     assert [one.partition(": ")[2].startswith(found) for one in count.failures] == [True, True]

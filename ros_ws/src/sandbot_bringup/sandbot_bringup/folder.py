@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sandbot_bringup.plan import Plan, PlannedTrial, read_plan, to_yaml, trials_of
 from sandbot_common.errors import InputError
-from sandbot_common.files import write_text
+from sandbot_common.files import write_text, writing
 
 PARTIAL = ".partial"
 """Inside trials/: where a live run records until its trial is complete. Kept whatever happens."""
@@ -84,9 +84,10 @@ class CampaignFolder:
             raise InputError(f"{self.path}: {blocking} is a file; give another --out")
         elif self.path.exists() and any(self.path.iterdir()):
             raise InputError(f"{self.path}: exists, is not empty and holds no campaign.yaml; give another --out")
-        for name, text in files.items():
-            write_text(self.path / name, text)
-        write_text(self.plan_file, to_yaml(plan))
+        with writing(self.path):
+            for name, text in files.items():
+                write_text(self.path / name, text)
+            write_text(self.plan_file, to_yaml(plan))
 
     def clear_torn(self) -> None:
         """Remove what a killed batch run left behind: bags that never got their name."""

@@ -119,7 +119,8 @@ def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | No
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         return command(sys.argv[1:] if argv is None else argv) or 0
     except InputError as error:
-        print(f"{name}: error: {error}", file=sys.stderr)
+        # A file's name may hold the end of a line.
+        print(f"{name}: error: {' '.join(str(error).splitlines())}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print(f"{name}: interrupted; what was finished is kept", file=sys.stderr)

@@ -118,6 +118,14 @@ BUILT_IN = ("open(1)", "eval(1)", "exec(1)", "getattr(k, k)", "type(k)", "vars()
 
 
 @pytest.mark.parametrize(
+    "text", ["flat: balance: 0.5", "flat: balance: extra_force", "flat: strength: 200", "flat: step: 0.1"]
+)
+def test_one_number_stands_for_all_depths_and_conditions(text):
+    found = Walker((formula_effect(text),)).predict(Inputs(np.array([190.0, 200.0]), 8.0, 0.4), [{}]).observables
+    assert found.shape == (2, 4)
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
         ("boost", "expected 'name: stage: formula"),

@@ -49,7 +49,11 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PARAMETER = re.compile(rf"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\])?\s+in\s+({_NUMBER})\s*\.\.\s*({_NUMBER})\s*")
 _ASSIGNMENT = re.compile(r"\s*([^\W\d]\w*(?:\s*,\s*[^\W\d]\w*)*)\s*(?:([*+]?)=(?!=)|->|→)\s*(.*)")
 _ALWAYS = {*FUNCTIONS, *SHORT, "pi", "first", "K"}
-_CHANGES: dict[str, Callable[[Array, Array], Array]] = {"*": np.multiply, "+": np.add, "": lambda _, new: new}
+_CHANGES: dict[str, Callable[[Array, Array], Array]] = {
+    "*": np.multiply,
+    "+": np.add,
+    "": lambda old, new: _as_large(old, new),
+}
 _TAKES = {**FUNCTIONS, **{name: FUNCTIONS[meant] for name, meant in SHORT.items()}, "K": 1}
 _PARSING = threading.Lock()
 _PLAIN = (
@@ -144,6 +148,12 @@ class _Formula(Effect):
         for name in self.sets.quantities:
             meant = self.readable[name]
             put(chain, meant, change(get(chain, meant), np.multiply(value, 1.0)))
+
+
+def _as_large(old: Array, new: Array) -> Array:
+    """``new`` in place of ``old``: a number stands for every depth and condition."""
+    shape = np.broadcast_shapes(np.shape(old), np.shape(new))
+    return new if np.shape(new) == shape else np.broadcast_to(new, shape).copy()
 
 
 def _pass_on_interrupt(error: BaseException | None) -> None:
