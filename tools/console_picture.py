@@ -24,14 +24,15 @@ PLAN = {
     "name": "one", "cameras": "cameras.yaml", "seed": 5, "gait": "UNIFORM", "phi": [0.600, 0.605],
     "omega_rad_s": [8.0, 12.0], "replicates": 2, "periods": 10.0, "images": "none", "bed": BED,
 }  # fmt: skip
-DONE = 4
+CAMPAIGN_S = 600
+DONE = 2
 """Trials finished before the picture is taken."""
 UNDER_WAY = f"""
 const state = document.getElementById("campaign-state").textContent;
 return new RegExp("walking .* {DONE} of").test(state) && /legs move/.test(document.getElementById("safety").textContent)
 """
-WALKED_MS = 4000
-"""Then v_x(t) fills most of its figure."""
+WALKED_MS = 2500
+"""Then v_x(t) fills half of its figure, and the legs still move."""
 
 
 def main() -> int:
@@ -45,7 +46,7 @@ def main() -> int:
             driver.get(WebDriverWait(folder, PATIENCE_S).until(address))
             run = ("ros2", "run", "sandbot_bringup", "campaign", folder / "plan.yaml", "--out", folder / "one")
             with running(folder, "campaign", *run):
-                WebDriverWait(driver, PATIENCE_S).until(lambda d: d.execute_script(UNDER_WAY))
+                WebDriverWait(driver, CAMPAIGN_S).until(lambda d: d.execute_script(UNDER_WAY))
                 driver.execute_async_script(f"setTimeout(arguments[0], {WALKED_MS})")
                 for colours, where in (("light", OUT), ("dark", OUT / "dark")):
                     look(driver, colours, SIZE)

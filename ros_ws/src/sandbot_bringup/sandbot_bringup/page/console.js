@@ -1,7 +1,7 @@
 "use strict";
 const by = id => document.getElementById(id);
 const number = (value, digits, unit = "", factor = 1) =>
-  value == null ? "–" : (factor * value).toFixed(digits) + (unit && " " + unit);
+  value == null ? "–" : (factor * value).toFixed(digits).replace("-", "−") + (unit && " " + unit);
 const headers = {"X-Trackway": "1", "Content-Type": "application/json"};
 
 // ---- what the operator asks for
@@ -174,7 +174,7 @@ function drawCurve(curves, trial, queue) {
   const within = curve => curve.speed_m_s.filter((_, index) => curve.omega_rad_s[index] <= range[1]);
   const seen = [...Object.values(curves).flatMap(within), ...measured.map(one => one.measured.speed_m_s)].map(v => 100 * v);
   Plotly.react("curve", [...lines, points(others, "other φ", {...faint, marker: {color: colour("measured"), size: 7, symbol: "circle-open"}}),
-    points(ours, target == null ? "measured" : `measured, φ ${target}`)],
+    points(ours, target == null ? "measured" : `measured, φ ${(+target).toFixed(3)}`)],
     layout(["ω [rad/s]", {range}], ["v̄ [cm/s]", {range: fromZero(seen, [0, 40])}], {shapes}), options);
 }
 
@@ -310,7 +310,7 @@ function drawFigures(state) {
 
 function drawTrial(trial) {
   const parts = [trial.trial_id, trial.gait, trial.omega_rad_s == null ? null : `ω = ${trial.omega_rad_s} rad/s`,
-                 trial.phi_target == null ? null : `φ target ${trial.phi_target}`];
+                 trial.phi_target == null ? null : `φ target ${(+trial.phi_target).toFixed(3)}`];
   by("trial").textContent = trial.trial_id ? parts.filter(part => part != null).join(" · ") : "no trial announced";
 }
 
