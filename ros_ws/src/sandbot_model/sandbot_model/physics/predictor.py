@@ -122,7 +122,7 @@ def predictor_from_json(path: Path, robot: Robot | None = None) -> Predictor:
     content = read_json(path)
     try:
         step = content["steps"][-1]
-        values = {name: entry["value"] for name, entry in step["parameters"].items()}
+        values = {name: float(entry["value"]) for name, entry in step["parameters"].items()}
         phi, k = np.array([(row["phi"], row["value"]) for row in step["k_n_per_m"]], dtype=float).T
         stated = content.get("robot")
         own = robot_from_mapping(stated, f"{path}: robot") if stated is not None else robot or SANDBOT
