@@ -81,7 +81,7 @@ def test_two_campaigns_at_once_into_one_folder(omega, tmp_path):
     ]
     said = [one.communicate(timeout=250)[1] for one in both]
     assert not [text for text in said if "Traceback" in text], said
-    # 1: of a trial that the other has finished first it says so; 2: the folder is another plan's.
-    assert all(one.returncode in (0, 1, 2) for one in both)
+    # The other comes too early, or when all is done.
+    assert sorted(one.returncode for one in both) in ([0, 0], [0, 2])
     trials = read(tmp_path / "c")
     assert (len(trials), len(set(trials.omega_rad_s))) == (3, 1)

@@ -1,8 +1,12 @@
 """The campaign folder: what lies where, and which trials are still to be run."""
 
 import dataclasses
+import fcntl
+import os
 import shutil
-from collections.abc import Iterable, Mapping
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +14,7 @@ from sandbot_bringup.plan import Plan, PlannedTrial, read_plan, to_yaml, trials_
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_text, writing
 
+PATIENCE_S = 3.0
 PARTIAL = ".partial"
 """Inside trials/: where a live run records until its trial is complete. Kept whatever happens."""
 
@@ -89,6 +94,23 @@ class CampaignFolder:
                 write_text(self.path / name, text)
             write_text(self.plan_file, to_yaml(plan))
 
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Nobody else runs batch trials into this folder meanwhile: each would clear what the other is writing.
+
+        Raises InputError where somebody does. The system ends the hold with the process and its workers, however they
+        end; those of one that was killed get a moment.
+        """
+        handle, until_s = os.open(self.path, os.O_RDONLY), time.monotonic() + PATIENCE_S
+        try:
+            while not _locked(handle):
+                if time.monotonic() > until_s:
+                    raise InputError(f"{self.path}: another campaign is running into it; wait for its end")
+                time.sleep(0.05)
+            yield
+        finally:
+            os.close(handle)
+
     def clear_torn(self) -> None:
         """Remove what a killed batch run left behind: bags that never got their name."""
         for path in self.trials.glob(".*") if self.trials.is_dir() else ():
@@ -128,3 +150,12 @@ def _difference(present: Plan, given: Plan) -> str:
         if old != new:
             return f"{field.name}: {old!r} there, {new!r} now"
     return "no difference"
+
+
+def _locked(handle: int) -> bool:
+    """Take the lock of an open folder; whether nobody else has it."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True

@@ -179,24 +179,25 @@ def _batch(
 
     world = batch.choose_world(folder, robot_of(files), options.world, options.hide)
     folder.adopt(plan, files)
-    folder.clear_torn()
-    batch.seal(folder, world)
-    failed: dict[str, str] = {}
-    while True:
-        trials = trials_of(plan)
-        todo = [one for one in folder.missing(trials) if one.trial_id not in failed]
-        if len(todo) < len(trials) and not plan.until:
-            print(f"{folder.path}: {len(trials) - len(todo)} of {len(trials)} trials are there already")
-        setup = batch.Setup(plan, world, folder, files)
-        todo.sort(key=lambda one: one.run_order)
-        failed |= dict(runner.run(todo, functools.partial(batch.run_trial, setup), options.workers).failed)
-        if not plan.until or len(folder.missing(trials)) == len(trials):
-            return trials, list(failed.items())
-        plan, entry = decided(plan, folder, workers=options.workers)
-        print(filled(f"look {entry['look']}: {entry['text']}"))
-        if not entry["next"]:
-            return trials, list(failed.items())
-        folder.adopt(plan, files)
+    with folder.alone():
+        folder.clear_torn()
+        batch.seal(folder, world)
+        failed: dict[str, str] = {}
+        while True:
+            trials = trials_of(plan)
+            todo = [one for one in folder.missing(trials) if one.trial_id not in failed]
+            if len(todo) < len(trials) and not plan.until:
+                print(f"{folder.path}: {len(trials) - len(todo)} of {len(trials)} trials are there already")
+            setup = batch.Setup(plan, world, folder, files)
+            todo.sort(key=lambda one: one.run_order)
+            failed |= dict(runner.run(todo, functools.partial(batch.run_trial, setup), options.workers).failed)
+            if not plan.until or len(folder.missing(trials)) == len(trials):
+                return trials, list(failed.items())
+            plan, entry = decided(plan, folder, workers=options.workers)
+            print(filled(f"look {entry['look']}: {entry['text']}"))
+            if not entry["next"]:
+                return trials, list(failed.items())
+            folder.adopt(plan, files)
 
 
 def _finish(folder: CampaignFolder, trials: Sequence[PlannedTrial], failures: Sequence[tuple[str, str]]) -> int:
