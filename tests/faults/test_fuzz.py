@@ -31,6 +31,7 @@ ONCE_FAILED = {
     "selection": [
         b"schema: sandbot.selection/1\n1: 2\nx: 3\ntrue: 4\n",
         b"schema: sandbot.selection/1\nformulas: [nan]\n",
+        b"schema: sandbot.selection/1\nby_hand: {delta_t_s: 1" + b"0" * 400 + b"}\n",
     ],
     "address": [b"?" + b"against=?" * 2000],
     "discovery": [

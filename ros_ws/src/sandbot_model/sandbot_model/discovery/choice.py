@@ -212,7 +212,7 @@ def _checked(selection: Selection, where: str) -> Selection:
 def _finite(value: Any, where: str) -> float:
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
         raise InputError(f"{where}: a finite number is needed")
