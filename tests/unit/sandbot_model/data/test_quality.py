@@ -1,5 +1,6 @@
 """What is odd about trials is said, what can't be is refused, and clean trials give no note."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from sandbot_common.errors import InputError
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.week import Week
 from sandbot_lab.world import World, draw_world, null_world
+from sandbot_model.data import quality
 from sandbot_model.data.quality import checked, trend
 from sandbot_record.trials.table import Row, from_rows
 
@@ -112,3 +114,19 @@ def test_any_table_gives_notes_or_one_line(rows):
         except InputError as error:
             notes = (str(error),)
         assert not any("\n" in note for note in notes)
+
+
+def test_very_many_trials_of_a_cell_are_compared_in_little_memory():
+    own = np.random.default_rng(2).normal(0.0, 1.0, 20_000)
+    tracemalloc.start()
+    gaps, nearest = quality._gaps(own), quality._nearest(np.append(own, 50.0))
+    largest = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert largest < 100e6  # all pairs would be 200 million
+    assert np.median(gaps) == pytest.approx(0.6745 * np.sqrt(2), rel=0.01)
+    assert nearest.argmax() == len(own)
+    few = own[:50]
+    gap = np.abs(few[:, None] - few)
+    assert sorted(quality._gaps(few)) == sorted(gap[np.triu_indices(50, 1)].tolist())
+    np.fill_diagonal(gap, np.inf)
+    assert (quality._nearest(few) == gap.min(axis=1)).all()

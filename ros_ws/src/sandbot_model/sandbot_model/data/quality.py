@@ -21,6 +21,8 @@ PHI_LOW, PHI_HIGH = 0.5, 0.7
 """Volume fractions that a bed of grains at rest can have."""
 FAR_TOO_FAST = 3.0
 """Times the farthest that legs can carry a body: not another robot, but another unit (Hz for rad/s is 2π)."""
+MANY = 64
+"""Trials of a cell up to which all pairs are compared."""
 FAR_OUT = 8.0
 """Distance to every other replicate, in standard deviations of one trial, from which a trial is named."""
 CLEARLY = 4.0
@@ -125,10 +127,9 @@ def _far_out(used: Trials, values: Floats, cell: Ints) -> list[str]:
         if len(inside) < 3 or not walked[inside].all():
             continue  # where the ground hardly holds, one replicate walks and the next swims: no mistake
         for observable in Observable:
-            gap = np.abs(values[inside, None, observable] - values[None, inside, observable])
-            pairs[observable] += gap[np.triu_indices(len(inside), 1)].tolist()
-            np.fill_diagonal(gap, np.inf)
-            nearest[inside, observable] = gap.min(axis=1)
+            own = values[inside, observable]
+            pairs[observable] += _gaps(own)
+            nearest[inside, observable] = _nearest(own)
     found = []
     for observable in Observable:
         finite = [gap for gap in pairs[observable] if np.isfinite(gap)]
@@ -139,6 +140,23 @@ def _far_out(used: Trials, values: Floats, cell: Ints) -> list[str]:
         names = [f"{used.trial_id[i]} ({far[i]:.0f} sd)" for i in np.argsort(-np.nan_to_num(far)) if far[i] > FAR_OUT]
         if names:
             found.append(f"{observable.column} far from every other replicate: {_some(names)}")
+    return found
+
+
+def _gaps(own: Floats) -> list[float]:
+    """By how much trials of a cell differ: every pair, or of very many each with the next few."""
+    many = len(own)
+    lags = range(1, many if many <= MANY else MANY // 2)
+    return [gap for lag in lags for gap in np.abs(own[lag:] - own[:-lag]).tolist()]
+
+
+def _nearest(own: Floats) -> Floats:
+    """How far each value is from the nearest other; NaN where one of them is."""
+    order = np.argsort(own)
+    step = np.diff(own[order])
+    found = np.full(len(own), np.nan)
+    if not np.isnan(own).any():
+        found[order] = np.minimum(np.append(step, np.inf), np.append(np.inf, step))
     return found
 
 
