@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rig import H, setpoints
 
 from sandbot_common.errors import InputError
-from sandbot_lab import resistive
+from sandbot_lab import resistive_kernel
 from sandbot_lab.direct import direct_trials, readings
 from sandbot_lab.penetrometer import press
 from sandbot_lab.resistive import ResistiveGround
@@ -30,18 +30,18 @@ def read(ground, phi=0.61, omega=8.0):
     *(st.floats(-1, 1) for _ in range(2)), st.floats(0.0, 0.05), st.floats(-np.pi, np.pi), st.floats(-30, 30)
 )  # fmt: skip
 def test_what_the_ground_does_to_a_leg_takes_energy(v_x, v_z, z, theta, rate):
-    (p,), (s,) = resistive.records(WORLD, GROUND, 0.61, 1, 1.0)
+    (p,), (s,) = resistive_kernel.records(WORLD, GROUND, 0.61, 1, 1.0)
     s["v_x"], s["v_z"], s["z"] = v_x, v_z, z
-    f_x, f_z = resistive.resist(p, s, 0, theta, rate, 1e-4)
+    f_x, f_z = resistive_kernel.resist(p, s, 0, theta, rate, 1e-4)
     assert f_x * v_x + f_z * v_z - rate * s["torque"][0] <= 1e-12
     assert p["softened"] <= s["sheared"].min() <= s["sheared"].max() <= 1
 
 
 def test_a_leg_in_the_air_is_free_and_one_pressed_down_is_pushed_up():
-    (p,), (s,) = resistive.records(WORLD, GROUND, 0.61, 1, 1.0)
-    assert resistive.resist(p, s, 0, np.pi, 8.0, 1e-4) == (0.0, 0.0)
+    (p,), (s,) = resistive_kernel.records(WORLD, GROUND, 0.61, 1, 1.0)
+    assert resistive_kernel.resist(p, s, 0, np.pi, 8.0, 1e-4) == (0.0, 0.0)
     s["v_z"] = -0.5
-    f_x, f_z = resistive.resist(p, s, 0, -0.3, 0.0, 1e-4)
+    f_x, f_z = resistive_kernel.resist(p, s, 0, -0.3, 0.0, 1e-4)
     assert f_z > 5 * abs(f_x) > 0
 
 
@@ -68,11 +68,11 @@ def test_ground_that_forgets_carries_better_than_ground_that_softens():
 def test_half_the_step_makes_no_difference():
     motion = setpoints(8.0)
     ends = []
-    for step_s in (resistive.STEP_S, resistive.STEP_S / 2):
-        p, s = resistive.records(WORLD, GROUND, 0.61, 1, 0.15)
+    for step_s in (resistive_kernel.STEP_S, resistive_kernel.STEP_S / 2):
+        p, s = resistive_kernel.records(WORLD, GROUND, 0.61, 1, 0.15)
         p["step"] = step_s
         out = np.zeros((len(motion[0]), 23))
-        resistive.run(p, s, *motion, out)
+        resistive_kernel.run(p, s, *motion, out)
         ends.append(out[-1, 0] - 0.15)
     assert ends[0] == pytest.approx(ends[1], rel=0.01)
 

@@ -9,7 +9,7 @@ robot        leg set-points in, body motion out: `LabRobot` step by step, `simul
   ground       strength, surface, memory and force along the track
   outsiders    effects no catalogue knows
   physics      the flat records the compiled functions work on
-  resistive    ground of another kind, in place of these five
+  resistive    ground of another kind, with a kernel of its own in place of these five
 bed          the fluidised bed, its blower and height sensor
 penetrometer the force on one leg pressed into the ground
 cameras      rendered frames (calibration: metres to pixels; drawing: discs and boxes)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sandbot_common.errors import InputError
-from sandbot_lab import kernel, resistive
+from sandbot_lab import kernel, resistive_kernel
 from sandbot_lab.physics import fresh_state, physics_record
 from sandbot_lab.week import Occasion, Week
 from sandbot_lab.world import START_X_M, World
@@ -123,7 +123,7 @@ def simulate(
 def _mechanism(world: World, phi: float, seed: int, start_x_m: float) -> Callable[..., None]:
     """Carries a robot at rest through set-points, see `kernel.run`: on the ground that this world has."""
     if world.resistive:
-        return partial(resistive.run, *resistive.records(world, world.resistive, phi, seed, start_x_m))
+        return partial(resistive_kernel.run, *resistive_kernel.records(world, world.resistive, phi, seed, start_x_m))
     return partial(kernel.run, physics_record(world, phi, seed), fresh_state(world, start_x_m))
 
 

@@ -151,8 +151,10 @@ class _Formula(Effect):
 
 
 def _as_large(old: Array, new: Array) -> Array:
-    """``new`` in place of ``old``: a number stands for every depth and condition."""
-    shape = np.broadcast_shapes(np.shape(old), np.shape(new))
+    """``new`` in place of ``old``: a number stands for every depth and condition. On a tape it does so by itself."""
+    if not isinstance(old, np.ndarray):
+        return new
+    shape = np.broadcast_shapes(old.shape, np.shape(new))
     return new if np.shape(new) == shape else np.broadcast_to(new, shape).copy()
 
 
