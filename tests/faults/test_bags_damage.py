@@ -21,6 +21,8 @@ from sandbot_record.bags.reader import Bag, mapped
 from sandbot_record.bags.recover import recover
 from sandbot_record.trials import from_bags as table
 
+pytestmark = pytest.mark.slow  # together seconds
+
 COUNT = 500
 CHUNK = 9_000
 KINDS = ("none", "lz4", "zstd")

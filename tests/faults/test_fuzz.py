@@ -92,6 +92,7 @@ def working(path):
         pass
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("read", "found"),
     [

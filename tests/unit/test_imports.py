@@ -98,6 +98,7 @@ def test_every_command_is_looked_at():
     assert len(COMMANDS) > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_and_a_slip_do_not_wait_for_what_computes(command):
     for arguments, said in ((["--help"], "usage: "), (["--no-such-option", "x"], ": error: ")):

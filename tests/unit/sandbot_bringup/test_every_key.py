@@ -35,6 +35,8 @@ from sandbot_tracking.calibration import cameras_from_mapping
 from sandbot_tracking.live import View
 from sandbot_tracking.offline import OfflineTracker
 
+pytestmark = pytest.mark.slow  # together seconds
+
 CONFIG = config_folder()
 ROBOTS = ("robot.yaml", "sgcs_robot.yaml")
 WORLDS = ("pilot_world.yaml", "outside_world.yaml", "sgcs_world.yaml", "li09_world.yaml")

@@ -10,6 +10,8 @@ from sandbot_tracking.bed import LEAST, MOST, StillBed, learnt
 from sandbot_tracking.marker_tracker import BED_EVERY, MarkerTracker
 from sandbot_tracking.markers import NO_BED, Appearance, detect, follow
 
+pytestmark = pytest.mark.slow  # together seconds
+
 RADIUS, MIDDLE = 8.0, 24.0
 BOUND_PX, GRAINS_PX = 0.0109, 0.0184
 """Cramér–Rao bounds for Film() and a disc of 8 px: benchmarks/tracking.py computes them."""

@@ -16,6 +16,8 @@ from sandbot_model.explore.helpful import change_of, helps, ordered
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.report.drawings import MOTIFS, drawing
 
+pytestmark = pytest.mark.slow  # together seconds
+
 NAMES = [effect.identifier for effect in CATALOGUE]
 PREVIEWS = st.one_of(st.none(), st.tuples(st.floats(0, 1) | st.just(math.nan), st.floats(0, 1)))
 
