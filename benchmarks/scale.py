@@ -103,7 +103,7 @@ def over_tables(folder: Path) -> list[Cost]:
 
 
 def over_bags(folder: Path, source: Path) -> list[Cost]:
-    """``table`` of a folder of bags: the first call, a second one, and one after a bag has come."""
+    """``table`` of a folder of bags: the first call and a second one."""
     found, module = [], COMMANDS["table"][0]
     for size in BAGS:
         campaign = campaign_of_bags(folder / "c", source, size)

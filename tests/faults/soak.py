@@ -33,11 +33,12 @@ from matrix import BED, Cell, run_main
 
 from conftest import own_domain
 from sandbot_bringup import nodes
+from sandbot_bringup.journal import read_journal
 from sandbot_bringup.plan import Plan, read_plan
 from sandbot_clock.gait import leg_angles
 from sandbot_common import topics
 from sandbot_common.errors import InputError
-from sandbot_record.bags.reader import Bag
+from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials.from_bags import bags_in, start_ns
 
 PAGE = Path(__file__).resolve().parents[2] / "benchmarks" / "soak.md"
@@ -132,9 +133,8 @@ def trial_of(bag: Path, plan: Plan, zero_s: float) -> Trial:
     tallies = {name: text for name, text in opened.provenance["recording"].items() if name.startswith("/")}
     losses = {name: sum(map(int, re.findall(r"(?:lost|dropped) (\d+)", text))) for name, text in tallies.items()}
     lost = sum(losses.values())
-    points = opened.columns(topics.LEG_SETPOINTS.name, "position", "velocity", "header.stamp.sec",
-                            "header.stamp.nanosec")  # fmt: skip
-    stamp_ns = points["header.stamp.sec"].astype(np.int64) * 10**9 + points["header.stamp.nanosec"].astype(np.int64)
+    points = opened.columns(topics.LEG_SETPOINTS.name, "position", "velocity", *FIELD_STAMP)
+    stamp_ns = points.stamp_ns
     period_ns = round(1e9 / plan.setpoint_rate_hz)
     walking = np.asarray(points["velocity"]).any(axis=1)
     t_s = (stamp_ns - stamp_ns[0])[walking] * 1e-9
@@ -243,7 +243,7 @@ def run(minutes: float, folder: Path) -> dict[str, object]:
         cell.running["campaign"].wait(60)
     finally:
         cell.close()
-    events = [json.loads(line) for line in (folder / "campaign" / "journal.jsonl").read_text().splitlines()]
+    events = read_journal(folder / "campaign" / "journal.jsonl")
     plan = read_plan(folder / "soak.yaml")
     trials = []
     for bag in bags_in(folder / "campaign"):

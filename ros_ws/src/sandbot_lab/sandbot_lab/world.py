@@ -24,6 +24,10 @@ from sandbot_lab.resistive import ResistiveGround
 from sandbot_lab.week import Occasion, Week
 
 SCHEMA = "sandbot.world/1"
+HOLDING = ("phi_knots", "k_knots_n_per_m", "delta_t_s", "swim_m_s")
+"""Keys of a world that describe ground that holds, beside its effects."""
+NOISE_OF_ANY = ("scale", "phi_sd")
+"""Keys of noise that mean something on any ground."""
 START_X_M = 0.15
 """Where the robot's com starts; frame trackway."""
 
@@ -155,8 +159,8 @@ def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
 
 def _check_resistive(values: Mapping[str, Any], where: str) -> None:
     """What describes ground that holds is refused beside ground that does not."""
-    ignored = [key for key in ("phi_knots", "k_knots_n_per_m", "delta_t_s", "swim_m_s") if key in values]
-    ignored += [f"noise: {key}" for key in values.get("noise") or {} if key not in ("scale", "phi_sd")]
+    ignored = [key for key in HOLDING if key in values]
+    ignored += [f"noise: {key}" for key in values.get("noise") or {} if key not in NOISE_OF_ANY]
     if ignored:
         raise InputError(f"{where}: {ignored[0]}: means nothing on the ground of resistive:; leave it out")
 
@@ -203,9 +207,9 @@ def write_world(world: World, path: Path) -> None:
         "week": {**dataclasses.asdict(world.week), "k_jumps_at": list(world.week.k_jumps_at)},
     }
     if world.resistive is not None:
-        for name in ("phi_knots", "k_knots_n_per_m", "delta_t_s", "swim_m_s", "effects"):
+        for name in (*HOLDING, "effects"):
             del content[name]
-        content["noise"] = {"scale": world.noise.scale, "phi_sd": world.noise.phi_sd}
+        content["noise"] = {name: content["noise"][name] for name in NOISE_OF_ANY}
         content["resistive"] = dataclasses.asdict(world.resistive)
     if world.robot is not None:
         content["robot"] = to_mapping(world.robot)

@@ -76,9 +76,6 @@ def stages_say(stages: Sequence[StageTest]) -> str:
     failing = sorted((stage for stage in stages if stage.missed), key=lambda stage: stage.p)
     if not failing:
         return "Every stage of the base model holds in these trials."
-    names = "; ".join(f"{stage.stage} ({stage.connects}) at {_conditions(len(stage.missed))}" for stage in failing)
-    return f"The base model fails at: {names}."
-
-
-def _conditions(count: int) -> str:
-    return f"{count} condition{'' if count == 1 else 's'}"
+    missed = [text.counted(len(stage.missed), "condition") for stage in failing]
+    names = [f"{stage.stage} ({stage.connects}) at {many}" for stage, many in zip(failing, missed, strict=True)]
+    return f"The base model fails at: {'; '.join(names)}."

@@ -11,7 +11,7 @@ from sandbot_model.physics.observables import CM
 from sandbot_model.physics.typeset import plain
 from sandbot_model.report.view import readable
 
-__all__ = ("centi", "cm_s", "described", "number", "probability", "symbol", "with_error")
+__all__ = ("centi", "cm_s", "counted", "described", "number", "probability", "symbol", "with_error")
 
 
 def centi(value: float) -> str:
@@ -22,6 +22,11 @@ def centi(value: float) -> str:
 def number(value: float, digits: int = 1) -> str:
     """A plain number with a true minus sign."""
     return f"{value:.{digits}f}".replace("-", "−") if math.isfinite(value) else UNKNOWN
+
+
+def counted(count: int, thing: str) -> str:
+    """``1 condition``, ``2 conditions``."""
+    return f"{count} {thing}{'' if count == 1 else 's'}"
 
 
 def symbol(parameter: Parameter) -> str:
