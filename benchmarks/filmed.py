@@ -8,6 +8,7 @@ import yaml
 from tqdm import tqdm
 
 import hidden
+from _figures import Figure, share
 from sandbot_bringup.tools import campaign
 from sandbot_lab.world import write_world
 from sandbot_record.trials.csv_table import read_csv
@@ -48,6 +49,14 @@ def filmed(case: hidden.Case) -> hidden.Outcome:
         if code := campaign.main(arguments):
             raise RuntimeError(f"{world.name}: campaign ended with exit code {code}")
         return hidden.judged(case, read_csv(out / "trials.csv"), math.nan)
+
+
+def sample() -> list[Figure]:
+    """One world of each kind."""
+    worlds = {world.name: world for world in (*hidden.WORLDS, hidden.NULL)}
+    kinds = {worlds[name].kind: (seed, worlds[name]) for seed, name in enumerate(NAMES, start=700)}
+    found = [filmed(hidden.Case(world, seed)) for seed, world in kinds.values()]
+    return share("verdicts as they should be", "worlds through film and tracker", [one.good for one in found], "≥ 95 %")
 
 
 def main() -> str:

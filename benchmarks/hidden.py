@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from _figures import Figure, share
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.world import Noise, World
 from sandbot_model.data.conditions import cells_of
@@ -23,7 +24,7 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_record.trials.table import Row, Trials, from_rows
 
-NULLS, MAX_EFFECTS = 100, 3
+NULLS, MAX_EFFECTS, EVERY = 100, 3, 7
 REPEATS = {1.0: {"separable": 3, "alike": 1, "faint": 1, "outside": 2, "pair": 2}}
 """Seeds of each kind at each scale of the noise; one at half and at twice the usual."""
 REPEATS |= {scale: {"separable": 1, "outside": 1, "pair": 1, "null": 20} for scale in (0.5, 2.0)}
@@ -282,15 +283,15 @@ def report(outcomes: Sequence[Outcome]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _summary(outcomes: Sequence[Outcome]) -> list[str]:
-    """The figures that were asked for (issue of the discovery)."""
+def _asked(outcomes: Sequence[Outcome]) -> list[tuple[str, str, list[bool]]]:
+    """What was asked for (issue of the discovery): how much of it, and for which worlds it held."""
     separable = [one for one in outcomes if one.kind == "separable"]
     hidden = [one for one in outcomes if one.kind in ("separable", "alike", "pair")]
     null = [one for one in outcomes if one.kind == "null"]
     outside = [one for one in outcomes if one.kind == "outside"]
     pairs = [one for one in outcomes if one.kind == "pair"]
     found = [one for one in outcomes if one.first_right]
-    rows = [
+    return [
         ("separable worlds identified, first named is the truth", "≥ 95 %", [one.first_right for one in separable]),
         ("truth in the named set (separable, alike, pairs)", "≥ 99 %", [one.in_named for one in hidden]),
         ("false claims in null worlds", "≤ 2 %", [one.status != "adequate" for one in null]),
@@ -302,8 +303,11 @@ def _summary(outcomes: Sequence[Outcome]) -> list[str]:
             [o.cv_over_floor <= 1.1 for o in found],
         ),
     ]
+
+
+def _summary(outcomes: Sequence[Outcome]) -> list[str]:
     lines = ["| asked | | measured |", "|---|---|---|"]
-    for text, wanted, held in rows:
+    for text, wanted, held in _asked(outcomes):
         share = 100 * sum(held) / len(held) if held else float("nan")
         lines.append(f"| {text} | {wanted} | {share:.1f} % ({sum(held)} of {len(held)}) |")
     return lines
@@ -327,6 +331,13 @@ def said(one: Outcome) -> str:
     """The verdict in a line of a Markdown table."""
     sets = " \\| ".join(" + ".join(sorted(named)) for named in one.named)
     return f"{one.status}: {sets}" if one.named else one.status
+
+
+def sample() -> list[Figure]:
+    """Every so many of the matrix."""
+    with ProcessPoolExecutor() as pool:
+        outcomes = list(pool.map(run, cases()[::EVERY]))
+    return [one for text, wanted, held in _asked(outcomes) for one in share(text, "hidden worlds", held, wanted)]
 
 
 def main() -> str:

@@ -1,9 +1,11 @@
 """``make bench [ONLY=name]`` and ``make bench-quick``. Never part of the tests.
 
 A benchmark is a module here with ``main() -> str`` that returns a section of Markdown: medians of several runs,
-peers measured in the same run, ratios rather than bare times. Its report is benchmarks/<name>.md. Without ONLY those
-run, the shortest first, that fit into an hour by what they took the last time; benchmarks/README.md says which did.
-``--quick`` measures the ratios of a few and fails where one lost more than a fifth of what the last whole run stored.
+peers measured in the same run, ratios rather than bare times. Its report is benchmarks/<name>.md. A long one also has
+``sample() -> list[Figure]``, minutes of it: those figures run without ONLY, and the report stays as it was. A short
+one may say its ``figures() -> list[Figure]`` after ``main``. All that ran and how long is in benchmarks/README.md; what
+would not end within the hour is left out and named there. ``--quick`` measures the ratios of a few and fails where one
+lost more than a fifth of what the last whole run stored.
 """
 
 import importlib
@@ -14,15 +16,18 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import _figures
 import _ratios
 import _short
 
 HERE = Path(__file__).resolve().parent
+README = HERE / "README.md"
 BUDGET_S = 3300.0
 """An hour, less what times vary by."""
-UNKNOWN_S = 600.0
+UNKNOWN_S = 240.0
 """What a benchmark is taken to need that has not run yet."""
 
 
@@ -34,15 +39,15 @@ def main(only: list[str]) -> int:
     if unknown := set(only) - set(names):
         print(f"bench: no benchmark {', '.join(sorted(unknown))}; there are {', '.join(names)}", file=sys.stderr)
         return 2
-    took = {name: last_took_s(HERE / f"{name}.md") for name in names}
-    chosen = only or fitting(took, BUDGET_S)
-    for name in chosen:
-        _report(name)
-    if not only:
-        ratios = _ratios.measured()
-        _ratios.store(ratios)
-        _ratios.plot(ratios, HERE / "ratios.svg")
-        (HERE / "README.md").write_text(readme(ratios, names, chosen), encoding="utf-8")
+    if only:
+        for name in only:
+            report(name)
+        return 0
+    ratios = _ratios.measured()
+    _ratios.store(ratios)
+    _ratios.plot(ratios, HERE / "ratios.svg")
+    took, figures = whole(names, last_took_s(README))
+    README.write_text(readme(ratios, figures, names, took), encoding="utf-8")
     return 0
 
 
@@ -60,55 +65,77 @@ def quick() -> int:
     return 1 if losses else 0
 
 
-def last_took_s(report: Path) -> float:
-    """What a report says its run took."""
-    found = re.search(r"took (\d+) s", report.read_text(encoding="utf-8")) if report.is_file() else None
-    return float(found[1]) if found else UNKNOWN_S
+def last_took_s(page: Path) -> dict[str, float]:
+    """What each benchmark took in the last whole run, as its page says."""
+    text = page.read_text(encoding="utf-8") if page.is_file() else ""
+    return {name: float(took) for name, took in re.findall(r"^\| \[(\w+)\]\(\w+\.md\) \| (\d+) s", text, re.M)}
 
 
-def fitting(took_s: dict[str, float], budget_s: float) -> list[str]:
-    """The shortest benchmarks that fit into a budget together."""
-    chosen, spent = [], 0.0
-    for name in sorted(took_s, key=lambda name: (took_s[name], name)):
-        if spent + took_s[name] <= budget_s:
-            chosen.append(name)
-            spent += took_s[name]
-    return chosen
+def whole(names: Sequence[str], last_s: Mapping[str, float]) -> tuple[dict[str, float], list[_figures.Figure]]:
+    """Run all, the shortest first, that end within the budget by what they last took: seconds, and figures."""
+    begun_s, took, figures = time.perf_counter(), dict[str, float](), list[_figures.Figure]()
+    for name in sorted(names, key=lambda name: (last_s.get(name, UNKNOWN_S), name)):
+        start_s = time.perf_counter()
+        if start_s - begun_s + last_s.get(name, UNKNOWN_S) > BUDGET_S:
+            print(f"bench: {name} would not end within the hour", flush=True)
+            continue
+        module = importlib.import_module(name)
+        if hasattr(module, "sample"):
+            print(f"bench: {name}, a sample ...", flush=True)
+            found = module.sample()
+        else:
+            report(name)
+            found = module.figures() if hasattr(module, "figures") else []
+        print(*(one.row() for one in found), sep="\n", flush=True)
+        figures += found
+        took[name] = time.perf_counter() - start_s
+    return took, figures
 
 
-def readme(ratios: list[_ratios.Ratio], names: list[str], ran: list[str]) -> str:
-    """benchmarks/README.md: ratios beside aims and peers, then every report and whether this run wrote it."""
+def readme(
+    ratios: list[_ratios.Ratio], figures: list[_figures.Figure], names: list[str], took_s: Mapping[str, float]
+) -> str:
+    """benchmarks/README.md: ratios and figures beside aims and peers, then every report and what of it this run did."""
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"], cwd=HERE, capture_output=True, text=True, check=False
     )
     lines = [
         "# Benchmarks",
         "",
-        "Written by `make bench`; `make bench-quick` measures these ratios again and fails on a loss of a fifth. More "
-        "is better; both sides of a ratio were measured in one run.",
+        "Written by `make bench`; `make bench-quick` measures the ratios again and fails on a loss of a fifth. Of a "
+        "ratio more is better; both sides of it were measured in one run. Of the long reports this run did a sample; "
+        "each was written whole by `make bench ONLY=name`.",
         "",
         f"Commit {commit.stdout.strip() or 'unknown'}; {os.cpu_count()} cores, {platform.machine()}, Python "
-        f"{platform.python_version()}; load average at the end {os.getloadavg()[0]:.1f}.",
+        f"{platform.python_version()}; {sum(took_s.values()) / 60:.0f} minutes; load average at the end "
+        f"{os.getloadavg()[0]:.1f}.",
         "",
         _ratios.table(ratios),
         "",
-        *_short.lines(),
-        "",
         "![Ratios in parts of their aims](ratios.svg)",
+        "",
+        _figures.table(figures),
+        "",
+        *_short.lines(),
         "",
         "| report | took | this run |",
         "|---|---|---|",
     ]
     for name in names:
-        report = HERE / f"{name}.md"
-        took = f"{last_took_s(report):.0f} s" if report.is_file() and "took" in report.read_text("utf-8") else "–"
-        link = f"[{name}]({name}.md)" if report.is_file() else name
-        said = "yes" if name in ran else f"no: `make bench ONLY={name}`"
-        lines.append(f"| {link} | {took} | {said} |")
+        link = f"[{name}]({name}.md)" if (HERE / f"{name}.md").is_file() else name
+        took = f"{took_s[name]:.0f} s" if name in took_s else "–"
+        lines.append(f"| {link} | {took} | {_did(name, took_s)} |")
     return "\n".join(lines) + "\n"
 
 
-def _report(name: str) -> None:
+def _did(name: str, took_s: Mapping[str, float]) -> str:
+    if name not in took_s:
+        return f"no: `make bench ONLY={name}`"
+    return "a sample" if hasattr(importlib.import_module(name), "sample") else "whole"
+
+
+def report(name: str) -> None:
+    """Write a benchmark's report."""
     start = time.perf_counter()
     print(f"bench: {name} ...", flush=True)
     section = importlib.import_module(name).main()

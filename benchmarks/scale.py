@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from _drawn import drawn
+from _figures import Figure
 from sandbot_common import messages, topics
 from sandbot_common.serialization import to_cdr
 from sandbot_model.physics.catalogue import catalogue
@@ -29,7 +30,7 @@ TRIALS = (147, 1_470, 14_700, 100_009)
 """At the same 49 conditions."""
 CONDITIONS = (49, 98, 196, 392)
 """Of three trials each."""
-BAGS = (100, 300, 1_000)
+BAGS = (100, 1_000, 10_000)
 COMMANDS = {
     "table": ["sandbot_record.tools.table", "--out"],
     "compare": ["sandbot_model.tools.compare", "--json"],
@@ -102,10 +103,10 @@ def over_tables(folder: Path) -> list[Cost]:
     return found
 
 
-def over_bags(folder: Path, source: Path) -> list[Cost]:
+def over_bags(folder: Path, source: Path, sizes: Sequence[int]) -> list[Cost]:
     """``table`` of a folder of bags: the first call and a second one."""
     found, module = [], COMMANDS["table"][0]
-    for size in BAGS:
+    for size in sizes:
         campaign = campaign_of_bags(folder / "c", source, size)
         (campaign / ".table-cache.json").unlink(missing_ok=True)
         for name in ("first call", "second call"):
@@ -169,14 +170,34 @@ def report(costs: Sequence[Cost]) -> str:
     return "\n".join([*lines, "", "![CPU time over size](scale.svg)", "", load])
 
 
-def main() -> str:
-    """Measure; the section of the report, in Markdown."""
+def sample() -> list[Figure]:
+    """Discovery at two sizes of the same conditions, and a campaign's bags twice."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        module, *options = COMMANDS["discover"]
+        few, many = (
+            cost("discover", size, module, campaign_csv(folder / "t.csv", 49, size // 49), *options, folder / "out")
+            for size in (147, 14_700)
+        )
+        first, second = over_bags(folder, _trial(folder), (100,))
+    return [
+        Figure("discovery's CPU time, a hundred times the trials", "147 trials", many.cpu_s / few.cpu_s, "≤ 2 ×"),
+        Figure("table of bags, the second call", "100 bags", 100 * second.cpu_s / first.cpu_s, "≤ 20 %"),
+    ]
+
+
+def _trial(folder: Path) -> Path:
     sys.path.insert(0, str(HERE.parent / "tests" / "unit" / "sandbot_record"))
     from bags import trial_bag
 
+    return trial_bag(folder / "trial")
+
+
+def main() -> str:
+    """Measure; the section of the report, in Markdown."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        costs = over_bags(folder, trial_bag(folder / "trial"))
+        costs = over_bags(folder, _trial(folder), BAGS)
         return report([*costs, *over_tables(folder)])
 
 

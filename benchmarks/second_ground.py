@@ -7,12 +7,14 @@ import argparse
 import dataclasses
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from _figures import Figure, share
 from _matrix import collect
 from hidden import OMEGA, PHI
 from sandbot_lab.direct import ReadingErrors, direct_trials
@@ -90,6 +92,14 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         cells = [key[0], key[1], f"{100 * key[2]:g}", len(some), *(counts[one] for one in STATUSES), ", ".join(named)]
         lines.append("| " + " | ".join(map(str, cells)) + " |")
     return "\n".join(lines) + "\n"
+
+
+def sample() -> list[Figure]:
+    """Every ground once."""
+    with ProcessPoolExecutor() as pool:
+        results = list(pool.map(analyse, cases(1)[::3]))
+    named = [one["status"] in STATUSES[3:] for one in results]
+    return share("named on a ground of another kind", "campaigns", named, "≤ 2 %")
 
 
 def main() -> str:

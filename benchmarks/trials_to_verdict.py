@@ -7,6 +7,7 @@ import argparse
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 
 import hidden
+from _figures import Figure, share
 from _matrix import collect
 from hidden import OMEGA, PHI
 from sandbot_lab.direct import ReadingErrors, direct_trial
@@ -30,7 +32,7 @@ from sandbot_model.discovery.discover import discover
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_record.trials.table import Row, from_rows
 
-SEEDS, MAX_EFFECTS = 10, 2
+SEEDS, MAX_EFFECTS, EVERY = 10, 2, 5
 OUT = Path("runs/trials_to_verdict.jsonl")
 REPLICATES, FIRST_REPLICATES = 3, 2
 WEEK = Week(k_batch_sd=0.005, k_drift=0.01, lift_zero_m=0.0003, speed_scale=0.003)
@@ -284,6 +286,20 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         ]
         parts += ["", report(week), by_world(week, "until verdict")]
     return "\n".join(parts)
+
+
+def sample() -> list[Figure]:
+    """Ours in every so many worlds."""
+    with ProcessPoolExecutor() as pool:
+        results = list(pool.map(analyse, cases(1, ("until verdict",))[::EVERY]))
+    trials = float(median(one["trials"] for one in results))
+    right = [one["outcome"] == "right" for one in results]
+    return [
+        Figure(
+            "trials to a verdict, the whole grid has 147", f"median of {len(results)} campaigns", trials, "≤ 74 trials"
+        ),
+        *share("verdicts right when the campaign ends itself", "campaigns", right, "≥ 95 %"),
+    ]
 
 
 def main() -> str:

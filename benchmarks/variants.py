@@ -9,6 +9,7 @@ import argparse
 import dataclasses
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from typing import Any
 import yaml
 
 from _drawn import drawn
+from _figures import Figure, share
 from _matrix import collect
 from hidden import OMEGA, PHI
 from sandbot_model.data.conditions import cells_of
@@ -25,7 +27,7 @@ from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.walking import Walker
 from sandbot_record.trials.table import Trials
 
-SEEDS, QUICK_SEEDS, REPLICATES, MAX_EFFECTS = 6, 1, 3, 2
+SEEDS, QUICK_SEEDS, REPLICATES, MAX_EFFECTS, EVERY = 6, 1, 3, 2, 5
 OUT = Path("runs/variants.jsonl")
 ALIKE = frozenset({"leg_slip", "cable_drag", "bed_slope"})
 """Told apart by how they vary with depth alone: of these one may stand for another in a set."""
@@ -138,6 +140,18 @@ def _shares(some: Sequence[Mapping[str, Any]]) -> list[str]:
         "asked ≥ 90 %)",
         f"* another family: {counts['false claim']} of {len(some)} ({counts['false claim'] / len(some):.0%}; asked "
         f"≤ 2 %), another beside the right one: {counts['half']}",
+    ]
+
+
+def sample() -> list[Figure]:
+    """Every so many forms, once."""
+    with ProcessPoolExecutor() as pool:
+        outcomes = [one["outcome"] for one in pool.map(analyse, cases(1)[::EVERY])]
+    told = [one in ("identified", "partial", "ambiguous") for one in outcomes if one != "adequate"]
+    false = [one == "false claim" for one in outcomes]
+    return [
+        *share("family named though its formula has another form", "campaigns", told, "≥ 90 %"),
+        *share("another family named", "campaigns", false, "≤ 2 %"),
     ]
 
 

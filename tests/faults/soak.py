@@ -43,7 +43,7 @@ from sandbot_record.trials.from_bags import bags_in, start_ns
 
 PAGE = Path(__file__).resolve().parents[2] / "benchmarks" / "soak.md"
 EVERY_S = 5.0
-STALL_S = 4.0
+STALL_S, STALLS = 6.0, 4
 RATE_HZ = 50.0
 """Of the cameras: two of them rendered and tracked at 100 Hz take both cores of a small machine."""
 PLAN = {"name": "soak", "seed": 5, "gait": "UNIFORM", "phi": [0.605, 0.615], "omega_rad_s": [8.0, 10.0, 12.0],
@@ -182,7 +182,7 @@ def growths(found: Mapping[str, Mapping[str, Sequence[float]]]) -> list[str]:
 
 
 def fill_queues(cell: Cell, ended: threading.Event) -> None:
-    """Hold those up who get frames, twice.
+    """Hold those up who get frames, again and again.
 
     Queues of 200 frames (0.3 MB each, two cameras) keep the memory they have once taken; a busy machine fills them at
     some time of its own (measured: the lab goes from 150 to 230 MB in two stalls, the tracker from 104 to 236, and
@@ -193,7 +193,7 @@ def fill_queues(cell: Cell, ended: threading.Event) -> None:
     while time.monotonic() < until and not names <= cell_names(cell).keys():
         ended.wait(1.0)
     ended.wait(15.0)  # for the first frames
-    for _ in range(2):
+    for _ in range(STALLS):
         held = [pid for name, pid in cell_names(cell).items() if name in names]
         for pid in held:
             os.kill(pid, signal.SIGSTOP)
@@ -309,7 +309,7 @@ def page(found: Mapping[str, Any]) -> str:
         "",
         "A trial is marked as failed where a busy machine has held it up for longer than its limits (a set-point 50 ms "
         "late, say). /operator/lease keeps one message by intent: only the latest counts. Queues of frames are filled "
-        "before the run (two stalls of tracker and console): they keep the memory they have once taken.",
+        f"before the run ({STALLS} stalls of tracker and console): they keep the memory they have once taken.",
         "",
         "![Memory, threads, files, shared memory and set-points over the run](soak.svg)",
     ]

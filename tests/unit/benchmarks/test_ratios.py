@@ -1,4 +1,4 @@
-"""bench-quick fails on a loss of a fifth and on nothing less; make bench keeps to its hour."""
+"""bench-quick fails on a loss of a fifth and on nothing less."""
 
 import _ratios
 import run
@@ -35,14 +35,6 @@ def test_quick_ends_1_on_a_loss_and_0_without(tmp_path, monkeypatch, capsys):
     _ratios.store([ratio(60.0)])
     assert run.main(["--quick"]) == 1
     assert "was 60.00" in capsys.readouterr().err
-
-
-def test_a_run_fits_its_hour_and_falling_short_is_said():
-    took = {"short": 20.0, "middle": 1500.0, "long": 2500.0, "week": 90000.0}
-    assert run.fitting(took, 3300.0) == ["short", "middle"]
-    page = run.readme([ratio(30.0)], list(took), ["short", "middle"])
-    assert "| markers followed | a peer | 30.00 | 40.00 | **short** |" in page
-    assert "make bench ONLY=week" in page
 
 
 def test_every_module_of_the_quick_run_has_its_ratios():

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from sandbot_bringup.console import HISTORY_S, Arrivals, Console, Packing, RecorderRate, Series, Throttle
 from sandbot_bringup.console_page import app, serve
+from sandbot_common import topics
 from sandbot_common.errors import InputError
 
 NAN = float("nan")
@@ -310,3 +311,18 @@ def test_it_serves_on_loopback_and_a_taken_port_is_one_line(fake):
         server.shutdown()
         server.server_close()
     assert server.socket.fileno() == -1
+
+
+def test_a_console_that_is_held_up_keeps_few_pictures_and_every_word_of_safety():
+    from rclpy.qos import ReliabilityPolicy
+
+    from sandbot_bringup.console_node import delivery
+
+    for topic in (topics.DORSAL_IMAGE, topics.LATERAL_IMAGE):
+        heard = delivery(topic)
+        assert heard.depth * 640 * 480 < 4e6
+        assert heard.reliability == ReliabilityPolicy.BEST_EFFORT
+    for topic in (topics.LEG_STATES, topics.BED_BLOWER, topics.DIAGNOSTICS):
+        heard = delivery(topic)
+        assert heard.depth == topic.depth
+        assert heard.reliability == ReliabilityPolicy.RELIABLE

@@ -15,6 +15,7 @@ from typing import Any
 
 from rclpy.client import Client
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
@@ -61,6 +62,14 @@ _NUMBERS = {
 }
 _EXACT = {topics.LEG_STATES, topics.BED_BLOWER, topics.BED_STATUS, topics.DIAGNOSTICS}
 """Not one of these may be lost. Of the others that may: a reliable reader of a busy host stood still for 1 to 2 s."""
+PICTURES_KEPT = 10
+"""Frames in wait. The topic's own depth would keep 60 MB a camera once a busy machine has filled it, all of it old."""
+
+
+def delivery(topic: Topic) -> QoSProfile:
+    """How the console hears a topic."""
+    best_effort = not topic.latched and topic not in _EXACT
+    return node.qos(topic, best_effort=best_effort, depth=PICTURES_KEPT if topic in _IMAGES else None)
 
 
 class ConsoleNode(Node):
@@ -83,10 +92,7 @@ class ConsoleNode(Node):
         self._server = serve(self, self._settings.port, self._closing)
         for topic in SHOWN:
             kind = messages.message_class(topic.type)
-            best_effort = not topic.latched and topic not in _EXACT
-            self.create_subscription(
-                kind, topic.relative, self._listener(topic), node.qos(topic, best_effort=best_effort), raw=True
-            )
+            self.create_subscription(kind, topic.relative, self._listener(topic), delivery(topic), raw=True)
         self.get_logger().info(f"console: http://{HOST}:{self._server.port}/")
 
     def snapshot(self) -> Mapping[str, Any]:

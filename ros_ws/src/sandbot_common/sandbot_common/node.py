@@ -54,11 +54,12 @@ _LOOK_S = 0.05
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
-def qos(topic: topics.Topic, *, best_effort: bool = False) -> QoSProfile:
-    """The delivery of a topic: reliable unless ``best_effort``, and transient local where latched."""
+def qos(topic: topics.Topic, *, best_effort: bool = False, depth: int | None = None) -> QoSProfile:
+    """The delivery of a topic: reliable unless ``best_effort``, transient local where latched, its own depth if none is
+    given."""
     durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
     reliability = ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE
-    return QoSProfile(depth=topic.depth, reliability=reliability, durability=durability)
+    return QoSProfile(depth=depth or topic.depth, reliability=reliability, durability=durability)
 
 
 def config_file(name: str) -> Path:
