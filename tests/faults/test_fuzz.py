@@ -37,6 +37,10 @@ ONCE_FAILED = {
     "discovery": [
         json.dumps({"model": "simple", "steps": [{"parameters": {}, "effects": [], "k_n_per_m": rows}]}).encode()
         for rows in ([{"phi": 0.6, "value": "x"}], [{"phi": [1], "value": 1}], [])
+    ]
+    + [
+        b'{"schema": "sandbot.discovery/2", "verdict": {"status": "", "effects": [], "because": ""}, '
+        b'"noise_floor_m_s": null, "steps": [{"effects": [], "cv_rmse_m_s": "x"}]}'
     ],
     "looks": [b"3\n", b"{}\n", b'{"look": 1, "planned": 1, "finished": 1, "text": "", "next": [{"phi": "x"}]}\n'],
     "message": [b"/trial\n\x00\x01\x00\x00\xff\xff\xff\xff", b"/leg_states\n", b"/bed/status\n\x00"],
@@ -109,6 +113,20 @@ def test_a_parser_that_fails_is_caught(read, found, tmp_path, monkeypatch):
     parser, count = Parser("bad", "bad.txt", read, lambda _: [b"a: 1\n"]), fuzz.Count()
     fuzz.cases(parser, range(2), tmp_path, count)
     assert [one.partition(": ")[2].startswith(found) for one in count.failures] == [True, True]
+
+
+def test_a_case_that_failed_is_run_again_and_counted_as_mended(tmp_path):
+    bad, good = (Parser("one", "one.txt", read, lambda _: [b"a: 1\n"]) for read in (lambda path: 1 / 0, len_of))
+    count = fuzz.Count()
+    fuzz.cases(bad, range(3), tmp_path, count)
+    fuzz.again_what_failed(bad, tmp_path, count)
+    assert (len(count.failures), count.mended) == (3, 0)
+    fuzz.again_what_failed(good, tmp_path, count)
+    assert (count.failures, count.mended, count.good, count.cases) == ([], 3, 3, 3)
+
+
+def len_of(path):
+    return len(path.read_bytes())
 
 
 def test_a_case_can_be_had_again():

@@ -56,7 +56,7 @@ def summary(discovery: dict[str, Any]) -> str:
 
 
 def _cm_s(speed_m_s: float | None) -> str:
-    return "unknown" if speed_m_s is None else f"{speed_m_s * 100:.2f}"
+    return "unknown" if speed_m_s is None else f"{speed_m_s * 100.0:.2f}"
 
 
 def _read(path: Path, campaign: Path) -> dict[str, Any]:
