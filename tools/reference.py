@@ -33,6 +33,7 @@ FILES = {
     "noise in world.yaml": ("sandbot_lab.world", "Noise"),
     "week in world.yaml": ("sandbot_lab.week", "Week"),
     "resistive in world.yaml": ("sandbot_lab.resistive", "ResistiveGround"),
+    "film in world.yaml": ("sandbot_lab.film", "Film"),
 }
 EXAMPLE = "examples/demo_trials.csv"
 

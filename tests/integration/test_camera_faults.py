@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -14,6 +15,7 @@ from sandbot_common import messages, topics
 from sandbot_common.files import read_yaml
 from sandbot_common.robot import SANDBOT
 from sandbot_lab.cameras import LabCamera
+from sandbot_lab.film import Film
 from sandbot_lab.robot import simulate
 from sandbot_lab.stage import LED_ON_S
 from sandbot_lab.world import null_world
@@ -34,21 +36,25 @@ STANDING_S, AFTER_S = 0.3, 0.3
 class Trial:
     """A trial of the lab as it was filmed: times of the frames [s] and both views."""
 
-    def __init__(self):
+    def __init__(self, film=None, sections=SECTIONS):
+        self.cameras = cameras_from_mapping(sections, "cameras")
         count = round(PLAN.duration_s(TRIAL.omega_rad_s) * 200) + 1
         self.t_s = np.arange(count) / 200
         self.angles, self.rates = leg_angles(PLAN.clock_gait, TRIAL.omega_rad_s, self.t_s, 3)
         self.trace = simulate(null_world(), TRIAL.phi, self.t_s, self.angles, self.rates, seed=TRIAL.seed)
-        views = {name: LabCamera(name, SECTIONS[name], TRIAL.seed, SANDBOT) for name in CAMERAS}
-        self.frame_s = np.arange(-STANDING_S, self.t_s[-1] + AFTER_S, 1 / CAMERAS["dorsal"].frame_rate_hz)
+        views = {name: LabCamera(name, sections[name], TRIAL.seed, SANDBOT, film) for name in CAMERAS}
+        rate_hz = CAMERAS["dorsal"].frame_rate_hz
+        numbers = range(-round(STANDING_S * rate_hz), round((self.t_s[-1] + AFTER_S) * rate_hz))
+        self.frame_s = np.array([views["dorsal"].instant_s(number) for number in numbers])
+        self.come = {name: [view.comes(number) for number in numbers] for name, view in views.items()}
         self.films = {
             name: [view.film(self.trace, t_s, 0.0 <= t_s < LED_ON_S) for t_s in self.frame_s]
             for name, view in views.items()
         }
 
-    def row(self, folder, change):
+    def row(self, folder, change=lambda _, __, t_s, pixels: (t_s, pixels)):
         """The row of the table where each frame (camera, number, stamp [s], pixels) came as ``change`` says, or not."""
-        tracker, bag = LiveTracker(CAMERAS), TrialBag(START_NS)
+        tracker, bag = LiveTracker(self.cameras), TrialBag(START_NS)
         bag.announce(trial_message(PLAN, TRIAL, SANDBOT, START_NS))
         bag.legs_start(1.0)
         zero_ns = START_NS + NANO
@@ -56,7 +62,7 @@ class Trial:
         torque = np.zeros_like(self.angles)
         for topic in (topics.LEG_SETPOINTS, topics.LEG_STATES):
             bag.legs(topic, self.t_s, self.angles, self.rates, torque)
-        for name, camera in CAMERAS.items():
+        for name, camera in self.cameras.items():
             bag.camera(name, -STANDING_S, camera)
         told = False
         for number, t_s in enumerate(self.frame_s):
@@ -67,7 +73,7 @@ class Trial:
             tracker.legs(now_ns, self.angles[moment], now_ns)
             for name in CAMERAS:
                 come = change(name, number, t_s, self.films[name][number])
-                if come is not None:
+                for _ in range(self.come[name][number] if come is not None else 0):
                     stamp_s, pixels = come
                     for at_ns, sample in tracker.frame(name, zero_ns + round(stamp_s * NANO), pixels, now_ns):
                         bag.sample(replace(sample, t_s=(at_ns - zero_ns) / NANO))
@@ -84,7 +90,7 @@ def trial():
 @pytest.fixture(scope="module")
 def row(trial, tmp_path_factory):
     """The row where nothing goes wrong."""
-    return trial.row(tmp_path_factory.mktemp("sound"), lambda _, __, t_s, pixels: (t_s, pixels))
+    return trial.row(tmp_path_factory.mktemp("sound"))
 
 
 def dropped(name, number, t_s, pixels):
@@ -146,3 +152,105 @@ def frozen(trial, camera, since_s):
 )
 def test_what_cannot_is_said(trial, tmp_path, fault, status):
     assert trial.row(tmp_path, fault(trial)).status.startswith(status)
+
+
+@pytest.mark.parametrize(
+    "film",
+    [
+        pytest.param(
+            Film(0.8, uneven=0.3, flicker=0.1, glints=20, jpeg_quality=85, dropped=0.05, doubled=0.05, jitter_s=0.001),
+            id="a little of all",
+        ),
+        *(
+            pytest.param(film, id=str(name), marks=pytest.mark.whole)
+            for name, film in {
+                "defocus": Film(defocus_px=1.5),
+                "uneven light": Film(uneven=0.5),
+                "flicker": Film(flicker=0.2),
+                "glints": Film(glints=60),
+                "JPEG": Film(jpeg_quality=60),
+                "dropped": Film(dropped=0.2),
+                "doubled": Film(doubled=0.3),
+                "variable frame rate": Film(jitter_s=0.003),
+                "a thin cable": Film(cable_px=1.5),
+            }.items()
+        ),
+    ],
+)
+def test_a_bad_film_gives_the_same_row(row, tmp_path, film):
+    other = Trial(film).row(tmp_path)
+    assert other.status == "ok"
+    assert other.speed_m_s == pytest.approx(row.speed_m_s, rel=0.01)
+    assert other.lift_m == pytest.approx(row.lift_m, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    "film",
+    [
+        pytest.param(Film(cable_px=60.0), id="a marker goes behind something"),
+        *(
+            pytest.param(film, id=str(name), marks=pytest.mark.whole)
+            for name, film in {
+                "no focus at all": Film(defocus_px=12.0),
+                "next to no frames": Film(dropped=0.9),
+                "a dark room": Film(uneven=1.0, flicker=1.0, flicker_hz=1.0),
+            }.items()
+        ),
+    ],
+)
+def test_a_film_too_bad_is_told_and_gives_no_number_of_its_own(row, tmp_path, film):
+    other = Trial(film).row(tmp_path)
+    assert other.status != "ok"
+    assert np.isnan(other.speed_m_s) or other.speed_m_s == pytest.approx(row.speed_m_s, rel=0.1)
+
+
+def posed(name, turn, lens=(0.0,) * 5, sideways=False):
+    """The section of a camera that looks where it looked from elsewhere: turned about the middle of its view.
+
+    ``turn`` [rad]: about the axes of the camera. ``sideways``: it lies on its side, with a picture as high as wide.
+    """
+    section = dict(SECTIONS[name], distortion=list(lens))
+    axes, place = np.array(section["rotation"]), np.array(section["position_m"])
+    along = axes[2]
+    normal = "xyz".index(section["plane"]["normal"])
+    middle = place + along * (section["plane"]["offset_m"] - place[normal]) / along[normal]
+    turned = cv2.Rodrigues(np.array(turn, float))[0] @ axes
+    if sideways:
+        turned = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) @ turned
+        section |= {
+            key: section[other] for key, other in {"width": "height", "height": "width", "cx": "cy", "cy": "cx"}.items()
+        }
+    position = middle - turned[2] * np.linalg.norm(middle - place)
+    return section | {"rotation": turned.tolist(), "position_m": position.tolist()}
+
+
+def of_both(dorsal, lateral):
+    return {name: posed(name, **how) for name, how in (("dorsal", dorsal), ("lateral", lateral))}
+
+
+LENS = (-0.15, 0.04, 0.0005, -0.0005, 0.0)
+TILTED = of_both({"turn": (0.06, 0.12, 0.05), "lens": LENS}, {"turn": (-0.05, 0.1, 0.03), "lens": LENS})
+
+
+@pytest.mark.parametrize(
+    "sections",
+    [
+        pytest.param(TILTED, id="tilted, through a lens that bends"),
+        pytest.param(
+            of_both({"turn": (0, 0, 0), "sideways": True}, {"turn": (0, 0.05, 0), "sideways": True}),
+            id="on their sides",
+            marks=pytest.mark.whole,
+        ),
+    ],
+)
+def test_cameras_that_do_not_look_straight_give_the_same_row(row, tmp_path, sections):
+    other = Trial(sections=sections).row(tmp_path)
+    assert other.status == "ok"
+    assert other.speed_m_s == pytest.approx(row.speed_m_s, rel=0.01)
+    assert other.lift_m == pytest.approx(row.lift_m, abs=2e-4)
+
+
+def test_a_tilted_camera_taken_for_a_straight_one_gives_another_lift(row, tmp_path):
+    tilted = Trial(sections=TILTED)
+    tilted.cameras = CAMERAS
+    assert abs(tilted.row(tmp_path).lift_m - row.lift_m) > 4e-4

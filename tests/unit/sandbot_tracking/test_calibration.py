@@ -1,13 +1,16 @@
 """Pixels to metres and back, lens distortion and refusals."""
 
+import cv2
 import numpy as np
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from pictures import Lens, traced
 
 from sandbot_common.errors import InputError
 from sandbot_tracking.calibration import camera_from_mapping, read_cameras
+from sandbot_tracking.lens import Board, entry, lens_from_board
 from sandbot_tracking.tools import calibrate
 
 DORSAL = {
@@ -87,3 +90,91 @@ def test_calibrate_refuses_a_bad_row(tmp_path, capsys):
     assert calibrate.main([str(table), "--name", "dorsal", "--plane", "0.1", "--out", str(out)]) == 2
     assert "row 2: x_m: 'x'" in capsys.readouterr().err
     assert not out.exists()
+
+
+SQUARE_M, TEXTURE = 0.03, 1000.0
+"""Side of the boards' squares, and pixels of their print to a metre, of which a square has thirty."""
+
+
+def chessboard():
+    """A board of 9 × 6 inner corners as it is printed, with its white rim."""
+    black = np.add.outer(np.arange(7), np.arange(10)) % 2 == 0
+    print_ = np.pad(np.kron(~black, np.ones((30, 30))), 30, constant_values=1.0)
+    return 20.0 + 210.0 * print_
+
+
+def charuco():
+    """A ChArUco board of 9 × 6 inner corners, likewise."""
+    markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    board = cv2.aruco.CharucoBoard((10, 7), SQUARE_M, 0.75 * SQUARE_M, markers)
+    return 20.0 + np.pad(board.generateImage((300, 210)).astype(float), 30, constant_values=255.0) * 210 / 255
+
+
+def views(texture, lens, rng, near_m=0.42, count=9):
+    """Pictures of a board held in front of the camera in different ways."""
+    middle = np.array([texture.shape[1], texture.shape[0], 0.0]) / TEXTURE / 2
+    for _ in range(count):
+        turn = cv2.Rodrigues(rng.uniform((-0.5, -0.5, -0.3), (0.5, 0.5, 0.3)))[0]
+        place = np.array([*rng.uniform(-0.05, 0.05, 2), rng.uniform(near_m, near_m + 0.1)])
+        yield traced(texture, TEXTURE, lens, turn, place - turn @ middle, rng)
+
+
+def off_px(lens, found):
+    """How far the found lens is off over the view [px]: rays as the true one has them, put through the found one."""
+    u, v = (axis.ravel() for axis in np.meshgrid(np.linspace(80, 560, 9), np.linspace(80, 400, 7)))
+    x, y = lens.rays(u, v)
+    seen = cv2.projectPoints(np.column_stack((x, y, np.ones_like(x))), *np.zeros((2, 3)), *found)[0][:, 0]
+    off = seen - np.column_stack((u, v))
+    # A shift of all is a turn of the camera, which where it stands makes good.
+    return float(np.sqrt(np.mean(np.sum((off - off.mean(axis=0)) ** 2, axis=1))))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("option", "texture", "near_m"), [("chessboard", chessboard, 0.42), ("charuco", charuco, 0.26)]
+)
+def test_pictures_of_a_board_give_the_lens(option, texture, near_m, tmp_path, rng, capsys):
+    """The ChArUco board so near that parts of it are out of view, where a chessboard would not be seen at all."""
+    lens = Lens()
+    (tmp_path / "board").mkdir()
+    for number, picture in enumerate(views(texture(), lens, rng, near_m)):
+        cv2.imwrite(str(tmp_path / "board" / f"{number}.png"), picture)
+    board = Board((9, 6), SQUARE_M, "4X4_50" if option == "charuco" else "")
+    found = lens_from_board(str(tmp_path / "board"), board)
+    assert off_px(lens, (found.matrix, found.distortion)) < 1.0
+    assert found.matrix[0, 0] == pytest.approx(lens.focal_px, rel=0.01)
+    assert found.distortion[0] == pytest.approx(lens.k1, abs=0.05)
+    straight = np.array([[800.0, 0, 319.5], [0, 800.0, 239.5], [0, 0, 1]]), np.zeros(5)
+    assert off_px(lens, straight) > 3.0
+    # The same from the command line, where points then tell where the camera stands.
+    known = camera_from_mapping({**DORSAL, **entry(found, np.array(DORSAL["position_m"]), np.array(DORSAL["rotation"]),
+                                                   (640, 480), DORSAL["plane"])}, "dorsal")  # fmt: skip
+    points = np.column_stack((rng.uniform(0.4, 0.9, 40), rng.uniform(-0.15, 0.15, 40), rng.uniform(0, 0.4, 40)))
+    table = np.column_stack((known.to_pixels(points), points))
+    np.savetxt(tmp_path / "p.csv", table, delimiter=",", header=",".join(calibrate.COLUMNS), comments="")
+    words = [str(tmp_path / "p.csv"), "--name", "dorsal", "--plane", "0.12", "--out", str(tmp_path / "c.yaml")]
+    assert calibrate.main([*words, f"--{option}", str(tmp_path / "board"), "--square", str(SQUARE_M)]) == 0
+    assert "reprojection error 0.0" in capsys.readouterr().out
+    np.testing.assert_allclose(read_cameras(tmp_path / "c.yaml")["dorsal"].distortion, found.distortion, rtol=1e-6)
+
+
+@pytest.mark.parametrize("option", ["chessboard", "charuco"])
+@pytest.mark.parametrize(
+    ("pictures", "said"),
+    [
+        ([np.full((480, 640), 90, np.uint8)] * 3, "is seen in 0 frames, 3 are needed"),
+        ([np.full((480, 640), 90, np.uint8), np.full((240, 320), 90, np.uint8)], "320x240 px, the one before 640x480"),
+        ([], "is seen in 0 frames"),
+    ],
+)
+def test_pictures_that_give_no_lens_are_refused(option, pictures, said, tmp_path):
+    for number, picture in enumerate(pictures):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), picture)
+    with pytest.raises(InputError, match=said):
+        lens_from_board(str(tmp_path), Board((9, 6), SQUARE_M, "4X4_50" if option == "charuco" else ""))
+
+
+def test_what_is_no_picture_among_them_is_named(tmp_path):
+    (tmp_path / "notes.txt").write_text("square 30 mm")
+    with pytest.raises(InputError, match=r"notes.txt: not a readable picture"):
+        lens_from_board(str(tmp_path), Board((9, 6), SQUARE_M))

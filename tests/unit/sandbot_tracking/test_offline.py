@@ -108,16 +108,18 @@ def test_a_tracker_without_dorsal_camera_is_refused(cameras):
 
 
 @pytest.mark.slow
-def test_track_video_from_files(scene, cameras, rng, tmp_path, capsys):
+def test_track_video_from_files_in_colour_and_in_grey(scene, cameras, rng, tmp_path, capsys):
     (tmp_path / "cameras.yaml").write_text(yaml.safe_dump({"dorsal": DORSAL, "lateral": LATERAL}))
     beds = scene.grains(rng), scene.grains(rng)
     writers = [
-        cv2.VideoWriter(str(tmp_path / f"{name}.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 100.0, (640, 480), False)
-        for name in ("dorsal", "lateral")
+        cv2.VideoWriter(str(tmp_path / f"{name}.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 100.0, (640, 480), colour)
+        for name, colour in (("dorsal", True), ("lateral", False))
     ]
     for n in range(-3, 60):
-        for writer, frame in zip(writers, film(scene, cameras, beds, rng, n / 100, 24.0, 1.0), strict=True):
-            writer.write(frame)
+        above, beside = film(scene, cameras, beds, rng, n / 100, 24.0, 1.0)
+        # Sand in warm light: less blue than red.
+        writers[0].write(np.stack([(share * above).astype(np.uint8) for share in (0.7, 0.9, 1.0)], axis=-1))
+        writers[1].write(beside)
     for writer in writers:
         writer.release()
     videos = [str(tmp_path / "dorsal.avi"), str(tmp_path / "lateral.avi")]

@@ -119,9 +119,9 @@ def _film(
     bag: TrialBag,
 ) -> None:
     """Render and track both cameras from before the legs start until after they stop; keep frames if asked."""
-    body = setup.world.walked_by(setup.robot).body
+    body, film = setup.world.walked_by(setup.robot).body, setup.world.film
     views = {
-        name: LabCamera(name, setup.cameras[name], trial.seed, body)  # type: ignore[arg-type]
+        name: LabCamera(name, setup.cameras[name], trial.seed, body, film)  # type: ignore[arg-type]
         for name in ("dorsal", "lateral")
     }
     kept = frames_kept(setup.plan, trial)
@@ -131,18 +131,19 @@ def _film(
     first = -round(setup.plan.standing_s * rate_hz)
     last = int((trace.t_s[-1] + DRAIN_S) * rate_hz)
     for number in range(first, last + 1):
-        t_s = number / rate_hz
-        frames = {name: view.film(trace, t_s, 0.0 <= t_s < LED_ON_S) for name, view in views.items()}
+        t_s, come = views["dorsal"].instant_s(number), {name: view.comes(number) for name, view in views.items()}
+        frames = {name: view.film(trace, t_s, 0.0 <= t_s < LED_ON_S) for name, view in views.items() if come[name]}
         if number == 0:
             # As the live one does at the LED's edge, so that it knows no more of the bed than a replay of the bag.
             tracker = new_tracker()
-        sample = tracker.update(t_s, frames["dorsal"], frames["lateral"])
+        sample = tracker.update(t_s, frames.get("dorsal"), frames.get("lateral"))
         bag.sample(sample)
         height_m = float(sample.front_axle[2] + sample.rear_axle[2]) / 2
         turned = float(np.interp(t_s, trace.t_s, advance))
         if t_s >= 0.0 and (done := means.update(t_s, sample.com[0], height_m, turned)) is not None:
             bag.period(t_s, done)
-        for name, pixels in frames.items():
-            bag.frame(name, t_s, pixels, kept)
-            if kept != "none" or number == first:
+        for name, count in come.items():
+            for _ in range(count):
+                bag.frame(name, t_s, frames[name], kept)
+            if (count and kept != "none") or number == first:
                 bag.camera(name, t_s, cameras[name])

@@ -16,7 +16,9 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_lab.calibration import Calibration, calibration
 from sandbot_lab.drawing import draw_box, draw_disc
+from sandbot_lab.film import Film
 from sandbot_lab.scenery import Scenery
+from sandbot_lab.spoiler import Spoiler
 
 Floats = NDArray[np.float64]
 Frame = NDArray[np.uint8]
@@ -63,7 +65,14 @@ class LabCamera:
     """One camera, ``dorsal`` or ``lateral``, over its own piece of ground; all chance comes from ``seed``."""
 
     def __init__(
-        self, name: str, camera: Mapping[str, Any], seed: int, robot: Robot = SANDBOT, *, body: bool = True
+        self,
+        name: str,
+        camera: Mapping[str, Any],
+        seed: int,
+        robot: Robot = SANDBOT,
+        film: Film | None = None,
+        *,
+        body: bool = True,
     ) -> None:
         """``camera``: its section of cameras.yaml; ``robot``: where its markers are. ``body``: draw it dark."""
         if name not in _NORMAL:
@@ -73,6 +82,7 @@ class LabCamera:
         if self.calibration.plane["normal"] != (along := _NORMAL[name]):
             raise InputError(f"camera {name}: plane: the robot's markers move across {along}, so normal is {along}")
         self._body, self._robot = body, robot
+        self._spoiler = Spoiler(film or Film(), name, seed, _PEDESTAL)
         self._rng = np.random.default_rng([seed, len(name)])
         self._ground = _ground(self.calibration.height, self.calibration.width, self._rng)
         self._noise = _noise_tile(self.calibration.height + _SLACK[0], self.calibration.width + _SLACK[1])
@@ -87,6 +97,7 @@ class LabCamera:
         pitch_rad: ArrayLike = 0.0,
         led_on: bool = False,
         legs_rad: Floats | None = None,
+        t_s: float = 0.0,
     ) -> Frame:
         """A frame (height, width) of the robot with its com at x, its axles at height z, nose-up pitch.
 
@@ -110,8 +121,9 @@ class LabCamera:
             centre = np.array([left + 0.5 * (width - 1)]), np.array([top + 0.5 * (height - 1)])
             draw_disc(image, *centre, 0.4 * min(width, height), LED_GREY - _PEDESTAL)
         rows, columns = image.shape
+        image = self._spoiler.seen(image, t_s)
         noisy: Frame = cv2.add(image, _window(self._noise, rows, columns, self._rng), dst=image)
-        return noisy
+        return self._spoiler.sent(noisy)
 
     def film(self, motion: Motion, t_s: float, led_on: bool = False) -> Frame:
         """The frame whose exposure is centred on ``t_s`` of a motion; before and after it the robot stands still."""
@@ -120,7 +132,15 @@ class LabCamera:
         legs = motion.leg_angle_rad[min(int(np.searchsorted(motion.t_s, t_s)), len(motion.t_s) - 1)]
         if self._scenery is not None:
             self._scenery.step(self._ground, float(x.mean()), float(z.mean()), legs)
-        return self.render(x, z, np.interp(moments, motion.t_s, motion.pitch_rad), led_on, legs)
+        return self.render(x, z, np.interp(moments, motion.t_s, motion.pitch_rad), led_on, legs, t_s)
+
+    def instant_s(self, number: int) -> float:
+        """When a frame is taken, from the first on, which may have some before it."""
+        return self._spoiler.instant_s(number, self.calibration.frame_rate_hz)
+
+    def comes(self, number: int) -> int:
+        """How often a frame is sent: once, if nothing spoils the film."""
+        return self._spoiler.comes(number)
 
     def markers(self, x_m: Floats, z_m: Floats, pitch_rad: Floats) -> tuple[Floats, ...]:
         """Places (n, 3) [m; trackway frame] of this camera's markers: (com,) or (front axle, rear axle)."""
@@ -143,8 +163,7 @@ class LabCamera:
                 np.stack((x - half, side, belly + BODY_HEIGHT_M), axis=-1),
                 np.stack((x + half, side, belly), axis=-1),
             )
-        upper, lower = (self.calibration.pixels(corner) for corner in corners)
-        left, right, top, bottom = np.stack((upper[:, 0], lower[:, 0], upper[:, 1], lower[:, 1]))
+        (left, top), (right, bottom) = np.sort([self.calibration.pixels(corner).T for corner in corners], axis=0)
         draw_box(image, left, right, top, bottom, BODY_GREY - _PEDESTAL)
 
 

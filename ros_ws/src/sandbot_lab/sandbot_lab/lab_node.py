@@ -104,7 +104,9 @@ class LabNode(Node):
 
     def _idle_cameras(self) -> dict[str, LabCamera]:
         seed = self._settings.current.trial_seed
-        return {name: LabCamera(name, self._sections[name], seed, self._world.body) for name in CAMERAS}
+        return {
+            name: LabCamera(name, self._sections[name], seed, self._world.body, self._world.film) for name in CAMERAS
+        }
 
     def _now_ns(self) -> int:
         return int(self.get_clock().now().nanoseconds)

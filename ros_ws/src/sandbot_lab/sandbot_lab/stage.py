@@ -81,7 +81,9 @@ class LiveTrial:
         self._robot = LabRobot(world.at(occasion), phi - world.week.phi_zero, seed, start_x_m)
         self._week, self._start_x_m = world.week, start_x_m
         self._sunk_m = world.week.lift_offset_m(occasion)
-        self._cameras = {name: LabCamera(name, camera, seed, world.body) for name, camera in cameras.items()}
+        self._cameras = {
+            name: LabCamera(name, camera, seed, world.body, world.film) for name, camera in cameras.items()
+        }
         self._taken = dict.fromkeys(cameras, 0)
         self._motion = RecentMotion()
 
@@ -100,11 +102,11 @@ class LiveTrial:
             return
         now_s = float(self._motion.t_s[-1])
         for name, camera in self._cameras.items():
-            while (
-                t_s := self._taken[name] / camera.calibration.frame_rate_hz
-            ) + camera.calibration.exposure_s / 2 <= now_s:
-                self._taken[name] += 1
-                yield name, self.t0_ns + round(t_s * NANO), camera.film(self._motion, t_s, t_s < LED_ON_S)
+            while (t_s := camera.instant_s(self._taken[name])) + camera.calibration.exposure_s / 2 <= now_s:
+                come, self._taken[name] = camera.comes(self._taken[name]), self._taken[name] + 1
+                frame = camera.film(self._motion, t_s, t_s < LED_ON_S)
+                for _ in range(come):
+                    yield name, self.t0_ns + round(t_s * NANO), frame
 
 
 def warm_up(cameras: Mapping[str, Mapping[str, Any]]) -> None:

@@ -20,6 +20,7 @@ from sandbot_common.parameters import from_mapping, parameter
 from sandbot_common.robot import SANDBOT, Robot, robot_from_mapping, to_mapping
 from sandbot_common.suggest import did_you_mean
 from sandbot_lab.effects import DRAWN, EFFECTS, checked_effect
+from sandbot_lab.film import Film
 from sandbot_lab.resistive import ResistiveGround
 from sandbot_lab.week import Occasion, Week
 
@@ -71,6 +72,9 @@ class World:
     week: Week = field(default_factory=Week)
     resistive: ResistiveGround | None = None
     """Ground of another kind in place of the one that holds, which k, Δt, v_swim, effects and most noise describe."""
+
+    film: Film = field(default_factory=Film)
+    """What spoils the cameras' pictures."""
 
     def __post_init__(self) -> None:
         """Fill in the defaults of the effects and refuse what can't be."""
@@ -141,6 +145,7 @@ def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
     sections: dict[str, Any] = {
         "noise": from_mapping(Noise, values.pop("noise", {}), f"{where}: noise"),
         "week": from_mapping(Week, values.pop("week", {}), f"{where}: week"),
+        "film": from_mapping(Film, values.pop("film", {}), f"{where}: film"),
     }
     if "resistive" in values:
         sections["resistive"] = from_mapping(ResistiveGround, values.pop("resistive") or {}, f"{where}: resistive")
@@ -211,6 +216,8 @@ def write_world(world: World, path: Path) -> None:
             del content[name]
         content["noise"] = {name: content["noise"][name] for name in NOISE_OF_ANY}
         content["resistive"] = dataclasses.asdict(world.resistive)
+    if world.film != Film():
+        content["film"] = dataclasses.asdict(world.film)
     if world.robot is not None:
         content["robot"] = to_mapping(world.robot)
     write_text(path, yaml.safe_dump(content, sort_keys=False))

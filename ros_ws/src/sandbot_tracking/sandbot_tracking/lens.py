@@ -1,6 +1,8 @@
-"""A camera from what it sees: its lens from a chessboard or from points in space, and from points where it stands."""
+"""A camera from what it sees: its lens from a board or from points in space, and from points where it stands."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -9,7 +11,7 @@ from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
 from sandbot_tracking.calibration import Camera
-from sandbot_tracking.source import Source
+from sandbot_tracking.source import Frame, Source
 
 Floats = NDArray[np.float64]
 
@@ -22,23 +24,73 @@ class Lens:
     distortion: Floats
 
 
-def lens_from_chessboard(video: str, pattern: tuple[int, int], square_m: float) -> Lens:
-    """Intrinsics from frames that show a chessboard with ``pattern`` inner corners. Raises InputError."""
-    board = np.zeros((pattern[0] * pattern[1], 3), np.float32)
-    board[:, :2] = np.mgrid[: pattern[0], : pattern[1]].T.reshape(-1, 2) * square_m
-    corners: list[Any] = []
-    with Source(video) as source:
-        for frame in source:
-            found, points = cv2.findChessboardCornersSB(frame, pattern)
-            if found:
-                corners.append(points)
-        size = (source.width, source.height)
-    if len(corners) < 3:
-        raise InputError(
-            f"{video}: a {pattern[0]}x{pattern[1]} chessboard is seen in {len(corners)} frames, 3 are needed"
-        )
-    _, matrix, distortion, *_ = cv2.calibrateCamera([board] * len(corners), corners, size, None, None)
+Sight = tuple[NDArray[np.float32], NDArray[np.float32]]
+"""Points of a board (n, 3) [m] and their pixels (n, 1, 2) in one frame."""
+LEAST_FRAMES, LEAST_CORNERS = 3, 8
+
+
+@dataclass(frozen=True)
+class Board:
+    """A board with ``pattern`` inner corners; a ChArUco board where ``dictionary`` names its markers."""
+
+    pattern: tuple[int, int]
+    square_m: float
+    dictionary: str = ""
+    marker: float = 0.75
+    """A marker's side, in parts of its square's."""
+
+    def __str__(self) -> str:
+        return f"{self.pattern[0]}x{self.pattern[1]} {'ChArUco board' if self.dictionary else 'chessboard'}"
+
+    def seen(self, frame: Frame) -> Sight | None:
+        """What one frame shows of it; of a ChArUco board a part is enough."""
+        return self._chessboard(frame) if not self.dictionary else self._charuco(frame)
+
+    def _chessboard(self, frame: Frame) -> Sight | None:
+        found, pixels = cv2.findChessboardCornersSB(frame, self.pattern)
+        corners = np.zeros((self.pattern[0] * self.pattern[1], 3), np.float32)
+        corners[:, :2] = np.mgrid[: self.pattern[0], : self.pattern[1]].T.reshape(-1, 2) * self.square_m
+        return (corners, pixels) if found else None
+
+    def _charuco(self, frame: Frame) -> Sight | None:
+        markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{self.dictionary}"))
+        squares = (self.pattern[0] + 1, self.pattern[1] + 1)
+        board = cv2.aruco.CharucoBoard(squares, self.square_m, self.marker * self.square_m, markers)
+        pixels, which, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(frame)
+        if which is None or len(which) < LEAST_CORNERS:
+            return None
+        return board.getChessboardCorners()[which.ravel()], pixels.reshape(-1, 1, 2)
+
+
+def lens_from_board(path: str, board: Board) -> Lens:
+    """Intrinsics from a video, or a folder of pictures, that shows a board. Raises InputError."""
+    sights, size = list[Sight](), (0, 0)
+    for frame in _frames(path):
+        size = frame.shape[1], frame.shape[0]
+        if (sight := board.seen(frame)) is not None:
+            sights.append(sight)
+    if len(sights) < LEAST_FRAMES:
+        raise InputError(f"{path}: a {board} is seen in {len(sights)} frames, {LEAST_FRAMES} are needed")
+    points, pixels = zip(*sights, strict=True)
+    _, matrix, distortion, *_ = cv2.calibrateCamera(points, pixels, size, None, None)
     return Lens(matrix, distortion.ravel()[:5])
+
+
+def _frames(path: str) -> Iterator[Frame]:
+    """The frames of a video, or the pictures of a folder, which must be of one size."""
+    if not Path(path).is_dir():
+        with Source(path) as source:
+            yield from source
+        return
+    size = None
+    for file in sorted(one for one in Path(path).iterdir() if one.is_file()):
+        picture = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+        if picture is None:
+            raise InputError(f"{file}: not a readable picture")
+        if size not in (None, picture.shape):
+            raise InputError(f"{file}: {picture.shape[1]}x{picture.shape[0]} px, the one before {size[1]}x{size[0]}")
+        size = picture.shape
+        yield np.asarray(picture, np.uint8)
 
 
 def place(pixels: Floats, points_m: Floats, lens: Lens) -> tuple[Floats, Floats]:

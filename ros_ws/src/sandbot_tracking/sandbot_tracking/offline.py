@@ -156,22 +156,26 @@ class OfflineTracker:
         self._dorsal, self._lateral = cameras["dorsal"], cameras.get("lateral")
         self._body = MarkerTracker(("com",), looks, gates, ignore_px=_led(self._dorsal))
         self._axles: MarkerTracker | None = None
-        self._front = 0
+        self._front, self._sideways = 0, False
         if self._lateral is not None:
-            x = self._axle_px(self._lateral)
+            places = self._axle_px(self._lateral)
+            # A camera on its side sees the axles one above the other: its picture is tracked transposed.
+            self._sideways = bool(np.diff(np.abs(places[1] - places[0])) > 0)
+            x = places[:, int(self._sideways)]
             # Names go by increasing image x; the front axle has the larger x on the track.
             self._front = int(x[1] > x[0])
             names = ("rear_axle", "front_axle") if self._front else ("front_axle", "rear_axle")
-            self._axles = MarkerTracker(names, looks, gates, abs(float(x[1] - x[0])), _led(self._lateral))
+            ignored = [(y, x, h, w) if self._sideways else (x, y, w, h) for x, y, w, h in _led(self._lateral)]
+            self._axles = MarkerTracker(names, looks, gates, abs(float(x[1] - x[0])), ignored)
         self._v_x, self._v_z = HarmonicSpeed(), HarmonicSpeed()
         self._keep = keep
         self._samples: list[Sample] = []
 
     def _axle_px(self, camera: Camera) -> Floats:
-        """Image x of two points as far apart as the axles, in the middle of the view."""
+        """Pixels (2, 2) of two points as far apart as the axles, in the middle of the view."""
         middle = camera.to_plane([[camera.width / 2, camera.height / 2]])[0]
         reach = np.array([self._robot.axle_distance_m / 2, 0.0, 0.0])
-        return np.asarray(camera.to_pixels([middle - reach, middle + reach])[:, 0], dtype=float)
+        return camera.to_pixels([middle - reach, middle + reach])
 
     @property
     def counts(self) -> dict[str, Counts]:
@@ -197,12 +201,13 @@ class OfflineTracker:
         if self._axles is None or self._lateral is None:
             return _UNSEEN
         _check_size(frame, self._lateral, "lateral")
-        marks = self._axles.update(frame)
-        xyz = self._lateral.to_plane(marks.xy_px)
+        marks = self._axles.update(np.ascontiguousarray(frame.T) if self._sideways else frame)
+        xy_px, var_px2 = (one[:, ::-1] if self._sideways else one for one in (marks.xy_px, marks.var_px2))
+        xyz = self._lateral.to_plane(xy_px)
         front, rear = xyz[self._front], xyz[1 - self._front]
         if not np.isfinite(xyz[:, 2]).all():
             return Axles(front, rear, np.nan, np.nan)
-        variance = self._lateral.covariance_m2(marks.xy_px, marks.var_px2)[:, 2, 2]
+        variance = self._lateral.covariance_m2(xy_px, var_px2)[:, 2, 2]
         return Axles(front, rear, float(xyz[:, 2].mean()), float(variance.sum() / 4))
 
     def sample(self, t_s: float, body: Marks | None, axles: Axles | None) -> Sample:

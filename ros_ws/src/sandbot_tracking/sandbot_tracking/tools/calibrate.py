@@ -1,9 +1,9 @@
-"""Calibrate a camera of the trackway: from a table of pixels and metres, or a chessboard video, to a cameras.yaml
+"""Calibrate a camera of the trackway: from a table of pixels and metres, and pictures of a board, to a cameras.yaml
 entry.
 
 A table (CSV with the columns u_px, v_px, x_m, y_m, z_m) gives where the camera stands; with points that do not lie
-in one plane, or with --intrinsics, that is well determined. Chessboard frames give lens and focal length; --table
-then adds the place.
+in one plane, or with --intrinsics, that is well determined. Pictures of a chessboard or a ChArUco board, a video or a
+folder of images, give lens and focal length; the table then adds the place.
 """
 
 import os
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
+DICTIONARIES = ("4X4_50", "4X4_250", "5X5_100", "6X6_250", "APRILTAG_36h11")
 COLUMNS = ("u_px", "v_px", "x_m", "y_m", "z_m")
 
 
@@ -57,14 +58,22 @@ def command(argv: Sequence[str]) -> int:
     parser.add_argument("--name", required=True, choices=("dorsal", "lateral"), help="which camera this is")
     parser.add_argument("--size", type=int, nargs=2, default=(640, 480), metavar=("WIDTH", "HEIGHT"))
     parser.add_argument("--plane", type=float, required=True, help="z (dorsal) or y (lateral) of its markers [m]")
-    parser.add_argument("--chessboard", help="video of a chessboard, for lens and focal length")
-    parser.add_argument("--pattern", type=int, nargs=2, default=(9, 6), help="inner corners of the chessboard")
+    parser.add_argument("--chessboard", metavar="PATH", help="video or folder of images of a chessboard, for the lens")
+    parser.add_argument("--charuco", metavar="PATH", help="the same of a ChArUco board, which may be partly in view")
+    parser.add_argument("--pattern", type=int, nargs=2, default=(9, 6), help="inner corners of the board")
     parser.add_argument("--square", type=float, default=0.02, help="side of its squares [m]")
+    parser.add_argument(
+        "--dictionary", default="4X4_50", choices=DICTIONARIES, help="markers of the ChArUco board (default: 4X4_50)"
+    )
+    parser.add_argument(
+        "--marker", type=float, default=0.75, help="their side, in parts of the squares' (default: 0.75)"
+    )
     parser.add_argument("--intrinsics", type=Path, help="cameras.yaml whose lens of that name is kept")
     parser.add_argument("--out", type=cli.output, required=True, help="cameras.yaml to write or to change")
     given = parser.parse_args(argv)
-    if given.chessboard and given.intrinsics:
-        raise InputError("--chessboard and --intrinsics both give the lens: choose one")
+    ways = [f"--{name}" for name in ("chessboard", "charuco", "intrinsics") if getattr(given, name)]
+    if len(ways) > 1:
+        raise InputError(f"{' and '.join(ways)} both give the lens: choose one")
     size = (int(given.size[0]), int(given.size[1]))
     _check(given, size)
     # Imported now that the options are understood: --help and a slip in them are answered at once.
@@ -91,6 +100,8 @@ def _check(given: Any, size: tuple[int, int]) -> None:
         raise InputError(f"--pattern {given.pattern[0]} {given.pattern[1]}: 3 or more inner corners each way")
     if not 0 < given.square < 10:
         raise InputError(f"--square {given.square}: the side of a square in m, above 0")
+    if not 0 < given.marker < 1:
+        raise InputError(f"--marker {given.marker}: between 0 and 1, in parts of a square's side")
 
 
 def _entries(path: Path) -> dict[str, Any]:
@@ -103,10 +114,12 @@ def _entries(path: Path) -> dict[str, Any]:
 
 
 def _lens(given: Any, pixels: Floats, points: Floats, size: tuple[int, int]) -> "Lens":
-    from sandbot_tracking.lens import Lens, lens_from_chessboard, lens_from_points
+    from sandbot_tracking.lens import Board, Lens, lens_from_board, lens_from_points
 
     if given.chessboard:
-        return lens_from_chessboard(given.chessboard, tuple(given.pattern), given.square)
+        return lens_from_board(given.chessboard, Board(tuple(given.pattern), given.square))
+    if given.charuco:
+        return lens_from_board(given.charuco, Board(tuple(given.pattern), given.square, given.dictionary, given.marker))
     if given.intrinsics is None:
         return lens_from_points(pixels, points, size)
     cameras = read_cameras(given.intrinsics)

@@ -1,0 +1,78 @@
+"""Spoils the frames of one camera as a world's ``film`` says."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbot_lab.drawing import draw_box, draw_disc
+from sandbot_lab.film import Film
+
+Frame = NDArray[np.uint8]
+
+GLINT_GREY, CABLE_GREY = 240.0, 30.0
+CABLE_AT = 0.4
+"""Where the cable hangs, as a share of the picture's width: the robot walks past it."""
+MOST_JITTER = 0.4
+"""Part of a period by which a frame is early or late at most: frames keep their order."""
+
+
+class Spoiler:
+    """Spoils the frames of one camera; chance comes from a seed and a frame's number, and from nothing else."""
+
+    def __init__(self, film: Film, name: str, seed: int, pedestal: float) -> None:
+        """``pedestal``: what the noise, which comes later, adds to every grey level."""
+        self._film, self._seed, self._pedestal = film, [seed, 0xF11], pedestal
+        self._camera = [*self._seed, len(name)]
+
+    def instant_s(self, number: int, rate_hz: float) -> float:
+        """When a frame is taken, from the first on."""
+        if not self._film.jitter_s:
+            return number / rate_hz
+        off = self._film.jitter_s * rate_hz * self._chance(self._seed, number).standard_normal()
+        return (number + float(np.clip(off, -MOST_JITTER, MOST_JITTER))) / rate_hz
+
+    def comes(self, number: int) -> int:
+        """How often a frame is sent: once, or not, or twice."""
+        if not (self._film.dropped or self._film.doubled):
+            return 1
+        lost, again = self._chance(self._camera, number).random(2)
+        return 0 if lost < self._film.dropped else 2 if again < self._film.doubled else 1
+
+    def seen(self, image: Frame, t_s: float) -> Frame:
+        """What reaches the sensor of a drawn picture (height, width), which may be changed."""
+        film = self._film
+        rows, columns = image.shape
+        if film.glints:
+            rng = self._chance(self._camera, round(t_s * 1e6))
+            for _ in range(film.glints):
+                u, v = rng.uniform(0, columns, 1), rng.uniform(0, rows, 1)
+                draw_disc(image, u, v, float(rng.uniform(1.0, 2.0)), GLINT_GREY - self._pedestal)
+        if film.cable_px:
+            left, right = (np.array([CABLE_AT * columns + side * film.cable_px]) for side in (-0.5, 0.5))
+            draw_box(image, left, right, np.array([-1.0]), np.array([rows + 1.0]), CABLE_GREY - self._pedestal)
+        if film.defocus_px:
+            image = np.asarray(cv2.GaussianBlur(image, (0, 0), film.defocus_px), np.uint8)
+        if film.uneven or film.flicker:
+            light = 1.0 + film.flicker * np.sin(2 * np.pi * film.flicker_hz * t_s)
+            lit = (image + self._pedestal) * (light * self._field(rows, columns)) - self._pedestal
+            image = np.clip(np.rint(lit), 0, 255).astype(np.uint8)
+        return image
+
+    def sent(self, frame: Frame) -> Frame:
+        """What is left of an exposed frame."""
+        if not self._film.jpeg_quality:
+            return frame
+        coded = cv2.imencode(".jpg", frame, [cv2.IMWRITE_JPEG_QUALITY, self._film.jpeg_quality])[1]
+        return np.asarray(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE), np.uint8)
+
+    def _field(self, rows: int, columns: int) -> NDArray[np.float32]:
+        if self._light is None or self._light.shape != (rows, columns):
+            across, down = np.linspace(-1, 1, columns) ** 2, np.linspace(-1, 1, rows)[:, None] ** 2
+            self._light = (1.0 - self._film.uneven * (across + down) / 2).astype(np.float32)
+        return self._light
+
+    _light: NDArray[np.float32] | None = None
+
+    @staticmethod
+    def _chance(seed: list[int], number: int) -> np.random.Generator:
+        return np.random.default_rng([*seed, number & 0xFFFFFFFF])
