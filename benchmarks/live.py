@@ -99,7 +99,7 @@ def bare_pair_ms() -> NDArray[np.float64]:
 
 
 def campaign(folder: Path) -> Sequence[Path]:
-    """The bags of a live campaign."""
+    """The bags of a live campaign, of which a trial may have failed."""
     cameras = yaml.safe_load((nodes.table_path().parent / "cameras.yaml").read_text())
     for name in ("dorsal", "lateral"):
         cameras[name]["frame_rate_hz"] = RATE_HZ
@@ -115,9 +115,10 @@ def campaign(folder: Path) -> Sequence[Path]:
         cell.running["campaign"].wait(CAMPAIGN_S)
     finally:
         cell.close()
-    bags = sorted(path.parent for path in (folder / "c" / "trials").glob("*/metadata.yaml"))
+    # Those, too, that a busy machine has spoilt: how late it was is what is asked.
+    bags = sorted(path.parent for path in (folder / "c" / "trials").glob("**/metadata.yaml"))
     if not bags:
-        raise RuntimeError(f"no trial was kept: {cell.last_line('campaign')}")
+        raise RuntimeError(f"no trial was recorded: {cell.last_line('campaign')}")
     return bags
 
 
