@@ -2,6 +2,8 @@ import fcntl
 import itertools
 import os
 import signal
+import socket
+import struct
 import tempfile
 import time
 import zlib
@@ -68,6 +70,24 @@ def domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> I
     with own_domain(os.getpid() * 7 + zlib.crc32(request.node.nodeid.encode())) as number:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
         yield number
+
+
+@pytest.fixture(scope="session")
+def listening() -> Callable[[int], set[str]]:
+    """The addresses at which anybody on this host listens to a TCP port, as `ss -tln` shows them."""
+
+    def addresses(port: int) -> set[str]:
+        found = set()
+        for table, family in (("tcp", socket.AF_INET), ("tcp6", socket.AF_INET6)):
+            for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
+                address, number = line.split()[1].split(":")
+                if line.split()[3] == "0A" and int(number, 16) == port:
+                    # Words of four bytes, each in this machine's order.
+                    words = struct.unpack(f"={len(address) // 8}I", bytes.fromhex(address))
+                    found.add(socket.inet_ntop(family, struct.pack(f">{len(words)}I", *words)))
+        return found
+
+    return addresses
 
 
 class Beside:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -201,3 +202,7 @@ def test_a_slider_holds_a_value_and_all_can_be_fitted_again(page, address):
     assert page.driver.current_url.count("hold=") == 1
     page.press("release")
     page.until(lambda: page.text("status") == fitted)
+
+
+def test_it_listens_on_this_host_only(address, listening):
+    assert listening(urlsplit(address).port) == {"127.0.0.1"}

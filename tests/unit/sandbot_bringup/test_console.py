@@ -1,5 +1,6 @@
 import json
 import math
+import socket
 import threading
 import urllib.request
 
@@ -297,11 +298,11 @@ def test_an_order_that_is_none_is_refused(client, fake, body, kind):
     assert fake.called == []
 
 
-def test_it_serves_on_loopback_and_a_taken_port_is_one_line(fake):
+def test_it_serves_on_loopback_and_a_taken_port_is_one_line(fake, listening):
     closing = threading.Event()
     server = serve(fake, 0, closing)
     try:
-        assert server.server_address[0] == "127.0.0.1"
+        assert listening(server.port) == {"127.0.0.1"}
         with urllib.request.urlopen(f"http://127.0.0.1:{server.port}/camera/dorsal.jpg", timeout=5) as answer:
             assert answer.read() == b"jpeg"
         with pytest.raises(InputError, match=f"port {server.port} of 127.0.0.1 is taken"):
@@ -326,3 +327,10 @@ def test_a_console_that_is_held_up_keeps_few_pictures_and_every_word_of_safety()
         heard = delivery(topic)
         assert heard.depth == topic.depth
         assert heard.reliability == ReliabilityPolicy.RELIABLE
+
+
+def test_a_server_that_all_the_world_can_reach_would_be_seen(listening):
+    with socket.create_server(("0.0.0.0", 0)) as open_to_all:
+        assert listening(open_to_all.getsockname()[1]) == {"0.0.0.0"}
+    with socket.create_server(("::1", 0), family=socket.AF_INET6) as own:
+        assert listening(own.getsockname()[1]) == {"::1"}

@@ -9,8 +9,9 @@ import io
 import json
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -92,16 +93,22 @@ def load_yaml(text: str) -> Any:
     return yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
 
 
+@lru_cache(maxsize=16)
+def shared_yaml(text: str) -> Any:
+    """``load_yaml`` of a text that many bags carry, read once; what it gives is not to be changed."""
+    return load_yaml(text)
+
+
 def dump_yaml(content: Any) -> str:
     """A YAML text in the order of the mapping's keys, by libyaml likewise."""
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     return str(yaml.dump(content, Dumper=dumper, sort_keys=False, allow_unicode=True))
 
 
-def parse_yaml(text: str, where: str) -> Any:
+def parse_yaml(text: str, where: str, load: Callable[[str], Any] = load_yaml) -> Any:
     """What a YAML text holds; ``where`` opens the error."""
     try:
-        return load_yaml(text)
+        return load(text)
     except yaml.YAMLError as error:
         raise InputError(f"{where}: not YAML: {' '.join(str(error).split())}") from None
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:

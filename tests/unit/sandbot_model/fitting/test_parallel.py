@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+from contextlib import contextmanager
 
 import psutil
 import pytest
@@ -97,16 +98,18 @@ def test_a_bootstrap_is_the_same_on_a_cluster(scheduler, drawn):
         assert bootstrap(trials, model, 6, fit_all=fit_all) == pytest.approx(bootstrap(trials, model, 6), rel=1e-9)
 
 
-@pytest.mark.slow
-def test_a_worker_killed_midway_changes_no_byte(drawn):
+@contextmanager
+def doomed():
+    """A ``map`` over two workers, one of which is killed once, after the first result of several; who was killed."""
     from distributed import LocalCluster
 
-    trials, model = drawn(seed=3, levels=2), model_of("simple", (), catalogue())
     killed = []
 
     def with_a_death(function, tasks):
         """The first result, then the death of a worker, then all others."""
         found = iter(fit_all(function, tasks))
+        if killed or len(tasks) < 2:
+            return found
         first = next(found)
         killed.append(next(one.process.pid for one in local.workers.values()))
         os.kill(killed[0], signal.SIGKILL)
@@ -116,11 +119,32 @@ def test_a_worker_killed_midway_changes_no_byte(drawn):
         LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", host="127.0.0.1") as local,
         cluster(local.scheduler_address) as fit_all,
     ):
-        harmed = bootstrap(trials, model, 16, fit_all=with_a_death)
+        yield with_a_death, killed
+        assert len(killed) == 1
         assert not psutil.pid_exists(killed[0])
+
+
+@pytest.mark.slow
+def test_a_worker_killed_midway_changes_no_byte(drawn):
+    trials, model = drawn(seed=3, levels=2), model_of("simple", (), catalogue())
+    with doomed() as (fit_all, killed):
+        harmed = bootstrap(trials, model, 16, fit_all=fit_all)
+        assert killed
         unharmed = bootstrap(trials, model, 16, fit_all=fit_all)
-    assert len(killed) == 1
     assert json.dumps(harmed) == json.dumps(unharmed) == json.dumps(bootstrap(trials, model, 16))
+
+
+@pytest.mark.slow
+@pytest.mark.whole
+def test_a_worker_killed_midway_changes_no_byte_of_a_discovery(drawn):
+    cells = cells_of(drawn(("stance_overlap",), seed=6))
+    few = {name: effect for name, effect in catalogue().items() if name in ("stance_overlap", "leg_slip", "cohesion")}
+    with doomed() as (fit_all, killed):
+        harmed = discover(cells, few, max_effects=2, fit_all=fit_all)
+        assert killed
+    here = discover(cells, few, max_effects=2)
+    assert here.verdict.effects == ("stance_overlap",)
+    assert json.dumps(harmed.to_dict()) == json.dumps(here.to_dict())
 
 
 def test_what_goes_wrong_on_a_cluster_is_told_here(scheduler):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common import topics
-from sandbot_common.files import load_yaml
+from sandbot_common.files import shared_yaml
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 
 CLOCK_GAP = 10
@@ -116,7 +116,7 @@ def _tracking(bag: Bag, start_ns: int, end_ns: int) -> str:
 def _has_lateral_camera(bag: Bag) -> bool:
     """A track with the dorsal camera alone has no axles to see."""
     if (text := bag.attachments.get("cameras.yaml")) is not None:
-        return "lateral" in (load_yaml(text.decode()) or {})
+        return "lateral" in (shared_yaml(text.decode()) or {})
     return _has(bag, topics.LATERAL_INFO.name)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from sandbot_common.accuracy import SECTION, Accuracy, accuracy_from_mapping, worst
 from sandbot_common.errors import InputError
-from sandbot_common.files import parse_yaml, read_yaml
+from sandbot_common.files import parse_yaml, read_yaml, shared_yaml
 from sandbot_common.robot import FILE, Robot, difference, read_robot, robot_from_mapping, robot_from_text
 from sandbot_record.bags.reader import Bag
 
@@ -42,7 +42,8 @@ def of_bag(bag: Bag, plan: Mapping[str, Any], frame_rate_hz: float) -> Setting:
     accuracy = None
     if CAMERAS in bag.attachments:
         where = f"{bag.path}: attachment {CAMERAS}"
-        accuracy = accuracy_of(parse_yaml(bag.attachments[CAMERAS].decode(errors="replace"), where), where)
+        text = bag.attachments[CAMERAS].decode(errors="replace")
+        accuracy = accuracy_of(parse_yaml(text, where, shared_yaml), where)
     return Setting(str(bag.path), robot, frame_rate_hz, accuracy)
 
 
