@@ -79,17 +79,25 @@ def whole(names: Sequence[str], last_s: Mapping[str, float]) -> tuple[dict[str, 
         if start_s - begun_s + last_s.get(name, UNKNOWN_S) > BUDGET_S:
             print(f"bench: {name} would not end within the hour", flush=True)
             continue
-        module = importlib.import_module(name)
-        if hasattr(module, "sample"):
-            print(f"bench: {name}, a sample ...", flush=True)
-            found = module.sample()
-        else:
-            report(name)
-            found = module.figures() if hasattr(module, "figures") else []
+        try:
+            found = _run(name)
+        except Exception as error:  # nobody is there to begin anew: the others are worth having
+            print(f"bench: {name} failed: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
+            continue
         print(*(one.row() for one in found), sep="\n", flush=True)
         figures += found
         took[name] = time.perf_counter() - start_s
     return took, figures
+
+
+def _run(name: str) -> Sequence[_figures.Figure]:
+    """A sample of a long one, the whole of a short one: its figures."""
+    module = importlib.import_module(name)
+    if hasattr(module, "sample"):
+        print(f"bench: {name}, a sample ...", flush=True)
+        return list(module.sample())
+    report(name)
+    return list(module.figures()) if hasattr(module, "figures") else []
 
 
 def readme(

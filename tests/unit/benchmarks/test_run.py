@@ -60,6 +60,14 @@ def test_what_would_outlast_the_hour_is_not_begun_and_named(modules):
     assert "| long | – | no: `make bench ONLY=long` |" in run.readme([], figures, ["alone", "long"], took)
 
 
+def test_one_that_fails_leaves_the_others_and_is_named(modules, monkeypatch, capsys):
+    monkeypatch.setattr(run.importlib.import_module("alone"), "main", lambda: 1 / 0)
+    took, figures = run.whole(["alone", "long"], {"alone": 1.0})
+    assert list(took) == ["long"]
+    assert "alone failed: ZeroDivisionError" in capsys.readouterr().err
+    assert "| alone | – | no: `make bench ONLY=alone` |" in run.readme([], figures, ["alone", "long"], took)
+
+
 def test_what_each_took_is_read_back_from_the_page(modules, tmp_path):
     took, _ = run.whole(["alone"], {})
     page = tmp_path / "README.md"
