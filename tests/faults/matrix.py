@@ -53,6 +53,8 @@ ONLY_FOR[SECOND] = ("campaign", "launch")
 """Whom these faults can meet; the others meet everybody."""
 FAULTS = (*SIGNALS, *FROZEN_S, *ONLY_FOR)
 MOMENTS = ("preparing", "blowing", "standing", "walking", "stopping", "closing")
+PRIORITY = 1
+"""Of the witness, below all nodes that have any: one without it was 10 s behind, and said that legs never stopped."""
 MARK = "TRACKWAY_FAULTS"
 """Environment variable by which a cell knows its processes again."""
 
@@ -199,19 +201,20 @@ BORN_S = 10.0
 RECORDER = "sandbot_record.tools.record"
 
 
-def strike(cell: Cell, target: str, fault: str, beside: Beside) -> None:
-    """Do to the process what the fault says; a frozen one may go on later."""
-    if fault == SECOND:
-        if target == "launch":
-            cell.start("second", launch_command())
-        else:
-            cell.start_campaign("second", 1.0)
-        return
-    if fault in (CTRL_C, CLOSED):
-        cell.at_terminal(target, fault)
-        return
+def strike(cell: Cell, target: str, fault: str, beside: Beside) -> int:
+    """Do to the process what the fault says, a frozen one may go on later; when [ns].
+
+    The time is taken last: on a busy machine it takes a second to find out which process the recorder is.
+    """
     pid = cell.running[target].pid if target != "recorder" else cell.marked(RECORDER)[0]
-    if fault == FULL:
+    start_ns = time.time_ns()
+    if fault == SECOND and target == "launch":
+        cell.start("second", launch_command())
+    elif fault == SECOND:
+        cell.start_campaign("second", 1.0)
+    elif fault in (CTRL_C, CLOSED):
+        cell.at_terminal(target, fault)
+    elif fault == FULL:
         # Not a byte more into any file, from now on.
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (0, 0))
     elif fault in SIGNALS:
@@ -221,19 +224,23 @@ def strike(cell: Cell, target: str, fault: str, beside: Beside) -> None:
         if (frozen_s := FROZEN_S[fault]) is not None:
             beside.wait(lambda: False, frozen_s)
             os.kill(pid, signal.SIGCONT)
+    return start_ns
 
 
 def row(target: str, fault: str, moment: str, silence_s: float = 1.0, trials: int = 1) -> list[str]:
     """One row of the table; ``silence_s`` and ``trials``: of the campaign."""
     with tempfile.TemporaryDirectory() as name, own_domain(os.getpid()) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
-        cell, beside = Cell(Path(name), trials), Beside(domain)
+        cell = Cell(Path(name), trials)
+        with node.real_time(PRIORITY, inherited=True):
+            beside = Beside(domain)
         try:
             witness = Witness(beside, robot_dies=target in ("lab", "launch"))
             cell.start_nodes(launched=target == "launch")
             beside.wait(witness.all_up, 90.0)
             cell.start_campaign("campaign", silence_s)
-            return [target, fault, moment, *outcome(cell, target, fault, moment, witness)]
+            with node.real_time(PRIORITY):
+                return [target, fault, moment, *outcome(cell, target, fault, moment, witness)]
         finally:
             cell.close()
             beside.close()
@@ -261,9 +268,8 @@ def outcome(cell: Cell, target: str, fault: str, moment: str, witness: Witness) 
     if not beside.wait(lambda: come() or campaign.poll() is not None, 90.0) or not come():
         return ["-", "-", "-", "-", f"{cells.NEVER_CAME}: {cell.last_line('campaign')}", "-", "-"]
     was_moving, was_blowing, load = witness.moving, witness.air, os.getloadavg()[0]
-    start_ns = time.time_ns()
     witness.rest_ns = witness.off_ns = 0
-    strike(cell, target, fault, beside)
+    start_ns = strike(cell, target, fault, beside)
     frozen = target == "campaign" and fault == "STOP"
     # A launch that is frozen keeps nobody from his work.
     goes_on = fault == SECOND or (target == "launch" and fault in FROZEN_S)

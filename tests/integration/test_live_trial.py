@@ -74,6 +74,9 @@ def test_live_row_equals_batch_row_and_speed_is_seen_live(
         assert float(other["lift_m"]) == pytest.approx(float(one["lift_m"]), abs=1e-4)
         assert float(other["peak_speed_m_s"]) == pytest.approx(float(one["peak_speed_m_s"]), rel=0.02)
         assert float(other["first_step_m"]) == pytest.approx(float(one["first_step_m"]), abs=4e-4)
+        # What was shown while it walked is what the table says, the first period apart (decision 15).
+        shown = Bag.open(tmp_path / "live" / "trials" / other["trial_id"]).columns(topics.SPEED_MEAN.name, "data")
+        assert np.nanmean(shown["data"][1:]) == pytest.approx(float(other["speed_m_s"]), rel=2e-3)
     # The plan keeps the frames of one trial; its recorder was started with images paused. All that were tracked are
     # there, and all were tracked until the trial was over: what came after may still have been under way.
     frames = topics.LATERAL_JPEG.name

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+from sandbot_bringup import folder as folders
 from sandbot_bringup.folder import CampaignFolder, frames_kept, sample_trial
 from sandbot_bringup.plan import Plan, read_plan, trials_of
 from sandbot_bringup.tools.campaign import main
@@ -43,6 +44,16 @@ def test_folder_with_other_things_in_it_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds no campaign\.yaml"):
         CampaignFolder(tmp_path).adopt(PLAN, {})
     assert [one.name for one in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def test_one_campaign_at_a_time_runs_into_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(folders, "PATIENCE_S", 0.1)
+    folder, other = CampaignFolder(tmp_path), CampaignFolder(tmp_path / "other")
+    other.adopt(PLAN, {})
+    with folder.alone(), other.alone(), pytest.raises(InputError, match="another campaign is running"), folder.alone():
+        pass
+    with folder.alone():
+        pass
 
 
 def test_missing_counts_only_closed_bags(tmp_path: Path) -> None:

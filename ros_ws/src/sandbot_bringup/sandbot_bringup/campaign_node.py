@@ -152,21 +152,18 @@ class Operator(Node):
     def _set_up(self, trial: PlannedTrial) -> None:
         self._hearing.forget_trial()
         plan = self._plan.of(trial)
-        gait = plan.clock_gait
-        self._orders.set("clock", "omega_rad_s", trial.omega_rad_s)
-        self._orders.set("clock", "gait", plan.gait)
+        walk = {"omega_rad_s": trial.omega_rad_s, "gait": plan.gait, "rate_hz": plan.setpoint_rate_hz}
         if plan.gait == "CUSTOM":
-            for name in ("theta_s_rad", "theta_0_rad", "duty"):
-                self._orders.set("clock", name, getattr(gait, name))
-        self._orders.set("clock", "rate_hz", self._plan.setpoint_rate_hz)
-        self._orders.set("clock", "max_run_s", self._plan.duration_s(trial.omega_rad_s) + CALL_S)
+            walk |= {name: getattr(plan.clock_gait, name) for name in ("theta_s_rad", "theta_0_rad", "duty")}
+        self._orders.set("clock", walk | {"max_run_s": plan.duration_s(trial.omega_rad_s) + CALL_S})
         # After the trial before, the legs stand where they stopped; every trial starts from the same stance.
         self._orders.call("/clock/home")
-        self._orders.set("bed", "target_phi", trial.phi)
+        # What the plan does not say of the bed stays as it was launched.
+        protocol = {name: getattr(plan.bed_protocol, name) for name in plan.bed}
+        self._orders.set("bed", protocol | {"target_phi": trial.phi})
         if self._gate.has_lab:
-            self._orders.set("lab", "trial_seed", trial.seed)
-            self._orders.set("lab", "batch_seed", trial.occasion.batch_seed)
-            self._orders.set("lab", "progress", trial.occasion.progress)
+            occasion = {"batch_seed": trial.occasion.batch_seed, "progress": trial.occasion.progress}
+            self._orders.set("lab", {"trial_seed": trial.seed} | occasion)
             self._orders.call("/lab/reset")
 
     def _begin_recording(self, recorder: RecorderProcess, trial: PlannedTrial) -> None:

@@ -96,7 +96,7 @@ class CampaignFolder:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Nobody else runs batch trials into this folder meanwhile: each would clear what the other is writing.
+        """Nobody else runs trials into this folder meanwhile: each would clear or rename what the other is writing.
 
         Raises InputError where somebody does. The system ends the hold with the process and its workers, however they
         end; those of one that was killed get a moment.

@@ -14,12 +14,13 @@ from tqdm import tqdm
 from sandbot_bringup.campaign_node import PRIORITY, Operator
 from sandbot_bringup.config import robot_of
 from sandbot_bringup.desk_node import Desk
-from sandbot_bringup.endings import Held, TrialFailed
+from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.hearing_node import SILENCE_S
 from sandbot_bringup.journal import Journal
 from sandbot_bringup.plan import Plan, PlannedTrial, trials_of
 from sandbot_bringup.queue import Queue
+from sandbot_bringup.streak import Streak
 from sandbot_bringup.until import Entry, decided, looks_of
 from sandbot_common.node import real_time, stop_signals, use_shared_memory
 from sandbot_common.workers import pool
@@ -55,10 +56,12 @@ def run_live(
                 operator = Operator(plan, robot_of(files), stop, silence_s)
             operator.find_nodes()
             folder.adopt(plan, files)
-            campaign = _Campaign(operator, plan, folder, files)
-            campaign.run_all()
-            if redo and campaign.repeat_failed():
+            # One trackway has one campaign; here it is another one's, in another namespace or on another host.
+            with folder.alone():
+                campaign = _Campaign(operator, plan, folder, files)
                 campaign.run_all()
+                if redo and campaign.repeat_failed():
+                    campaign.run_all()
         finally:
             rclpy.try_shutdown()
     return campaign.queue
@@ -70,7 +73,7 @@ class _Campaign:
     def __init__(self, operator: Operator, plan: Plan, folder: CampaignFolder, files: Mapping[str, str]) -> None:
         self._operator, self._folder = operator, folder
         self._attachments: list[Path] = [folder.plan_file, *(folder.path / name for name in files)]
-        self._files = files
+        self._files, self._streak = files, Streak()
         journal = Journal(folder.journal, time.time)
         waiting = {trial.trial_id for trial in folder.missing(trials_of(plan))}
         finished = {trial.trial_id for trial in trials_of(plan)} - waiting
@@ -152,11 +155,22 @@ class _Campaign:
             self.queue.fail(name, str(error))
             self._desk.note("failed", trial_id=name, reason=str(error))
             bar.write(f"{name}: failed: {error}")
+            if self.queue.waiting and (why := self._streak.failed(str(error))):
+                self._go_no_further(why)
         else:
+            self._streak.end()
             seconds, measured = round(time.monotonic() - begun_s, 2), _measured(row)
             self.queue.finish(name, seconds, measured)
             self._desk.note("done", trial_id=name, seconds=seconds, measured=measured)
             bar.update()
+
+    def _go_no_further(self, why: str) -> None:
+        """Hold the campaign where somebody is there to say go, else end it."""
+        if not self._desk.attended:
+            raise CampaignEnds(f"{why}; mend it, then start the campaign again to go on")
+        self._streak.end()
+        self._operator.hold.stop(why)
+        self._desk.note("hold", reason=why)
 
 
 def _shown(looks: Sequence[Entry]) -> Entry | None:

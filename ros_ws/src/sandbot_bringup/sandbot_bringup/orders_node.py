@@ -1,6 +1,6 @@
 """What a campaign asks of the nodes: their services and parameters. An order that is refused fails the trial."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rcl_interfaces.srv import SetParameters
@@ -46,12 +46,13 @@ class Orders:
         """Give an order and wait for nothing."""
         self._triggers[name].call_async(Trigger.Request())
 
-    def set(self, node: str, name: str, value: Any) -> None:
-        """Set a node's parameter; TrialFailed where it refuses."""
-        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-        answer = self._ask(self._setters[node], request, f"parameters of {node}")
-        if not answer.results[0].successful:
-            raise TrialFailed(f"{node} refused {name}={value}: {answer.results[0].reason}")
+    def set(self, node: str, values: Mapping[str, Any]) -> None:
+        """Set a node's parameters, one after another; TrialFailed where it refuses one."""
+        asked = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        answer = self._ask(self._setters[node], SetParameters.Request(parameters=asked), f"parameters of {node}")
+        for (name, value), result in zip(values.items(), answer.results, strict=True):
+            if not result.successful:
+                raise TrialFailed(f"{node} refused {name}={value}: {result.reason}")
 
     def film(self) -> None:
         """Have the recorder keep frames from here on."""

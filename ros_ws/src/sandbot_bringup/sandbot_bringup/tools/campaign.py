@@ -163,7 +163,9 @@ def _set_failed_aside(folder: CampaignFolder) -> None:
     from sandbot_record.trials import from_bags as table
     from sandbot_record.trials.table import OK
 
-    if table.bags_in(folder.path):
+    if not table.bags_in(folder.path):
+        return
+    with folder.alone():
         for row in table.campaign(folder.path).trials.rows():
             if row.status != OK:
                 (folder.trials / row.trial_id).rename(folder.aside(row.trial_id))
