@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from sandbot_common import messages, topics
+from sandbot_record.bags.writer import add_metadata
 from sandbot_record.trials.from_bags import row_from_bag
 
 RATE_HZ, END_S = 200, 4.0
@@ -97,3 +98,19 @@ def test_the_bed_must_stay_as_it_was_prepared(tmp_path):
     assert said == "bed: air was on while the legs moved"
     before = [(topics.BED_BLOWER, -0.2, messages.float64(1.0)), (topics.BED_BLOWER, -0.1, messages.float64(0.0))]
     assert row_from_bag(bags.trial_bag(tmp_path / "before", more=setpoints() + before)).status == "ok"
+
+
+@pytest.mark.parametrize(
+    ("topic", "counts", "said"),
+    [
+        (topics.COM, "written 380, lost 15, dropped 6", "recorder: 21 of 401 messages on /landmarks/com lost"),
+        (topics.COM, "written 380, lost 15, dropped 5", "ok"),
+        (topics.SYNC_LED, "written 0, lost 1, dropped 0", "recorder: 1 of 1 messages on /sync_led lost"),
+        (topics.DORSAL_IMAGE, "written 10, lost 300, dropped 0", "ok"),  # a row is made of what was tracked live
+        (topics.COM, "not recorded: no such type", "ok"),
+    ],
+)
+def test_what_the_recorder_lost_is_told_where_a_row_is_made_of_it(tmp_path, topic, counts, said):
+    bag = bags.trial_bag(tmp_path / "b", more=setpoints())
+    add_metadata(bag, "recording", {"exit_status": "ok", topic.name: counts})
+    assert row_from_bag(bag).status == said

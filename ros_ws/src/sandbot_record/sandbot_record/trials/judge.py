@@ -3,6 +3,7 @@
 What is judged is what was recorded, live or in batch, here or elsewhere; a topic the bag does not have is not judged.
 """
 
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +15,9 @@ from sandbot_record.bags.reader import FIELD_STAMP, Bag
 
 CLOCK_GAP = 10
 """Periods that set-points may be apart: beyond, our clock lets the legs lag, and they meet the ground elsewhere."""
-LOST_SETPOINTS = 0.05
-"""Part of the set-points that may be missing: the clock keeps the phase, but the legs turn less evenly."""
+LOST = 0.05
+"""Part of the set-points that may be missing: the clock keeps the phase, but the legs turn less evenly. So of anything
+else that a row is made of, where the recorder counted what it did not get."""
 ROBOT_GAP_S = 0.25
 FOLLOWED = 0.5
 """Part of the way told that the legs must turn; weak motors may fall behind, and that is physics."""
@@ -26,6 +28,11 @@ PHI_DRIFT = 0.003
 
 _MIN_HEIGHTS = 5
 _SEEN = {topics.COM.name: "centre of mass", topics.FRONT_AXLE.name: "front axle", topics.REAR_AXLE.name: "rear axle"}
+
+_OTHERS = (topics.LEG_SETPOINTS, topics.LEG_STATES, topics.SYNC_LED, topics.BED_PHI)
+_OF_A_ROW = (*_SEEN, *(topic.name for topic in _OTHERS))
+_COUNTS = re.compile(r"written (\d+), lost (\d+), dropped (\d+)")
+"""As ``Recording.summary`` tells them."""
 
 Times = NDArray[np.int64]
 
@@ -43,7 +50,19 @@ def fault(bag: Bag, start_ns: int) -> str:
         or _robot(bag, start_ns, end_ns)
         or _tracking(bag, start_ns, end_ns)
         or _bed(bag, start_ns, end_ns)
+        or _recording(bag)
     )
+
+
+def _recording(bag: Bag) -> str:
+    """What the recorder says it lost, of the topics that a row is made of."""
+    for topic in _OF_A_ROW:
+        if (told := _COUNTS.fullmatch(bag.provenance.get("recording", {}).get(topic, ""))) is None:
+            continue
+        written, *missing = map(int, told.groups())
+        if (lost := sum(missing)) > LOST * (written + lost):
+            return f"recorder: {lost} of {written + lost} messages on {topic} lost"
+    return ""
 
 
 def _has(bag: Bag, topic: str) -> bool:
@@ -67,7 +86,7 @@ def _commands(bag: Bag, moving: Times) -> str:
         at_s = (moving[worst] - moving[0]) * 1e-9
         return f"clock: no set-point for {steps[worst] * 1e-9:.2f} s at t = {at_s:.2f} s"
     lost = int(np.sum(np.rint(steps / np.median(steps)) - 1))
-    if lost > LOST_SETPOINTS * (len(moving) + lost):
+    if lost > LOST * (len(moving) + lost):
         return f"clock: {lost} of {len(moving) + lost} set-points missing"
     return ""
 
