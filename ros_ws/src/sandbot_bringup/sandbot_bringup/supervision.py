@@ -58,8 +58,8 @@ class Listening:
 HELD_UP_S, EXPLAINS_S = 0.25, 2.0
 """Who does not come round for so long loses a lease; and for how long after that he is the reason of a silence."""
 PACE = 0.4
-"""Part by which a camera's frame rate may be off the calibration's: a driver on a busy machine is slow at rest, and the
-simulated one took 43 frames of 50; a camera set to another rate is off by more."""
+"""Part by which a camera's frame rate may be off the calibration's: a driver on a busy machine takes 43 frames of 50 at
+rest; a camera set to another rate is off by more."""
 _NEVER = (-math.inf, 0.0)
 
 

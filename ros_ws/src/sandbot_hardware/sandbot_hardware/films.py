@@ -13,6 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from sandbot_common.process import ask_for_real_time
 from sandbot_common.robot import Robot
 from sandbot_hardware import lines
 from sandbot_hardware.terminal import Terminal
@@ -22,6 +23,10 @@ from sandbot_lab.world import START_X_M, null_world
 
 CAMERAS = ("dorsal", "lateral")
 JPEG_QUALITY = 95
+PRIORITY = 1
+"""Below all who command: a real camera waits for nobody, and keeps its rate whatever the host is busy with."""
+BEHIND_S = 0.1
+"""Frames of a robot that stands are made up for by so much; after a walk, or a longer wait, their times begin anew."""
 
 
 def film(
@@ -32,6 +37,7 @@ def film(
     ``boot_s``: the monotonic time at which the devices' own is 0; times of orders are the devices', in ns.
     """
     warm_up(sections)
+    ask_for_real_time(PRIORITY)
     films = _Films(folder, sections, robot, seed, boot_s)
     orders.send("ready")
     try:
@@ -76,7 +82,8 @@ class _Films:
 
     def stand(self) -> None:
         """A frame of the robot where it starts."""
-        self._filmed_s = self._now_s()
+        now_s, due_s = self._now_s(), self._filmed_s + self._period_s
+        self._filmed_s = due_s if now_s - due_s < BEHIND_S else now_s
         for name, camera in self._standing.items():
             if self._ports[name].idle:  # else nobody reads
                 self._send(name, self._filmed_s, camera.render(START_X_M, self._robot.axle_height_m))

@@ -54,8 +54,9 @@ class Trackway:
         context.Process(target=film, args=(folder, sections, robot, seed, self._boot_s, orders), daemon=True).start()
         orders.close()
         self._films.recv()
-        threading.Thread(target=self._direct, name="films", daemon=True).start()
+        # Before the thread, which inherits it: cameras that hear late of the first step still show the LED dark.
         ask_for_real_time(PRIORITY)
+        threading.Thread(target=self._direct, name="films", daemon=True).start()
 
     def now_s(self) -> float:
         """The devices' own time."""
