@@ -41,8 +41,9 @@ class RecorderProcess:
 
     @property
     def ended(self) -> bool:
-        """Whether it is gone, and everything it said has been read."""
-        return self._process.poll() is not None and not self._reader.is_alive()
+        """Whether it is gone, and everything it said has been read; who was killed has no last words to wait for."""
+        code = self._process.poll()
+        return code is not None and (code < 0 or not self._reader.is_alive())
 
     @property
     def frozen(self) -> bool:
