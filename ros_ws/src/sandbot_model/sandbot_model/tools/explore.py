@@ -11,11 +11,11 @@ import socket
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
@@ -33,8 +33,23 @@ NICE = 5
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line."""
-    return cli.run(_explore, argv)
+    """Run the command line; Ctrl-C ends the whole process at once."""
+    code = cli.run(_explore, argv)
+    return _leave(code) if code == cli.INTERRUPTED else code
+
+
+def _leave(code: int) -> NoReturn:
+    """End this moment: nobody waits for threads that still answer, nor for workers that fit ahead.
+
+    A pool of which workers are ended complains in every thread that waits for a fit, and waits for ever for the rest of
+    one that was being sent.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.stdout.flush()
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stderr__.fileno())  # type: ignore[union-attr]
+    for worker in multiprocessing.active_children():
+        worker.kill()
+    os._exit(code)
 
 
 def _explore(argv: Sequence[str]) -> None:
@@ -56,24 +71,27 @@ def _explore(argv: Sequence[str]) -> None:
     query = to_query(_opened(args))
     title = args.title or args.data[0].resolve().stem
     arguments.check_setting(args)
+    from sandbot_common.workers import pool
     from sandbot_record.bags.reader import is_bag
 
     campaigns = [path for path in args.data if path.is_dir() and not is_bag(path)]
-    with _fitters(args.workers) as workers:
-        desk = _Desk(args, title, query, workers)
-        try:
-            read = desk.read()
-        except InputError as error:
-            # A name that is none is a slip of the command line; data that say nothing are for the page to tell.
-            if not all(path.exists() for path in args.data):
-                raise
-            from sandbot_model.explore import no_data
+    workers = pool(args.workers, "fork", also=_gives_way)
+    # Ended from outside (a launcher, a test) is ended all the same: through the same door as Ctrl-C.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    desk = _Desk(args, title, query, workers)
+    try:
+        read = desk.read()
+    except InputError as error:
+        # A name that is none is a slip of the command line; data that say nothing are for the page to tell.
+        if not all(path.exists() for path in args.data):
+            raise
+        from sandbot_model.explore import no_data
 
-            print(f"explore: {error}", file=sys.stderr, flush=True)
-            first, said = no_data.app(title, str(error), again=bool(campaigns)), ""
-        else:
-            first, said = desk.server(*read), read[1]
-        _serve(desk, first, campaigns, said)
+        print(f"explore: {error}", file=sys.stderr, flush=True)
+        first, said = no_data.app(title, str(error), again=bool(campaigns)), ""
+    else:
+        first, said = desk.server(*read), read[1]
+    _serve(desk, first, campaigns, said)
 
 
 def _opened(args: argparse.Namespace) -> Selection:
@@ -129,25 +147,7 @@ class _Desk:
         return found
 
 
-@contextmanager
-def _fitters(count: int) -> Iterator[ProcessPoolExecutor]:
-    """Worker processes that give way to the page and end with it, whatever they are at."""
-    from sandbot_common.workers import pool
-
-    workers = pool(count, "fork", also=_gives_way)
-    # Ended from outside (a launcher, a test) is ended all the same: through the same door as Ctrl-C.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield workers
-    finally:
-        # Nobody waits for a fit made ahead; a pool left to itself complains of it when Python ends.
-        for child in multiprocessing.active_children():
-            child.terminate()
-        workers.shutdown(wait=True, cancel_futures=True)
-
-
 def _gives_way() -> None:
-    """A worker that gives way to the page and can be ended in the middle of a fit."""
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     os.nice(NICE)
 
@@ -166,7 +166,7 @@ def _serve(desk: _Desk, first: "Flask", campaigns: Sequence[Path], said: str) ->
         raise InputError(f"--port {port}: {error.strerror}; another explorer may be running, try --port 0") from None
     port = listening.getsockname()[1]
     ended = threading.Event()
-    with tempfile.TemporaryDirectory() as dropped:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as dropped:
         live = Live(desk.made, first, Path(dropped), campaigns)
         server = make_server(HOST, port, live, threaded=True, fd=listening.fileno())
         if campaigns:
