@@ -7,13 +7,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from made_up import EFFECTS, made_up_trials
+from made_up import EFFECTS, Inline, made_up_trials
 
 from sandbot_bringup.plan import read_plan, trials_of
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.next_trials import PENETRATION, NextTrial
 from sandbot_model.discovery.verdict import Verdict
+from sandbot_model.explore import views
+from sandbot_model.explore.session import Session
 from sandbot_model.physics.observables import Observable
 from sandbot_model.report import apart, profiles, rivals, stages
 from sandbot_model.report.argument import MOST_REPLICATES, argument_page, plan
@@ -70,6 +74,28 @@ def test_rivals_are_laid_over_each_other_and_the_chosen_one_is_thickest(shown):
         widths = [trace["line"]["width"] for trace in legend]
         assert widths.index(max(widths)) == chosen
         assert len({(trace["line"]["color"], trace["line"]["dash"]) for trace in legend}) == len(shown)
+
+
+def test_a_threshold_is_stated_alike_by_commands_page_and_argument(found, trials):
+    """The deviance is a staircase along it: a derivative knows no error, and a number without one is not said."""
+    name, known = "disturbed_ground.s_c", {"disturbed_ground": EFFECTS["disturbed_ground"]}
+    told = dict(found.fit.estimates())[name]
+    session, chosen = Session(found.cells, Inline()), Selection(effects=("disturbed_ground",))
+    shown = session.step(chosen)
+    assert "±" in told
+    assert dict(shown.fit.estimates())[name] == "not determined"
+    assert dict(compare(found.cells, EFFECTS, chosen.effects).fit.estimates())[name] == told
+    assert told in views.values(known["disturbed_ground"], session.stated(chosen))
+    assert told in [said for _, said, _ in views.parameter_rows(chosen, shown, known)]
+    argued = argument_page(found, provenance(trials, found.cells), title="test")
+    assert any(told in row for section in argued.sections for table in section.tables for row in table.rows)
+
+
+def test_no_parameter_is_stated_where_there_are_no_more_means_than_unknowns(trials):
+    cells = cells_of(trials.select(np.arange(2)))
+    shown = Session(cells, Inline()).step(Selection())
+    assert shown.fit.goodness.dof <= 0
+    assert {said for _, said, _ in views.parameter_rows(Selection(), shown, EFFECTS)} == {"not determined"}
 
 
 def test_the_difference_of_two_models_is_that_of_their_predictions(shown):

@@ -277,7 +277,7 @@ def test_a_page_is_written_whole_or_not_at_all(tmp_path, discovery, trials):
         (0.40123, 0.01234, "0.401 ± 0.012"),
         (182.31, 1.2, "182.3 ± 1.2"),
         (1234.0, 56.0, "1234 ± 56"),
-        (0.5, np.nan, "0.5 (± not known)"),
+        (0.5, np.nan, "not determined"),
         (np.nan, 1.0, "not known"),
     ],
 )

@@ -12,6 +12,7 @@ from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.fitting.fit import Fit, fit
 from sandbot_model.fitting.plain import data_summary, number
+from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.fitting.text import html_table, table
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect
@@ -91,7 +92,7 @@ def compare(
         model = model_of(base, names[:count], effects, cells.robot)
         steps.append(fit(model, cells, steps[-1].warm_start if steps else None))
         progress(" + ".join(names[:count]) or "base")
-    return Comparison(tuple(steps))
+    return Comparison(tuple(map(with_profiled_errors, steps)))
 
 
 def geometry_lock(cells: Cells) -> Array:

@@ -177,8 +177,7 @@ def discover(
     search.effects = {**effects, **named.model.catalogue}
     if strange := strange_k(search.fits[()]):
         verdict = replace(verdict, because=f"{verdict.because}; {strange}")
-    ladder = search.ladder(verdict)
-    ladder[-1] = with_profiled_errors(named)
+    ladder = [with_profiled_errors(step) for step in (*search.ladder(verdict)[:-1], named)]
     floor = noise_floor(cells)
     hidden = unseen(search) if verdict.status == "adequate" else []
     if hidden:

@@ -96,6 +96,8 @@ class Explorer:
         session = self.session
         effects = session.catalogue(selection.formulas)
         shown = views.show(session, selection, theme)
+        # Before those that are fitted ahead.
+        session.stated(selection)
         session.fit_ahead(selection)
         panes = self._panes(selection, theme)
         if panes:
@@ -132,13 +134,13 @@ class Explorer:
 
     def _previews(self, selection: Selection) -> dict[str, Any]:
         """The effects with the error that switching each would give, and whether all of these are fitted."""
-        session = self.session
+        session, fitted = self.session, replace(selection, by_hand=())
         previews = session.previews(selection)
         effects = session.catalogue(selection.formulas)
         alone = session.previews(replace(selection, effects=()))
-        current = session.step(replace(selection, by_hand=()))
-        complete = all(preview is not None for preview in previews.values())
-        options = effect_list.effect_options(effects, ordered(alone), current, previews)
+        stated = session.stated(fitted)
+        complete = stated is not None and all(preview is not None for preview in previews.values())
+        options = effect_list.effect_options(effects, ordered(alone), session.step(fitted).fit, previews, stated)
         return {"effects.options": options, "preview-clock.disabled": complete}
 
     def _panes(self, selection: Selection, theme: Theme) -> list[views.Pane]:

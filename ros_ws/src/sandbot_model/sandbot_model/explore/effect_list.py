@@ -10,31 +10,34 @@ from sandbot_model.explore.blocks import table
 from sandbot_model.explore.helpful import Preview, change_of, helps
 from sandbot_model.explore.still import still
 from sandbot_model.explore.views import values
+from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.symbols import listed
 from sandbot_model.physics.typeset import mathml_in_pieces, plain
 from sandbot_model.report.drawings import drawing
-from sandbot_model.report.view import Step, readable
+from sandbot_model.report.view import readable
 
 
 def effect_options(
-    effects: Mapping[str, Effect], order: Sequence[str], current: Step, previews: Mapping[str, Preview]
+    effects: Mapping[str, Effect], order: Sequence[str], now: Fit, previews: Mapping[str, Preview], stated: Fit | None
 ) -> list[dict[str, Any]]:
     """One option for each effect in ``order``: drawing, name, error before → after it is switched on, stage, formula,
     and fitted values if it is on; what does not help is marked as such, for the page to fold.
+
+    ``now`` is the fit shown, ``stated`` the same with the errors that are printed, once they are known.
     """
-    on, now = current.fit.effects, current.fit.rmse_m_s
+    on = now.effects
     options = []
     for name in order:
         effect, preview = effects[name], previews[name]
-        useful = name in on or helps(preview, now)
+        useful = name in on or helps(preview, now.rmse_m_s)
         label = still(
             html.Img(src=f"/drawing/{name}.svg", alt="", className="drawing") if drawing(name) else None,
             html.Span(readable(name), className="effect"),
-            html.Span(change_of(preview, name in on, now), className="preview"),
+            html.Span(change_of(preview, name in on, now.rmse_m_s), className="preview"),
             html.Small([f"{effect.stage}: ", _typeset(effect.formula)]),
-            html.Small(values(effect, current), className="values") if name in on else None,
+            html.Small(values(effect, stated) if stated else "…", className="values") if name in on else None,
             className="effect-line" if useful else "effect-line useless",
         )
         options.append({"value": name, "label": label, "title": plain(effect.seen_in)})

@@ -24,6 +24,8 @@ from sandbot_model.fitting import global_minimum
 from sandbot_model.fitting.fit import Fit, fit, fitted_at
 from sandbot_model.fitting.global_minimum import Point, WarmStart
 from sandbot_model.fitting.parallel import Progress
+from sandbot_model.fitting.profile import staircases, with_profiled_errors
+from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.model import Model, model_of
@@ -52,6 +54,11 @@ def solve(model: Model, cells: Cells, start: WarmStart | None) -> Solved:
     return solved(fit(model, cells, start))
 
 
+def profiled_errors(model: Model, cells: Cells, point: Point) -> Array:
+    """Standard errors of a fit, from a profile where a derivative knows none; runs in a worker process."""
+    return with_profiled_errors(fitted_at(model, cells, point)).stderr
+
+
 def solved(found: Fit) -> Solved:
     """As much of a fit as is needed to rebuild it."""
     return Solved(point_of(found), found.rmse_m_s, found.cv_rmse_m_s)
@@ -69,6 +76,7 @@ class Session:
         self._solved: dict[Key, Future[Solved]] = {}
         self._starts: dict[Key, WarmStart | None] = {}
         self._steps: dict[Key, Step] = {}
+        self._errors: dict[Key, Future[Array]] = {}
         self._catalogues: dict[tuple[str, ...], dict[str, Effect]] = {}
 
     def catalogue(self, formulas: Sequence[str] = ()) -> Mapping[str, Effect]:
@@ -94,6 +102,18 @@ class Session:
             return fitted
         point = point_of(fitted.fit, dict(selection.by_hand))
         return with_curves([fitted_at(self.model(selection), self.cells, point)])[0]
+
+    def stated(self, selection: Selection) -> Fit | None:
+        """The fit shown, with the standard errors that are printed; None while a worker is at a profile of them."""
+        found = self.step(selection).fit
+        if selection.by_hand or not staircases(found):
+            return found
+        key = self._key(selection)
+        with self._lock:
+            if key not in self._errors:
+                self._errors[key] = self._workers.submit(profiled_errors, found.model, found.cells, found.point)
+            future = self._errors[key]
+        return replace(found, stderr=future.result()) if future.done() else None
 
     def fit_ahead(self, selection: Selection) -> None:
         """Submit a fit of every set that is one switch away; earlier ones not yet begun are cancelled."""

@@ -10,6 +10,8 @@ from sandbot_model.discovery.choice import Selection
 from sandbot_model.explore.actions import on_slider
 from sandbot_model.explore.chosen import mark
 from sandbot_model.explore.session import Session
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.physics.effect import Effect
 from sandbot_model.report import apart, balance, captions, figures, lock, mechanics, residual_map, text
 from sandbot_model.report.theme import Spec, Theme, layout, note
@@ -190,15 +192,13 @@ def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
     )
 
 
-def values(effect: Effect, current: Step) -> str:
+def values(effect: Effect, fit: Fit) -> str:
     """Fitted values ± errors of an effect that is on, with their meaning and unit; empty for one without parameters."""
     parts = []
-    for name, estimate in current.fit.parameters.items():
+    for name, estimate in fit.parameters.items():
         if name.startswith(f"{effect.identifier}."):
             words, unit = text.described(name, [effect])
-            parts.append(
-                f"{words.removeprefix(f'{readable(effect.identifier)}: ')} {text.with_error(*estimate)} {unit}"
-            )
+            parts.append(f"{words.removeprefix(f'{readable(effect.identifier)}: ')} {fit.said(*estimate)} {unit}")
     return "; ".join(part.strip() for part in parts)
 
 
@@ -226,13 +226,14 @@ def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) 
 def parameter_rows(selection: Selection, current: Step, effects: Mapping[str, Effect]) -> list[tuple[str, str, str]]:
     """(what, value ± stderr, unit) of every number; those held by hand have no error."""
     held = dict(selection.by_hand)
-    fit = current.fit
+    # A profile rises from the best fit, which one with values held by hand is not.
+    fit = current.fit if held else with_profiled_errors(current.fit)
     rows = []
     for name, (value, stderr) in fit.parameters.items():
         words, unit = text.described(name, effects.values())
-        rows.append((words, f"{value:.5g} (held)" if name in held else text.with_error(value, stderr), unit))
+        rows.append((words, f"{value:.5g} (held)" if name in held else fit.said(value, stderr), unit))
     for phi, k, stderr in zip(fit.level_phi, fit.k_n_per_m, fit.k_stderr_n_per_m, strict=True):
-        rows.append((f"k at φ = {phi:.3f}, stiffness of the ground under a leg", text.with_error(k, stderr), "N/m"))
+        rows.append((f"k at φ = {phi:.3f}, stiffness of the ground under a leg", fit.said(k, stderr), "N/m"))
     return rows
 
 

@@ -17,7 +17,7 @@ from sandbot_model.fitting.leave_one_out import cross_validation
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.plain import number, plain
-from sandbot_model.fitting.text import WIDTH, cm_s, html_table, probability, with_error
+from sandbot_model.fitting.text import UNDETERMINED, WIDTH, cm_s, html_table, probability, with_error
 from sandbot_model.fitting.uncertainty import standard_errors
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
@@ -136,16 +136,17 @@ class Fit(Fitted):
 
     def estimates(self) -> list[tuple[str, str]]:
         """Each parameter and k(φ) with its value as text, rounded to its error."""
-        units = ["" if parameter.unit == "1" else f" {parameter.unit}" for parameter in self.model.parameters]
-        shared = [
-            (name, with_error(*estimate) + unit)
-            for (name, estimate), unit in zip(self.parameters.items(), units, strict=True)
+        units = ["" if parameter.unit == "1" else parameter.unit for parameter in self.model.parameters]
+        levels = zip(self.level_phi, self.k_n_per_m, self.k_stderr_n_per_m, strict=True)
+        said = [
+            *((name, self.said(*one), unit) for (name, one), unit in zip(self.parameters.items(), units, strict=True)),
+            *((f"k at φ {phi:.3f}", self.said(k, stderr), "N/m") for phi, k, stderr in levels),
         ]
-        levels = [
-            (f"k at φ {phi:.3f}", f"{with_error(k, stderr)} N/m")
-            for phi, k, stderr in zip(self.level_phi, self.k_n_per_m, self.k_stderr_n_per_m, strict=True)
-        ]
-        return [*shared, *levels]
+        return [(name, told if told == UNDETERMINED else f"{told} {unit}".rstrip()) for name, told, unit in said]
+
+    def said(self, value: float, stderr: float) -> str:
+        """One of its parameters ± standard error; not a number where there are no more means than unknowns."""
+        return with_error(value, stderr) if self.goodness.dof > 0 else UNDETERMINED
 
 
 def fit(model: Model, cells: Cells, near: WarmStart | None = None) -> Fit:

@@ -7,6 +7,7 @@ parameters of the effect: the rms distance from the fit, each point with weight 
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -32,13 +33,21 @@ def profile(problem: Problem, start: States, at: Sequence[int], values: Array) -
     return descend(problem, problem.states(theta, start.ln_k[rows], start.slope[rows]), ITERATIONS, fixed=at)
 
 
+@lru_cache(maxsize=32)
 def with_profiled_errors(fit: Fit) -> Fit:
     """The same fit; where the deviance is a staircase along a parameter of an effect, errors are those of a profile."""
-    for effect in fit.model.effects:
-        at = [fit.model.names.index(f"{effect.identifier}.{one.name}") for one in effect.parameters]
-        if np.isnan(fit.stderr[at]).any():
-            fit = replace(fit, stderr=_profiled(fit, at))
+    for at in staircases(fit):
+        fit = replace(fit, stderr=_profiled(fit, at))
     return fit
+
+
+def staircases(fit: Fit) -> list[list[int]]:
+    """For each effect along one of whose parameters the deviance is a staircase, where its parameters stand."""
+    names = fit.model.names
+    ats = [
+        [names.index(f"{one.identifier}.{parameter.name}") for parameter in one.parameters] for one in fit.model.effects
+    ]
+    return [at for at in ats if np.isnan(fit.stderr[at]).any()]
 
 
 def _profiled(fit: Fit, at: Sequence[int]) -> Array:

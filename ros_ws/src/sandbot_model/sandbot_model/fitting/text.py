@@ -9,6 +9,8 @@ from sandbot_common import terminal
 from sandbot_model.physics.observables import CM
 
 UNKNOWN = "not known"
+UNDETERMINED = "not determined"
+"""A parameter of which the data know no error."""
 WIDTH = 100
 """Columns of a line of text at most."""
 
@@ -45,11 +47,11 @@ def to_error(value: float, error: float) -> str:
 
 
 def with_error(value: float, stderr: float) -> str:
-    """Value ± standard error, rounded to two digits of the error: ``0.401 ± 0.012``."""
+    """Value ± standard error, rounded to two digits of the error: ``0.401 ± 0.012``; no number without its error."""
     if not math.isfinite(value):
         return UNKNOWN
     if not math.isfinite(stderr) or stderr <= 0.0:
-        return f"{value:.4g} (± {UNKNOWN})"
+        return UNDETERMINED
     decimals = max(0, 1 - math.floor(math.log10(stderr)))
     return f"{value:.{decimals}f} ± {stderr:.{decimals}f}"
 

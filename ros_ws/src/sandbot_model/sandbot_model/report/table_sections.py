@@ -73,7 +73,7 @@ def parameters(steps: tuple[Step, ...]) -> Section:
     rows = [(*text.described(name), *(_estimate(step.fit, name) for step in steps)) for name in names]
     first = steps[0].fit
     for i, phi in enumerate(first.level_phi):
-        values = (text.with_error(float(s.fit.k_n_per_m[i]), float(s.fit.k_stderr_n_per_m[i])) for s in steps)
+        values = (s.fit.said(float(s.fit.k_n_per_m[i]), float(s.fit.k_stderr_n_per_m[i])) for s in steps)
         words = ", stiffness of the ground under a leg" if i == 0 else ""
         rows.append((f"k at φ = {phi:.3f}{words}", "N/m", *values))
     table = Table(
@@ -116,9 +116,8 @@ def _formulas(fit: Fit) -> list[Table]:
 def _estimate(fit: Fit, name: str) -> str:
     if name not in fit.parameters:
         return "–"
-    value, stderr = fit.parameters[name]
     flag = " (at its bound)" if name in fit.at_bounds else " (implausible)" if name in fit.implausible else ""
-    return text.with_error(value, stderr) + flag
+    return fit.said(*fit.parameters[name]) + flag
 
 
 def next_trials(discovery: Discovery) -> list[Section]:

@@ -3,14 +3,12 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-import numpy as np
-
 from sandbot_common.terminal import filled, styled
 from sandbot_model.data.conditions import noise_floor
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.verdict import passes
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.text import counted, to_error, with_error
+from sandbot_model.fitting.text import UNDETERMINED, counted, to_error
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.effect_facts import words
 
@@ -81,5 +79,6 @@ def _in_words(name: str, fit: Fit) -> Iterator[str]:
     }
     for full, estimate in fit.parameters.items():
         owner, _, parameter = full.rpartition(".")
-        if owner == name and np.isfinite(estimate.stderr):
-            yield f"{parameter} = {with_error(*estimate)}{known[parameter]}"
+        told = fit.said(*estimate)
+        if owner == name and told != UNDETERMINED:
+            yield f"{parameter} = {told}{known[parameter]}"

@@ -58,7 +58,6 @@ def parameters(fit: Fit) -> str:
         return f"{counted(means, 'cell mean')} can't determine {unknowns} parameters: none is given"
     rows = [["parameter", "value", ""]]
     for name, told in fit.estimates():
-        unknown = name in fit.parameters and not np.isfinite(fit.parameters[name].stderr)
         odd = (
             "at its bound"
             if name in fit.at_bounds
@@ -66,7 +65,7 @@ def parameters(fit: Fit) -> str:
             if name in fit.implausible
             else ""
         )
-        rows.append([name, "not determined" if unknown else told, odd])
+        rows.append([name, told, odd])
     return table(rows)
 
 
