@@ -11,7 +11,9 @@ from types import ModuleType
 import pytest
 
 from sandbot_bringup.tools import campaign, unseal
-from sandbot_model.tools import compare, discover, effects
+from sandbot_hardware import simulate_command as simulate
+from sandbot_lab.tools import penetrometer
+from sandbot_model.tools import atlas, compare, discover, effects, export
 from sandbot_record.bags.writer import BagWriter
 from sandbot_record.tools import info, recover, table
 from sandbot_tracking.tools import calibrate, track_video
@@ -315,6 +317,44 @@ LENSES = [
     lens_case("onto-another-yaml", "--out @/o.yaml", "o.yaml", "lateral", "3", o__yaml="lateral: 3\n"),
 ]
 
+
+def folder_and_table(name, tool, line, *words, **files):
+    """Of trials.csv, in a folder that holds a folder ``sub``, too."""
+    return case(name, tool, f"@/t.csv {line}", *words, t__csv=GOOD, **{"sub/note__txt": "hello"}, **files)
+
+
+OTHERS = [
+    folder_and_table("export-no-trial", export, "--out @/x.mp4", "--trial"),
+    folder_and_table("export-no-such-trial", export, "--trial row_2 --out @/x.mp4", "row_2", "did you mean 'row2'"),
+    folder_and_table("export-no-bag", export, "--trial row2 --out @/x.mp4", "not from bags"),
+    folder_and_table("export-another-kind", export, "--trial row2 --out @/x.avi", "x.avi", ".rrd or .mp4"),
+    folder_and_table("export-below-a-file", export, "--trial row2 --out @/t.csv/x.mp4", "t.csv is not a folder"),
+    folder_and_table("export-unknown-effect", export, "--trial row2 --out @/x.mp4 --effects legslip", "'leg_slip'"),
+    folder_and_table("export-unknown-option", export, "--trial row2 --out @/x.mp4 --efects leg_slip", "'--effects'"),
+    case("export-a-folder", export, "@/sub --trial a --out @/x.mp4", "sub", "neither a campaign", **{"sub/a__txt": ""}),
+    case("export-wrong-column", export, "@/w.csv --trial a --out @/x.mp4", "omega_rad_s", w__csv="phi,omega\n0.6,8\n"),
+    case("export-no-text", export, "@/w.csv --trial a --out @/x.mp4", "w.csv", "not a text file", w__csv=b"\xff\x00"),
+    folder_and_table("effects-of-a-folder", compare, "--effects-from @/sub", "sub", "is a folder"),
+    folder_and_table("atlas-unknown-effect", atlas, "--effects legslip", "'leg_slip'"),
+    folder_and_table("atlas-beside-nothing", atlas, "--beside @/none.csv", "none.csv", "no such file"),
+    folder_and_table("atlas-into-a-file", atlas, "--out @/t.csv", "--out", "a folder is needed"),
+    lens_case("points-are-a-folder", "--out @/o.yaml --intrinsics @", "is a folder"),
+    lens_case("lens-of-another", "--out @/o.yaml --intrinsics @/t.csv", "t.csv", "mapping", t__csv=GOOD),
+    lens_case("two-lenses", "--out @/o.yaml --intrinsics @/c.yaml --chessboard @/b.mp4", "choose one", c__yaml=CAMERAS),
+    lens_case("no-such-camera", "--out @/o.yaml --name top", "top", "dorsal"),
+    lens_case("one-too-many", "@/q.csv --out @/o.yaml", "q.csv", "too many"),
+    lens_case("far-plane", "--out @/o.yaml --plane nan", "plane", "nan"),
+    case("calibrate-a-folder", calibrate, "@ --name dorsal --plane 0.05 --out @/o.yaml", "is a folder", a__txt=""),
+    case("pressed-at-nan", penetrometer, "--phi nan --out @/o.csv", "phi", "nan"),
+    case("pressed-at-nothing", penetrometer, "--out @/o.csv", "--phi"),
+    case("pressed-in-no-world", penetrometer, "--phi 0.6 --out @/o.csv --world @/w.yaml", "w.yaml", "no such file"),
+    case("devices-in-a-file", simulate, "@/t.csv", "t.csv", "exists", t__csv=GOOD),
+    case("devices-without-a-camera", simulate, "@/d --cameras @/c.yaml", "c.yaml", "lateral", c__yaml=CAMERAS),
+    case("devices-of-no-seed", simulate, "@/d --seed -1", "--seed", "-1"),
+    case("devices-on-no-ground", simulate, "@/d --phi nan", "--phi", "nan"),
+    case("devices-without-a-lease", simulate, "@/d --lease 0", "--lease", "0"),
+]
+
 # Where a result can't go is told before the work is done.
 OUTPUTS = [
     case("json-is-a-folder", compare, "@/t.csv --json @", "--json", "@", "folder", t__csv=GOOD),
@@ -327,7 +367,7 @@ OUTPUTS = [
     lens_case("below-a-file", "--out @/p.csv/o.yaml", "@/p.csv/o.yaml", "can't be written"),
 ]
 
-CASES = [*PLANS, *WORLDS, *TABLES, *EFFECTS, *BAGS, *VIDEOS, *POINT_TABLES, *LENSES, *OUTPUTS, *SEALS]
+CASES = [*PLANS, *WORLDS, *TABLES, *EFFECTS, *BAGS, *VIDEOS, *POINT_TABLES, *LENSES, *OTHERS, *OUTPUTS, *SEALS]
 
 
 def fill(folder: Path, files) -> None:

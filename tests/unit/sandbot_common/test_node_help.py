@@ -79,6 +79,14 @@ def test_what_is_not_ros_s_is_refused_and_nothing_started(arguments, fan, capsys
     assert f"unknown argument {arguments[-1]!r}; parameters are set with --ros-args -p NAME:=VALUE" in err
 
 
+@pytest.mark.parametrize("rule", [["-p"], ["-p", "rate_hz=7"], ["-p", "rate_hz:=7", "-r", "/air"], ["-r"]])
+def test_a_rule_that_is_none_is_refused_in_one_line_where_ros_would_leave_a_trace(rule, fan, capsys):
+    assert fan(["--ros-args", *rule]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.endswith(f"expected {rule[-1 if rule[-1] in ('-p', '-r') else -2]} NAME:=VALUE\n")
+
+
 @pytest.mark.parametrize("module", NODES)
 def test_help_of_every_node_lists_its_parameters(module, capsys):
     found = import_module(module)

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NoReturn, Protocol
 
@@ -49,7 +50,15 @@ class Parser(argparse.ArgumentParser):
 def with_ros(parser: argparse.ArgumentParser, argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
     """Our own options, and what begins with --ros-args, which is ROS's own to read."""
     cut = list(argv).index("--ros-args") if "--ros-args" in argv else len(argv)
+    _check_rules(argv[cut:])
     return parser.parse_args(argv[:cut]), list(argv[cut:])
+
+
+def _check_rules(arguments: Sequence[str]) -> None:
+    """ROS itself answers a rule that is none with a trace. Raises InputError."""
+    for flag, rule in pairwise([*arguments, ""]):
+        if flag in ("-p", "--param", "-r", "--remap") and ":=" not in rule:
+            raise InputError(f"--ros-args {f'{flag} {rule}'.strip()}: expected {flag} NAME:=VALUE")
 
 
 class Main(Protocol):
@@ -72,6 +81,7 @@ def node(module: str, parameters: type) -> Main:
             return 0
         if own:
             raise InputError(f"unknown argument {own[0]!r}; parameters are set with --ros-args -p NAME:=VALUE")
+        _check_rules(arguments)
         code: int = import_module(module).main(arguments)
         return code
 

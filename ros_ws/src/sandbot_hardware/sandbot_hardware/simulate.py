@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
+from sandbot_common.files import read_yaml, writing
 from sandbot_common.process import ask_for_real_time
 from sandbot_common.robot import Robot
 from sandbot_hardware.devices import BedController, LegController
@@ -37,8 +37,11 @@ class Trackway:
     """The devices, and the world behind them."""
 
     def __init__(self, folder: Path, cameras: Path, robot: Robot, seed: int, phi: float, lease_s: float) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        sections: dict[str, Any] = {name: read_yaml(cameras)[name] for name in CAMERAS}
+        sections: dict[str, Any] = read_yaml(cameras)
+        if missing := [name for name in CAMERAS if name not in sections]:
+            raise InputError(f"{cameras}: no {missing[0]!r} camera in it")
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
         self._world, self._phi, self._seed = null_world().walked_by(robot), phi, seed
         warm_up({})
         self._bed, self._bed_s = LabBed(seed), 0.0

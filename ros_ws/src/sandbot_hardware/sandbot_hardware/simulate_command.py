@@ -5,6 +5,7 @@ back (`plug legs`); what the devices do by themselves is printed.
 """
 
 import argparse
+import math
 import queue
 import sys
 import threading
@@ -12,7 +13,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sandbot_common import cli
+from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, read_robot
+
+PHI_LOW, PHI_HIGH = 0.5, 0.7
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -31,6 +35,12 @@ def _simulate(argv: Sequence[str]) -> int:
     )
     parser.add_argument("--phi", type=float, default=0.0, help="ground the robot walks on; default: the bed's own")
     options: argparse.Namespace = parser.parse_args(argv)
+    if options.seed < 0:
+        raise InputError(f"--seed: {options.seed} is not a seed; 0 or more")
+    if not 0 < options.lease < math.inf:
+        raise InputError(f"--lease {options.lease}: a time above 0 s")
+    if options.phi != 0 and not PHI_LOW <= options.phi <= PHI_HIGH:
+        raise InputError(f"--phi {options.phi}: {PHI_LOW} to {PHI_HIGH}, or 0 for the bed's own")
     # Imported now that the options are understood: --help and a slip in them are answered at once.
     from sandbot_hardware.simulate import PORTS, Trackway, obey
 

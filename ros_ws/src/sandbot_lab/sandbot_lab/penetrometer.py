@@ -31,7 +31,7 @@ def press(
     deepest = 2 * radius - height
     rows = []
     for level in phis:
-        rng = np.random.default_rng([seed, round(level * 1e6)])
+        rng = np.random.default_rng([seed, round(checked_phi(level) * 1e6)])
         phi = checked_phi(level + world.noise.scale * world.noise.phi_sd * float(rng.standard_normal()))
         ground = TrackGround(physics_record(world, phi, int(rng.integers(2**62))), fresh_state(world, 0.0))
         for depth in depths_m:

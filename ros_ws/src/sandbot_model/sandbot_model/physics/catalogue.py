@@ -37,7 +37,7 @@ def catalogue(files: Sequence[Path] = (), formulas: Sequence[str] = ()) -> dict[
 def effects_in(path: Path) -> list[Effect]:
     """One instance of each Effect subclass defined in a Python file."""
     if not path.is_file():
-        raise InputError(f"{path}: no such file")
+        raise InputError(f"{path}: {'is a folder, a Python file is needed' if path.is_dir() else 'no such file'}")
     spec = importlib.util.spec_from_file_location(f"{USER_MODULE}{path.stem}", path)
     if spec is None or spec.loader is None:
         raise InputError(f"{path}: not a Python file")

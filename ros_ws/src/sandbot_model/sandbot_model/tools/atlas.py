@@ -69,10 +69,10 @@ def _material(args: argparse.Namespace) -> "Material":
 
     effects = catalogue(args.effects_from, tuple(args.effect))
     trials, robot_line = arguments.trials(args)
-    print(robot_line)
     cells = cells_of(trials.select(trials.usable))
     steps = steps_of(arguments.selection(args), cells, effects)
     beside = None if args.beside is None else _published(args.beside)
+    print(robot_line)
     return gathered(trials, steps, bags_of(args.data), beside)
 
 

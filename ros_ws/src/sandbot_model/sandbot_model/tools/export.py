@@ -49,11 +49,11 @@ def _write(args: argparse.Namespace) -> None:
     from sandbot_record.trials.film import film_of
 
     trials, robot_line = arguments.trials(args)
-    print(robot_line)
     bags = bags_of(args.data)
     scene = scene_of(trials, bags, _fitted(args, trials), args.trial)
     bag = Bag.open(bags[args.trial])
     film = film_of(bag)
+    print(robot_line)
     if args.out.suffix == ".rrd":
         write_rrd(args.out, scene, bag, film)
     else:
