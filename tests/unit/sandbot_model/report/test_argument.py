@@ -19,7 +19,7 @@ from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.explore import views
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.observables import Observable
-from sandbot_model.report import apart, profiles, rivals, stages
+from sandbot_model.report import apart, profiles, rivals, stages, table_sections
 from sandbot_model.report.argument import MOST_REPLICATES, argument_page, plan
 from sandbot_model.report.curves import steps
 from sandbot_model.report.page import render
@@ -79,20 +79,24 @@ def test_rivals_are_laid_over_each_other_and_the_chosen_one_is_thickest(shown):
 def test_a_threshold_is_stated_alike_by_commands_page_and_argument(found, trials):
     """The deviance is a staircase along it: a derivative knows no error, and a number without one is not said."""
     name, known = "disturbed_ground.s_c", {"disturbed_ground": EFFECTS["disturbed_ground"]}
-    told = dict(found.fit.estimates())[name]
     session, chosen = Session(found.cells, Inline()), Selection(effects=("disturbed_ground",))
-    shown = session.step(chosen)
+    shown, compared = session.ladder(chosen)[-1], compare(found.cells, EFFECTS, chosen.effects)
+    told = dict(compared.fit.estimates())[name]
     assert "±" in told
     assert dict(shown.fit.estimates())[name] == "not determined"
-    assert dict(compare(found.cells, EFFECTS, chosen.effects).fit.estimates())[name] == told
     assert told in views.values(known["disturbed_ground"], session.stated(chosen))
     assert told in [said for _, said, _ in views.parameter_rows(chosen, shown, known)]
-    argued = argument_page(found, provenance(trials, found.cells), title="test")
-    assert any(told in row for section in argued.sections for table in section.tables for row in table.rows)
+    assert told in [row[-1] for row in table_sections.parameters(steps(compared)).tables[0].rows]
+    # The argument is of a fit beside what trials share, and says so.
+    argued = argument_page(found, provenance(trials, found.cells), title="test").sections[-1].tables[0]
+    assert dict(found.fit.estimates())[name] in [row[-1] for row in argued.rows]
+    assert ("beside a zero of the lift" in argued.caption) == (found.fit.nuisances is not None)
 
 
 def test_no_parameter_is_stated_where_there_are_no_more_means_than_unknowns(trials):
-    cells = cells_of(trials.select(np.arange(2)))
+    few = trials.select(np.arange(2))
+    unknown = np.full(2, np.nan)
+    cells = cells_of(replace(few, lift_m=unknown, peak_speed_m_s=unknown, first_step_m=unknown))
     shown = Session(cells, Inline()).step(Selection())
     assert shown.fit.goodness.dof <= 0
     assert {said for _, said, _ in views.parameter_rows(Selection(), shown, EFFECTS)} == {"not determined"}

@@ -16,6 +16,10 @@ from sandbot_model.report.view import Step, observable_label, readable
 Frames = Sequence[tuple[bytes, str]]
 MAX_FAILING_ROWS = 60
 BEST_CANDIDATES = 8
+BESIDE = (
+    "{} is fitted beside a zero of the lift, a scale of the speed and whatever else trials share; compare and the "
+    "explorer fit it alone."
+)
 
 
 def candidates(discovery: Discovery) -> list[Section]:
@@ -76,8 +80,9 @@ def parameters(steps: tuple[Step, ...]) -> Section:
         values = (s.fit.said(float(s.fit.k_n_per_m[i]), float(s.fit.k_stderr_n_per_m[i])) for s in steps)
         words = ", stiffness of the ground under a leg" if i == 0 else ""
         rows.append((f"k at φ = {phi:.3f}{words}", "N/m", *values))
+    beside = "" if steps[-1].fit.nuisances is None else f" {BESIDE.format(steps[-1].label)}"
     table = Table(
-        "Fitted value ± standard error; – where the model does not have the parameter.",
+        f"Fitted value ± standard error; – where the model does not have the parameter.{beside}",
         ("parameter", "unit", *(step.label for step in steps)),
         rows,
         (True, True, *(False for _ in steps)),
