@@ -31,6 +31,11 @@ UNDER_WAY = f"""
 const state = document.getElementById("campaign-state").textContent;
 return new RegExp("walking .* {DONE} of").test(state) && /legs move/.test(document.getElementById("safety").textContent)
 """
+REDRAWN = """
+const ink = getComputedStyle(document.documentElement).getPropertyValue("--ink").trim();
+return ["speed", "packing", "curve"].every((name) => document.getElementById(name).layout?.font.color === ink)
+"""
+"""Figures follow a change of colours one after the other."""
 WALKED_MS = 2500
 """Then v_x(t) fills half of its figure, and the legs still move."""
 
@@ -50,7 +55,7 @@ def main() -> int:
                 driver.execute_async_script(f"setTimeout(arguments[0], {WALKED_MS})")
                 for colours, where in (("light", OUT), ("dark", OUT / "dark")):
                     look(driver, colours, SIZE)
-                    driver.execute_async_script("setTimeout(arguments[0], 500)")
+                    WebDriverWait(driver, PATIENCE_S).until(lambda d: d.execute_script(REDRAWN))
                     save(driver, where / "console.png")
     return 0
 

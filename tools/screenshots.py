@@ -45,7 +45,8 @@ TITLE = "Walking collapses on loose ground"
 HIDDEN = "disturbed_ground"
 FITTED = """return /error/.test(document.getElementById('status')?.innerText ?? '')
     && !!document.querySelector('#figure .main-svg')
-    && !document.getElementById('effects').innerText.includes('…')"""
+    && /→/.test(document.getElementById('effects').innerText)
+    && !/…/.test(document.getElementById('effects').innerText)"""
 CARDS_FITTED = "return !document.body.innerText.includes('still being fitted')"
 FILMED = "phi0.6330_w16.000_r01"
 DRAWN = "return document.documentElement.dataset.drawn !== undefined"
@@ -84,6 +85,14 @@ def unfold(driver: webdriver.Chrome) -> None:
 
 
 ON = f"?effect={HIDDEN}"
+
+
+def scrub(driver: webdriver.Chrome) -> None:
+    """Put the time cursor into the third period, where a leg holds."""
+    move = "const clock = document.getElementById('clock'); clock.value = 0.5; clock.dispatchEvent(new Event('input'))"
+    driver.execute_script(move)
+
+
 EXPLORER = (
     Shot("1-base-model"),
     Shot("2-where-it-fails", "?view=residuals", (1360, 980)),
@@ -101,7 +110,7 @@ EXPLORER = (
     Shot("15-narrow", f"{ON}&view=lock", (500, 1500)),
 )
 WHY = Shot("18-why", "why?model=simple", (1180, 1500))
-TRIAL = Shot("19-trial", f"theatre?trial={FILMED}&effect={HIDDEN}", (1180, 1500))
+TRIAL = Shot("19-trial", f"theatre?trial={FILMED}&effect={HIDDEN}", (1180, 1500), scrub)
 CARDS = Shot("20-cards", "effects", (1180, 1300))
 ATLAS = Shot("21-atlas", f"atlas{ON}", (1180, 1500))
 OWN_PAGES = ((WHY, DRAWN), (TRIAL, DRAWN), (CARDS, CARDS_FITTED), (ATLAS, PLATES))

@@ -31,6 +31,8 @@ PATIENT = {"clock.lease_s": 1.0, "clock.robot_s": 1.0, "clock.late_s": 0.25, "la
 PATIENCE_S = 120
 BUSY_S = 5.0
 """What a busy machine may take; docs/console.md has the seconds of a quiet one."""
+REDRAWN = """["speed", "packing", "curve"].every((name) => document.getElementById(name).layout.font.color ===
+  getComputedStyle(document.documentElement).getPropertyValue("--ink").trim())"""
 FIRST, SECOND, THIRD = (f"phi0.6050_w06.000_r0{number}" for number in (1, 2, 3))
 
 
@@ -296,6 +298,8 @@ def test_it_fits_a_telephone_in_either_light(page, scheme):
     assert bottom == pytest.approx(844, abs=1)
     ground = page.js("getComputedStyle(document.body).backgroundColor")
     assert (sum(map(int, re.findall(r"\d+", ground)[:3])) > 380) == (scheme == "light")
+    # Figures drawn in the other colours are drawn again: their words would be ink on ink.
+    page.until(lambda: page.js(REDRAWN))
     page.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 

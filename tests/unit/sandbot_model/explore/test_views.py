@@ -86,7 +86,8 @@ def test_a_figure_is_told_in_words_with_its_numbers(session):
     shown = views.show(session, Selection(view="residuals"), LIGHT)
     fit = shown.current.fit
     failing = [fail for fail in fit.fails if fail.observable == "speed"]
-    said = f"{len(failing)} of {len(fit.cells)} cells fail" if failing else "no cell fails"
+    verb = "fails" if len(failing) == 1 else "fail"
+    said = f"{len(failing)} of {len(fit.cells)} cells {verb}" if failing else "no cell fails"
     assert said in shown.caption
     fastest = 100 * np.nanmax(fit.cells.mean[:, Observable.speed])
     assert f"Fastest: {fastest:.2f} cm/s" in views.show(session, Selection(), LIGHT).caption

@@ -257,7 +257,8 @@ def test_words_under_the_figures_tell_their_numbers(fitted):
     base = fitted[0]
     failing = residual_map.failing_cells(base.fit, "speed")
     assert failing.any()
-    assert f"{failing.sum()} of {len(failing)} cells fail" in captions.residuals(base, "speed")
+    verb = "fails" if failing.sum() == 1 else "fail"
+    assert f"{failing.sum()} of {len(failing)} cells {verb}" in captions.residuals(base, "speed")
     worst = np.nanargmax(np.abs(np.where(failing, base.fit.residual_z[:, Observable.speed], np.nan)))
     assert captions.at(base.fit.cells, worst) in captions.residuals(base, "speed")
     assert "no cell fails" in captions.residuals(made_up_step(made_up_cells()), "speed")

@@ -106,7 +106,9 @@ class Explorer:
         by_hand = selection.view == "parameters"
         # Sliders are slow to make and seldom looked at: only with their view.
         sliders = _sliders(views.sliders(selection, shown.current, effects), at or {}) if by_hand else []
-        rows = views.parameter_rows(selection, shown.current, effects) if by_hand else None
+        rows = (
+            views.parameter_rows(selection, session.step(replace(selection, by_hand=())), effects) if by_hand else None
+        )
         return {
             **self._previews(selection),
             "atlas.href": f"/atlas{to_query(selection)}",

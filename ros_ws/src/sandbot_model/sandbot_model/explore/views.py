@@ -188,7 +188,8 @@ def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
     outside = "" if selection.by_hand else f", {text.cm_s(fit.cv_rmse_m_s)} out of sample"
     return (
         f"{current.whole_label}{by_hand}: error {text.cm_s(fit.rmse_m_s)}{outside}; "
-        f"noise floor {text.cm_s(noise_floor_m_s)}; {failing} of {len(fit.cells)} conditions fail."
+        f"noise floor {text.cm_s(noise_floor_m_s)}; {failing} of {text.counted(len(fit.cells), 'condition')} "
+        f"{'fails' if failing == 1 else 'fail'}."
     )
 
 
@@ -223,15 +224,14 @@ def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) 
     return found
 
 
-def parameter_rows(selection: Selection, current: Step, effects: Mapping[str, Effect]) -> list[tuple[str, str, str]]:
-    """(what, value ± stderr, unit) of every number; those held by hand have no error."""
+def parameter_rows(selection: Selection, fitted: Step, effects: Mapping[str, Effect]) -> list[tuple[str, str, str]]:
+    """(what, value ± stderr, unit) of every number; those held by hand have no error, all others stay as ``fitted``."""
     held = dict(selection.by_hand)
-    # A profile rises from the best fit, which one with values held by hand is not.
-    fit = current.fit if held else with_profiled_errors(current.fit)
+    fit = with_profiled_errors(fitted.fit)
     rows = []
-    for name, (value, stderr) in fit.parameters.items():
+    for name, estimate in fit.parameters.items():
         words, unit = text.described(name, effects.values())
-        rows.append((words, f"{value:.5g} (held)" if name in held else fit.said(value, stderr), unit))
+        rows.append((words, f"{held[name]:.5g} (held)" if name in held else fit.said(*estimate), unit))
     for phi, k, stderr in zip(fit.level_phi, fit.k_n_per_m, fit.k_stderr_n_per_m, strict=True):
         rows.append((f"k at φ = {phi:.3f}, stiffness of the ground under a leg", fit.said(k, stderr), "N/m"))
     return rows

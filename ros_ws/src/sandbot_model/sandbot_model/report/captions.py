@@ -57,8 +57,9 @@ def residuals(step: Step, observable: str) -> str:
     worst = int(np.nanargmax(np.abs(z)))
     fail = next(f for f in step.fit.fails if f.observable == observable)
     more = "more" if z[worst] > 0 else "less"
+    verb = "fails" if failing.sum() == 1 else "fail"
     return (
-        f"{head}{int(failing.sum())} of {len(cells)} cells fail. Worst: {at(cells, worst)}, "
+        f"{head}{int(failing.sum())} of {text.counted(len(cells), 'cell')} {verb}. Worst: {at(cells, worst)}, "
         f"{text.number(CM * abs(fail.residual), 2)} {Observable[observable].readers_unit} {more} than modelled, "
         f"{text.number(abs(z[worst]))} standard errors."
     )

@@ -25,7 +25,7 @@ class Dilation(Effect):
             0.3,
             1.0,
             0.6,
-            "share of the way to φ_c that disturbing goes",
+            "share of the way that disturbing takes φ towards the one it leaves alone",
             neutral=0.0,
             hard_low=0.0,
             hard_high=1.2,
