@@ -13,6 +13,21 @@ return [...document.querySelectorAll("body *")].filter((one) => one.getBoundingC
   .slice(0, 3).map((one) => one.outerHTML.slice(0, 120)).filter(() => document.documentElement.scrollWidth > innerWidth)
 """
 """What makes the page wider than its window."""
+CUT = """
+const box = (one) => one && one.getBoundingClientRect(), found = [];
+for (const plot of document.querySelectorAll(".js-plotly-plot")) {
+  const [bar, legend] = [".modebar-group", ".legend"].map((name) => box(plot.querySelector(name)));
+  if (bar && legend && bar.left < legend.right && legend.top < bar.bottom && legend.bottom > bar.top)
+    found.push(`buttons over the legend of ${plot.id}`);
+  for (const text of plot.querySelectorAll(".main-svg text")) {
+    const [inner, outer] = [box(text), box(text.ownerSVGElement)];
+    if (inner.width && (inner.left < outer.left - 1 || inner.right > outer.right + 1 || inner.top < outer.top - 1
+        || inner.bottom > outer.bottom + 1)) found.push(`cut in ${plot.id}: ${text.textContent}`);
+  }
+}
+return found
+"""
+"""Words of figures that end beyond their edge, and legends below the buttons."""
 PATIENCE_S = 150
 LEAST = 15
 """Rules that find something to check on the smallest page: fewer, and it was not there yet."""
@@ -29,6 +44,8 @@ def accessible(driver, screens=(("light", 1400), ("dark", 390))):
         assert found == [], (scheme, width, found)
         beyond = driver.execute_script(BEYOND)
         assert beyond == [], (scheme, width, beyond)
+        cut = driver.execute_script(CUT)
+        assert cut == [], (scheme, width, cut)
     screen(driver, "light", 1400)
 
 
