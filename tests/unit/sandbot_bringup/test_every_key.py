@@ -24,7 +24,7 @@ from sandbot_lab.robot import simulate
 from sandbot_lab.world import World, world_from_mapping
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
-from sandbot_model.discovery.sharing import shared_by
+from sandbot_model.discovery.nuisances_about import shared_by
 from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import model_of

@@ -7,7 +7,7 @@ import numpy as np
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.limits import ONE_SIDED, Limit, limits
-from sandbot_model.discovery.sharing import shared_by
+from sandbot_model.discovery.nuisances_about import shared_by
 from sandbot_model.fitting.fit import fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.physics.catalogue import catalogue

@@ -9,7 +9,7 @@ from sandbot_common.accuracy import USUAL
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.sharing import bed_scatter, shared_by
+from sandbot_model.discovery.nuisances_about import bed_scatter, shared_by
 from sandbot_model.discovery.structure import BATCH, STRUCTURE, at_random, smoothness, structure_p
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.catalogue import catalogue

@@ -8,7 +8,14 @@ from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.likelihood import Problem
-from sandbot_model.fitting.nuisances import Nuisances, effective, scatter_of_batches, trend_p
+from sandbot_model.fitting.nuisances import (
+    Nuisances,
+    averaged_moments,
+    effective,
+    gains_of_scatter,
+    scatter_of_batches,
+    trend_p,
+)
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable
@@ -32,14 +39,19 @@ def lift_zero(cells, sd=1e-3, value=1.0, ln_k_sd=0.0):
 
 def drawn_offsets(seed, sigma, batches=40, each=4, unknowns=6):
     """Whitened residuals of a linear fit whose batches are off by ``sigma``, its slopes, and those of the batches."""
+    values, jacobian, slopes = drawn_values(seed, sigma, batches, each, unknowns)
+    return values - jacobian @ np.linalg.lstsq(jacobian, values, rcond=None)[0], jacobian, slopes
+
+
+def drawn_values(seed, sigma, batches, each, unknowns):
+    """The same before it is fitted: the unknowns are 0."""
     rng = np.random.default_rng(seed)
     jacobian = rng.normal(size=(batches * each, unknowns))
     slopes = np.zeros((batches * each, batches))
     slopes[np.arange(batches * each), np.repeat(np.arange(batches), each)] = 300.0 * rng.uniform(
         0.5, 1.5, batches * each
     )
-    values = rng.normal(size=batches * each) + slopes @ (sigma * rng.normal(size=batches))
-    return values - jacobian @ np.linalg.lstsq(jacobian, values, rcond=None)[0], jacobian, slopes
+    return rng.normal(size=batches * each) + slopes @ (sigma * rng.normal(size=batches)), jacobian, slopes
 
 
 def test_the_adjusted_deviance_is_that_of_the_wider_covariance(cells):
@@ -138,6 +150,36 @@ def test_the_scatter_is_that_of_the_restricted_likelihood_however_the_unknowns_a
         sigma, gain = scatter_of_batches(residual, slopes_of_unknowns, slopes, np.zeros((160, 0)), TRIED, 1e3)
         assert gain == pytest.approx(restricted(0.0) - restricted(sigma), rel=1e-6)
         assert restricted(sigma) <= min(map(restricted, TRIED[10::10]))
+
+
+def test_at_one_scatter_the_moments_are_those_of_generalised_least_squares():
+    residual, jacobian, slopes = drawn_offsets(4, 0.005)
+    others = 0.1 * np.random.default_rng(0).normal(size=(160, 2))
+    wide = np.eye(160) + others @ others.T + 0.005**2 * slopes @ slopes.T
+    covariance = np.linalg.inv(jacobian.T @ np.linalg.solve(wide, jacobian))
+    away = covariance @ jacobian.T @ np.linalg.solve(wide, residual)
+    moments = averaged_moments(residual, jacobian, slopes, others, np.array([0.005]), np.zeros(1))
+    np.testing.assert_allclose(moments, covariance + np.outer(away, away), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize(("sigma", "days"), [(0.003, 5), (0.006, 7), (0.0, 20)])
+def test_errors_that_average_over_the_scatter_cover(sigma, days):
+    """Few days tell little of how far days differ: errors of a bed taken for exact are too small."""
+    z, exact = [], []
+    for seed in range(120):
+        values, _, slopes = drawn_values(seed, sigma, days, 12, 0)
+        # A stiffness, and what follows the days; both are 0: what least squares finds is what it is off by.
+        jacobian = slopes @ np.stack([np.ones(days), np.linspace(-1.0, 1.0, days)], axis=1)
+        found = np.linalg.lstsq(jacobian, values, rcond=None)[0]
+        residual, none = values - jacobian @ found, np.zeros((len(values), 0))
+        gain = gains_of_scatter(residual, jacobian, slopes, none, TRIED, PRIOR)
+        moments = averaged_moments(residual, jacobian, slopes, none, TRIED, gain)
+        z += (found / np.sqrt(np.diag(moments))).tolist()
+        exact += (found / np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))).tolist()
+    assert 0.6 <= np.mean(np.abs(z) < 1) <= 0.9
+    assert np.mean(np.abs(z) < 2) >= 0.9
+    if sigma:
+        assert np.mean(np.abs(exact) < 1) < 0.5
 
 
 def test_offsets_that_follow_something_are_told_from_scatter():

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sandbot_model.design.places import Places
-from sandbot_model.discovery.sharing import ALONG, LIFT_ZERO, SPEED_SCALE
+from sandbot_model.discovery.nuisances_about import ALONG, LIFT_ZERO, SPEED_SCALE
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.physics.arrays import Array

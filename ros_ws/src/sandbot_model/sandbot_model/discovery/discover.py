@@ -23,6 +23,7 @@ from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.next_trials import NextTrial, excluding, next_trials
+from sandbot_model.discovery.nuisances_about import averaged_over_scatter
 from sandbot_model.discovery.partial import Partial, partly
 from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
@@ -177,7 +178,8 @@ def discover(
     search.effects = {**effects, **named.model.catalogue}
     if strange := strange_k(search.fits[()]):
         verdict = replace(verdict, because=f"{verdict.because}; {strange}")
-    ladder = [with_profiled_errors(step) for step in (*search.ladder(verdict)[:-1], named)]
+    reported = averaged_over_scatter(named, criteria) if named.nuisances else named
+    ladder = [with_profiled_errors(step) for step in (*search.ladder(verdict)[:-1], reported)]
     floor = noise_floor(cells)
     hidden = unseen(search) if verdict.status == "adequate" else []
     if hidden:

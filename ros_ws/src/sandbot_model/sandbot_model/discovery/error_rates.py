@@ -16,7 +16,7 @@ from sandbot_model.data.conditions import Cells, cell_of, cells_of
 from sandbot_model.data.distributions import beta_ppf
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.sharing import ALONG, LIFT_ZERO, SPEED_SCALE
+from sandbot_model.discovery.nuisances_about import ALONG, LIFT_ZERO, SPEED_SCALE
 from sandbot_model.discovery.structure import BATCH
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Map, Progress

@@ -15,7 +15,7 @@ from sandbot_common.robot import SANDBOT
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.sharing import shared_by
+from sandbot_model.discovery.nuisances_about import shared_by
 from sandbot_model.discovery.verdict import claim
 from sandbot_model.fitting.fit import Fit, fit, fitted_at
 from sandbot_model.fitting.jacobian import project_out, tangent_basis

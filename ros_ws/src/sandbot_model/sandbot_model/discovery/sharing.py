@@ -10,29 +10,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-import numpy as np
-
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.structure import BATCH, at_random, batch_share
+from sandbot_model.discovery.nuisances_about import LIFT_ZERO, SPEED_SCALE, bed_scatter, shared_by
+from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import Verdict, judge, parts_of, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, solve_near
-from sandbot_model.fitting.jacobian import cell_jacobian, full_jacobian
-from sandbot_model.fitting.likelihood import WIDENED
-from sandbot_model.fitting.nuisances import Nuisances, scatter_of_batches
-from sandbot_model.physics.arrays import Array
-from sandbot_model.physics.observables import Observable
 
 LEADING = 6
 """Larger sets that are tried again, the best."""
-MAX_SCATTER = 2.5
-"""Largest σ_b, in units of its prior."""
 GAINED = 0.5
 """Fall of the deviance that makes a fit better than another."""
-ALONG = [Observable.speed, Observable.peak_speed, Observable.first_step]
-LIFT_ZERO, SPEED_SCALE = "lift_zero_m", "speed_scale"
-"""Names of the zero of the lift and of the scale along the track."""
 WORDS = {
     "drift": ("a drift of k", 1e2, "%"),
     SPEED_SCALE: ("a speed scale off", 1e2, "%"),
@@ -84,11 +73,18 @@ def _standing(search: EffectSearch, plain: Verdict, named: Fit) -> Shared:
 
 
 def _readings(search: EffectSearch, plain: Verdict, scatter: float) -> Shared | None:
-    """The base model alone beside readings off their zero or scale, where a bed that scatters need not be granted."""
+    """The base model alone beside readings off their zero or scale, where a bed that scatters need not be granted.
+
+    It is where it is clearly there all the same, and the base model passes beside it: k would be known too well.
+    """
     if not scatter or judge(_refitted(search, [()], 0.0), search.criteria).status != "adequate":
         return None
     found = _beside(search, plain, 1, 0.0)
-    return found if found and found.verdict.status == "adequate" else None
+    if found is None or found.verdict.status != "adequate":
+        return None
+    there = bed_scatter(found.named, search.criteria)
+    rough = _beside(search, plain, 1, there) if there else None
+    return rough if rough and rough.verdict.status == "adequate" else found
 
 
 def _scatter_about(search: EffectSearch, fit: Fit) -> float:
@@ -182,49 +178,6 @@ def _starts(search: EffectSearch, fit: Fit) -> tuple[WarmStart, ...]:
     smaller = [search.fits[part] for part in parts_of(fit.effects, search.fits)]
     best = sorted(smaller, key=lambda part: part.deviance)[:1]
     return tuple(found.warm_start for found in (fit, *best))
-
-
-def shared_by(fit: Fit, criteria: Criteria, scatter: float) -> Nuisances:
-    """Nuisances, linear about a fit; ``scatter`` is σ_b. How well readings are known is said beside the cameras."""
-    by_ln_k, share, order = _by_ln_k(fit), batch_share(fit), fit.cells.order
-    found: list[tuple[str, float, Array]] = []
-    if scatter:
-        found += [(BATCH, scatter, by_ln_k * batch[:, None]) for batch in share.T]
-    if order is not None:
-        found.append(("drift", criteria.drift, by_ln_k * order[:, None]))
-    lift, along = np.zeros((2, *by_ln_k.shape))
-    lift[:, Observable.lift] = 1.0
-    along[:, ALONG] = fit.predicted[:, ALONG]
-    if "lift" in fit.cells.observables:
-        found.append((LIFT_ZERO, fit.cells.accuracy.lift_zero_m, lift))
-    found.append((SPEED_SCALE, fit.cells.accuracy.speed_scale, along))
-    names, sd, slopes = zip(*found, strict=True)
-    own = scatter * np.sqrt(np.sum(share**2, axis=1))
-    return Nuisances(names, np.array(sd), np.stack(slopes, axis=-1), own)
-
-
-def _by_ln_k(fit: Fit) -> Array:
-    """d(cell mean)/d ln k ``(cells, 4)``, 0 for cells that walk or swim by chance: a slope says nothing there."""
-    problem, state = fit.problem, fit.state
-    white = cell_jacobian(problem, state)[0][..., -1]
-    slope = np.einsum("cij,cj->ci", np.linalg.inv(state.whiten[0]), white)
-    mixed = problem.widening(state.covariance[0]) >= WIDENED
-    return np.where(mixed[:, None], 0.0, slope)
-
-
-def bed_scatter(fit: Fit, criteria: Criteria) -> float:
-    """σ_b about a fit without nuisances, beside all others; 0 where batches need not differ."""
-    own, values = shared_by(fit, criteria, 1.0), fit.state.all_residuals[0]
-    unit = np.zeros((len(values), len(own.sd)))
-    shift = fit.problem.whitened(fit.state.whiten, own)[0]
-    unit[: shift[..., 0].size] = shift.reshape(-1, len(own.sd)) * own.sd
-    batches = np.array([name == BATCH for name in own.names])
-    jacobian = full_jacobian(fit.problem, fit.state)[0]
-    tried = np.linspace(0.0, MAX_SCATTER * criteria.bed_scatter, 60)
-    scatter, gain = scatter_of_batches(
-        values, jacobian, unit[:, batches], unit[:, ~batches], tried, criteria.bed_scatter
-    )
-    return scatter if gain > criteria.shared else 0.0
 
 
 def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, scatter: float, criteria: Criteria) -> Verdict:

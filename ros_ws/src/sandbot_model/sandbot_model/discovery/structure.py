@@ -9,7 +9,7 @@ import numpy as np
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.smooth import gain_of_any, kernels
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.jacobian import full_jacobian
+from sandbot_model.fitting.jacobian import without_nuisances
 from sandbot_model.fitting.nuisances import free_of, trend_p
 from sandbot_model.physics.arrays import Array, Bool
 
@@ -46,13 +46,10 @@ def smoothness(fit: Fit) -> float:
 def _offsets(fit: Fit) -> tuple[Array, Array, Array, Array]:
     """Whitened residuals without any nuisance, and their slopes by what was fitted, by each batch's ln k, and by the
     other nuisances in units of their priors."""
-    own, state = fit.nuisances, fit.state
-    assert own is not None
-    jacobian = full_jacobian(fit.problem, state)[0][: -len(own.sd)]
-    unknowns = jacobian.shape[1] - len(own.sd)
-    shift, batches = jacobian[:, unknowns:], _batches(fit)
-    residual = state.all_residuals[0][: len(jacobian)] - shift @ (state.shared[0] * own.sd)
-    return residual, jacobian[:, :unknowns], shift[:, batches], shift[:, ~batches] * own.sd[~batches]
+    residual, unknowns, shift = without_nuisances(fit.problem, fit.state)
+    assert fit.nuisances is not None
+    sd, batches = fit.nuisances.sd, _batches(fit)
+    return residual, unknowns, shift[:, batches], shift[:, ~batches] * sd[~batches]
 
 
 def _batches(fit: Fit) -> Bool:

@@ -30,6 +30,18 @@ def _with_nuisances(jacobian: Array, shift: Array, sd: Array) -> Array:
     return wider
 
 
+def without_nuisances(problem: Problem, states: States) -> tuple[Array, Array, Array]:
+    """Of one row, the nuisances taken back out: residuals ``(n,)``, their slopes by (θ, ln k) ``(n, p)`` and by each
+    nuisance ``(n, m)``."""
+    jacobian, residual = full_jacobian(problem, states)[0], states.all_residuals[0]
+    if problem.nuisances is None:
+        return residual, jacobian, np.zeros((len(residual), 0))
+    sd = problem.nuisances.sd
+    jacobian = jacobian[: -len(sd)]
+    shift = jacobian[:, -len(sd) :]
+    return residual[: len(jacobian)] - shift @ (states.shared[0] * sd), jacobian[:, : -len(sd)], shift
+
+
 def cell_jacobian(problem: Problem, states: States) -> Array:
     """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``, see ``CellMeans.jacobian``."""
     return problem.cell_means.jacobian(states.theta, states.ln_k, states.slope, states.footing, states.whiten)

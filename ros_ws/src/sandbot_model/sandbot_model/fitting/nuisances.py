@@ -13,7 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sandbot_model.data.distributions import chi2_sf
+from sandbot_model.fitting.uncertainty import covariance_of
 from sandbot_model.physics.arrays import Array
+
+LEAST_SHARE = 1e-4
+"""Least share of the posterior that is looked at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +48,16 @@ class Nuisances:
 def scatter_of_batches(
     residual: Array, jacobian: Array, batches: Array, others: Array, tried: Array, prior: float
 ) -> tuple[float, float]:
-    """σ_b most likely a posteriori of those ``tried``, 0 first, and what it gains in -2 ln likelihood over none.
+    """σ_b most likely a posteriori of those ``tried``, 0 first, and what it gains; arguments as below."""
+    gain = gains_of_scatter(residual, jacobian, batches, others, tried, prior)
+    best = int(np.argmax(gain))
+    return float(tried[best]), float(gain[best])
+
+
+def gains_of_scatter(
+    residual: Array, jacobian: Array, batches: Array, others: Array, tried: Array, prior: float
+) -> Array:
+    """What each σ_b ``tried`` gains over none in -2 ln of its posterior.
 
     ``residual (n,)`` is whitened, ``jacobian (n, p)`` are the slopes of what was fitted, ``batches (n, b)`` those by
     each batch's ln k and ``others (n, m)`` those by the other nuisances in units of their priors; ``prior`` is the sd
@@ -53,9 +66,26 @@ def scatter_of_batches(
     """
     contrasts = free_of(jacobian, others)
     axes, shares, _ = np.linalg.svd(contrasts @ batches, full_matrices=False)
-    gain = gains(axes.T @ (contrasts @ residual), shares**2, tried) - (tried / prior) ** 2
-    best = int(np.argmax(gain))
-    return float(tried[best]), float(gain[best])
+    return gains(axes.T @ (contrasts @ residual), shares**2, tried) - (tried / prior) ** 2
+
+
+def averaged_moments(
+    residual: Array, jacobian: Array, batches: Array, others: Array, tried: Array, gain: Array
+) -> Array:
+    """Second moments ``(p, p)`` of the unknowns about where they are, over σ_b at its posterior; arguments as above.
+
+    To first order: at each σ_b the covariance of generalised least squares, and how far its estimate is from here.
+    """
+    found, weight = np.zeros((jacobian.shape[1],) * 2), np.exp(0.5 * (gain - gain.max()))
+    for size, share in zip(tried, weight / weight.sum(), strict=True):
+        if share > LEAST_SHARE:
+            unit = np.column_stack([others, size * batches])
+            both = np.column_stack([jacobian, residual])
+            free = both - unit @ np.linalg.solve(np.eye(unit.shape[1]) + unit.T @ unit, unit.T @ both)
+            covariance = covariance_of(jacobian.T @ free[:, :-1])
+            away = covariance @ (jacobian.T @ free[:, -1])
+            found += share * (covariance + np.outer(away, away))
+    return found
 
 
 def gains(missed: Array, shares: Array, sizes: Array) -> Array:

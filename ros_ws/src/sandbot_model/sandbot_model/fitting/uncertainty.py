@@ -6,16 +6,23 @@ import numpy as np
 
 from sandbot_model.physics.arrays import Array
 
+DETERMINED = 1e-12
+"""Least curvature of the deviance along an unknown that the data determine."""
+
 
 def standard_errors(jacobian: Array) -> tuple[Array, Array]:
     """Standard errors and covariance of all unknowns; NaN and 0 for those that the data do not determine."""
     normal = jacobian.T @ jacobian
+    covariance = covariance_of(normal)
+    return np.where(np.diag(normal) < DETERMINED, np.nan, np.sqrt(np.maximum(np.diag(covariance), 0.0))), covariance
+
+
+def covariance_of(normal: Array) -> Array:
+    """The inverse of normal equations; 0 for unknowns that the data do not determine."""
     covariance = np.linalg.pinv(normal, rcond=1e-12, hermitian=True)
-    stderr = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    undetermined = np.diag(normal) < 1e-12
-    stderr[undetermined] = np.nan
+    undetermined = np.diag(normal) < DETERMINED
     covariance[undetermined] = covariance[:, undetermined] = 0.0
-    return np.asarray(stderr), np.asarray(covariance)
+    return np.asarray(covariance)
 
 
 def propagated(predict: Callable[[Array], Array], unknowns: Array, covariance: Array) -> Array:

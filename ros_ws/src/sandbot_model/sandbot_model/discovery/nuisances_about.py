@@ -1,0 +1,81 @@
+"""What trials share, linear about a fit: the nuisances with their priors, and how far the bed scatters."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sandbot_model.discovery.criteria import Criteria
+from sandbot_model.discovery.structure import BATCH, batch_share
+from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.jacobian import cell_jacobian, without_nuisances
+from sandbot_model.fitting.likelihood import WIDENED
+from sandbot_model.fitting.nuisances import Nuisances, averaged_moments, gains_of_scatter, scatter_of_batches
+from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.observables import Observable
+
+MAX_SCATTER, SIZES = 2.5, 60
+"""Largest σ_b, in units of its prior, and how many are tried."""
+ALONG = [Observable.speed, Observable.peak_speed, Observable.first_step]
+LIFT_ZERO, SPEED_SCALE = "lift_zero_m", "speed_scale"
+"""Names of the zero of the lift and of the scale along the track."""
+
+
+def shared_by(fit: Fit, criteria: Criteria, scatter: float) -> Nuisances:
+    """Nuisances, linear about a fit; ``scatter`` is σ_b. How well readings are known is said beside the cameras."""
+    by_ln_k, share, order = _by_ln_k(fit), batch_share(fit), fit.cells.order
+    found: list[tuple[str, float, Array]] = []
+    if scatter:
+        found += [(BATCH, scatter, by_ln_k * batch[:, None]) for batch in share.T]
+    if order is not None:
+        found.append(("drift", criteria.drift, by_ln_k * order[:, None]))
+    lift, along = np.zeros((2, *by_ln_k.shape))
+    lift[:, Observable.lift] = 1.0
+    along[:, ALONG] = fit.predicted[:, ALONG]
+    if "lift" in fit.cells.observables:
+        found.append((LIFT_ZERO, fit.cells.accuracy.lift_zero_m, lift))
+    found.append((SPEED_SCALE, fit.cells.accuracy.speed_scale, along))
+    names, sd, slopes = zip(*found, strict=True)
+    own = scatter * np.sqrt(np.sum(share**2, axis=1))
+    return Nuisances(names, np.array(sd), np.stack(slopes, axis=-1), own)
+
+
+def _by_ln_k(fit: Fit) -> Array:
+    """d(cell mean)/d ln k ``(cells, 4)``, 0 for cells that walk or swim by chance: a slope says nothing there."""
+    problem, state = fit.problem, fit.state
+    white = cell_jacobian(problem, state)[0][..., -1]
+    slope = np.einsum("cij,cj->ci", np.linalg.inv(state.whiten[0]), white)
+    mixed = problem.widening(state.covariance[0]) >= WIDENED
+    return np.where(mixed[:, None], 0.0, slope)
+
+
+def bed_scatter(fit: Fit, criteria: Criteria) -> float:
+    """σ_b about a fit, beside all other nuisances; 0 where batches need not differ."""
+    scatter, gain = scatter_of_batches(*_linear(fit, criteria), _tried(criteria), criteria.bed_scatter)
+    return scatter if gain > criteria.shared else 0.0
+
+
+def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
+    """The same fit with errors that average over how far the bed may scatter, not only as far as a verdict grants.
+
+    What the data do not show of σ_b, its prior says: a fit that takes the bed for exact where nothing shows that it is
+    not has errors that are too small.
+    """
+    linear, tried = _linear(fit, criteria), _tried(criteria)
+    moments = averaged_moments(*linear, tried, gains_of_scatter(*linear, tried, criteria.bed_scatter))
+    stderr = np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments)))
+    return replace(fit, stderr=stderr, covariance=moments)
+
+
+def _tried(criteria: Criteria) -> Array:
+    return np.linspace(0.0, MAX_SCATTER * criteria.bed_scatter, SIZES)
+
+
+def _linear(fit: Fit, criteria: Criteria) -> tuple[Array, Array, Array, Array]:
+    """Whitened residuals without any nuisance, and their slopes by what was fitted, by each batch's ln k, and by the
+    other nuisances in units of their priors."""
+    own, (residual, unknowns, _) = shared_by(fit, criteria, 1.0), without_nuisances(fit.problem, fit.state)
+    unit = np.zeros((len(residual), len(own.sd)))
+    shift = fit.problem.whitened(fit.state.whiten, own)[0]
+    unit[: shift[..., 0].size] = shift.reshape(-1, len(own.sd)) * own.sd
+    batches = np.array([name == BATCH for name in own.names])
+    return residual, unknowns, unit[:, batches], unit[:, ~batches]
