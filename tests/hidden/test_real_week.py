@@ -39,6 +39,16 @@ def test_one_frequency_a_day_is_no_effect():
     assert abs(delta_t.value - 0.4) < 2 * delta_t.stderr
 
 
+def test_a_bed_that_scatters_is_granted_beside_a_lift_zero_that_would_do():
+    """The lift zero alone leaves the base model no lack of fit, and Δt many errors off."""
+    one = found(1000, "omega", order="randomised", max_effects=0, k_batch_sd=0.005, k_drift=0.01, lift_zero_m=3e-4)
+    assert one.verdict.status == "adequate"
+    assert "k that scatters by" in one.verdict.because
+    assert "a lift zero off by" in one.verdict.because
+    delta_t = one.fit.parameters["delta_t_s"]
+    assert abs(delta_t.value - 0.4) < 2 * delta_t.stderr
+
+
 @pytest.mark.whole  # test_sharing has it without the lab
 def test_a_lift_read_one_grain_too_high_is_no_effect():
     one = found(3, lift_zero_m=1e-3)

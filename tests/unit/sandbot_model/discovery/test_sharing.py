@@ -9,7 +9,7 @@ from sandbot_common.accuracy import USUAL
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.nuisances_about import bed_scatter, shared_by
+from sandbot_model.discovery.nuisances_about import averaged_over_scatter, bed_scatter, shared_by
 from sandbot_model.discovery.structure import BATCH, STRUCTURE, at_random, smoothness, structure_p
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.catalogue import catalogue
@@ -62,8 +62,10 @@ def test_batches_and_order_of_a_table_are_those_of_its_cells(drawn):
     assert cells.batch_share.shape == (len(cells), 7)
     np.testing.assert_allclose(cells.batch_share.sum(axis=1), 1.0)
     assert (cells.batch_share.max(axis=1) == 1.0).all()
+    np.testing.assert_allclose(np.nansum(cells.batch_mean, axis=1), cells.mean)
     blocks = cells_of(table(drawn, batch="block{row.replicate:g}"))
     np.testing.assert_allclose(blocks.batch_share, 1 / 3)
+    np.testing.assert_allclose(blocks.batch_mean.mean(axis=1), blocks.mean)
     assert (np.abs(cells.order) < 0.5).all()
     assert cells.without(0).batch_share.shape == (len(cells) - 1, 7)
 
@@ -94,6 +96,35 @@ def test_nuisances_move_what_they_are_said_to_move(drawn):
     clear = own.slope[:, Observable.lift, :7].any(axis=1)
     assert clear.any()
     np.testing.assert_allclose(moved[clear] / step, own.slope[clear, :, :7].sum(axis=-1), rtol=0.05, atol=2e-3)
+
+
+def wider(cells, off):
+    """How much larger errors of Δt and k are that average over the bed's scatter; batches are ``off`` in ln k."""
+    model = model_of("simple", (), OVERLAP)
+    own = shared_by(fit(model, cells), DEFAULT, 0.005)
+    by_ln_k = own.slope[:, :, [name == BATCH for name in own.names]].sum(axis=-1)
+    mean = cells.mean + by_ln_k * (cells.batch_share @ off)[:, None]
+    moved = dataclasses.replace(cells, mean=mean, batch_mean=cells.batch_mean + by_ln_k[:, None] * off[:, None])
+    plain = fit(model, moved)
+    beside = fitted_at(model, moved, plain.point, shared_by(plain, DEFAULT, 0.0))
+    averaged = averaged_over_scatter(beside, DEFAULT)
+    assert averaged.point is beside.point
+    ratio = averaged.stderr / beside.stderr
+    return ratio[0], ratio[2:].max()
+
+
+def test_one_frequency_a_day_costs_what_only_days_tell(drawn):
+    cells = cells_of(table(drawn, batch="day{row.omega_rad_s:g}"))
+    assert wider(cells, np.array([5, -4, 3, -6, 2, 6, -5]) * 1e-3)[0] > 1.5
+
+
+def test_blocks_tell_how_far_they_differ(drawn):
+    """They cost Δt nothing, and k what they differ."""
+    cells = cells_of(table(drawn, batch="block{row.replicate:g}"))
+    assert max(wider(cells, np.zeros(3))) < 1.15
+    delta_t, k = wider(cells, np.array([-1, 0, 1]) * 6e-3)
+    assert delta_t < 1.1
+    assert k > 1.5
 
 
 def test_the_offsets_of_all_batches_are_one_line_of_the_json(drawn):

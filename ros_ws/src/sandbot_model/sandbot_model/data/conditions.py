@@ -64,6 +64,10 @@ class Cells:
         default=None,
         metadata={"doc": "(n, batches), share of a cell's trials in each batch; None: at most one is told"},
     )
+    batch_mean: Floats | None = field(
+        default=None,
+        metadata={"doc": "(n, batches, 4), mean of a cell's trials in each batch; NaN without any"},
+    )
     order: Floats | None = field(
         default=None, metadata={"doc": "(n,), mean place in the campaign from -1/2 to 1/2; None: not told"}
     )
@@ -189,6 +193,7 @@ def _gather(
     error = with_stated(error, cells.mean(stated_variance(stated, slope)))
     covariance = _of_the_mean(error.covariance, count, usual_noise(accuracy)) + _accuracy(mean, accuracy)
     names = tuple(str(gaits[index]) for index in keys[1])
+    share, by_batch = _by_batch(batch, values, cells)
     return Cells(
         phi=cell_phi,
         omega=cells.mean(omega),
@@ -208,17 +213,20 @@ def _gather(
         own_scatter=error.own,
         trials=len(phi),
         excluded=excluded,
-        batch_share=_batch_share(batch, cells),
+        batch_share=share,
+        batch_mean=by_batch,
         order=_place(order, cells),
     )
 
 
-def _batch_share(batch: NDArray[np.str_], cells: _Groups) -> Floats | None:
-    """Share of each cell's trials in each batch ``(groups, batches)``."""
+def _by_batch(batch: NDArray[np.str_], values: Floats, cells: _Groups) -> tuple[Floats, Floats] | tuple[None, None]:
+    """``batch_share`` and ``batch_mean``; none where at most one batch is told."""
     names, index = np.unique(batch, return_inverse=True)
     if len(names) < 2:
-        return None
-    return cells.means(np.asarray(index[:, None] == np.arange(len(names)), dtype=float))
+        return None, None
+    own = index[:, None] == np.arange(len(names))
+    means = [cells.means(np.where(of[:, None], values, np.nan)) for of in own.T]
+    return cells.means(own.astype(float)), np.stack(means, axis=1)
 
 
 def _place(order: Floats, cells: _Groups) -> Floats | None:

@@ -58,12 +58,38 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
     """The same fit with errors that average over how far the bed may scatter, not only as far as a verdict grants.
 
     What the data do not show of σ_b, its prior says: a fit that takes the bed for exact where nothing shows that it is
-    not has errors that are too small.
+    not has errors that are too small. Replicates of a condition in several batches show it best.
     """
-    linear, tried = _linear(fit, criteria), _tried(criteria)
-    moments = averaged_moments(*linear, tried, gains_of_scatter(*linear, tried, criteria.bed_scatter))
+    residual, unknowns, batches, others = _linear(fit, criteria)
+    apart, between = _within_cells(fit)
+    residual, batches = np.concatenate([residual, apart]), np.concatenate([batches, between])
+    unknowns, others = (np.pad(slopes, ((0, len(apart)), (0, 0))) for slopes in (unknowns, others))
+    tried = _tried(criteria)
+    gain = gains_of_scatter(residual, unknowns, batches, others, tried, criteria.bed_scatter)
+    moments = averaged_moments(residual, unknowns, batches, others, tried, gain)
     stderr = np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments)))
     return replace(fit, stderr=stderr, covariance=moments)
+
+
+def _within_cells(fit: Fit) -> tuple[Array, Array]:
+    """How batches differ within cells: whitened contrasts ``(m,)``, and their slopes by each batch's ln k ``(m, b)``.
+
+    They are free of what any model says of a cell's mean.
+    """
+    share, batch_mean, by_ln_k = batch_share(fit), fit.cells.batch_mean, _by_ln_k(fit)
+    apart, slopes = [np.zeros(0)], [np.zeros((0, share.shape[1]))]
+    if batch_mean is None:
+        return apart[0], slopes[0]
+    for cell in np.flatnonzero((share > 0).sum(axis=1) > 1):
+        there = share[cell] > 0
+        root = np.sqrt(share[cell, there])
+        free, whiten = np.linalg.svd(root[None])[2][1:] * root, fit.problem.whiten[cell]
+        known = np.isfinite(batch_mean[cell, there]).all(axis=0) & fit.problem.measured[cell]
+        apart.append((free @ np.where(known, batch_mean[cell, there], 0.0) @ whiten.T).ravel())
+        slope = np.zeros((len(free), 4, share.shape[1]))
+        slope[:, :, there] = np.einsum("ij,j,bc->bic", whiten, np.where(known, by_ln_k[cell], 0.0), free)
+        slopes.append(slope.reshape(-1, share.shape[1]))
+    return np.concatenate(apart), np.concatenate(slopes)
 
 
 def _tried(criteria: Criteria) -> Array:
