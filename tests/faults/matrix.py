@@ -176,6 +176,11 @@ class Cell:
         lines = [line.strip() for line in text.splitlines() if "%|" not in line]
         return next((line.replace(f"{self.folder}/", "") for line in reversed(lines) if line), "")
 
+    def tracebacks(self) -> list[str]:
+        """Whose last words were not one line."""
+        logs = sorted(self.folder.glob("*.log"))
+        return [f"{log.stem}'s traceback" for log in logs if "Traceback" in log.read_text(errors="replace")]
+
     def close(self) -> None:
         """End all of them, whatever happened."""
         for pid in self.marked():
@@ -281,7 +286,7 @@ def outcome(cell: Cell, target: str, fault: str, moment: str, witness: Witness) 
         rest = off = "goes on"
     beside.wait(lambda: campaign.poll() is not None or frozen, 120.0)
     beside.wait(lambda: frozen or not leftovers(cell, target, fault), 10.0)
-    left = [] if frozen else leftovers(cell, target, fault)
+    left = [*([] if frozen else leftovers(cell, target, fault)), *cell.tracebacks()]
     bag, status = bag_of(cell.folder / "campaign")
     code = campaign.poll()
     what = "frozen" if code is None else f"exit {code}: {cell.last_line('campaign')}"
