@@ -65,7 +65,7 @@ def command(name: str, arguments: Sequence[str], others: dict[str, str]) -> list
     if name == "live":
         return [*LAUNCH, *arguments]
     if name == "demo":
-        return ["bash", str(TOOLS / "demo.sh"), *arguments, *DEMO[len(arguments) :]]
+        return ["bash", str(TOOLS / "demo.sh"), *_demo(arguments)]
     package = VERBS[name].package if name in VERBS else others.get(name)
     if package is None:
         raise InputError(f"no verb {name!r}{did_you_mean(name, [*VERBS, *others])}")
@@ -73,6 +73,17 @@ def command(name: str, arguments: Sequence[str], others: dict[str, str]) -> list
         return [str(executable(package, name)), *arguments]
     except Failure as error:
         raise InputError(f"{name}: {error}; trackway doctor says what is wrong") from None
+
+
+def _demo(arguments: Sequence[str]) -> tuple[str, str]:
+    """Folder and seed of the demo; the script itself takes any word for a folder."""
+    parser = cli.Parser(prog="trackway demo", description=f"{VERBS['demo'].says}; two live trials before it.")
+    parser.add_argument("out", nargs="?", default=DEMO[0], metavar="FOLDER", help=f"where (default: {DEMO[0]})")
+    parser.add_argument(
+        "seed", nargs="?", default=DEMO[1], metavar="SEED", help="hides one more effect beside the paper's"
+    )
+    given = parser.parse_args(arguments)
+    return given.out, given.seed
 
 
 def _run(words: Sequence[str], *, ours: bool) -> int:
