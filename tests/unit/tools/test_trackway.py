@@ -53,6 +53,11 @@ def test_every_executable_of_the_workspace_has_a_line_or_is_forwarded_to():
 def test_demo_runs_the_script_and_live_the_launch_file():
     assert door.command("demo", [], {})[1:] == [str(door.TOOLS / "demo.sh"), *door.DEMO]
     assert door.command("demo", ["mine"], {})[2:] == ["mine", door.DEMO[1]]
+    assert door.command("demo", ["mine", "7"], {})[2:] == ["mine", "7"]
+    with pytest.raises(InputError, match="no option --sed; known: --help"):
+        door.command("demo", ["--sed", "7"], {})
+    with pytest.raises(SystemExit, match="0"):
+        door.command("demo", ["--help"], {})
     assert (door.TOOLS / "demo.sh").is_file()
     assert door.command("live", ["console:=true"], {})[-2:] == ["trackway.launch.py", "console:=true"]
 
