@@ -2,17 +2,17 @@
 
 A benchmark is a module here with ``main() -> str`` that returns a section of Markdown: medians of several runs,
 peers measured in the same run, ratios rather than bare times. Its report is benchmarks/<name>.md. A long one also has
-``sample() -> list[Figure]``, minutes of it: those figures run without ONLY, and the report stays as it was. A short
-one may say its ``figures() -> list[Figure]`` after ``main``. All that ran and how long is in benchmarks/README.md; what
-would not end within the hour is left out and named there. ``--quick`` measures the ratios of a few and fails where one
-lost more than a fifth of what the last whole run stored.
+``sample() -> list[Figure]``, minutes of it: without ONLY that is run, and the report stays as it was. A short one may
+say its ``figures() -> list[Figure]`` after ``main``. Figures, how long they took and at which load are kept in
+figures.json, of which benchmarks/README.md is made: what a busy machine spoilt can be measured again by itself. What
+would not end within the hour is left out. ``--quick`` measures the ratios of a few and fails where one lost more than a
+fifth of what the last whole run stored.
 """
 
 import importlib
 import os
 import pkgutil
 import platform
-import re
 import subprocess
 import sys
 import time
@@ -39,15 +39,17 @@ def main(only: list[str]) -> int:
     if unknown := set(only) - set(names):
         print(f"bench: no benchmark {', '.join(sorted(unknown))}; there are {', '.join(names)}", file=sys.stderr)
         return 2
+    kept = _figures.stored()
     if only:
         for name in only:
-            report(name)
-        return 0
-    ratios = _ratios.measured()
-    _ratios.store(ratios)
-    _ratios.plot(ratios, HERE / "ratios.svg")
-    took, figures = whole(names, last_took_s(README))
-    README.write_text(readme(ratios, figures, names, took), encoding="utf-8")
+            kept[name] = measured(name, "whole")
+    else:
+        ratios = _ratios.measured()
+        _ratios.store(ratios)
+        _ratios.plot(ratios, HERE / "ratios.svg")
+        whole(names, kept)
+    _figures.store(kept)
+    README.write_text(readme(_ratios.stored(), kept, names), encoding="utf-8")
     return 0
 
 
@@ -65,81 +67,70 @@ def quick() -> int:
     return 1 if losses else 0
 
 
-def last_took_s(page: Path) -> dict[str, float]:
-    """What each benchmark took in the last whole run, as its page says."""
-    text = page.read_text(encoding="utf-8") if page.is_file() else ""
-    return {name: float(took) for name, took in re.findall(r"^\| \[(\w+)\]\(\w+\.md\) \| (\d+) s", text, re.M)}
-
-
-def whole(names: Sequence[str], last_s: Mapping[str, float]) -> tuple[dict[str, float], list[_figures.Figure]]:
-    """Run all, the shortest first, that end within the budget by what they last took: seconds, and figures."""
-    begun_s, took, figures = time.perf_counter(), dict[str, float](), list[_figures.Figure]()
-    for name in sorted(names, key=lambda name: (last_s.get(name, UNKNOWN_S), name)):
-        start_s = time.perf_counter()
-        if start_s - begun_s + last_s.get(name, UNKNOWN_S) > BUDGET_S:
+def whole(names: Sequence[str], kept: dict[str, _figures.Run]) -> None:
+    """Run all, the shortest first, that end within the budget by what they last took; one that fails ends no other."""
+    begun_s = time.perf_counter()
+    expected_s = {name: kept[name].took_s if name in kept else UNKNOWN_S for name in names}
+    for name in sorted(names, key=lambda name: (expected_s[name], name)):
+        if time.perf_counter() - begun_s + expected_s[name] > BUDGET_S:
             print(f"bench: {name} would not end within the hour", flush=True)
             continue
         try:
-            found = _run(name)
+            kept[name] = measured(name, "a sample")
         except Exception as error:  # nobody is there to begin anew: the others are worth having
             print(f"bench: {name} failed: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
             continue
-        print(*(one.row() for one in found), sep="\n", flush=True)
-        figures += found
-        took[name] = time.perf_counter() - start_s
-    return took, figures
+        print(*(one.row() for one in kept[name].figures), sep="\n", flush=True)
 
 
-def _run(name: str) -> Sequence[_figures.Figure]:
-    """A sample of a long one, the whole of a short one: its figures."""
-    module = importlib.import_module(name)
-    if hasattr(module, "sample"):
+def measured(name: str, how: str) -> _figures.Run:
+    """Run a benchmark: its report, or ``a sample`` of it where it has one."""
+    start_s, module = time.perf_counter(), importlib.import_module(name)
+    if how == "a sample" and hasattr(module, "sample"):
         print(f"bench: {name}, a sample ...", flush=True)
-        return list(module.sample())
-    report(name)
-    return list(module.figures()) if hasattr(module, "figures") else []
+        figures = list(module.sample())
+    else:
+        how = "whole"
+        report(name)
+        figures = list(module.figures()) if hasattr(module, "figures") else []
+    return _figures.Run(how, time.perf_counter() - start_s, os.getloadavg()[0], commit(), figures)
 
 
-def readme(
-    ratios: list[_ratios.Ratio], figures: list[_figures.Figure], names: list[str], took_s: Mapping[str, float]
-) -> str:
-    """benchmarks/README.md: ratios and figures beside aims and peers, then every report and what of it this run did."""
-    commit = subprocess.run(
+def commit() -> str:
+    """What is checked out."""
+    found = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"], cwd=HERE, capture_output=True, text=True, check=False
     )
+    return found.stdout.strip() or "unknown"
+
+
+def readme(ratios: list[_ratios.Ratio], kept: Mapping[str, _figures.Run], names: list[str]) -> str:
+    """benchmarks/README.md: ratios and figures beside aims and peers, then what was run of each."""
     lines = [
         "# Benchmarks",
         "",
         "Written by `make bench`; `make bench-quick` measures the ratios again and fails on a loss of a fifth. Of a "
-        "ratio more is better; both sides of it were measured in one run. Of the long reports this run did a sample; "
-        "each was written whole by `make bench ONLY=name`.",
+        "ratio more is better; both sides of it were measured in one run. Of the long reports it runs a sample; "
+        "`make bench ONLY=name` writes one whole, and measures a short one again.",
         "",
-        f"Commit {commit.stdout.strip() or 'unknown'}; {os.cpu_count()} cores, {platform.machine()}, Python "
-        f"{platform.python_version()}; {sum(took_s.values()) / 60:.0f} minutes; load average at the end "
-        f"{os.getloadavg()[0]:.1f}.",
+        f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}; "
+        f"{sum(one.took_s for one in kept.values()) / 60:.0f} minutes in all.",
         "",
         _ratios.table(ratios),
         "",
         "![Ratios in parts of their aims](ratios.svg)",
         "",
-        _figures.table(figures),
+        _figures.table([figure for name in names if name in kept for figure in kept[name].figures]),
         "",
         *_short.lines(),
         "",
-        "| report | took | this run |",
-        "|---|---|---|",
+        "| report | run | took | load at its end | commit |",
+        "|---|---|---|---|---|",
     ]
     for name in names:
         link = f"[{name}]({name}.md)" if (HERE / f"{name}.md").is_file() else name
-        took = f"{took_s[name]:.0f} s" if name in took_s else "–"
-        lines.append(f"| {link} | {took} | {_did(name, took_s)} |")
+        lines.append(f"| {link} | {kept[name].row() if name in kept else f'no: `make bench ONLY={name}` | | |'} |")
     return "\n".join(lines) + "\n"
-
-
-def _did(name: str, took_s: Mapping[str, float]) -> str:
-    if name not in took_s:
-        return f"no: `make bench ONLY={name}`"
-    return "a sample" if hasattr(importlib.import_module(name), "sample") else "whole"
 
 
 def report(name: str) -> None:

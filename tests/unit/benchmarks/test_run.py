@@ -4,8 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
+import _figures
 import run
-from _figures import Figure, share
+from _figures import Figure, Run, share
 
 
 @pytest.mark.parametrize(
@@ -16,6 +17,10 @@ def test_a_figure_is_beside_its_aim(value, aim, reached):
     figure = Figure("latency", "10 frames", value, aim)
     assert figure.reached is reached
     assert figure.row().endswith("| reached |" if reached else "| **short** |")
+
+
+def test_no_figure_is_a_power_of_ten():
+    assert "| 5,742 ms |" in Figure("latency", "28 frames", 5742.1, "≤ 15 ms").row()
 
 
 def test_a_share_of_nothing_is_no_figure():
@@ -44,34 +49,42 @@ def modules(monkeypatch, tmp_path):
 
 
 def test_of_the_long_ones_a_sample_is_run_and_of_the_others_the_report(modules, tmp_path):
-    took, figures = run.whole(["alone", "figured", "long"], {"long": 5.0})
+    kept = {"long": Run("whole", 5.0, 0.0, "abc", [])}
+    run.whole(["alone", "figured", "long"], kept)
     assert sorted(modules) == ["alone", "figured", "sample"]
     assert sorted(one.name for one in tmp_path.glob("*.md")) == ["alone.md", "figured.md"]
-    page = run.readme([], figures, ["alone", "figured", "long"], took)
+    page = run.readme([], kept, ["alone", "figured", "long"])
     assert "| shares | 2 | 99 % | ≥ 95 % | reached |" in page
     assert "| s | 1 | 4 s | < 3 s | **short** |" in page
-    assert "| long | 0 s | a sample |" in page
-    assert "| [alone](alone.md) | 0 s | whole |" in page
+    assert "| long | a sample | 0 s |" in page
+    assert "| [alone](alone.md) | whole | 0 s |" in page
 
 
-def test_what_would_outlast_the_hour_is_not_begun_and_named(modules):
-    took, figures = run.whole(["alone", "long"], {"long": run.BUDGET_S + 1})
-    assert (modules, figures) == (["alone"], [])
-    assert "| long | – | no: `make bench ONLY=long` |" in run.readme([], figures, ["alone", "long"], took)
+def test_what_would_outlast_the_hour_is_not_begun_and_stays_as_it_was(modules):
+    before = Run("whole", run.BUDGET_S + 1, 0.0, "abc", [Figure("old", "1", 1.0, "≤ 2 s")])
+    kept = {"long": before}
+    run.whole(["alone", "long"], kept)
+    assert modules == ["alone"]
+    assert kept["long"] is before
+    assert "| never | no: `make bench ONLY=never` |" in run.readme([], kept, ["alone", "long", "never"])
 
 
 def test_one_that_fails_leaves_the_others_and_is_named(modules, monkeypatch, capsys):
     monkeypatch.setattr(run.importlib.import_module("alone"), "main", lambda: 1 / 0)
-    took, figures = run.whole(["alone", "long"], {"alone": 1.0})
-    assert list(took) == ["long"]
+    kept = {}
+    run.whole(["alone", "long"], kept)
+    assert list(kept) == ["long"]
     assert "alone failed: ZeroDivisionError" in capsys.readouterr().err
-    assert "| alone | – | no: `make bench ONLY=alone` |" in run.readme([], figures, ["alone", "long"], took)
 
 
-def test_what_each_took_is_read_back_from_the_page(modules, tmp_path):
-    took, _ = run.whole(["alone"], {})
-    page = tmp_path / "README.md"
-    page.write_text(run.readme([], [], ["alone"], {"alone": 17.4}))
-    assert run.last_took_s(page) == {"alone": 17.0}
-    assert run.last_took_s(tmp_path / "none.md") == {}
-    assert list(took) == ["alone"]
+def test_one_by_itself_changes_its_own_figures_and_no_others(modules, monkeypatch, tmp_path):
+    monkeypatch.setattr(_figures, "STORED", tmp_path / "figures.json")
+    monkeypatch.setattr(run, "README", tmp_path / "README.md")
+    monkeypatch.setattr(run.pkgutil, "iter_modules", lambda _: [SimpleNamespace(name=n) for n in ("figured", "long")])
+    other = Run("a sample", 7.0, 2.0, "abc", [Figure("old", "1", 1.0, "≤ 2 s")])
+    _figures.store({"long": other, "figured": other})
+    assert run.main(["figured"]) == 0
+    kept = _figures.stored()
+    assert kept["long"] == other
+    assert [one.what for one in kept["figured"].figures] == ["s"]
+    assert run.main(["none"]) == 2
