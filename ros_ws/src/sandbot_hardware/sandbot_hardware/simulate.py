@@ -54,7 +54,8 @@ class Trackway:
         context = multiprocessing.get_context("spawn")
         self._films, orders = context.Pipe()
         self._orders: queue.SimpleQueue[tuple[Any, ...]] = queue.SimpleQueue()
-        context.Process(target=film, args=(folder, sections, robot, seed, self._boot_s, orders), daemon=True).start()
+        filmed = {name: sections[name] for name in CAMERAS}  # the file may say more, accuracy say
+        context.Process(target=film, args=(folder, filmed, robot, seed, self._boot_s, orders), daemon=True).start()
         orders.close()
         self._films.recv()
         # Before the thread, which inherits it: cameras that hear late of the first step still show the LED dark.
