@@ -110,6 +110,16 @@ def test_cameras_must_run_and_at_the_rate_of_their_calibration():
     assert both == "the lateral camera takes 50 frames a second, cameras.yaml says 100"
 
 
+def test_cameras_whose_clocks_the_led_has_told_must_be_in_step():
+    known = {"dorsal_clock": "by the LED", "lateral_clock": "by the LED"}
+    before = pace(3) | pace(3, camera="lateral") | {"lost_frames": "2"}
+    after = pace(53) | pace(53, camera="lateral")
+    assert pace_fault(before, after | known | {"lost_frames": "20"}) == ""
+    assert pace_fault(before, after | {"lost_frames": "102", "dorsal_clock": "as stamped"}) == ""
+    said = pace_fault(before, after | known | {"lost_frames": "52"})
+    assert said.startswith("the cameras are out of step, 50 views without a partner for 50 dorsal frames: restart")
+
+
 def test_who_was_away_is_the_reason_of_a_silence_for_a_while():
     listening = Listening(0.04)
     for now_s in (0.0, 0.02, 0.1):

@@ -19,13 +19,13 @@ from sandbot_bringup.desk_node import Desk
 from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder, frames_kept
 from sandbot_bringup.gate_node import DISCOVERY_S, Gate
-from sandbot_bringup.hearing_node import RECORDER, SILENCE_S, TRACKER, WALKING, Hearing
+from sandbot_bringup.hearing_node import RECORDER, TRACKER, WALKING, Hearing
 from sandbot_bringup.hold import Hold
 from sandbot_bringup.orders_node import CALL_S, Orders
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
 from sandbot_bringup.recorder_process import RecorderProcess
-from sandbot_bringup.supervision import camera_fault
+from sandbot_bringup.supervision import SILENCE_S, camera_fault
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.node import Health, Stop, publisher, real_time

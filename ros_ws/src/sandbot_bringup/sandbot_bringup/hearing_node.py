@@ -8,16 +8,13 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
-from sandbot_bringup.supervision import LOOP, Listening, Sign, Supervisor, status_values
+from sandbot_bringup.supervision import BEATS, LOOP, Listening, Sign, Supervisor, status_values
 from sandbot_common import messages, topics
 from sandbot_common.neighbours import Neighbours
 from sandbot_common.node import PROCESS, subscription
 
 QUIET_S = 3.0
 """A tracker that says nothing for so long has no more frames."""
-SILENCE_S, SILENCE_BOUNDS_S, BEATS = 1.0, (0.3, 10.0), 4
-"""A node whose loop shows no sign for so long while a trial runs is stuck. Whether its process lives the system tells
-where it runs on this host; elsewhere it beats 20 times a second, and a quarter of this without a beat, it is dead."""
 DRIVERS = ("serial_bed", "serial_legs", "serial_dorsal", "serial_lateral")
 """Of sandbot_hardware: each says on /diagnostics where its cable is out."""
 RECORDER = "recorder"

@@ -16,11 +16,11 @@ from sandbot_bringup.config import robot_of
 from sandbot_bringup.desk_node import Desk
 from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
-from sandbot_bringup.hearing_node import SILENCE_S
 from sandbot_bringup.journal import Journal
 from sandbot_bringup.plan import Plan, PlannedTrial, trials_of
 from sandbot_bringup.queue import Queue
 from sandbot_bringup.streak import Streak
+from sandbot_bringup.supervision import SILENCE_S
 from sandbot_bringup.until import Entry, decided, looks_of
 from sandbot_common.node import real_time, stop_signals, use_shared_memory
 from sandbot_common.workers import pool

@@ -57,9 +57,14 @@ class Listening:
 
 HELD_UP_S, EXPLAINS_S = 0.25, 2.0
 """Who does not come round for so long loses a lease; and for how long after that he is the reason of a silence."""
+SILENCE_S, SILENCE_BOUNDS_S, BEATS = 1.0, (0.3, 10.0), 4
+"""A node whose loop shows no sign for so long while a trial runs is stuck. Whether its process lives the system tells
+where it runs on this host; elsewhere it beats 20 times a second, and a quarter of this without a beat, it is dead."""
 PACE = 0.4
 """Part by which a camera's frame rate may be off the calibration's: a driver on a busy machine takes 43 frames of 50 at
 rest; a camera set to another rate is off by more."""
+OUT_OF_STEP = 0.5
+"""Share of views without a partner beyond which no loss of frames, only a wrong clock, explains them."""
 _NEVER = (-math.inf, 0.0)
 
 
@@ -106,7 +111,7 @@ def status_values(status: object) -> Mapping[str, str]:
 
 
 def pace_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
-    """Which camera does not run as cameras.yaml says, from the tracker's health at two moments; empty: all do."""
+    """What is wrong with rate or step of the cameras, from the tracker's health at two moments; empty: nothing."""
     for camera in ("dorsal", "lateral"):
         if f"{camera}_calibrated_ms" not in after:
             continue
@@ -116,6 +121,12 @@ def pace_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:
         if abs(period_ms / calibrated_ms - 1.0) > PACE:
             rate, calibrated = 1e3 / period_ms, 1e3 / calibrated_ms
             return f"the {camera} camera takes {rate:.3g} frames a second, cameras.yaml says {calibrated:.3g}"
+    # Before its first flash an LED has told nobody how far the clocks of two cameras are apart.
+    if all(after.get(f"{camera}_clock") == "by the LED" for camera in ("dorsal", "lateral")):
+        frames, lost = (int(after[what]) - int(before.get(what, 0)) for what in ("dorsal_frames", "lost_frames"))
+        if lost > OUT_OF_STEP * frames:
+            views = f"{lost} views without a partner for {frames} dorsal frames"
+            return f"the cameras are out of step, {views}: restart the tracker if a camera's clock was set"
     return ""
 
 

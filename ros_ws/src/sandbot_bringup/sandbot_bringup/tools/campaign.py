@@ -10,6 +10,7 @@ from pathlib import Path
 from sandbot_bringup.config import config_folder, files_of, robot_of, shipped
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import VERDICT, Plan, PlannedTrial, plan_of, read_plan, to_yaml, trials_of, with_next_trials
+from sandbot_bringup.supervision import SILENCE_BOUNDS_S, SILENCE_S
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_yaml
@@ -43,13 +44,9 @@ def command(argv: Sequence[str]) -> int:
         trials, failures = _batch(plan, folder, files, options)
     else:
         # The live runner starts ROS; batch and dry runs must not.
-        from sandbot_bringup.hearing_node import SILENCE_BOUNDS_S, SILENCE_S
         from sandbot_bringup.live_node import run_live
 
         silence_s = SILENCE_S if options.silence is None else options.silence
-        low_s, high_s = SILENCE_BOUNDS_S
-        if not low_s <= silence_s <= high_s:
-            raise InputError(f"--silence: {silence_s:g} is not from {low_s:g} to {high_s:g} s")
         queue = run_live(plan, folder, files, redo=bool(options.redo), silence_s=silence_s, ros_arguments=ros_arguments)
         # Its plan may have grown.
         trials, failures = trials_of(queue.plan), list(queue.failed.items())
@@ -146,6 +143,11 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
         raise InputError(f"--workers: {options.workers} is not a number of processes; 1 or more")
     if options.hide is not None and options.hide < 0:
         raise InputError(f"--hide: {options.hide} is not a seed; 0 or more")
+    low_s, high_s = SILENCE_BOUNDS_S
+    if options.silence is not None and not low_s <= options.silence <= high_s:
+        raise InputError(f"--silence: {options.silence:g} is not from {low_s:g} to {high_s:g} s")
+    if options.batch and options.silence is not None:
+        raise InputError("--silence: --batch runs without nodes; leave one of the two out")
     if not options.batch and (options.world or options.hide is not None):
         raise InputError("--world and --hide set up the virtual lab of --batch; a live lab has its own world parameter")
     return plan, folder
