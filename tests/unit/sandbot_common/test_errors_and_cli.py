@@ -81,24 +81,28 @@ def test_a_line_is_seen_through_a_pipe_when_it_is_said():
         process.communicate("done\n", timeout=10)
 
 
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
 @pytest.mark.parametrize("reads", [True, False])
-def test_a_reader_that_leaves_does_not_end_the_work(tmp_path, reads):
-    """As in ``compare DATA --html OUT | head -1``: the file is still written."""
+def test_a_reader_that_leaves_does_not_end_the_work(tmp_path, reads, stream):
+    """As in ``compare DATA --html OUT | head -1`` and ``campaign PLAN 2>&1 | head``: the file is still written."""
     wrote = tmp_path / "out.txt"
     code = (
         "import sys; from pathlib import Path; from sandbot_common import cli\n"
-        "def work(_): input(); print('one'); print('two'); Path(sys.argv[1]).write_text('whole')\n"
+        "def work(_):\n"
+        "    input(); out = getattr(sys, sys.argv[2]); print('one', file=out)\n"
+        "    print('two', file=out, flush=True); Path(sys.argv[1]).write_text('whole')\n"
         "sys.exit(cli.run(work, []))"
     )
     with subprocess.Popen(
-        [sys.executable, "-c", code, str(wrote)], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        [sys.executable, "-c", code, str(wrote), stream], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     ) as process:  # fmt: skip
+        said, other = (getattr(process, name) for name in sorted(("stdout", "stderr"), key=lambda one: one != stream))
         if not reads:
-            process.stdout.close()
+            said.close()
         process.stdin.write("\n")
         process.stdin.flush()
         if reads:
-            assert process.stdout.read() == "one\ntwo\n"
-        assert (process.stderr.read(), process.wait(60)) == ("", 0)
+            assert said.read() == "one\ntwo\n"
+        assert (other.read(), process.wait(60)) == ("", 0)
     assert wrote.read_text() == "whole"

@@ -145,11 +145,26 @@ class Outlet(io.TextIOWrapper):
         try:
             return super().write(text)
         except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            self._fall_silent()
             return len(text)
+
+    def flush(self) -> None:
+        """As of any text stream."""
+        try:
+            super().flush()
+        except BrokenPipeError:
+            self._fall_silent()
+
+    def _fall_silent(self) -> None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
 
 
 def speak_line_by_line() -> None:
-    """Let each line be seen when it is said, also through a pipe: other programs wait for "recording to …"."""
-    if sys.stdout is sys.__stdout__ and sys.stdout is not None:
-        sys.stdout = Outlet(sys.stdout.buffer, sys.stdout.encoding, sys.stdout.errors, line_buffering=True)
+    """Let each line be seen when it is said, also through a pipe: other programs wait for "recording to …".
+
+    Progress and errors as well: ``campaign PLAN 2>&1 | head`` ends no campaign.
+    """
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is getattr(sys, f"__{name}__") and stream is not None:
+            setattr(sys, name, Outlet(stream.buffer, stream.encoding, stream.errors, line_buffering=True))
