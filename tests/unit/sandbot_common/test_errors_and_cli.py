@@ -106,3 +106,17 @@ def test_a_reader_that_leaves_does_not_end_the_work(tmp_path, reads, stream):
             assert said.read() == "one\ntwo\n"
         assert (other.read(), process.wait(60)) == ("", 0)
     assert wrote.read_text() == "whole"
+
+
+@pytest.mark.parametrize(("how", "said"), [(">&- 2>&-", ""), ("", "? 0.6")])
+def test_outputs_that_are_closed_or_know_no_greek_do_not_end_the_work(tmp_path, how, said):
+    code = (
+        "import sys; from pathlib import Path; from sandbot_common import cli\n"
+        "def work(_): print('φ 0.6', sys.stdout.isatty() or ''); Path(sys.argv[1]).write_text('whole')\n"
+        "sys.exit(cli.run(work, []))"
+    )
+    words = ["sh", "-c", f'"$@" {how}', "sh", sys.executable, "-c", code, str(tmp_path / "out.txt")]
+    ascii_only = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(words, env=ascii_only, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout.strip(), done.stderr) == (0, said, "")
+    assert (tmp_path / "out.txt").read_text() == "whole"

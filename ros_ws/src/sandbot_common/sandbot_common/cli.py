@@ -162,9 +162,13 @@ class Outlet(io.TextIOWrapper):
 def speak_line_by_line() -> None:
     """Let each line be seen when it is said, also through a pipe: other programs wait for "recording to …".
 
-    Progress and errors as well: ``campaign PLAN 2>&1 | head`` ends no campaign.
+    Progress and errors as well: ``campaign PLAN 2>&1 | head`` ends no campaign. Nor does an output that was closed from
+    the start, or one whose encoding has no φ.
     """
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
-        if stream is getattr(sys, f"__{name}__") and stream is not None:
-            setattr(sys, name, Outlet(stream.buffer, stream.encoding, stream.errors, line_buffering=True))
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif stream is getattr(sys, f"__{name}__"):
+            errors = "replace" if stream.errors == "strict" else stream.errors
+            setattr(sys, name, Outlet(stream.buffer, stream.encoding, errors, line_buffering=True))
