@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +25,10 @@ from sandbot_common import topics  # noqa: E402
 from sandbot_record.bags.reader import FIELD_STAMP, Bag  # noqa: E402
 
 RATE_HZ, SETPOINTS_HZ, BARE_S = 50.0, 1000.0, 10.0
-"""Two cameras of 100 Hz, drawn and tracked, take both cores of a small machine: these are of 50."""
+"""Two cameras of 100 Hz, drawn and tracked, take both cores of a small machine: these are of 50. So do set-points of
+1 kHz, for which clock, robot and campaign have real-time priority: how late a speed is, is asked at a plan's own rate."""
 PLAN = {"name": "live", "seed": 5, "gait": "UNIFORM", "phi": [0.605], "omega_rad_s": [8.0], "replicates": 2,
-        "periods": 12.0, "cameras": "cameras.yaml", "setpoint_rate_hz": SETPOINTS_HZ, "bed": BED}  # fmt: skip
+        "periods": 8.0, "cameras": "cameras.yaml", "bed": BED}  # fmt: skip
 PATIENT = {"clock.lease_s": 1.0, "clock.robot_s": 1.0, "clock.late_s": 0.25, "lab.legs_lease_s": 1.0,
            "lab.air_lease_s": 2.0, "bed.lease_s": 2.0}  # fmt: skip
 CAMPAIGN_S = 300.0
@@ -60,9 +61,10 @@ def main() -> str:
     with tempfile.TemporaryDirectory() as name, own_domain(os.getpid()) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         bare = bare_pair_ms()
-        bags = [Bag.open(one) for one in campaign(Path(name))]
-        speed = np.concatenate([late_ms(one, topics.SPEED.name) for one in bags])
-        points = [setpoints(one) for one in bags]
+        usual = [Bag.open(one) for one in campaign(Path(name) / "usual", PLAN)]
+        speed = np.concatenate([late_ms(one, topics.SPEED.name) for one in usual])
+        fast = [Bag.open(one) for one in campaign(Path(name) / "fast", {**PLAN, "setpoint_rate_hz": SETPOINTS_HZ})]
+        points = [setpoints(one) for one in fast]
     jitter = np.concatenate([one - np.median(one) for one in points])
     drift = max(abs(np.polyfit(np.arange(len(one)) / SETPOINTS_HZ / 60, one, 1)[0]) for one in points)
     beside = f"{len(speed)} frames; a bare pair {np.median(bare):.1f}, 99 % {np.percentile(bare, 99):.1f} ms"
@@ -71,10 +73,11 @@ def main() -> str:
         Figure("exposure to /speed, at the recorder, 99 %", beside, float(np.percentile(speed, 99)), "≤ 15 ms"),
         Figure("set-points sent off their instants, 99 %", f"{len(jitter)} of 1 kHz",
                float(np.percentile(np.abs(jitter), 99)), "≤ 1 ms"),
-        Figure("set-points: drift of their lateness", f"{len(bags)} trials", float(drift), "≤ 1 ms a minute"),
+        Figure("set-points: drift of their lateness", f"{len(fast)} trials", float(drift), "≤ 1 ms a minute"),
     ]  # fmt: skip
     note = (
-        f"Virtual lab, two cameras of {RATE_HZ:g} Hz drawn and tracked on {os.cpu_count()} cores. The bare pair is one "
+        f"Virtual lab, two cameras of {RATE_HZ:g} Hz drawn and tracked on {os.cpu_count()} cores; set-points of 200 Hz, "
+        f"a plan's own, for the first two rows, of {SETPOINTS_HZ:g} Hz for the others. The bare pair is one "
         "process that sends a picture of 640×480 at that rate and one that hears it, nothing else running of ours. "
         f"Load average {before:.1f} before, {os.getloadavg()[0]:.1f} after."
     )
@@ -98,13 +101,14 @@ def bare_pair_ms() -> NDArray[np.float64]:
     return np.array(delays, float) * 1e-6
 
 
-def campaign(folder: Path) -> Sequence[Path]:
+def campaign(folder: Path, plan: Mapping[str, Any]) -> Sequence[Path]:
     """The bags of a live campaign, of which a trial may have failed."""
+    folder.mkdir()
     cameras = yaml.safe_load((nodes.table_path().parent / "cameras.yaml").read_text())
     for name in ("dorsal", "lateral"):
         cameras[name]["frame_rate_hz"] = RATE_HZ
     (folder / "cameras.yaml").write_text(yaml.safe_dump(cameras))
-    (folder / "live.yaml").write_text(yaml.safe_dump(PLAN))
+    (folder / "live.yaml").write_text(yaml.safe_dump(dict(plan)))
     cell, settings = Cell(folder, 1), {"cameras": folder / "cameras.yaml", **PATIENT}
     settings |= {f"bed.{key}": value for key, value in BED.items()}
     try:
