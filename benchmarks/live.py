@@ -26,7 +26,7 @@ from sandbot_record.bags.reader import FIELD_STAMP, Bag  # noqa: E402
 
 RATE_HZ, SETPOINTS_HZ, BARE_S = 50.0, 1000.0, 10.0
 """Two cameras of 100 Hz, drawn and tracked, take both cores of a small machine: these are of 50. So do set-points of
-1 kHz, for which clock, robot and campaign have real-time priority: how late a speed is, is asked at a plan's own rate."""
+1 kHz, for which clock, robot and campaign have real-time priority: a speed's lateness is asked at a plan's own rate."""
 PLAN = {"name": "live", "seed": 5, "gait": "UNIFORM", "phi": [0.605], "omega_rad_s": [8.0], "replicates": 2,
         "periods": 8.0, "cameras": "cameras.yaml", "bed": BED}  # fmt: skip
 PATIENT = {"clock.lease_s": 1.0, "clock.robot_s": 1.0, "clock.late_s": 0.25, "lab.legs_lease_s": 1.0,
@@ -76,8 +76,8 @@ def main() -> str:
         Figure("set-points: drift of their lateness", f"{len(fast)} trials", float(drift), "≤ 1 ms a minute"),
     ]  # fmt: skip
     note = (
-        f"Virtual lab, two cameras of {RATE_HZ:g} Hz drawn and tracked on {os.cpu_count()} cores; set-points of 200 Hz, "
-        f"a plan's own, for the first two rows, of {SETPOINTS_HZ:g} Hz for the others. The bare pair is one "
+        f"Virtual lab, two cameras of {RATE_HZ:g} Hz drawn and tracked on {os.cpu_count()} cores; set-points of 200 Hz "
+        f"(a plan's own) for the first two rows, of {SETPOINTS_HZ:g} Hz for the others. The bare pair is one "
         "process that sends a picture of 640×480 at that rate and one that hears it, nothing else running of ours. "
         f"Load average {before:.1f} before, {os.getloadavg()[0]:.1f} after."
     )

@@ -15,7 +15,7 @@ from sandbot_hardware import simulate_command as simulate
 from sandbot_lab.tools import penetrometer
 from sandbot_model.tools import atlas, compare, discover, effects, export
 from sandbot_record.bags.writer import BagWriter
-from sandbot_record.tools import info, recover, table
+from sandbot_record.tools import info, record, recover, table
 from sandbot_tracking.tools import calibrate, track_video
 
 PLAN = "name: small\ngait: UNIFORM\nphi: [0.6, 0.633]\nomega_rad_s: [8, 20]\nreplicates: 1\n"
@@ -151,6 +151,17 @@ PLANS = [
         "--batch",
         plan__yaml=PLAN,
     ),
+    case(
+        "workers-of-live-trials",
+        campaign,
+        "@/plan.yaml --out @/out --workers 2",
+        "--workers",
+        "--batch",
+        plan__yaml=PLAN,
+    ),
+    case("title-of-no-report", compare, "@/t.csv --title x", "--title", "--html", t__csv=GOOD),
+    case("title-of-no-report-of-a-discovery", discover, "@/t.csv --title x", "--title", "--html", t__csv=GOOD),
+    case("codec-of-no-video", record, "/x --out @/b --images jpeg --video-codec ffv1", "--video-codec", "jpeg"),
     case("seed-no-number", campaign, "@/plan.yaml --out @/out --batch --hide x", "--hide", "x", plan__yaml=PLAN),
     case("world-of-a-live-lab", campaign, "@/plan.yaml --out @/out --hide 3", "--hide", "--batch", plan__yaml=PLAN),
     case("unknown-option", campaign, "@/plan.yaml --bach", "--bach", plan__yaml=PLAN),

@@ -88,7 +88,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--images", choices=("none", "jpeg", "video", "raw"), help="frames in every bag; default: one trial, JPEG"
     )
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="worker processes (--batch)")
+    parser.add_argument("--workers", type=int, help="worker processes (--batch; default: one a CPU)")
     parser.add_argument(
         "--redo",
         choices=("failed",),
@@ -139,8 +139,10 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
         from sandbot_bringup.until import begun
 
         plan = begun(plan)
-    if options.workers < 1:
+    if options.workers is not None and options.workers < 1:
         raise InputError(f"--workers: {options.workers} is not a number of processes; 1 or more")
+    if not options.batch and options.workers is not None:
+        raise InputError("--workers: live trials run one by one; it is for those of --batch")
     if options.hide is not None and options.hide < 0:
         raise InputError(f"--hide: {options.hide} is not a seed; 0 or more")
     low_s, high_s = SILENCE_BOUNDS_S
@@ -181,6 +183,7 @@ def _batch(
     from sandbot_bringup import batch, runner
     from sandbot_bringup.until import decided
 
+    workers = options.workers or os.cpu_count() or 1
     world = batch.choose_world(folder, robot_of(files), options.world, options.hide)
     folder.adopt(plan, files)
     with folder.alone():
@@ -194,10 +197,10 @@ def _batch(
                 print(f"{folder.path}: {len(trials) - len(todo)} of {len(trials)} trials are there already")
             setup = batch.Setup(plan, world, folder, files)
             todo.sort(key=lambda one: one.run_order)
-            failed |= dict(runner.run(todo, functools.partial(batch.run_trial, setup), options.workers).failed)
+            failed |= dict(runner.run(todo, functools.partial(batch.run_trial, setup), workers).failed)
             if not plan.until or len(folder.missing(trials)) == len(trials):
                 return trials, list(failed.items())
-            plan, entry = decided(plan, folder, workers=options.workers)
+            plan, entry = decided(plan, folder, workers=workers)
             print(filled(f"look {entry['look']}: {entry['text']}"))
             if not entry["next"]:
                 return trials, list(failed.items())

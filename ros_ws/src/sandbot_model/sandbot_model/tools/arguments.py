@@ -63,6 +63,12 @@ def add_data(parser: Parser) -> None:
     parser.add_argument("--verbose", "-v", action="store_true", help="print all: every effect tried, every miss")
 
 
+def check_report(args: argparse.Namespace) -> None:
+    """Raises InputError where something is said of a report that is not written."""
+    if args.title is not None and args.html is None:
+        raise InputError("--title: only the report of --html OUT has one; give that too")
+
+
 def add_model(parser: Parser) -> None:
     """The base model; which effects come on top each command says in its own words (``--effects``)."""
     parser.add_argument("--model", choices=tuple(BASES), default="simple", help="base model (default: simple)")

@@ -43,6 +43,7 @@ def _compare(argv: Sequence[str]) -> None:
     arguments.add_fitters(parser)
     args = parser.parse_args(argv)
     args.typed = shlex.join(["ros2", "run", "sandbot_model", "compare", *argv])
+    arguments.check_report(args)
     fitters = arguments.fitters(args)
     if args.dask is not None and args.bootstrap is None:
         raise InputError("--dask: only the draws of --bootstrap N go to a cluster; give that too")

@@ -51,6 +51,7 @@ def _discover(argv: Sequence[str]) -> None:
         raise InputError(f"--max-effects {args.max_effects}: 0 or more are needed")
     if args.calibrate is not None and args.calibrate < 1:
         raise InputError(f"--calibrate {args.calibrate}: 1 or more campaigns are needed")
+    arguments.check_report(args)
     _run(args, arguments.fitters(args))
 
 

@@ -65,7 +65,7 @@ def _record(argv: Sequence[str]) -> int:
             limits=Limits(int(options.min_free * MIB), options.duration),
             images=options.images,
             images_paused=options.pause_images,
-            codec=options.video_codec,
+            codec=options.video_codec or "rawvideo",
             monotonic_s=time.monotonic,
         )
     except OSError as error:
@@ -96,7 +96,7 @@ def _parser() -> cli.Parser:
         "--pause-images", action="store_true", help="raw images only once /recorder/pause_images is called with false"
     )
     parser.add_argument(
-        "--video-codec", choices=tuple(CODECS), default="rawvideo", help="lossless both; ffv1 is smaller and slower"
+        "--video-codec", choices=tuple(CODECS), help="of --images video (default: rawvideo); ffv1 is smaller and slower"
     )
     parser.add_argument("--max-size", type=float, default=0.0, metavar="MIB", help="begin a new file after so much")
     parser.add_argument("--max-duration", type=float, default=0.0, metavar="S", help="begin a new file after so long")
@@ -130,6 +130,8 @@ def _check(options: argparse.Namespace) -> None:
     for topic in options.topics:
         if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", topic):
             raise InputError(f"{topic!r} is not a topic name such as /leg_states")
+    if options.video_codec is not None and options.images != "video":
+        raise InputError(f"--video-codec: --images is {options.images}, not video: nothing would be coded")
     for name in ("duration", "max_size", "max_duration", "min_free"):
         if not 0 <= getattr(options, name) < 1e12:
             raise InputError(f"--{name.replace('_', '-')}: {getattr(options, name)} is not a number from 0 up")
