@@ -1,4 +1,8 @@
-"""Two cameras' views brought to common times: each frame of the first, with the second's before and after it."""
+"""Two cameras' views brought to common times: each frame of the first, with the second's before and after it.
+
+Cameras of one trigger are never stamped to the nanosecond. Where the second's frame is a little earlier, its next one
+is a whole period away: it is carried on to the first's time instead, on the line from the frame before it.
+"""
 
 from bisect import bisect_left, insort
 from collections.abc import Sequence
@@ -16,6 +20,8 @@ SLACK = 1.5
 """How many tolerances still pass: cameras half a period apart are always near the limit, and stamps jitter."""
 LONGEST_GAP = 5
 """Tolerances between two views that may still be joined: with one frame lost there are four."""
+NEAR = 0.1
+"""Tolerances by which a view may be carried on, a twentieth of a period: its noise grows by a twentieth at most."""
 AGAIN_NS = 1_000_000_000
 """Time that goes back by more begins anew, as in a replay that starts over."""
 
@@ -26,8 +32,8 @@ _time = itemgetter(0)
 class Instant(Generic[T]):
     """One time and what was seen then.
 
-    ``second``: the frames before and after this time and the weight of the latter, 0 to 1; one frame taken just then
-    stands for both. None: not seen.
+    ``second``: two frames and the weight of the latter, 0 to 1 between those before and after this time, a little above
+    1 where both were before it; one frame taken just then stands for both. None: not seen.
     """
 
     t_ns: int
@@ -46,13 +52,15 @@ class Pairing(Generic[T]):
         """``cameras``: the one whose times are kept, and the other, if there is one."""
         self._first, self._second = cameras[0], cameras[1] if len(cameras) > 1 else None
         self._reach, self._longest_ns = SLACK * tolerance_ns, LONGEST_GAP * tolerance_ns
+        self._near_ns, self._shortest_ns = NEAR * tolerance_ns, tolerance_ns
         self.late = 0
         """Frames that came after their instant had gone."""
         self._restart()
 
     def _restart(self) -> None:
         self._waiting: dict[str, list[tuple[int, T]]] = {name: [] for name in (self._first, self._second) if name}
-        self._past: tuple[int, T] | None = None
+        self._past: list[tuple[int, T]] = []
+        """The second camera's last two frames that have gone."""
         self._given_ns: int | None = None
         self._last_first_ns: int | None = None
 
@@ -69,8 +77,11 @@ class Pairing(Generic[T]):
 
     def _keep_past(self, t_ns: int, camera: str, item: T) -> None:
         """A view of the second camera that comes late is still the one before the next instant."""
-        if camera == self._second and (self._past is None or t_ns > self._past[0]):
-            self._past = t_ns, item
+        if camera == self._second and (not self._past or t_ns > self._past[-1][0]):
+            self._pass((t_ns, item))
+
+    def _pass(self, *frames: tuple[int, T]) -> None:
+        self._past = [*self._past, *frames][-2:]
 
     def _ready(self) -> list[Instant[T]]:
         given: list[Instant[T]] = []
@@ -93,7 +104,7 @@ class Pairing(Generic[T]):
         if self._second is None or len(firsts) > PATIENCE:
             return True
         seconds = self._waiting[self._second]
-        return bool(seconds) and seconds[-1][0] >= firsts[0][0]
+        return bool(seconds) and seconds[-1][0] >= firsts[0][0] - self._near_ns
 
     def _alone(self, t_ns: int) -> list[Instant[T]]:
         """The second camera's frames before ``t_ns`` that are near no frame of the first."""
@@ -108,26 +119,31 @@ class Pairing(Generic[T]):
             for frame in before
             if t_ns - frame[0] > self._reach and (since is None or frame[0] - since > self._reach)
         ]
-        given = [self._single(frame) for frame in alone]
-        if before:
-            self._past = before[-1]
+        given = [Instant(one[0], None, (one[1], one[1], 0.0)) for one in alone]
+        self._pass(*before)
         return given
 
     def _single(self, frame: tuple[int, T]) -> Instant[T]:
-        self._past = frame
+        self._pass(frame)
         return Instant(frame[0], None, (frame[1], frame[1], 0.0))
 
     def _around(self, t_ns: int) -> tuple[T, T, float] | None:
         seconds = self._waiting[self._second] if self._second else []
-        if not seconds:
+        if seconds and seconds[0][0] == t_ns:
+            return seconds[0][1], seconds[0][1], 0.0
+        if self._past and t_ns - self._past[-1][0] <= self._near_ns:
+            return self._carried_on(t_ns)
+        if not seconds or not self._past:
             return None
-        after_ns, after = seconds[0]
-        if after_ns == t_ns:
-            return after, after, 0.0
-        if self._past is None or after_ns < t_ns:
-            return None
-        before_ns, before = self._past
+        (before_ns, before), (after_ns, after) = self._past[-1], seconds[0]
         gap = after_ns - before_ns
-        if min(t_ns - before_ns, after_ns - t_ns) > self._reach or gap > self._longest_ns:
+        if after_ns < t_ns or min(t_ns - before_ns, after_ns - t_ns) > self._reach or gap > self._longest_ns:
             return None
         return before, after, (t_ns - before_ns) / gap
+
+    def _carried_on(self, t_ns: int) -> tuple[T, T, float]:
+        (first_ns, first), (last_ns, last) = self._past[0], self._past[-1]
+        gap = last_ns - first_ns
+        if not self._shortest_ns <= gap <= self._longest_ns:
+            return last, last, 0.0
+        return first, last, (t_ns - first_ns) / gap
