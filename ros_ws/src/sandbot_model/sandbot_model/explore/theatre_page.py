@@ -48,7 +48,7 @@ FIGURE = """<figure><div class="scroll" tabindex="0" role="group" aria-labelledb
 <div class="plot" id="plot-{name}"></div>{cursor}</div></div>
 <figcaption><p id="says-{name}">{says}</p><p class="save">Save figure: {buttons}</p></figcaption>
 </figure>"""
-LEG = """<svg class="leg" viewBox="-9 -9 18 14" role="img" aria-label="The model's legs: coloured while they hold">
+LEG = """<svg class="leg" viewBox="-9 -11 18 16" role="img" aria-label="The model's legs: coloured while they hold">
 <rect x="-9" y="0" width="18" height="5" class="bed"/><g id="ground">{stones}</g>
 <path d="M-9 0 H9" class="surface"/>
 <g id="robot"><rect class="body" x="-6.5" y="{top}" width="13" height="{belly}" rx="0.6"/>
