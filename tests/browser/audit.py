@@ -49,10 +49,14 @@ def accessible(driver, screens=(("light", 1400), ("dark", 390))):
             checked, found = driver.execute_async_script(AUDIT)
             assert checked >= LEAST, checked
             assert found == [], (scheme, width, found)
-            for script in (BEYOND, CUT):
-                assert (left := still_there(driver, script)) == [], (scheme, width, left)
+            assert (left := misplaced(driver)) == [], (scheme, width, left)
     finally:
         screen(driver, "light", 1400)
+
+
+def misplaced(driver):
+    """What is cut off, or beyond the window's edge."""
+    return [one for script in (BEYOND, CUT) for one in still_there(driver, script)]
 
 
 def still_there(driver, script):

@@ -37,7 +37,10 @@ def campaign(tmp_path_factory):
     """Eight trials of the virtual lab in bags, one of them torn; the frames of one are kept."""
     folder = tmp_path_factory.mktemp("campaign") / "campaign"
     plan = folder.parent / "plan.yaml"
-    plan.write_text("name: small\nseed: 3\ngait: UNIFORM\nphi: [0.600, 0.633]\nomega_rad_s: [8, 16]\nreplicates: 2\n")
+    small = (
+        "name: small\nseed: 3\ngait: UNIFORM\nphi: [0.600, 0.633]\nomega_rad_s: [8, 16]\nreplicates: 2\nperiods: 4\n"
+    )
+    plan.write_text(small)
     assert run_campaign([str(plan), "--out", str(folder), "--batch"]) == 0
     (folder / "trials.csv").unlink()
     torn = folder / "trials" / TORN / f"{TORN}_0.mcap"

@@ -246,7 +246,7 @@ def use_recovered(bag: Path, target: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("cases", [400, pytest.param(2_000, marks=pytest.mark.whole)])
+@pytest.mark.parametrize("cases", [200, pytest.param(2_000, marks=pytest.mark.whole)])
 def test_fuzzed_bags_give_a_bag_or_one_line(tmp_path, cases):
     draw = random.Random(2009)
     sources = originals(tmp_path)

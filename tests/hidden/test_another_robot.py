@@ -68,7 +68,7 @@ def test_the_right_robot_is_not_doubted():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [name if at % 4 == 0 else pytest.param(name, marks=pytest.mark.whole) for at, name in enumerate(BY_NAME)]
+    "name", [name if at % 8 == 0 else pytest.param(name, marks=pytest.mark.whole) for at, name in enumerate(BY_NAME)]
 )
 def test_no_hidden_world_is_blamed_on_robot_yaml(name):
     """Control: in the catalogue or outside it."""

@@ -15,7 +15,7 @@ from sandbot_model.tools import discover as command
 from sandbot_record import read_trials
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.slow, pytest.mark.whole, pytest.mark.timeout(600)]  # test_another_robot goes without film
 
 BIG = Robot(leg_radius_m=0.05, mass_per_leg_kg=2 * SANDBOT.mass_per_leg_kg)
 ETA, DELTA_T_S, RATE_HZ = 0.15, 0.4, 200.0

@@ -15,7 +15,7 @@ IDENTIFIED = [
     pytest.param("exact_vertical_acceleration()", marks=pytest.mark.whole),
     "stance_overlap(eta=0.1)",
     "swimming_thrust(a_m_s2=0.32)",
-    "slow_phase_speed(SGCS)",
+    pytest.param("slow_phase_speed(SGCS)", marks=pytest.mark.whole),
 ]
 
 

@@ -35,6 +35,7 @@ def test_a_ground_outside_the_catalogue_is_not_named():
     assert "measure body lift" in found.because
 
 
+@pytest.mark.whole
 def test_it_would_be_named_if_nothing_smooth_were_thought_of(monkeypatch):
     monkeypatch.setattr(rooms, "taken_back", lambda verdict, fits: None)
     assert verdict(OUTSIDE, 1).effects == ("dilation",)

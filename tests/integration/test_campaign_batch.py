@@ -22,7 +22,8 @@ from sandbot_record.trials.film_strip import film_strip
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 
-PLAN = {"name": "small", "seed": 4, "gait": "UNIFORM", "phi": [0.6, 0.633], "omega_rad_s": [8.0, 20.0], "replicates": 1}
+PLAN = {"name": "small", "seed": 4, "gait": "UNIFORM", "phi": [0.6, 0.633], "omega_rad_s": [8.0, 20.0], "replicates": 1,
+        "periods": 5.0}  # fmt: skip
 
 
 def write_plan(folder, **changes):

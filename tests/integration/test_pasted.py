@@ -46,12 +46,12 @@ def test_every_target_of_make_exists():
 
 
 def first_of_each(lines):
-    """Of each program with these options the first command."""
+    """Of each program the first command."""
     found = {}
     for line in lines:
         words = line.split()
         program = words[3] if words[:2] == ["ros2", "run"] else " ".join(words[:2])
-        found.setdefault((program, *sorted(word for word in words if word.startswith("--"))), line)
+        found.setdefault(program, line)
     return list(found.values())
 
 

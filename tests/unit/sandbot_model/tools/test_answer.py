@@ -1,7 +1,9 @@
 """What compare and discover print: the answer first, plain words, lines of a terminal, no number that can't be told."""
 
+import io
 import json
 import re
+from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +20,7 @@ from sandbot_model.tools import answer, compare, tables
 from sandbot_model.tools import discover as discover_tool
 
 EXAMPLE = Path(__file__).parents[4] / "examples" / "demo_trials.csv"
+FEW = ("--workers", "1", "--max-effects", "1")
 HEAD = "phi,omega_rad_s,speed_m_s\n"
 ONE_CELL = f"{HEAD}0.633,16,0.203\n0.633,16,0.198\n"
 NO_REPLICATES = f"{HEAD}0.633,16,0.203\n0.6,12,0.11\n0.633,12,0.15\n"
@@ -41,9 +44,18 @@ def two(drawn):
     return replace(found, verdict=verdict, stability=1.0)
 
 
+@pytest.fixture(scope="module")
+def brief(tmp_path_factory):
+    """What discover prints of the example, and its JSON."""
+    path, told = tmp_path_factory.mktemp("brief") / "d.json", io.StringIO()
+    with redirect_stdout(told):
+        assert discover_tool.main([str(EXAMPLE), *FEW, "--json", str(path)]) == 0
+    return told.getvalue(), json.loads(path.read_text())
+
+
 @pytest.mark.slow
-def test_the_answer_comes_first_then_why_then_tables(printed, tmp_path):
-    out = printed(discover_tool, EXAMPLE, "--workers", 1, "--max-effects", 1, "--json", tmp_path / "d.json")
+def test_the_answer_comes_first_then_why_then_tables(brief):
+    out, found = brief
     lines = out.splitlines()
     assert lines[0] == "verdict: identified: stance_overlap"
     assert lines[1] == "  stance_overlap: Both tripods standing at once hold each other back"
@@ -53,19 +65,17 @@ def test_the_answer_comes_first_then_why_then_tables(printed, tmp_path):
     assert order == sorted(order)
     assert max(map(len, lines)) <= terminal.WIDTH
     assert "absent, at 95 %" not in out
-    because = json.loads((tmp_path / "d.json").read_text())["verdict"]["because"]
-    assert because in " ".join(out.split())
+    assert found["verdict"]["because"] in " ".join(out.split())
 
 
 @pytest.mark.slow
-def test_verbose_prints_all(printed):
-    few = ("--workers", 1, "--max-effects", 1)
-    brief, all_of_it = (printed(discover_tool, EXAMPLE, *few, *more) for more in ((), ("--verbose",)))
+def test_verbose_prints_all(printed, brief):
+    less, all_of_it = brief[0], printed(discover_tool, EXAMPLE, *FEW, "--verbose")
     for part in ("absent, at 95 %", "mean speed and step from lift", "delta_t_s", "motor_saturation", "crater_refill"):
         assert part in all_of_it
-    assert "more (--verbose)" in brief
+    assert "more (--verbose)" in less
     assert "more (--verbose)" not in all_of_it
-    assert set(brief.split("\n\n")[0].split()) <= set(all_of_it.split())
+    assert set(less.split("\n\n")[0].split()) <= set(all_of_it.split())
 
 
 @pytest.mark.parametrize("content", [ONE_CELL, NO_REPLICATES], ids=["one cell", "no replicates"])
