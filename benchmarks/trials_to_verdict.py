@@ -1,6 +1,8 @@
 """How many trials, and how many minutes in the lab, until the right verdict, for ways to choose trials.
 
 python benchmarks/trials_to_verdict.py [--seeds 10] [--only STRATEGY] [--week] [--out FILE]    resumes where it stopped
+
+AutoRA's sampler is among the strategies where it is installed: pip install --no-deps -r benchmarks/autora.txt
 """
 
 import argparse
@@ -9,6 +11,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -25,7 +29,7 @@ from sandbot_lab.world import World
 from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.design.discrepancy import something_else
 from sandbot_model.design.look import ALPHA, BLOCK, Look, Plan, look
-from sandbot_model.design.places import Places
+from sandbot_model.design.places import Places, scatter_of_one
 from sandbot_model.design.start import Condition, start
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
@@ -147,16 +151,37 @@ def least_known(_campaign: Campaign, seen: Look) -> Sequence[Condition]:
     return [CONDITIONS[index] for index in np.argsort(-variance)[:BLOCK]]
 
 
+def where_it_errs(campaign: Campaign, seen: Look) -> Sequence[Condition]:
+    """AutoRA's falsification sampler: a network learns the leading fit's errors and says where they will be largest."""
+    torch = import_module("torch")
+    sampler = import_module("autora.experimentalist.falsification").falsification_score_sample_from_predictions
+    torch.manual_seed(campaign.seed + campaign.blocks)
+    torch.set_num_threads(1)  # the other cores have campaigns of their own
+    fit = seen.found.fit
+    sigma = scatter_of_one(fit.cells)
+    predicted = fit.predicted / sigma
+    # What was not measured is no error.
+    measured = np.where(np.isfinite(fit.cells.mean), fit.cells.mean / sigma, predicted)
+    least, span = np.min(CONDITIONS, axis=0), np.ptp(CONDITIONS, axis=0)
+    tried = (np.stack([fit.level_phi[fit.cells.level], fit.cells.omega], axis=-1) - least) / span
+    asked, _ = sampler((CONDITIONS - least) / span, predicted, tried, measured, num_samples=BLOCK)
+    return [min(CONDITIONS, key=lambda one: float(np.hypot(*((one - least) / span - at)))) for at in asked]
+
+
+AUTORA = "AutoRA falsification"
 SEQUENTIAL: Mapping[str, Choose] = {
     "until verdict": chosen,
     "random": at_random,
     "space-filling": space_filling,
     "Gaussian process only": least_known,
+    AUTORA: where_it_errs,
 }
 """All from the same start, with the same rule to stop."""
 FIXED: Mapping[str, tuple[int, int]] = {"grid 7 x 7 x 3": (3, 1), "grid 7 x 7 x 2": (2, 1), "grid 4 x 4 x 3": (3, 2)}
 ROUNDS = "grid 4 x 4 x 2 and --plan rounds"
 STRATEGIES = (*SEQUENTIAL, *FIXED, ROUNDS)
+HERE = [name for name in STRATEGIES if name != AUTORA or find_spec("autora")]
+"""What can be run: AutoRA wants torch, which no other part of the project does."""
 
 
 @dataclass(frozen=True)
@@ -261,7 +286,7 @@ def by_world(results: Sequence[Mapping[str, Any]], strategy: str) -> str:
 
 def cases(seeds: int, only: Sequence[str] = (), week: bool = False) -> list[Case]:
     """Seed by seed, so that a run stopped early has something of every world."""
-    names = only or STRATEGIES
+    names = only or HERE
     return [Case(name, world, seed, week) for seed in range(seeds) for world in WORLDS for name in names]
 
 
@@ -311,7 +336,7 @@ def command() -> None:
     """Run what is missing of a part and print its table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=SEEDS)
-    parser.add_argument("--only", action="append", default=[], choices=STRATEGIES)
+    parser.add_argument("--only", action="append", default=[], choices=HERE)
     parser.add_argument("--week", action="store_true")
     parser.add_argument("--out", type=Path, default=OUT)
     parser.add_argument("--workers", type=int)

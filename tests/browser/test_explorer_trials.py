@@ -84,7 +84,7 @@ def test_a_cell_of_the_map_leads_to_its_trials_waveforms_video_and_bags(page, ca
         page.open(f"{where}?view=lock")
         assert page.driver.find_element(By.TAG_NAME, "header").text.startswith("campaign\n6 trials used")
         (campaign / late.name).rename(late)
-        page.until(lambda: "\n7 trials used" in page.driver.find_element(By.TAG_NAME, "body").text)
+        page.until(lambda: "\n7 trials used" in page.driver.execute_script("return document.body.innerText"))
         assert "view=lock" in page.driver.current_url
         assert page.complaints() == []
 

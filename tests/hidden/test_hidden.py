@@ -82,9 +82,10 @@ def test_a_null_world_is_adequate(seed):
     ("name", "where"),
     [
         ("x_resonance(loss=0.3, omega_0_rad_s=12, width_rad_s=2)", "in a band about ω = 12 rad/s"),
-        pytest.param("x_traction_loss(loss=0.4)", "below φ = 0.63", marks=pytest.mark.whole),
+        ("x_traction_loss(loss=0.4)", "below φ = 0.63"),
     ],
 )
+@pytest.mark.whole  # test_residual has the words, test_real_week such a world
 def test_an_effect_outside_the_catalogue_is_not_identified_but_described(name, where):
     """The lab takes a share of the robot's forward speed; nothing in the catalogue does that."""
     found = discover(cells_of(BY_NAME[name].trials(5)), EFFECTS, max_effects=1)
