@@ -29,7 +29,17 @@ LOOK = {
          "within_reach": False},
     ],
     "stop": "",
+    "rivals": [
+        {"explanation": name, "phi": phi, "omega_rad_s": [8.0, 14.0, 20.0], "speed_m_s": speed}
+        for phi in (0.6, 0.622)
+        for name, speed in (("stance_overlap", [0.09, 0.15, 0.18]), ("stance_overlap + leg_slip", [0.09, 0.14, 0.16]))
+    ],
 }  # fmt: skip
+TRIAL = {"campaign": "thinking", "phi_target": 0.622, "omega_rad_s": 20.0}
+LANDED = """
+const drawn = document.getElementById("curve").data ?? [];
+return drawn.filter((one) => one.x.length).map((one) => [one.name, one.y.map((v) => +v.toFixed(1))])
+"""
 PLAN = {"name": "thinking", "phi": [0.58, 0.6, 0.622], "omega_rad_s": [8, 14, 20], "until": "verdict"}
 
 
@@ -44,9 +54,12 @@ class Watched:
         queue = Queue(plan, ())
         queue.grow(plan_of({**PLAN, "extra_trials": [{"phi": 0.622, "omega_rad_s": 20, "because": WHY}]}, "plan"))
         rows = queue.rows()
+        before = next(row for row in rows[:-1] if row["phi"] == TRIAL["phi_target"])
+        before |= {"state": "done", "measured": {"phi": 0.6221, "speed_m_s": 0.178}}
         rows[-1]["state"] = "running"
         status = {"campaign": "thinking", "state": "running", "stage": "walking", "queue": rows, "look": self.look}
         made = Console({})
+        made.set_trial(json.dumps({"trial_id": rows[-1]["trial_id"], **TRIAL}))
         made.set_campaign(json.dumps(status), time.monotonic())
         return made.snapshot(time.monotonic())
 
@@ -88,6 +101,18 @@ def test_it_shows_what_is_known_and_what_is_still_possible(watched):
         browser.set_window_size(width, 900)
         assert browser.execute_script("return document.documentElement.scrollWidth - window.innerWidth") <= 0
     accessible(browser)
+
+
+def test_a_point_lands_on_the_curves_of_the_rivals_at_its_own_packing(watched):
+    source, browser = watched
+    source.look = LOOK
+    source.open()
+    WebDriverWait(browser, PATIENCE_S).until(lambda _: len(browser.execute_script(LANDED)) == 3)
+    assert browser.execute_script(LANDED) == [
+        ["stance overlap", [9.0, 15.0, 18.0]],
+        ["stance overlap + leg slip", [9.0, 14.0, 16.0]],
+        ["measured, φ 0.622", [17.8]],
+    ]
 
 
 def test_of_a_campaign_that_runs_a_grid_there_is_no_verdict(watched):

@@ -73,3 +73,9 @@ def test_it_is_plain_data():
     assert reachable
     assert not any(one["excluded"] for one in reachable)
     assert all(math.isfinite(one["e_value_against"]) for one in content["possible"])
+    assert {one["phi"] for one in content["rivals"]} == {one["phi"] for one in content["next"]}
+    assert len({one["explanation"] for one in content["rivals"]}) > 1
+
+
+def test_nothing_is_drawn_where_nothing_is_asked():
+    assert seen("null").to_dict()["rivals"] == []

@@ -151,10 +151,14 @@ function drawPacking(packing) {
                range: limits(points.map(p => 1000 * p.height_m), [0, 100])}}), options);
 }
 
-function drawCurve(curves, trial, queue) {
+const DASHES = ["dash", "dashdot", "longdash", "longdashdot", "2px 4px", "8px 2px"];
+
+/** Measured means beside the model's curve and, until a verdict, those of the explanations that are left. */
+function drawCurve(curves, trial, queue, rivals) {
   const target = trial.phi_target, at = phi => (+phi).toFixed(4);
   const measured = queue.filter(one => one.measured.speed_m_s != null);
-  if (!changed("curve", [curves, target, trial.omega_rad_s, measured])) return;
+  const left = rivals.filter(one => target != null && at(one.phi) === at(target));
+  if (!changed("curve", [curves, target, trial.omega_rad_s, measured, left])) return;
   const here = one => target != null && at(one.phi) === at(target);
   const faint = {opacity: 0.5};
   const lines = Object.entries(curves).map(([phi, curve]) => {
@@ -162,6 +166,8 @@ function drawCurve(curves, trial, queue) {
     return line(`model, φ ${(+phi).toFixed(3)}`, curve.omega_rad_s, curve.speed_m_s.map(v => 100 * v),
       colour("model"), mine ? "solid" : "dot", mine ? {} : {...faint, showlegend: false});
   });
+  const explained = left.map((one, index) => line(one.explanation.replaceAll("_", " "), one.omega_rad_s,
+    one.speed_m_s.map(v => 100 * v), colour("soft"), DASHES[index % DASHES.length]));
   const points = (some, name, more) => ({
     name, x: some.map(one => one.omega_rad_s), y: some.map(one => 100 * one.measured.speed_m_s), mode: "markers",
     error_y: {type: "data", array: some.map(one => 100 * (one.measured.speed_sd_m_s ?? 0)), thickness: 1},
@@ -172,10 +178,16 @@ function drawCurve(curves, trial, queue) {
     x1: trial.omega_rad_s, line: {color: colour("soft"), width: 1, dash: "dot"}}];
   const range = [0, Math.max(12, 1.25 * Math.max(0, ...queue.map(one => one.omega_rad_s), trial.omega_rad_s ?? 0))];
   const within = curve => curve.speed_m_s.filter((_, index) => curve.omega_rad_s[index] <= range[1]);
-  const seen = [...Object.values(curves).flatMap(within), ...measured.map(one => one.measured.speed_m_s)].map(v => 100 * v);
-  Plotly.react("curve", [...lines, points(others, "other φ", {...faint, marker: {color: colour("measured"), size: 7, symbol: "circle-open"}}),
+  const seen = [...Object.values(curves).flatMap(within), ...left.flatMap(within), ...measured.map(one => one.measured.speed_m_s)].map(v => 100 * v);
+  Plotly.react("curve", [...lines, ...explained, points(others, "other φ", {...faint, marker: {color: colour("measured"), size: 7, symbol: "circle-open"}}),
     points(ours, target == null ? "measured" : `measured, φ ${(+target).toFixed(3)}`)],
-    layout(["ω [rad/s]", {range}], ["v̄ [cm/s]", {range: fromZero(seen, [0, 40])}], {shapes}), options);
+    layout(["ω [rad/s]", {range}], ["v̄ [cm/s]", {range: fromZero(seen, [0, 40])}], {shapes, ...roomForNames(left.length)}), options);
+}
+
+/** Names of explanations are long: one a line above the figure, which grows by them. */
+function roomForNames(count) {
+  by("curve").style.setProperty("--names", count);
+  return {height: by("curve").clientHeight, ...count ? {legend: {y: 1.02, yanchor: "bottom", x: 0}} : {}};
 }
 
 // ---- tables
@@ -332,7 +344,7 @@ function drawLinks(state) {
 
 const PARTS = [
   state => drawTrial(state.trial), state => drawCampaign(state.campaign), drawFigures, state => drawSpeed(state.speed),
-  state => drawPacking(state.packing), state => drawCurve(state.curves, state.trial, state.campaign.queue ?? []),
+  state => drawPacking(state.packing), state => drawCurve(state.curves, state.trial, state.campaign.queue ?? [], state.campaign.look?.rivals ?? []),
   state => drawPictures(state.pictures), state => drawNodes(state.nodes, state.topics),
   state => drawLog(state.log, state.campaign.events ?? []), drawLinks,
 ];

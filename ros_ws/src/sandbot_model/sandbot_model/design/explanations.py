@@ -36,20 +36,25 @@ def explained_by(fit: Fit, places: Places) -> Explanation:
     """What a fit predicts."""
     precision = places.precision
     zero_m, scale = read_with(fit)
-    read = readings(fit, places)
+    read = readings(fit, places.phi, places.omega)
     off = np.concatenate([fit.deviations(places.phi, places.omega), readings_off(read, zero_m.stderr, scale.stderr)])
     # Beside a switch parameters seem to leave open what trials have settled.
     off *= precision * np.sqrt(np.minimum(1.0, places.known / np.maximum(np.sum(off**2, axis=0), 1e-300)))
     return Explanation(
-        name=" + ".join(fit.effects) or "the base model",
+        name=name_of(fit),
         mean=np.asarray(read * precision),
         common=np.einsum("api,aqj->piqj", off, off) + _diagonal(places.shared * precision**2),
     )
 
 
-def readings(fit: Fit, places: Places) -> Array:
-    """What will be read at each place ``(n, 4)``, with the lift zero and the speed scale that the fit has found."""
-    predicted = np.nan_to_num(fit.predict(places.phi, places.omega).observables)
+def name_of(fit: Fit) -> str:
+    """The effects that it has, in words where it has none."""
+    return " + ".join(fit.effects) or "the base model"
+
+
+def readings(fit: Fit, phi: Array, omega: Array) -> Array:
+    """What will be read at ``n`` places ``(n, 4)``, with the lift zero and the speed scale that the fit has found."""
+    predicted = np.nan_to_num(fit.predict(phi, omega).observables)
     zero_m, scale = read_with(fit)
     return np.asarray(predicted + readings_off(predicted, zero_m.value, scale.value).sum(axis=0))
 

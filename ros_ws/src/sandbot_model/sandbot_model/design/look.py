@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.design.block import block
+from sandbot_model.design.curves import Curve, curves
 from sandbot_model.design.discrepancy import something_else
 from sandbot_model.design.evidence import USUAL, WEAK, Possible, at_every_look, lack_of_fit_at, possible_beside
 from sandbot_model.design.explanations import explained_by
@@ -70,6 +71,8 @@ class Look:
     """Those of them that the plan can still exclude."""
     stop: str
     block: tuple[Chosen, ...]
+    rivals: tuple[Curve, ...] = ()
+    """What the explanations between which the block decides say of its φ."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -92,6 +95,7 @@ class Look:
             ],
             "stop": self.stop,
             "next": [vars(one) for one in self.block],
+            "rivals": [asdict(one) for one in self.rivals],
         }
 
     def __str__(self) -> str:
@@ -142,8 +146,10 @@ def look(
             rivals = [fit for fit in found.fits if sound(fit)] or [found.fit]
             refused = status != "untested" and max(fit.lack_of_fit_p for fit in rivals) < lack_of_fit_at(number, alpha)
             stop = REFUSED if refused else ""
-    block = () if stop else _next(rivals[:RIVALS], places, plan, criteria)
-    return Look(found, tuple(possible), tuple(one.effect for one in open_ones), stop, block)
+    rivals = rivals[:RIVALS]
+    block = () if stop else _next(rivals, places, plan, criteria)
+    drawn = curves(rivals, {one.phi for one in block}, [omega for _, omega in plan.conditions])
+    return Look(found, tuple(possible), tuple(one.effect for one in open_ones), stop, block, drawn)
 
 
 def _possible(
