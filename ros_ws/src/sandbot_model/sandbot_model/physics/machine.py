@@ -166,28 +166,24 @@ def _run(code, begin, end, reg, n, tables, phi, k):  # noqa: C901
 
 
 @_compiled
-def _load(inputs, points, feet, row, first, n, reg):
-    """Put the inputs of some points of a row, in the order of (cells, nodes), into their registers."""
+def _load(inputs, points, feet, row, which, reg):
+    """Put the inputs of some points of a row, numbered in the order of (cells, nodes), into their registers."""
     theta, conditions, k = points[0], points[1], points[2]
     nodes = k.shape[2]
     for at in range(len(inputs)):
         to, kind, column = inputs[at, 0], inputs[at, 1], inputs[at, 2]
-        cell, node = first // nodes, first % nodes
         if kind == OF_ROW:
-            for i in range(n):
-                reg[to, i] = theta[row, column]
+            reg[to, : len(which)] = theta[row, column]
         elif kind == OF_FEET:
-            for i in range(n):
-                reg[to, i] = feet[column, row, first + i]
+            for i in range(len(which)):
+                reg[to, i] = feet[column, row, which[i]]
+        elif kind == OF_CELL:
+            for i in range(len(which)):
+                reg[to, i] = conditions[column, row % conditions.shape[1], which[i] // nodes]
         else:
-            for i in range(n):
-                if kind == OF_CELL:
-                    reg[to, i] = conditions[column, row % conditions.shape[1], cell]
-                else:
-                    reg[to, i] = k[row % k.shape[0], cell % k.shape[1], node]
-                node += 1
-                if node == nodes:
-                    cell, node = cell + 1, 0
+            for i in range(len(which)):
+                cell, node = which[i] // nodes, which[i] % nodes
+                reg[to, i] = k[row % k.shape[0], cell % k.shape[1], node]
 
 
 @_compiled
@@ -213,7 +209,7 @@ def evaluate(program, points, feet):
     for row in range(rows):
         for first in range(0, each, AT_ONCE):
             n = min(AT_ONCE, each - first)
-            _load(inputs, points, feet, row, first, n, reg)
+            _load(inputs, points, feet, row, np.arange(first, first + n), reg)
             _run(code, 0, len(code), reg, n, tables, phi, curve[row % len(curve)])
             for at in range(len(outputs)):
                 found[at, row, first : first + n] = reg[outputs[at], :n]
@@ -269,13 +265,11 @@ def _bracket(program, levels, points, depth, grid):  # noqa: C901
                     for i in range(n):
                         reg[stiffness, i] = k[row % k.shape[0], cell % k.shape[1], node]
                 _run(code, levels[2], len(code), reg, n, tables, phi, own)
-                at, point = 0, cell * nodes + node
-                while at < n and not reg[margin, at] >= 0:
-                    at += 1
+                point = cell * nodes + node
+                at, top = _climbed(reg[margin])
                 if at < n:
                     at = max(at, 1)
                     upper[row, point], below[row, point], above[row, point] = at, reg[margin, at - 1], reg[margin, at]
-                top = _highest_peak(reg[margin], at)
                 if top:
                     before = max(top - 1, 1)
                     peak[row, point] = top
@@ -284,45 +278,49 @@ def _bracket(program, levels, points, depth, grid):  # noqa: C901
 
 
 @_compiled
-def _highest_peak(margin, end):
-    top = 0
-    for at in range(1, min(end, len(margin) - 1)):
-        if margin[at] > margin[at - 1] and margin[at] >= margin[at + 1] and (top == 0 or margin[at] > margin[top]):
+def _climbed(margin):
+    """Where it first is not negative, its length if nowhere; where its highest peak before that is, 0 if nowhere."""
+    top, last = 0, len(margin) - 1
+    for at in range(len(margin)):
+        here = margin[at]
+        if here >= 0:
+            return at, top
+        if 0 < at < last and here > margin[at - 1] and here >= margin[at + 1] and (top == 0 or here > margin[top]):
             top = at
-    return top
+    return len(margin), top
 
 
 @_compiled
 def _polish(program, points, depth, grid, upper, below, above, steps):
     """Depth of the crossing within its bracket, the deepest where there is none."""
     code, inputs, outputs, count, constants, tables = program
-    rows, each, phi, curve = len(points[0]), points[1].shape[2] * points[2].shape[2], points[3], points[4]
-    reg = _registers(count, AT_ONCE, constants)
-    found, none = np.empty(upper.shape), np.empty((0, 0, 0))
+    phi, curve = points[3], points[4]
+    reg, none = _registers(count, AT_ONCE, constants), np.empty((0, 0, 0))
+    found = np.full(upper.shape, grid[-1])
     low, high = np.empty(AT_ONCE), np.empty(AT_ONCE)
-    for row in range(rows):
-        for first in range(0, each, AT_ONCE):
-            n = min(AT_ONCE, each - first)
-            _load(inputs, points, none, row, first, n, reg)
+    for row in range(len(upper)):
+        crossing = np.nonzero(upper[row])[0]
+        for begin in range(0, len(crossing), AT_ONCE):
+            which = crossing[begin : begin + AT_ONCE]
+            n = len(which)
+            _load(inputs, points, none, row, which, reg)
             for i in range(n):
-                at = max(upper[row, first + i], 1)
-                low[i], high[i] = grid[at - 1], grid[at]
+                low[i], high[i] = grid[upper[row, which[i]] - 1], grid[upper[row, which[i]]]
             for _ in range(steps):
                 for i in range(n):
-                    reg[depth, i] = _secant(low[i], high[i], below[row, first + i], above[row, first + i])
+                    reg[depth, i] = _secant(low[i], high[i], below[row, which[i]], above[row, which[i]])
                 _run(code, 0, len(code), reg, n, tables, phi, curve[row % len(curve)])
                 for i in range(n):
                     here = reg[outputs[0], i]
                     # Illinois: halve the margin of the end that stays, so that it does not stay for ever.
                     if here >= 0:
-                        high[i], above[row, first + i] = reg[depth, i], here
-                        below[row, first + i] *= 0.5
+                        high[i], above[row, which[i]] = reg[depth, i], here
+                        below[row, which[i]] *= 0.5
                     else:
-                        low[i], below[row, first + i] = reg[depth, i], here
-                        above[row, first + i] *= 0.5
+                        low[i], below[row, which[i]] = reg[depth, i], here
+                        above[row, which[i]] *= 0.5
             for i in range(n):
-                at = _secant(low[i], high[i], below[row, first + i], above[row, first + i])
-                found[row, first + i] = at if upper[row, first + i] else grid[-1]
+                found[row, which[i]] = _secant(low[i], high[i], below[row, which[i]], above[row, which[i]])
     return found
 
 
@@ -330,29 +328,29 @@ def _polish(program, points, depth, grid, upper, below, above, steps):
 def _follow(program, points, depth, grid, peak, first, second, steps, held, found, walking):
     """Put in where the margin reaches 0 on its way up to a peak."""
     code, inputs, outputs, count, constants, tables = program
-    rows, each, phi, curve = len(points[0]), points[1].shape[2] * points[2].shape[2], points[3], points[4]
+    phi, curve = points[3], points[4]
     reg, none = _registers(count, AT_ONCE, constants), np.empty((0, 0, 0))
     low, here = np.empty(AT_ONCE), np.empty(AT_ONCE)
-    for row in range(rows):
-        for begin in range(0, each, AT_ONCE):
-            n = min(AT_ONCE, each - begin)
-            if not peak[row, begin : begin + n].any():
-                continue
-            _load(inputs, points, none, row, begin, n, reg)
+    for row in range(len(peak)):
+        peaked = np.nonzero(peak[row])[0]
+        for begin in range(0, len(peaked), AT_ONCE):
+            which = peaked[begin : begin + AT_ONCE]
+            n = len(which)
+            _load(inputs, points, none, row, which, reg)
             for i in range(n):
-                before = max(peak[row, begin + i] - 1, 1)
-                low[i], here[i], reg[depth, i] = grid[before - 1], second[row, begin + i], grid[before]
+                before = max(peak[row, which[i]] - 1, 1)
+                low[i], here[i], reg[depth, i] = grid[before - 1], second[row, which[i]], grid[before]
             for _ in range(steps):
                 for i in range(n):
-                    top, now = peak[row, begin + i], reg[depth, i]
-                    beyond = _prolonged(low[i], now, first[row, begin + i], here[i])
+                    top, now = peak[row, which[i]], reg[depth, i]
+                    beyond = _prolonged(low[i], now, first[row, which[i]], here[i])
                     if abs(here[i]) >= held and beyond <= grid[min(top + 1, len(grid) - 1)]:
-                        low[i], first[row, begin + i], reg[depth, i] = now, here[i], beyond
+                        low[i], first[row, which[i]], reg[depth, i] = now, here[i], beyond
                 _run(code, 0, len(code), reg, n, tables, phi, curve[row % len(curve)])
                 here[:n] = reg[outputs[0], :n]
             for i in range(n):
-                if peak[row, begin + i] > 0 and abs(here[i]) < held:
-                    found[row, begin + i], walking[row, begin + i] = reg[depth, i], True
+                if abs(here[i]) < held:
+                    found[row, which[i]], walking[row, which[i]] = reg[depth, i], True
 
 
 @_compiled
