@@ -64,7 +64,7 @@ def batch_on(monkeypatch):
         def simulated(world, phi, *motion, seed):
             return simulate(world, phi_by_seed.get(seed, phi), *motion, seed=seed if chance is None else chance)
 
-        def one_by_one(trials, job, _workers):
+        def one_by_one(trials, job, _crew):
             return runner.Outcome(tuple(job(trial, 1).name for trial in trials), ())
 
         monkeypatch.setattr(batch, "simulate", simulated)

@@ -37,7 +37,7 @@ def same_ground(monkeypatch):
     def simulated(world, _phi, *rest, **named):
         return simulate(world, PHI, *rest, **named)
 
-    def run(trials, job, _workers):
+    def run(trials, job, _crew):
         return runner.Outcome(tuple(job(trial, 1).name for trial in trials), ())
 
     monkeypatch.setattr(batch, "simulate", simulated)

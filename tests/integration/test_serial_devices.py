@@ -143,7 +143,7 @@ def batch_of(monkeypatch):
     def simulated(world, _phi, *motion, seed):
         return simulate(world, PHI, *motion, seed=SEED)
 
-    def run(trials, job, _workers):
+    def run(trials, job, _crew):
         return runner.Outcome(tuple(job(trial, 1).name for trial in trials), ())
 
     monkeypatch.setattr(batch, "simulate", simulated)

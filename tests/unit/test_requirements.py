@@ -44,7 +44,7 @@ def declared(package: str) -> set[str]:
     return {*ast.literal_eval(given["install_requires"]), *(name for names in extras.values() for name in names)}
 
 
-BY_WAY_OF = {"sandbot_model": {"dask"}}
+BY_WAY_OF = {"sandbot_common": {"dask"}}
 """Declared though never imported by us: the workers of a cluster are started with its command."""
 
 

@@ -13,7 +13,11 @@ setup(
     ],
     python_requires=">=3.11",
     install_requires=["numpy", "pyyaml"],
-    extras_require={"test": ["pytest", "hypothesis"], "frames": ["pandas"]},
+    extras_require={
+        "test": ["pytest", "hypothesis"],
+        "frames": ["pandas"],
+        "cluster": ["dask", "distributed", "cloudpickle"],
+    },
     zip_safe=True,
     maintainer="trackway maintainers",
     maintainer_email="maintainers@trackway.example",

@@ -30,7 +30,6 @@ setup(
         "test": ["pytest", "hypothesis"],
         "explore": ["dash", "flask", "werkzeug", "av"],
         "rerun": ["rerun-sdk"],
-        "cluster": ["dask", "distributed", "cloudpickle"],
         "frames": ["pandas"],
         "plot": ["matplotlib"],
     },

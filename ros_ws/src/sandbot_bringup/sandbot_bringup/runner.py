@@ -1,16 +1,15 @@
-"""Run a campaign in batch: trials over worker processes, with progress, resumable, stopped cleanly by Ctrl-C."""
+"""Run a campaign in batch: trials over a crew, with progress, resumable, stopped cleanly by Ctrl-C."""
 
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from dataclasses import dataclass
 from pathlib import Path
 
 from tqdm import tqdm
 
 from sandbot_bringup.plan import PlannedTrial
-from sandbot_common.workers import pool
+from sandbot_common.crew import Crew
 
 Job = Callable[[PlannedTrial, int], Path]
 """Runs one trial, started at a wall-clock instant [ns], and returns its bag."""
@@ -24,26 +23,26 @@ class Outcome:
     failed: tuple[tuple[str, str], ...]
 
 
-def run(trials: Sequence[PlannedTrial], job: Job, workers: int) -> Outcome:
+def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
     """Run ``job`` on every trial. A failing trial does not stop the others.
 
     On Ctrl-C the trials under way are finished, no new one is begun, and KeyboardInterrupt goes on to the caller.
     """
     finished: list[str] = []
     failed: list[tuple[str, str]] = []
-    # A forked worker would inherit the parent's threads (numba, DDS).
-    spawned = pool(workers, "spawn")
-    with spawned, tqdm(total=len(trials), unit="trial", desc="campaign", mininterval=0.5) as bar:
+    with crew.executor() as hands, tqdm(total=len(trials), unit="trial", desc="campaign", mininterval=0.5) as bar:
         waiting = list(reversed(trials))
         running: dict[Future[Path], PlannedTrial] = {}
         try:
             while waiting or running:
-                # Only what the workers can start on now is handed over, so that Ctrl-C has little to wait for.
-                while waiting and len(running) < 2 * workers:
-                    running[spawned.submit(job, waiting[-1], time.time_ns())] = waiting[-1]
+                # Only what they can start on now is handed over, so that Ctrl-C has little to wait for.
+                while waiting and len(running) < 2 * crew.size:
+                    running[hands.submit(job, waiting[-1], time.time_ns())] = waiting[-1]
                     waiting.pop()
                 done, _ = wait(running, return_when=FIRST_COMPLETED)
                 for future in done:
+                    if future.cancelled():
+                        raise BrokenExecutor
                     trial = running.pop(future)
                     if (error := future.exception()) is not None:
                         failed.append((trial.trial_id, f"{type(error).__name__}: {error}"))
@@ -51,11 +50,9 @@ def run(trials: Sequence[PlannedTrial], job: Job, workers: int) -> Outcome:
                         finished.append(trial.trial_id)
                     bar.update()
         except KeyboardInterrupt:
-            spawned.shutdown(wait=True, cancel_futures=True)
+            hands.shutdown(wait=True, cancel_futures=True)
             raise
-        except BrokenProcessPool:
+        except BrokenExecutor:
             lost = [*running.values(), *reversed(waiting)]
-            failed += [
-                (trial.trial_id, "a worker process was killed (out of memory?); resume to run it") for trial in lost
-            ]
+            failed += [(trial.trial_id, f"{crew.lost}; resume to run it") for trial in lost]
     return Outcome(tuple(finished), tuple(failed))

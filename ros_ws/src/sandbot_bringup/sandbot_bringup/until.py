@@ -18,6 +18,7 @@ import numpy as np
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.journal import end_torn_line
 from sandbot_bringup.plan import ExtraTrials, Plan, trials_of, with_block
+from sandbot_common.crew import Crew, Processes
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json, read_text, write_text, writing
 from sandbot_common.parameters import from_mapping
@@ -27,6 +28,8 @@ from sandbot_record.bags import metadata
 START = "the start: spread over the plan"
 REPLICATES = 2
 """Trials of each condition of the start: pure error comes from them."""
+
+ALONE = Processes(1)
 
 Entry = Mapping[str, Any]
 """A look as a line of ``looks.jsonl``: ``look`` 1, 2, ..., trials ``planned`` and ``finished`` by then, and what
@@ -56,7 +59,7 @@ def begun(plan: Plan) -> Plan:
     )
 
 
-def decided(plan: Plan, folder: CampaignFolder, vetoed: Collection[str] = (), workers: int = 1) -> tuple[Plan, Entry]:
+def decided(plan: Plan, folder: CampaignFolder, vetoed: Collection[str] = (), crew: Crew = ALONE) -> tuple[Plan, Entry]:
     """The plan with the next block, or as it was where the campaign is over, and the look that says why.
 
     Conditions of trials that the operator has skipped, ``vetoed``, are not asked for again.
@@ -66,7 +69,7 @@ def decided(plan: Plan, folder: CampaignFolder, vetoed: Collection[str] = (), wo
     entries = looks_of(folder)
     entry = next((one for one in entries if known.items() <= one.items()), None)
     if entry is None:
-        entry = {"look": len(entries) + 1, **known, **_look(plan, folder, vetoed, len(entries) + 1, workers)}
+        entry = {"look": len(entries) + 1, **known, **_look(plan, folder, vetoed, len(entries) + 1, crew)}
         _append(folder.looks, entry)
     return with_block(plan, entry["next"]) if entry["next"] else plan, entry
 
@@ -90,10 +93,9 @@ def _entry(line: str, where: str) -> Entry:
     return found
 
 
-def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: int, workers: int) -> Entry:
+def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: int, crew: Crew) -> Entry:
     from sandbot_model.data.conditions import cells_of
     from sandbot_model.design import look as design
-    from sandbot_model.fitting import parallel
     from sandbot_model.physics.catalogue import catalogue
     from sandbot_record.trials import from_bags
 
@@ -103,8 +105,8 @@ def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: i
     if not grid:
         raise InputError(f"{plan.name}: every condition of the plan has been skipped: there is nothing left to run")
     offered = design.Plan(grid, seconds(plan, folder), plan.replicates)
-    cells = cells_of(from_bags.campaign(folder.path, workers).trials)
-    with parallel.workers(workers) as fit_all:
+    cells = cells_of(from_bags.campaign(folder.path, crew).trials)
+    with crew.map() as fit_all:
         found = design.look(
             cells, catalogue(), offered, number=number, base=plan.model, alpha=plan.alpha, fit_all=fit_all
         )

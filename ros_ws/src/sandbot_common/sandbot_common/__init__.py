@@ -8,6 +8,8 @@ terminal    colour and lines of 80 columns for a person
 suggest     "did you mean …?" for a misspelt name
 files       text, YAML, JSON and CSV in; out through a temporary name, so that nothing is ever half-written
 workers     worker processes that leave Ctrl-C to their parent and end with it
+crew        who does work that can be shared out: worker processes, or
+cluster     the workers of a Dask cluster
 messages    numpy to standard ROS messages (no rclpy)
 serialization  those messages to CDR bytes, without DDS
 topics      names, types and QoS of every topic, once

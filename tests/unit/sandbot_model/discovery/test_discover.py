@@ -6,11 +6,11 @@ import re
 import numpy as np
 import pytest
 
+from sandbot_common.crew import Processes
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.verdict import judge
 from sandbot_model.fitting.fit import fit
-from sandbot_model.fitting.parallel import workers
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.tools import compare as compare_tool
@@ -101,7 +101,7 @@ def test_without_replicates_nothing_is_claimed(drawn):
 def test_workers_change_nothing(drawn):
     cells = cells_of(drawn(("stance_overlap",), seed=6, levels=3))
     alone = discover(cells, FEW, max_effects=1)
-    with workers(2) as fit_all:
+    with Processes(2).map() as fit_all:
         together = discover(cells, FEW, max_effects=1, fit_all=fit_all)
     assert alone.to_dict() == together.to_dict()
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sandbot_common.crew import Processes
 from sandbot_model.data.conditions import cells_of, noise_floor
 from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.criteria import DEFAULT
@@ -11,7 +12,6 @@ from sandbot_model.discovery.residual import _score, _tried, suggest_formula
 from sandbot_model.discovery.scored_terms import guesses
 from sandbot_model.discovery.term_library import terms
 from sandbot_model.fitting.fit import fit
-from sandbot_model.fitting.parallel import workers
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
@@ -129,7 +129,7 @@ def test_a_users_effect_of_the_same_name_is_left_alone_and_workers_change_nothin
     assert second.options.endswith("--effects residual,residual_2")
     assert second.sentence.startswith("on top of residual, ")
     assert second.lack_of_fit_p > 5e-3
-    with workers(2) as fit_all:
+    with Processes(2).map() as fit_all:
         assert suggest_formula(better, known, fit_all=fit_all) == second
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from sandbot_common.crew import Processes
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.bootstrap import bootstrap
 from sandbot_model.fitting.fit import fit
-from sandbot_model.fitting.parallel import workers
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.walking import Inputs
@@ -49,6 +49,6 @@ def test_it_refuses_what_tells_no_spread(replicates, draws, message):
 def test_the_result_does_not_depend_on_who_fits():
     trials = table(3)
     alone = bootstrap(trials, MODEL, 5)
-    with workers(2) as fit_all:
+    with Processes(2).map() as fit_all:
         assert bootstrap(trials, MODEL, 5, fit_all=fit_all) == alone
     assert bootstrap(trials, MODEL, 5, seed=1) != alone

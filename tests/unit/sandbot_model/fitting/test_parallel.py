@@ -4,18 +4,16 @@ import json
 import os
 import signal
 import socket
-import subprocess
-import sys
 from contextlib import contextmanager
 
 import psutil
 import pytest
 
-from sandbot_common.errors import InputError
+from sandbot_common.cluster import connected
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.discover import discover
 from sandbot_model.fitting.bootstrap import bootstrap
-from sandbot_model.fitting.parallel import chunk_size, cluster, workers
+from sandbot_model.fitting.parallel import users_modules
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.tools import compare as compare_tool
@@ -55,20 +53,19 @@ def scheduler():
         yield local.scheduler_address
 
 
+@contextmanager
+def cluster(address):
+    """The ``map`` that fits are given."""
+    with connected(address, by_value=users_modules()) as crew, crew.map() as fit_all:
+        yield fit_all
+
+
 @pytest.fixture
 def nobody():
     """An address where nobody listens, kept from others."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         yield f"tcp://127.0.0.1:{taken.getsockname()[1]}"
-
-
-@pytest.mark.slow
-def test_a_cluster_keeps_the_order_in_other_processes(scheduler):
-    with cluster(scheduler) as fit_all:
-        found = list(fit_all(lambda task: (task * task, os.getpid()), range(50)))
-    assert [square for square, _ in found] == [task * task for task in range(50)]
-    assert len({pid for _, pid in found} - {os.getpid()}) == 2
 
 
 @pytest.mark.slow
@@ -147,49 +144,9 @@ def test_a_worker_killed_midway_changes_no_byte_of_a_discovery(drawn):
     assert json.dumps(harmed.to_dict()) == json.dumps(here.to_dict())
 
 
-def test_what_goes_wrong_on_a_cluster_is_told_here(scheduler):
-    def refuse(task):
-        raise InputError(f"task {task} can't be done")
-
-    def lacking(task):
-        raise ModuleNotFoundError("No module named 'sandbot_model'", name="sandbot_model")
-
-    with cluster(scheduler) as fit_all:
-        with pytest.raises(InputError, match="task 0 can't be done"):
-            list(fit_all(refuse, range(5)))
-        with pytest.raises(InputError, match="a worker has no module 'sandbot_model'"):
-            list(fit_all(lacking, range(5)))
-        assert list(fit_all(abs, [-1])) == [1]
-
-
-@pytest.mark.slow
-def test_a_scheduler_without_workers_is_one_line():
-    from distributed import LocalCluster
-
-    with (
-        LocalCluster(n_workers=0, dashboard_address=":0", host="127.0.0.1") as empty,
-        pytest.raises(InputError, match="no workers yet; start some with dask worker tcp://"),
-        cluster(empty.scheduler_address, 2.0),
-    ):
-        pass
-
-
-@pytest.mark.slow
-def test_a_cluster_that_is_lost_is_one_line():
-    from distributed import LocalCluster
-
-    local = LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0", host="127.0.0.1")
-    with cluster(local.scheduler_address) as fit_all:
-        found = iter(fit_all(abs, range(1000)))
-        next(found)
-        local.close()
-        with pytest.raises(InputError, match="the cluster was lost"):
-            list(found)
-
-
 @pytest.mark.parametrize("tool", [discover_tool, compare_tool])
 def test_an_address_where_nobody_listens_is_one_line_and_exit_2(tool, nobody, drawn, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(cluster.__wrapped__, "__defaults__", (0.3,))
+    monkeypatch.setattr(connected.__wrapped__, "__defaults__", (0.3,))
     write_csv(drawn(levels=2), tmp_path / "t.csv")
     more = ["--bootstrap", "2"] if tool is compare_tool else []
     out = tmp_path / "found.json"
@@ -200,69 +157,7 @@ def test_an_address_where_nobody_listens_is_one_line_and_exit_2(tool, nobody, dr
     assert not out.exists()
 
 
-def test_another_kind_of_server_is_no_scheduler():
-    with socket.create_server(("127.0.0.1", 0)) as silent:
-        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
-        with pytest.raises(InputError, match="no Dask scheduler there"), cluster(address, 0.3):
-            pass
-
-
-@pytest.mark.parametrize("address", ["", "host", "tcp://host", "carrier-pigeon://host:1", "tcp://[::1"])
-def test_what_is_no_address_is_refused(address):
-    with pytest.raises(InputError, match=r"no Dask scheduler there .*e\.g\. tcp://host:8786"), cluster(address, 0.3):
-        pass
-
-
-def test_without_dask_the_extra_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"distributed is not installed; pip install 'sandbot_model\[cluster\]'"):
-        cluster("tcp://127.0.0.1:1").__enter__()
-
-
 def test_compare_has_work_for_a_cluster_only_with_a_bootstrap(drawn, tmp_path, capsys):
     write_csv(drawn(levels=2), tmp_path / "t.csv")
     assert compare_tool.main([str(tmp_path / "t.csv"), "--dask", "tcp://127.0.0.1:1"]) == 2
     assert "--bootstrap" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(("tasks", "threads", "size"), [(1, 2, 1), (23, 2, 2), (1000, 2, 16), (1000, 64, 3), (5, 0, 1)])
-def test_chunks_keep_every_thread_busy_and_the_bar_moving(tasks, threads, size):
-    assert chunk_size(tasks, threads) == size
-
-
-def test_worker_processes_keep_the_order():
-    with workers(2) as fit_all:
-        assert list(fit_all(abs, range(-20, 0))) == list(range(20, 0, -1))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)])
-def test_an_end_leaves_no_worker_behind(sent, code):
-    program = """
-import os, signal, sys, time
-signal.signal(signal.SIGINT, signal.default_int_handler)
-from sandbot_common import cli
-from sandbot_model.fitting.parallel import workers
-
-def wait(_):
-    os.write(1, b"at work\\n")
-    time.sleep(0.5)
-
-def run(_):
-    with workers(2) as fit_all:
-        list(fit_all(wait, range(1000)))
-
-sys.exit(cli.run(run, []))
-"""
-    parent = subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert parent.stdout is not None
-    assert parent.stdout.readline() == "at work\n"
-    children = psutil.Process(parent.pid).children()
-    assert len(children) == 2
-    parent.send_signal(sent)
-    _, said = parent.communicate(timeout=20)
-    assert parent.returncode == code
-    assert "Traceback" not in said
-    assert psutil.wait_procs(children, timeout=20)[1] == []

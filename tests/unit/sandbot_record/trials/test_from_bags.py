@@ -7,6 +7,7 @@ import bags
 import pytest
 
 from sandbot_common import topics
+from sandbot_common.crew import Processes
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot, to_mapping
 from sandbot_record.bags.writer import BagWriter
@@ -118,10 +119,10 @@ def campaign(tmp_path, count=3):
 @pytest.mark.slow
 def test_a_campaign_in_the_same_order_in_one_process_and_in_two(tmp_path, monkeypatch):
     folder = campaign(tmp_path)
-    first = table.campaign(folder, workers=1)
+    first = table.campaign(folder, Processes(1))
     (folder / table.CACHE).unlink()
     monkeypatch.setattr(table, "_PARALLEL_FROM", 2)
-    second = table.campaign(folder, workers=2)
+    second = table.campaign(folder, Processes(2))
     assert first.trials.rows() == pytest.approx(second.trials.rows(), nan_ok=True) or repr(first) == repr(second)
     assert first.trials.trial_id.tolist() == ["t0", "t1", "t2"]
 

@@ -3,8 +3,8 @@
 import argparse
 import dataclasses
 import functools
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from sandbot_bringup.config import config_folder, files_of, robot_of, shipped
@@ -12,6 +12,7 @@ from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import VERDICT, Plan, PlannedTrial, plan_of, read_plan, to_yaml, trials_of, with_next_trials
 from sandbot_bringup.supervision import SILENCE_BOUNDS_S, SILENCE_S
 from sandbot_common import cli
+from sandbot_common.crew import add_crew, crew_of
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_yaml
 from sandbot_common.terminal import filled
@@ -88,7 +89,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--images", choices=("none", "jpeg", "video", "raw"), help="frames in every bag; default: one trial, JPEG"
     )
-    parser.add_argument("--workers", type=int, help="worker processes (--batch; default: one a CPU)")
+    add_crew(parser, "run the trials of --batch")
     parser.add_argument(
         "--redo",
         choices=("failed",),
@@ -131,7 +132,8 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
         plan = dataclasses.replace(plan, images=options.images)
     plan = _until(plan, options)
     path = options.out or (options.plan if resumed else beside / plan.name)
-    folder = CampaignFolder(path)
+    # Absolute, because the workers of a cluster stand elsewhere.
+    folder = CampaignFolder(path.absolute() if options.dask else path)
     plan = folder.grown(plan)
     if options.next_trials is not None:
         plan = with_next_trials(plan, options.next_trials)
@@ -139,10 +141,9 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
         from sandbot_bringup.until import begun
 
         plan = begun(plan)
-    if options.workers is not None and options.workers < 1:
-        raise InputError(f"--workers: {options.workers} is not a number of processes; 1 or more")
-    if not options.batch and options.workers is not None:
-        raise InputError("--workers: live trials run one by one; it is for those of --batch")
+    for option in ("workers", "dask"):
+        if not options.batch and getattr(options, option) is not None:
+            raise InputError(f"--{option}: live trials run one by one; it is for those of --batch")
     if options.hide is not None and options.hide < 0:
         raise InputError(f"--hide: {options.hide} is not a seed; 0 or more")
     low_s, high_s = SILENCE_BOUNDS_S
@@ -183,10 +184,9 @@ def _batch(
     from sandbot_bringup import batch, runner
     from sandbot_bringup.until import decided
 
-    workers = options.workers or os.cpu_count() or 1
     world = batch.choose_world(folder, robot_of(files), options.world, options.hide)
-    folder.adopt(plan, files)
-    with folder.alone():
+    with crew_of(options) as crew, _adopted(folder, plan, files):
+        crew.check(folder.path)
         folder.clear_torn()
         batch.seal(folder, world)
         failed: dict[str, str] = {}
@@ -197,14 +197,21 @@ def _batch(
                 print(f"{folder.path}: {len(trials) - len(todo)} of {len(trials)} trials are there already")
             setup = batch.Setup(plan, world, folder, files)
             todo.sort(key=lambda one: one.run_order)
-            failed |= dict(runner.run(todo, functools.partial(batch.run_trial, setup), workers).failed)
+            failed |= dict(runner.run(todo, functools.partial(batch.run_trial, setup), crew).failed)
             if not plan.until or len(folder.missing(trials)) == len(trials):
                 return trials, list(failed.items())
-            plan, entry = decided(plan, folder, workers=workers)
+            plan, entry = decided(plan, folder, crew=crew)
             print(filled(f"look {entry['look']}: {entry['text']}"))
             if not entry["next"]:
                 return trials, list(failed.items())
             folder.adopt(plan, files)
+
+
+@contextmanager
+def _adopted(folder: CampaignFolder, plan: Plan, files: Mapping[str, str]) -> Iterator[None]:
+    folder.adopt(plan, files)
+    with folder.alone():
+        yield
 
 
 def _finish(folder: CampaignFolder, trials: Sequence[PlannedTrial], failures: Sequence[tuple[str, str]]) -> int:

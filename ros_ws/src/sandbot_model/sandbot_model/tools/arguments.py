@@ -6,8 +6,8 @@ once.
 
 import argparse
 import json
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -188,23 +188,20 @@ def readings(args: argparse.Namespace) -> "Readings | None":
 
 
 def add_fitters(parser: Parser) -> None:
-    """Options for the processes that fit."""
-    who = parser.add_mutually_exclusive_group()
-    who.add_argument("--workers", type=int, default=2, metavar="N", help="processes that fit at once (default: 2)")
-    who.add_argument(
-        "--dask",
-        metavar="ADDRESS",
-        help="fit on the Dask cluster whose scheduler is at this address, e.g. tcp://host:8786",
-    )
+    """Options for those who fit."""
+    from sandbot_common.crew import add_crew
+
+    add_crew(parser, "fit", default=2)
 
 
-def fitters(args: argparse.Namespace) -> "AbstractContextManager[Map]":
-    """The ``map`` that ``--workers`` or ``--dask`` asks for; use it in a ``with``. Raises InputError."""
-    if args.workers < 1:
-        raise InputError(f"--workers {args.workers}: at least one is needed")
-    from sandbot_model.fitting.parallel import cluster, workers
+@contextmanager
+def fitters(args: argparse.Namespace) -> Iterator["Map"]:
+    """The ``map`` of those whom ``--workers`` or ``--dask`` names. Raises InputError."""
+    from sandbot_common.crew import crew_of
+    from sandbot_model.fitting.parallel import users_modules
 
-    return workers(args.workers) if args.dask is None else cluster(args.dask)
+    with crew_of(args, by_value=users_modules()) as crew, crew.map() as fit_all:
+        yield fit_all
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from sandbot_common import files
+from sandbot_common.crew import Processes
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot, read_robot
 from sandbot_model.data.conditions import Cells, cells_of
@@ -29,7 +30,6 @@ from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.verdict import Verdict
-from sandbot_model.fitting import parallel
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Progress
 from sandbot_model.fitting.text import WIDTH
@@ -153,7 +153,7 @@ def discover(
     trials = _trials(data, robot)
     notes = _notes(trials)
     cells = _cells(trials, penetrometer)
-    with parallel.workers(workers) as fit_all:
+    with Processes(workers).map() as fit_all:
         found = discovering.discover(
             cells,
             effects,

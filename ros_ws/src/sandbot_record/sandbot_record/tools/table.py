@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sandbot_common import cli
+from sandbot_common.crew import add_crew, crew_of
 from sandbot_common.errors import InputError
 from sandbot_common.files import check_output, writing
 from sandbot_record.bags import reader
@@ -24,18 +25,22 @@ def _table(argv: Sequence[str]) -> None:
     parser.add_argument(
         "--out", type=cli.output, help="the CSV to write (default: trials.csv in the campaign folder, else print)"
     )
-    parser.add_argument("--workers", type=int, help="processes (default: one a CPU)")
+    add_crew(parser, "read the bags of a folder")
     options = parser.parse_args(argv)
-    if options.workers is not None and options.workers < 1:
-        raise InputError(f"--workers {options.workers}: at least one is needed")
     skipped: tuple[str, ...] = ()
     out = options.out
     first = options.data[0]
     if len(options.data) == 1 and first.is_dir() and not reader.is_bag(first):
         out = out or check_output(first / table.TRIALS_CSV)
-        report = table.campaign(first, options.workers)
+        # Absolute, because the workers of a cluster stand elsewhere.
+        with crew_of(options) as crew:
+            crew.check(first)
+            report = table.campaign(first.absolute() if options.dask else first, crew)
         rows, skipped = report.trials, report.skipped
     else:
+        for option in ("workers", "dask"):
+            if getattr(options, option) is not None:
+                raise InputError(f"--{option}: only the bags of one folder are shared out; these are read one by one")
         rows = read(options.data)
     if out is None:
         print(to_csv(rows), end="")

@@ -4,7 +4,6 @@ The rows of a campaign are kept beside its trials (``cache``), so only new or ch
 """
 
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from sandbot_common import files, topics
+from sandbot_common.crew import Crew, one_a_cpu
 from sandbot_common.errors import InputError
 from sandbot_common.legs import leg_mount_rad
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_common.workers import pool
 from sandbot_record.bags import reader
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials import judge
@@ -114,10 +113,10 @@ def _leg_mount_rad(plan: dict[str, Any], robot: Robot | None) -> float:
     return mount
 
 
-def campaign(folder: Path, workers: int | None = None) -> Report:
+def campaign(folder: Path, crew: Crew | None = None) -> Report:
     """The table of a campaign folder, or of any folder of bags.
 
-    Bags are read (in ``workers`` processes, by default one a CPU); a folder that holds only trials.csv gives that.
+    Bags are read (by a ``crew``, by default one process a CPU); a folder that holds only trials.csv gives that.
     """
     bags = bags_in(folder)
     if not bags:
@@ -136,7 +135,7 @@ def campaign(folder: Path, workers: int | None = None) -> Report:
     failed: dict[Path, str] = {}
     for first in range(0, len(todo), _KEPT_EACH):
         some = todo[first : first + _KEPT_EACH]
-        for bag, result in zip(some, _rows(some, workers), strict=True):
+        for bag, result in zip(some, _rows(some, crew), strict=True):
             if isinstance(result, str):
                 failed[bag] = result
             else:
@@ -155,10 +154,10 @@ def campaign(folder: Path, workers: int | None = None) -> Report:
     return Report(table, tuple(skipped), len(bags) - len(todo))
 
 
-def make(folder: Path, out: Path | None = None, workers: int | None = None) -> Path:
+def make(folder: Path, out: Path | None = None, crew: Crew | None = None) -> Path:
     """Write the trials table of a campaign folder to its trials.csv (or ``out``) and return the path."""
     path = out or folder / TRIALS_CSV
-    write_csv(campaign(folder, workers).trials, path)
+    write_csv(campaign(folder, crew).trials, path)
     return path
 
 
@@ -185,13 +184,12 @@ def _table_is_newer(folder: Path, bags: Sequence[Path]) -> bool:
     return len(read_csv(table)) == len(bags)
 
 
-def _rows(bags: Sequence[Path], workers: int | None) -> list[Measured | str]:
+def _rows(bags: Sequence[Path], crew: Crew | None) -> list[Measured | str]:
     """A row or the reason why there is none, for each bag."""
-    workers = min(workers or os.cpu_count() or 1, len(bags))
-    if workers < 2 or len(bags) < _PARALLEL_FROM:
+    if len(bags) < _PARALLEL_FROM:
         return [_row_or_reason(bag) for bag in bags]
-    with pool(workers, "fork") as forked:
-        return list(forked.map(_row_or_reason, bags, chunksize=4))
+    with (crew or one_a_cpu()).map() as spread:
+        return list(spread(_row_or_reason, bags))
 
 
 def _row_or_reason(bag: Path) -> Measured | str:

@@ -1,0 +1,48 @@
+"""Worker processes as a crew: results in order, and nobody left behind by an end."""
+
+import signal
+import subprocess
+import sys
+
+import psutil
+import pytest
+
+from sandbot_common.crew import Processes
+
+
+def test_worker_processes_keep_the_order():
+    with Processes(2).map() as spread:
+        assert list(spread(abs, range(-20, 0))) == list(range(20, 0, -1))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)])
+def test_an_end_leaves_no_worker_behind(sent, code):
+    program = """
+import os, signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from sandbot_common import cli
+from sandbot_common.crew import Processes
+
+def wait(_):
+    os.write(1, b"at work\\n")
+    time.sleep(0.5)
+
+def run(_):
+    with Processes(2).map() as spread:
+        list(spread(wait, range(1000)))
+
+sys.exit(cli.run(run, []))
+"""
+    parent = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert parent.stdout is not None
+    assert parent.stdout.readline() == "at work\n"
+    children = psutil.Process(parent.pid).children()
+    assert len(children) == 2
+    parent.send_signal(sent)
+    _, said = parent.communicate(timeout=20)
+    assert parent.returncode == code
+    assert "Traceback" not in said
+    assert psutil.wait_procs(children, timeout=20)[1] == []
