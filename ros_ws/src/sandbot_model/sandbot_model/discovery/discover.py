@@ -193,6 +193,11 @@ def discover(
         verdict = replace(verdict, because=f"{verdict.because}; {_split(trials, criteria)}")
     elif verdict.status == "identified" and (calibration := would_fall(search, named)):
         verdict = replace(verdict, because=f"{verdict.because}; {calibration}")
+    if verdict.status in ("identified", "partial"):
+        twins = [effect.mistaken_for for effect in named.model.effects if effect.mistaken_for]
+        verdict = replace(
+            verdict, because="; ".join([verdict.because, *(f"{one} would look the same" for one in twins)])
+        )
     return Discovery(
         model=base,
         cells=cells,

@@ -55,6 +55,8 @@ class Effect:
     source: str
     seen_in: str
     parameters: tuple[Parameter, ...] = ()
+    mistaken_for: str = ""
+    """What has the same formula for another reason, so that no data can tell the two apart; a claim says so."""
     first_step_differs: bool = False
     """True if the effect is another in the first step: virgin ground, standing start (see ``chain.first_step``)."""
     clocked: bool = False

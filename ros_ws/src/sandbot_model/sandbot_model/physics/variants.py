@@ -32,6 +32,7 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     },
     "belly_coast": {
         "the first step as any other": f"s + {_TOUCH_DOWN}*{_SLIDING} - 0.5*mu_b*g*{_SLIDING}**2",
+        "not cut short by the next step": f"s + ({_TOUCH_DOWN})**2/(2*mu_b*g)",
         "friction in proportion to speed": (
             f"s + {_TOUCH_DOWN}*{_DECAY_S}*(1 - exp(-{_TIME_LEFT}/(1 + first)/({_DECAY_S})))"
         ),

@@ -12,6 +12,7 @@ class StanceOverlap(Effect):
     formula = "v -> v*(1 - eta): the first step likewise"
     source = "Li09, double stance"
     seen_in = "off the geometry lock, L unchanged"
+    mistaken_for = "a cable that takes a constant share of each step, but not of its peak,"
     parameters = (
         Parameter(
             "eta",
