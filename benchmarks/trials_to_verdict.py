@@ -37,7 +37,8 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_record.trials.table import Row, from_rows
 
 SEEDS, MAX_EFFECTS, EVERY = 10, 2, 5
-OUT = Path("runs/trials_to_verdict.jsonl")
+OUT = Path(__file__).with_name("trials_to_verdict.jsonl")
+"""Kept beside the report: all of it takes hours, and whoever comes next goes on from there."""
 REPLICATES, FIRST_REPLICATES = 3, 2
 WEEK = Week(k_batch_sd=0.005, k_drift=0.01, lift_zero_m=0.0003, speed_scale=0.003)
 """A real week, mild: every block another offset of k, a drift, a lift zero, a speed scale."""

@@ -4,6 +4,7 @@ import os
 import signal
 import socket
 import sys
+from concurrent.futures import BrokenExecutor, CancelledError
 
 import pytest
 
@@ -90,6 +91,22 @@ def test_without_dask_the_extra_is_named(monkeypatch):
 @pytest.mark.parametrize(("tasks", "threads", "size"), [(1, 2, 1), (23, 2, 2), (1000, 2, 16), (1000, 64, 3), (5, 0, 1)])
 def test_chunks_keep_every_thread_busy_and_the_bar_moving(tasks, threads, size):
     assert chunk_size(tasks, threads) == size
+
+
+@pytest.mark.slow
+def test_what_is_asked_of_a_cluster_after_its_loss_says_so():
+    from distributed import LocalCluster
+
+    local = LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0", host="127.0.0.1")
+    with connected(local.scheduler_address, 2.0) as crew, crew.executor() as hands, crew.map() as spread:
+        assert hands.submit(abs, -1).result() == 1
+        local.close()
+        with pytest.raises(BrokenExecutor):
+            _ = crew.size
+        with pytest.raises(CancelledError):
+            hands.submit(abs, -2).result()
+        with pytest.raises(InputError, match="the cluster was lost"):
+            list(spread(abs, [-3]))
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import logging
 import os
 import pickle
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
@@ -79,8 +79,11 @@ class Cluster:
 
     @property
     def size(self) -> int:
-        """Threads of all workers that are there now."""
-        threads: int = sum(self._client.nthreads().values())
+        """Threads of all workers that are there now. Raises BrokenExecutor where the cluster is lost."""
+        try:
+            threads: int = sum(self._client.nthreads().values())
+        except (OSError, RuntimeError, CancelledError) as error:
+            raise BrokenExecutor(_line(error)) from None
         return max(threads, 1)
 
     def check(self, folder: Path) -> None:
@@ -99,7 +102,10 @@ class Cluster:
         return _Hands(self._client, self._dumps)
 
     def _spread(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
-        size = chunk_size(len(tasks), self.size)
+        try:
+            size = chunk_size(len(tasks), self.size)
+        except BrokenExecutor as error:
+            raise InputError(f"--dask {self._client.scheduler.address}: {self.lost} ({error})") from None
         chunks = [tasks[i : i + size] for i in range(0, len(tasks), size)]
         work = [self._dumps(partial(_each, function, chunk)) for chunk in chunks]
         futures = self._client.map(_unpacked(), work, pure=False)
