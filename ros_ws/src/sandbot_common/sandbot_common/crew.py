@@ -10,6 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Protocol
 
+from sandbot_common.errors import InputError
 from sandbot_common.workers import pool
 
 Map = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
@@ -92,6 +93,13 @@ def _count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is no number of processes; at least one is needed")
     return int(text)
+
+
+def no_crew(options: argparse.Namespace, why: str) -> None:
+    """Refuse ``--workers`` and ``--dask`` where nothing is shared out. Raises InputError."""
+    for option in ("workers", "dask"):
+        if getattr(options, option) is not None:
+            raise InputError(f"--{option}: {why}")
 
 
 def crew_of(options: argparse.Namespace, by_value: Sequence[ModuleType] = ()) -> AbstractContextManager[Crew]:

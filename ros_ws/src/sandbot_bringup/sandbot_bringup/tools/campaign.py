@@ -12,7 +12,7 @@ from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import VERDICT, Plan, PlannedTrial, plan_of, read_plan, to_yaml, trials_of, with_next_trials
 from sandbot_bringup.supervision import SILENCE_BOUNDS_S, SILENCE_S
 from sandbot_common import cli
-from sandbot_common.crew import add_crew, crew_of
+from sandbot_common.crew import add_crew, crew_of, no_crew
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_yaml
 from sandbot_common.terminal import filled
@@ -141,9 +141,8 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
         from sandbot_bringup.until import begun
 
         plan = begun(plan)
-    for option in ("workers", "dask"):
-        if not options.batch and getattr(options, option) is not None:
-            raise InputError(f"--{option}: live trials run one by one; it is for those of --batch")
+    if not options.batch:
+        no_crew(options, "live trials run one by one; it is for those of --batch")
     if options.hide is not None and options.hide < 0:
         raise InputError(f"--hide: {options.hide} is not a seed; 0 or more")
     low_s, high_s = SILENCE_BOUNDS_S

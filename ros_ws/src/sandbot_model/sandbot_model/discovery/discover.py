@@ -195,9 +195,7 @@ def discover(
         verdict = replace(verdict, because=f"{verdict.because}; {calibration}")
     if verdict.status in ("identified", "partial"):
         twins = [effect.mistaken_for for effect in named.model.effects if effect.mistaken_for]
-        verdict = replace(
-            verdict, because="; ".join([verdict.because, *(f"{one} would look the same" for one in twins)])
-        )
+        verdict = replace(verdict, because="; ".join([verdict.because, *(f"{one} can look the same" for one in twins)]))
     return Discovery(
         model=base,
         cells=cells,

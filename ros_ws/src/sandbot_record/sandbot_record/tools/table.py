@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sandbot_common import cli
-from sandbot_common.crew import add_crew, crew_of
-from sandbot_common.errors import InputError
+from sandbot_common.crew import add_crew, crew_of, no_crew
 from sandbot_common.files import check_output, writing
 from sandbot_record.bags import reader
 from sandbot_record.trials import from_bags as table
@@ -38,9 +37,7 @@ def _table(argv: Sequence[str]) -> None:
             report = table.campaign(first.absolute() if options.dask else first, crew)
         rows, skipped = report.trials, report.skipped
     else:
-        for option in ("workers", "dask"):
-            if getattr(options, option) is not None:
-                raise InputError(f"--{option}: only the bags of one folder are shared out; these are read one by one")
+        no_crew(options, "only the bags of one folder are shared out; these are read one by one")
         rows = read(options.data)
     if out is None:
         print(to_csv(rows), end="")

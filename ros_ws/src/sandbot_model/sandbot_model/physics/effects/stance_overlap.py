@@ -12,7 +12,7 @@ class StanceOverlap(Effect):
     formula = "v -> v*(1 - eta): the first step likewise"
     source = "Li09, double stance"
     seen_in = "off the geometry lock, L unchanged"
-    mistaken_for = "a cable that takes a constant share of each step, but not of its peak,"
+    mistaken_for = "a cable sparing the peak"
     parameters = (
         Parameter(
             "eta",
