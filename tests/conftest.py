@@ -146,3 +146,12 @@ def beside(domain: int) -> Iterator[Beside]:
     one = Beside(domain)
     yield one
     one.close()
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    """Address of a cluster of two worker processes that know nothing of this one's memory."""
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", host="127.0.0.1") as local:
+        yield local.scheduler_address

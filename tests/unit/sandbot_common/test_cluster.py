@@ -12,15 +12,6 @@ from sandbot_common.cluster import chunk_size, connected
 from sandbot_common.errors import InputError
 
 
-@pytest.fixture(scope="module")
-def scheduler():
-    """Address of a cluster of two worker processes that know nothing of this one's memory."""
-    from distributed import LocalCluster
-
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", host="127.0.0.1") as local:
-        yield local.scheduler_address
-
-
 @pytest.mark.slow
 def test_a_cluster_keeps_the_order_in_other_processes(scheduler):
     with connected(scheduler) as crew, crew.map() as spread:

@@ -44,15 +44,6 @@ class Loss(Effect):
 BRAKE = "brake: balance: extra_force = c*omega; c [N s] in 0..0.1"
 
 
-@pytest.fixture(scope="module")
-def scheduler():
-    """Address of a cluster of two worker processes that know nothing of this one's memory."""
-    from distributed import LocalCluster
-
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", host="127.0.0.1") as local:
-        yield local.scheduler_address
-
-
 @contextmanager
 def cluster(address):
     """The ``map`` that fits are given."""
