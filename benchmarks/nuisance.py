@@ -39,7 +39,7 @@ NUISANCES: Mapping[str, tuple[str, Mapping[str, float], Mapping[str, float]]] = 
     "one preparation a condition": ("condition", {"k_batch_sd": 0.005}, {"k_batch_sd": 0.01}),
     "blocks on days": ("replicate", {"k_batch_sd": 0.005}, {"k_batch_sd": 0.015}),
     "drift": ("replicate", {"k_drift": 0.01}, {"k_drift": 0.03}),
-    "jump": ("replicate", {"k_jump": 0.01}, {"k_jump": -0.03}),
+    "jump": ("replicate", {"k_jump": 0.01}, {"k_jump": 0.03}),
     "lift zero": ("replicate", {"lift_zero_m": 0.3 * GRAIN_M}, {"lift_zero_m": GRAIN_M}),
     "speed scale": ("replicate", {"speed_scale": 0.003}, {"speed_scale": 0.01}),
     "phi zero": ("replicate", {"phi_zero": 0.001}, {"phi_zero": 0.003}),
@@ -50,6 +50,10 @@ NUISANCES: Mapping[str, tuple[str, Mapping[str, float], Mapping[str, float]]] = 
     ),
 }
 """What the trials of a batch share, and the world's ``week`` in a mild and a strong dose."""
+SIDED = ("k_drift", "k_jump", "lift_zero_m", "speed_scale", "phi_zero")
+"""Of these a dose is the size: one that is the same in every seed would be off by the same in every seed."""
+JUMP_AT = (0.1, 0.9)
+"""Where in a campaign k may jump."""
 DOSES = ("mild", "strong")
 ORDERS = ("as_listed", "randomised")
 TRUTHS: Mapping[str, Mapping[str, Mapping[str, float]]] = {
@@ -75,9 +79,13 @@ class Case:
 
     @property
     def world(self) -> World:
-        """What the lab hides."""
-        week = Week(**NUISANCES[self.nuisance][1 + DOSES.index(self.dose)])
-        return World(effects=TRUTHS[self.truth], week=week)
+        """What the lab hides: of the dose's size, to which side and from when on as the seed has it."""
+        dose = NUISANCES[self.nuisance][1 + DOSES.index(self.dose)]
+        rng = np.random.default_rng([self.seed, 0x51DE])
+        sides = dict(zip(SIDED, rng.choice([-1.0, 1.0], len(SIDED)), strict=True))
+        week = Week(**{key: sides.get(key, 1.0) * value for key, value in dose.items()})
+        jump_at = float(rng.uniform(*JUMP_AT))
+        return World(effects=TRUTHS[self.truth], week=dataclasses.replace(week, k_jumps_at=(jump_at,)))
 
 
 def cases(seeds: int, only: Sequence[str] = ()) -> Iterator[Case]:

@@ -72,6 +72,14 @@ def test_what_was_not_measured_does_not_count(problem):
     assert np.isfinite(moved.deviance).all()
 
 
+def two_nuisances(slope, draw):
+    """Two nuisances, one of which moves k, about values that are not 0."""
+    by_ln_k = np.stack([draw.uniform(size=len(slope)), np.zeros(len(slope))], axis=-1)
+    return Nuisances(
+        ("a", "b"), np.array([1.0, 2.0]), slope, np.full(len(slope), 0.005), np.array([0.02, 0.0]), by_ln_k
+    )
+
+
 @pytest.mark.parametrize("recorded", [True, False])
 @pytest.mark.parametrize("effects", [("stance_overlap",), ("phi_nonuniformity",), ("dilation", "leg_slip")])
 @pytest.mark.parametrize("shares", [True, False])
@@ -80,7 +88,7 @@ def test_each_cell_at_parameters_of_its_own_is_that_cell_of_a_whole_evaluation(d
     cells = cells_of(drawn(levels=3, omega=(6, 12, 24)))
     draw, count = np.random.default_rng(2), len(cells)
     slope = draw.normal(0, 1e-3, (count, 4, 2))
-    nuisances = Nuisances(("a", "b"), np.array([1.0, 2.0]), slope, np.full(count, 0.005)) if shares else None
+    nuisances = two_nuisances(slope, draw) if shares else None
     problem = Problem(model, cells, nuisances)
     if not recorded:
         problem.cell_means.chains = ArrayChains(model)

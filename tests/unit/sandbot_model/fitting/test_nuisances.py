@@ -1,5 +1,7 @@
 """What trials share: offsets adjusted with their priors, their derivatives, σ_b by REML, trends told from scatter."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -34,7 +36,13 @@ def cells(drawn):
 def lift_zero(cells, sd=1e-3, value=1.0, ln_k_sd=0.0):
     slope = np.zeros((len(cells), 4, 1))
     slope[:, Observable.lift] = value
-    return Nuisances(("lift_zero_m",), np.array([sd]), slope, np.full(len(cells), ln_k_sd))
+    return nuisances_of(cells, ("lift_zero_m",), [sd], slope, ln_k_sd)
+
+
+def nuisances_of(cells, names, sd, slope, ln_k_sd=0.0):
+    """Nuisances that leave k as it is."""
+    none = np.zeros((len(cells), len(names)))
+    return Nuisances(names, np.array(sd), slope, np.full(len(cells), ln_k_sd), none[0], none)
 
 
 def drawn_offsets(seed, sigma, batches=40, each=4, unknowns=6):
@@ -69,6 +77,35 @@ def test_a_nuisance_that_moves_nothing_changes_nothing(cells):
     state = Problem(MODEL, cells, lift_zero(cells, value=0.0)).states(*POINT)
     assert state.deviance == pytest.approx(plain.deviance)
     np.testing.assert_array_equal(state.predicted, plain.predicted)
+
+
+def offset_of_k(cells, about):
+    """One batch, which moves k of all cells, about a value; its slope is left out."""
+    every = np.ones((len(cells), 1))
+    return Nuisances(("ln_k",), np.array([0.01]), np.zeros((len(cells), 4, 1)), np.zeros(len(cells)), about, every)
+
+
+def test_an_offset_moves_k_itself_not_what_is_predicted_along_a_slope(cells):
+    theta, ln_k, slope = POINT
+    about = np.array([0.03])
+    moved = Problem(MODEL, cells, offset_of_k(cells, about)).states(*POINT, shared=about[None])
+    same = Problem(MODEL, cells).states(theta, ln_k + 0.03, slope)
+    np.testing.assert_allclose(moved.predicted, same.predicted, rtol=1e-12)
+    assert moved.deviance == pytest.approx(same.deviance + 3.0**2)
+
+
+def test_an_offset_of_nothing_moves_nothing(cells):
+    state = Problem(MODEL, cells, offset_of_k(cells, np.zeros(1))).states(*POINT)
+    np.testing.assert_array_equal(state.predicted, Problem(MODEL, cells).states(*POINT).predicted)
+
+
+def test_what_is_most_likely_does_not_hang_on_the_values_about_which_it_is_linear(cells):
+    draw = np.random.default_rng(0)
+    residual, shift = draw.normal(size=(1, len(cells), 4)), draw.normal(size=(1, len(cells), 4, 2))
+    plain = nuisances_of(cells, ("a", "b"), [0.3, 2.0], shift[0])
+    about = np.array([0.2, -0.5])
+    found = replace(plain, about=about).adjusted(residual - shift @ about, shift)
+    np.testing.assert_allclose(found, plain.adjusted(residual, shift), rtol=1e-9)
 
 
 def test_its_column_of_the_jacobian_is_that_of_finite_differences(cells):

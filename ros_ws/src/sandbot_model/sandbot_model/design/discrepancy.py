@@ -27,7 +27,7 @@ def something_else(fit: Fit, places: Places, gross: float) -> Explanation:
     seen = np.stack([cells.level_phi[cells.level], cells.omega], axis=-1)
     span = np.maximum(np.ptp(at, axis=0), 1e-12) * LENGTH
     mean, common = by.mean.copy(), by.common.copy()
-    sigma, residual = scatter_of_one(cells), cells.mean - fit.predicted - _shared(fit)
+    sigma, residual = scatter_of_one(cells), cells.mean - fit.predicted
     # What walks or swims by chance is missed by every model that does not toss the same coin.
     clear = fit.problem.away_from_switch(fit.problem.widening(fit.state.covariance[0]))
     for one in Observable:
@@ -43,13 +43,6 @@ def something_else(fit: Fit, places: Places, gross: float) -> Explanation:
         mean[:, one] += scale * (there @ gain[:, 0])
         common[:, one, :, one] += scale[:, None] * left * scale
     return replace(by, name=ELSE, mean=mean, common=common)
-
-
-def _shared(fit: Fit) -> Array | float:
-    """What the nuisances found change in the cell means ``(cells, 4)``."""
-    if fit.nuisances is None:
-        return 0.0
-    return np.asarray(fit.nuisances.slope @ [value for value, _ in fit.shared])
 
 
 def _alike(first: Array, second: Array, span: Array) -> Array:

@@ -1,5 +1,6 @@
 """What trials share, linear about a fit: the nuisances with their priors, and how far the bed scatters."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -7,8 +8,8 @@ import numpy as np
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.structure import BATCH, batch_share
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.fitting.jacobian import cell_jacobian, without_nuisances
-from sandbot_model.fitting.likelihood import WIDENED
 from sandbot_model.fitting.nuisances import Nuisances, averaged_moments, gains_of_scatter, scatter_of_batches
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import Observable
@@ -16,36 +17,58 @@ from sandbot_model.physics.observables import Observable
 MAX_SCATTER, SIZES = 2.5, 60
 """Largest σ_b, in units of its prior, and how many are tried."""
 ALONG = [Observable.speed, Observable.peak_speed, Observable.first_step]
-LIFT_ZERO, SPEED_SCALE = "lift_zero_m", "speed_scale"
-"""Names of the zero of the lift and of the scale along the track."""
+DRIFT, LIFT_ZERO, SPEED_SCALE = "drift", "lift_zero_m", "speed_scale"
+"""Names of the drift of k along the run order, the zero of the lift and the scale along the track."""
+BED = (BATCH, DRIFT)
+"""Nuisances that act on k."""
 
 
 def shared_by(fit: Fit, criteria: Criteria, scatter: float) -> Nuisances:
-    """Nuisances, linear about a fit; ``scatter`` is σ_b. How well readings are known is said beside the cameras."""
-    by_ln_k, share, order = _by_ln_k(fit), batch_share(fit), fit.cells.order
-    found: list[tuple[str, float, Array]] = []
+    """Nuisances about a fit; ``scatter`` is σ_b. How well readings are known is said beside the cameras.
+
+    Those of the bed move k itself by what the fit has found of them, and are linear from there.
+    """
+    slope, share, order = _by_ln_k(fit), batch_share(fit), fit.cells.order
+    found: list[tuple[str, float, Array, Array]] = []
     if scatter:
-        found += [(BATCH, scatter, by_ln_k * batch[:, None]) for batch in share.T]
+        found += [(BATCH, scatter, slope * batch[:, None], batch) for batch in share.T]
     if order is not None:
-        found.append(("drift", criteria.drift, by_ln_k * order[:, None]))
-    lift, along = np.zeros((2, *by_ln_k.shape))
+        found.append((DRIFT, criteria.drift, slope * order[:, None], order))
+    none, (lift, along) = np.zeros(len(fit.cells)), np.zeros((2, *slope.shape))
     lift[:, Observable.lift] = 1.0
     along[:, ALONG] = fit.predicted[:, ALONG]
     if "lift" in fit.cells.observables:
-        found.append((LIFT_ZERO, fit.cells.accuracy.lift_zero_m, lift))
-    found.append((SPEED_SCALE, fit.cells.accuracy.speed_scale, along))
-    names, sd, slopes = zip(*found, strict=True)
-    own = scatter * np.sqrt(np.sum(share**2, axis=1))
-    return Nuisances(names, np.array(sd), np.stack(slopes, axis=-1), own)
+        found.append((LIFT_ZERO, fit.cells.accuracy.lift_zero_m, lift, none))
+    found.append((SPEED_SCALE, fit.cells.accuracy.speed_scale, along, none))
+    names, sd, slopes, by_ln_k = zip(*found, strict=True)
+    about, stderr = _found(fit, names)
+    own = np.sqrt(share**2 @ np.minimum(scatter, stderr[: share.shape[1]]) ** 2) if scatter else none
+    return Nuisances(names, np.array(sd), np.stack(slopes, axis=-1), own, about, np.stack(by_ln_k, axis=-1))
+
+
+def _found(fit: Fit, names: Sequence[str]) -> tuple[Array, Array]:
+    """What a fit has found of the bed's nuisances, and its errors ``(m,)``; 0 and ∞ of what it knows nothing of."""
+    known = {} if fit.nuisances is None else _by_name(fit.nuisances.names, fit.shared)
+    own = [known[name].pop(0) if name in BED and known.get(name) else (0.0, np.inf) for name in names]
+    about, stderr = np.array(own).T
+    return about, stderr
+
+
+def _by_name(names: Sequence[str], values: Sequence[Estimate]) -> dict[str, list[Estimate]]:
+    found: dict[str, list[Estimate]] = {name: [] for name in names}
+    for name, value in zip(names, values, strict=True):
+        found[name].append(value)
+    return found
 
 
 def _by_ln_k(fit: Fit) -> Array:
-    """d(cell mean)/d ln k ``(cells, 4)``, 0 for cells that walk or swim by chance: a slope says nothing there."""
-    problem, state = fit.problem, fit.state
-    white = cell_jacobian(problem, state)[0][..., -1]
-    slope = np.einsum("cij,cj->ci", np.linalg.inv(state.whiten[0]), white)
-    mixed = problem.widening(state.covariance[0]) >= WIDENED
-    return np.where(mixed[:, None], 0.0, slope)
+    """d(cell mean)/d ln k ``(cells, 4)``.
+
+    Also of cells that walk or swim by chance: k of a level has the same slope there, and must not be known from cells
+    in which no batch is free to differ.
+    """
+    white = cell_jacobian(fit.problem, fit.state)[0][..., -1]
+    return np.asarray(np.einsum("cij,cj->ci", np.linalg.inv(fit.state.whiten[0]), white))
 
 
 def bed_scatter(fit: Fit, criteria: Criteria) -> float:

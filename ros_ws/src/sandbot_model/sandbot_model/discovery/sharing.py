@@ -20,6 +20,8 @@ from sandbot_model.fitting.global_minimum import WarmStart, solve_near
 
 LEADING = 6
 """Larger sets that are tried again, the best."""
+PASSES = 4
+"""How often nuisances are taken about the last fit."""
 GAINED = 0.5
 """Fall of the deviance that makes a fit better than another."""
 WORDS = {
@@ -92,8 +94,7 @@ def _scatter_about(search: EffectSearch, fit: Fit) -> float:
     scatter = bed_scatter(fit, search.criteria)
     if not scatter:
         return 0.0
-    there = _refitted(search, [fit.effects], scatter)[fit.effects]
-    return bed_scatter(fitted_at(fit.model, fit.cells, there.point), search.criteria)
+    return bed_scatter(_refitted(search, [fit.effects], scatter)[fit.effects], search.criteria)
 
 
 def _best(search: EffectSearch, size: int) -> Fit:
@@ -156,12 +157,12 @@ def _leading(search: EffectSearch, plain: Verdict, most: int) -> list[Names]:
 def _refitted(search: EffectSearch, sets: Sequence[Names], scatter: float) -> dict[Names, Fit]:
     """Sets fitted before, with nuisances.
 
-    These are linear first about the fit without them, then about the one with: a model that was bent to fit has slopes
-    that are not its own.
+    First about the fit without them, then again about the one with: a model that was bent to fit has slopes that are
+    not its own, and offsets of k by a per cent turn cells into swimmers.
     """
     before = [search.fits[names] for names in sets]
     starts = [_starts(search, fit) for fit in before]
-    for _ in range(2):
+    for _ in range(PASSES):
         nuisances = [shared_by(fit, search.criteria, scatter) for fit in before]
         tasks = [(fit.model, fit.cells, at, own) for fit, at, own in zip(before, starts, nuisances, strict=True)]
         points = search.fit_all(solve_near, tasks)

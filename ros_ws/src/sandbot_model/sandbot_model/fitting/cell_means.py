@@ -53,11 +53,12 @@ class Said(NamedTuple):
 
 
 class CellMeans:
-    """θ is ``(rows, parameters)``, ln k and dk/dφ are ``(rows, levels)``; ``ln_k_sd (cells,)`` is the sd of ln k that a
-    cell's replicates share."""
+    """θ is ``(rows, parameters)``, ln k and dk/dφ are ``(rows, levels)``; ``moved (cells,)`` is what ln k of a cell is
+    off its level's by, ``ln_k_sd (cells,)`` the sd of ln k that a cell's replicates share."""
 
-    def __init__(self, model: Model, cells: Cells, measured: Measured, ln_k_sd: Array) -> None:
+    def __init__(self, model: Model, cells: Cells, measured: Measured, moved: Array, ln_k_sd: Array) -> None:
         self.cells, self.measured, self.ln_k_sd = cells, measured, ln_k_sd
+        self._factor = np.exp(moved)
         self.chains: Chains = ArrayChains(model) if model.tape is None else CompiledChains(model, model.tape)
         self.along = along_the_track(model.walker)
         self.at = Conditions.of(model.walker, cells.omega, cells.level_phi[cells.level], cells.clock)
@@ -161,12 +162,12 @@ class CellMeans:
         curve = KCurve(cells.level_phi, level_k, inner=3)
         track = np.zeros((1, 1))
         if self.chains.varies_phi:
-            k = level_k[:, cells.level]
+            k = level_k[:, cells.level] * self._factor
             at = Points(theta, where, _own(k)[:, None, None] if by_row else k[..., None], curve)
             feet = np.full(at.shape, 0.01), np.ones(at.shape)
             track = self.chains.values(("sigma_phi",), at, (*feet, *feet))[0, ..., 0]
         sigma_phi = np.hypot(cells.phi_scatter, track.T if by_row else track) + np.zeros(len(cells))
-        k = kernels.node_k(level_k, slope, self._level, sigma_phi, self.ln_k_sd, NODES, LEAST_SPREAD)
+        k = kernels.node_k(level_k, slope, self._level, self._factor, sigma_phi, self.ln_k_sd, NODES, LEAST_SPREAD)
         return Points(theta, where, np.ascontiguousarray(_own(k)[:, None]) if by_row else k, curve), track
 
     def _independent(self, ln_k: Array, slope: Array) -> Array:

@@ -8,7 +8,8 @@ average over k(φ); with G nodes x_g, w_g of Gauss-Hermite quadrature and the sl
 Away from a switch the scatter is part of the pure error V_c0 already. Beside one, replicates walk and swim by chance:
 the mean says little, the mixture's variance says so, and one such cell can't decide a fit.
 
-What trials share (see ``nuisances``) is linear and Gaussian, adjusted at every point: u = argmin |r - Gu|² + |u/sd|².
+What trials share (see ``nuisances``) is Gaussian, and linear about values u_0 by which k has been moved already; it is
+adjusted at every point: u = argmin |r - G(u - u_0)|² + |u/sd|².
 """
 
 from dataclasses import dataclass
@@ -56,8 +57,9 @@ class Problem:
         from sandbot_model.fitting.cell_means import CellMeans, Measured
 
         own = Measured(self.measured, self.cells.mean, self.covariance, self.whiten, self.log_det)
-        ln_k_sd = np.zeros(len(self.cells)) if self.nuisances is None else self.nuisances.ln_k_sd
-        return CellMeans(self.model, self.cells, own, ln_k_sd)
+        none, shared = np.zeros(len(self.cells)), self.nuisances
+        moved, scatter = (none, none) if shared is None else (shared.ln_k, shared.ln_k_sd)
+        return CellMeans(self.model, self.cells, own, moved, scatter)
 
     @cached_property
     def measured(self) -> Bool:
@@ -88,9 +90,10 @@ class Problem:
         if self.nuisances is not None:
             shift = self.whitened(whiten, self.nuisances)
             shared = self.nuisances.adjusted(residual, shift) if shared is None else shared
-            predicted = predicted + np.einsum("cim,rm->rci", self.nuisances.slope, shared)
+            away = shared - self.nuisances.about
+            predicted = predicted + np.einsum("cim,rm->rci", self.nuisances.slope, away)
             before = np.sum(residual**2, axis=2)
-            residual = residual - np.einsum("rcim,rm->rci", shift, shared)
+            residual = residual - np.einsum("rcim,rm->rci", shift, away)
             deviance = deviance + (np.sum(residual**2, axis=2) - before)
             prior = -shared / self.nuisances.sd
         pressed = self.pressed(theta, ln_k, slope)
@@ -121,8 +124,9 @@ class Problem:
         predicted, residual, deviance = said.predicted[0], said.residual[0], said.deviance[0]
         if self.nuisances is not None and shared is not None:
             shift = self.whitened(said.whiten, self.nuisances)[0]
-            predicted = predicted + np.einsum("cim,cm->ci", self.nuisances.slope, shared)
-            left = residual - np.einsum("cim,cm->ci", shift, shared)
+            away = shared - self.nuisances.about
+            predicted = predicted + np.einsum("cim,cm->ci", self.nuisances.slope, away)
+            left = residual - np.einsum("cim,cm->ci", shift, away)
             deviance = deviance + np.sum(left**2 - residual**2, axis=1)
         walks = said.footing.walking[0].mean(axis=1) > 0.5
         return CellByCell(predicted, self.widening(said.covariance[0]), deviance, walks)

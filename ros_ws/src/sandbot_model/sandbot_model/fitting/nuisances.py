@@ -8,7 +8,7 @@ A batch shares one offset of ln k: a random effect, whose sd σ_b is estimated b
 Patterson & Thompson 1971, Biometrika 58, 545), linear about a fit.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,20 +29,29 @@ class Nuisances:
     slope: Array
     ln_k_sd: Array
     """Standard deviation of ln k that the replicates of a cell share ``(cells,)``."""
+    about: Array
+    """Values ``(m,)`` about which the slopes hold: by these k is moved before anything is predicted."""
+    by_ln_k: Array
+    """d(ln k of a cell)/d(nuisance) ``(cells, m)``, 0 for those that leave k as it is."""
+
+    @property
+    def ln_k(self) -> Array:
+        """What ln k of a cell is moved by ``(cells,)``."""
+        return np.asarray(self.by_ln_k @ self.about)
 
     def adjusted(self, residual: Array, shift: Array) -> Array:
         """Most likely values ``(rows, m)`` for whitened residuals ``(rows, cells, 4)`` and slopes ``(…, m)``."""
         unit = shift.reshape(len(shift), -1, len(self.sd)) * self.sd
         transposed = np.swapaxes(unit, 1, 2)
         normal = transposed @ unit + np.eye(len(self.sd))
-        pull = transposed @ residual.reshape(len(residual), -1, 1)
-        return np.asarray(np.linalg.solve(normal, pull)[..., 0] * self.sd)
+        pull = transposed @ residual.reshape(len(residual), -1, 1) - (self.about / self.sd)[:, None]
+        return np.asarray(self.about + np.linalg.solve(normal, pull)[..., 0] * self.sd)
 
     def without(self, cell: int) -> "Nuisances":
         """The same for all cells but one."""
-        return Nuisances(
-            self.names, self.sd, np.delete(self.slope, cell, axis=0), np.delete(self.ln_k_sd, cell, axis=0)
-        )
+        fewer = (np.delete(each, cell, axis=0) for each in (self.slope, self.ln_k_sd, self.by_ln_k))
+        slope, ln_k_sd, by_ln_k = fewer
+        return replace(self, slope=slope, ln_k_sd=ln_k_sd, by_ln_k=by_ln_k)
 
 
 def scatter_of_batches(

@@ -22,7 +22,7 @@ ITERATIONS = 8
 AWAY = 0.25 * 2.0 ** -np.arange(8)
 """How far from the fit, in plausible ranges to either side, a parameter without a standard error is held."""
 SIGMAS = np.array([0.5, 1.0, 2.0, 4.0, 8.0])
-"""How far one with a standard error is, in those."""
+"""How far one with a standard error is, in those; one that is as large as its plausible range says nothing."""
 
 
 def profile(problem: Problem, start: States, at: Sequence[int], values: Array) -> States:
@@ -66,7 +66,8 @@ def _profiled(fit: Fit, at: Sequence[int]) -> Array:
 
 def _held(parameter: Parameter, here: float, error: float) -> Array:
     """Values about the fit, closer together the nearer they are."""
-    away = SIGMAS * error if np.isfinite(error) else AWAY * (parameter.high - parameter.low)
+    width = parameter.high - parameter.low
+    away = SIGMAS * error if SIGMAS[-1] * error < width else AWAY * width
     return np.unique(np.clip([here, *(here - away), *(here + away)], *parameter.search))
 
 
