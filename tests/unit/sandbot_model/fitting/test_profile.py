@@ -1,11 +1,13 @@
 """Profile likelihood: a parabola's width, and an error where a derivative knows none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.fitting.fit import fit
-from sandbot_model.fitting.profile import profile, with_profiled_errors
+from sandbot_model.fitting.fit import fit, fitted_at
+from sandbot_model.fitting.profile import deepest, profile, with_profiled_errors
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 
@@ -43,3 +45,22 @@ def test_a_threshold_has_an_error_that_spans_its_stair(drawn):
 def test_a_fit_without_stairs_stays_as_it_is(drawn):
     smooth = fitted(drawn, "stance_overlap")
     assert with_profiled_errors(smooth) is smooth
+
+
+def test_an_error_as_wide_as_the_range_is_profiled_within_the_range(drawn):
+    """Eight standard errors away the deviance is anything, and only the fit itself would count."""
+    stairs = fitted(drawn, "disturbed_ground", levels=7)
+    at = stairs.model.names.index("disturbed_ground.k_l_n_per_m")
+    wide = replace(stairs, stderr=np.where(np.arange(len(stairs.stderr)) == at, 1e3, stairs.stderr))
+    assert 0.01 < with_profiled_errors(wide).stderr[at] < 10.0
+
+
+def test_a_fit_on_the_wrong_stair_moves_to_the_lowest(drawn):
+    lowest = deepest(fitted(drawn, "disturbed_ground", levels=7))
+    s_c = lowest.model.names.index("disturbed_ground.s_c")
+    theta = lowest.point.theta + 0.03 * (np.arange(len(lowest.point.theta)) == s_c)
+    on_another = fitted_at(lowest.model, lowest.cells, replace(lowest.point, theta=theta))
+    found = deepest(on_another)
+    assert on_another.deviance > lowest.deviance + 5
+    assert found.deviance == pytest.approx(lowest.deviance, abs=1.0)
+    assert deepest(lowest) is lowest

@@ -37,7 +37,7 @@ from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.fitting.plain import data_summary, number, plain
-from sandbot_model.fitting.profile import with_profiled_errors
+from sandbot_model.fitting.profile import deepest, with_profiled_errors
 from sandbot_model.fitting.text import WIDTH, html_table, table
 from sandbot_model.physics.effect import Effect
 
@@ -178,8 +178,9 @@ def discover(
     search.effects = {**effects, **named.model.catalogue}
     if strange := strange_k(search.fits[()]):
         verdict = replace(verdict, because=f"{verdict.because}; {strange}")
-    reported = averaged_over_scatter(named, criteria) if named.nuisances else named
-    ladder = [with_profiled_errors(step) for step in (*search.ladder(verdict)[:-1], reported)]
+    named = deepest(named)
+    reported = averaged_over_scatter(named, criteria) if named.nuisances else with_profiled_errors(named)
+    ladder = [*map(with_profiled_errors, search.ladder(verdict)[:-1]), reported]
     floor = noise_floor(cells)
     hidden = unseen(search) if verdict.status == "adequate" else []
     if hidden:

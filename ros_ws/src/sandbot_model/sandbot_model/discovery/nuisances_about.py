@@ -10,7 +10,9 @@ from sandbot_model.discovery.structure import BATCH, batch_share
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.fitting.jacobian import cell_jacobian, without_nuisances
+from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances, averaged_moments, gains_of_scatter, scatter_of_batches
+from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import Observable
 
@@ -83,15 +85,29 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
     What the data do not show of σ_b, its prior says: a fit that takes the bed for exact where nothing shows that it is
     not has errors that are too small. Replicates of a condition in several batches show it best.
     """
+    given, gain = _possible(fit, criteria)
+    moments = averaged_moments(*given, _tried(criteria), gain)
+    stderr = np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments)))
+    averaged = replace(fit, stderr=stderr, covariance=moments)
+    scatter = float(np.sqrt(_shares(gain) @ _tried(criteria) ** 2))
+    beside = Problem(fit.model, fit.cells, shared_by(fit, criteria, scatter))
+    return with_profiled_errors(averaged, beside)
+
+
+def _possible(fit: Fit, criteria: Criteria) -> tuple[tuple[Array, Array, Array, Array], Array]:
+    """What is linear about a fit, with how batches differ within cells, and what each σ_b tried gains by it."""
     residual, unknowns, batches, others = _linear(fit, criteria)
     apart, between = _within_cells(fit)
     residual, batches = np.concatenate([residual, apart]), np.concatenate([batches, between])
     unknowns, others = (np.pad(slopes, ((0, len(apart)), (0, 0))) for slopes in (unknowns, others))
-    tried = _tried(criteria)
-    gain = gains_of_scatter(residual, unknowns, batches, others, tried, criteria.bed_scatter)
-    moments = averaged_moments(residual, unknowns, batches, others, tried, gain)
-    stderr = np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments)))
-    return replace(fit, stderr=stderr, covariance=moments)
+    given = residual, unknowns, batches, others
+    return given, gains_of_scatter(*given, _tried(criteria), criteria.bed_scatter)
+
+
+def _shares(gain: Array) -> Array:
+    """Posterior probability of each σ_b tried."""
+    weight = np.exp(0.5 * (gain - gain.max()))
+    return np.asarray(weight / weight.sum())
 
 
 def _within_cells(fit: Fit) -> tuple[Array, Array]:

@@ -32,7 +32,7 @@ def descend(problem: Problem, states: States, iterations: int = ITERATIONS, fixe
         trial = _moved(problem, here, jacobian[at], damping[at], fixed)
         gain = here.deviance - trial.deviance
         better = moved[at] = gain > 0
-        states = _put(states, at, here.where(better, trial))
+        states = put(states, at, here.where(better, trial))
         damping[at] = np.where(better, np.maximum(damping[at] / 10, 1e-9), damping[at] * 10)
         active[at] = np.where(better, gain > TOLERANCE, damping[at] < MAX_DAMPING)
     return states
@@ -55,7 +55,8 @@ def _moved(problem: Problem, states: States, jacobian: Array, damping: Array, fi
     return problem.states(theta, states.ln_k + np.clip(step[:, count : count + levels], -0.2, 0.2), states.slope)
 
 
-def _put(states: States, at: Ints, some: States) -> States:
+def put(states: States, at: Ints, some: States) -> States:
+    """The states with ``some`` in the place of the rows ``at``."""
     if len(at) == len(states.theta):
         return some
     index = np.zeros(len(states.theta), dtype=np.int64)

@@ -11,14 +11,22 @@ from functools import lru_cache
 
 import numpy as np
 
-from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.levenberg_marquardt import descend
+from sandbot_model.fitting.fit import Fit, fitted_at
+from sandbot_model.fitting.fitted import state_at
+from sandbot_model.fitting.global_minimum import Point
+from sandbot_model.fitting.levenberg_marquardt import TOLERANCE, descend, put
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.states import States
-from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.arrays import Array, Ints
 from sandbot_model.physics.effect import Parameter
 
 ITERATIONS = 8
+MOVES = 4
+"""How often a fit moves on to the lowest place of its profile."""
+GAINED = 0.1
+"""What that must lower the deviance by."""
+SWEEPS = 4
+"""How often a grid is gone over from neighbour to neighbour."""
 AWAY = 0.25 * 2.0 ** -np.arange(8)
 """How far from the fit, in plausible ranges to either side, a parameter without a standard error is held."""
 SIGMAS = np.array([0.5, 1.0, 2.0, 4.0, 8.0])
@@ -33,11 +41,27 @@ def profile(problem: Problem, start: States, at: Sequence[int], values: Array) -
     return descend(problem, problem.states(theta, start.ln_k[rows], start.slope[rows]), ITERATIONS, fixed=at)
 
 
-@lru_cache(maxsize=32)
-def with_profiled_errors(fit: Fit) -> Fit:
-    """The same fit; where the deviance is a staircase along a parameter of an effect, errors are those of a profile."""
+def deepest(fit: Fit) -> Fit:
+    """The same fit at the lowest place of its profiles: along a staircase a descent stops on any stair."""
     for at in staircases(fit):
-        fit = replace(fit, stderr=_profiled(fit, at))
+        for _ in range(MOVES):
+            states = _over_grid(fit.problem, fit, _axes(fit, at), at)
+            best = states.take(np.argsort(states.deviance)[:1])
+            if best.deviance[0] > fit.deviance - GAINED:
+                break
+            end = descend(fit.problem, best)
+            fit = fitted_at(fit.model, fit.cells, Point(end.theta[0], end.ln_k[0], end.slope[0]), fit.nuisances)
+    return fit
+
+
+@lru_cache(maxsize=32)
+def with_profiled_errors(fit: Fit, problem: Problem | None = None) -> Fit:
+    """The same fit; where the deviance is a staircase along a parameter of an effect, errors are those of a profile.
+
+    ``problem`` may have more in it that trials share than the fit's own.
+    """
+    for at in staircases(fit):
+        fit = replace(fit, stderr=_profiled(problem or fit.problem, fit, at))
     return fit
 
 
@@ -50,18 +74,58 @@ def staircases(fit: Fit) -> list[list[int]]:
     return [at for at in ats if np.isnan(fit.stderr[at]).any()]
 
 
-def _profiled(fit: Fit, at: Sequence[int]) -> Array:
-    here = np.concatenate([fit.point.theta, fit.point.ln_k])
-    axes = [_held(fit.model.parameters[index], here[index], fit.stderr[index]) for index in at]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(at))
+def _profiled(problem: Problem, fit: Fit, at: Sequence[int]) -> Array:
+    axes = _axes(fit, at)
     volume = np.prod(np.meshgrid(*map(_widths, axes), indexing="ij"), axis=0).ravel()
-    states = profile(fit.problem, fit.state, at, grid)
+    states = _over_grid(problem, fit, axes, at)
     weight = volume * np.exp(-0.5 * (states.deviance - states.deviance.min()))
-    away = np.concatenate([states.theta, states.ln_k], axis=1) - here
+    away = np.concatenate([states.theta - fit.point.theta, states.ln_k - fit.point.ln_k], axis=1)
     # What is held scatters over the grid alone, all else about each point of it as well.
     own = fit.stderr.copy()
     own[at] = 0.0
     return np.asarray(np.sqrt(own**2 + weight @ away**2 / weight.sum()))
+
+
+def _axes(fit: Fit, at: Sequence[int]) -> list[Array]:
+    return [_held(fit.model.parameters[index], fit.point.theta[index], fit.stderr[index]) for index in at]
+
+
+def _over_grid(problem: Problem, fit: Fit, axes: Sequence[Array], at: Sequence[int]) -> States:
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(at))
+    start = state_at(problem, fit.point)
+    return _from_neighbours(problem, profile(problem, start, at, grid), at, [len(axis) for axis in axes])
+
+
+def _from_neighbours(problem: Problem, states: States, at: Sequence[int], shape: Sequence[int]) -> States:
+    """The same grid, each row tried again from the best of its neighbours until few gain.
+
+    Where a cell switches between two values, a descent from the fit stops at the cliff.
+    """
+    for _ in range(SWEEPS):
+        best = _best_neighbour(states.deviance.reshape(shape)).ravel()
+        theta = states.theta[best].copy()
+        theta[:, at] = states.theta[:, at]
+        rows = np.flatnonzero(best != np.arange(len(best)))
+        tried = problem.states(theta[rows], states.ln_k[best[rows]], states.slope[rows])
+        found = descend(problem, tried, ITERATIONS, fixed=at)
+        better = found.deviance < states.deviance[rows] - TOLERANCE
+        if not better.any():
+            break
+        states = put(states, rows[better], found.take(np.flatnonzero(better)))
+    return states
+
+
+def _best_neighbour(deviance: Array) -> Ints:
+    """Index of the least deviance among a point of the grid and those beside it along every axis."""
+    index = np.arange(deviance.size).reshape(deviance.shape)
+    best, least = index.copy(), deviance.copy()
+    for axis in range(deviance.ndim):
+        for step in (-1, 1):
+            beside = np.clip(np.arange(deviance.shape[axis]) + step, 0, deviance.shape[axis] - 1)
+            its = np.take(deviance, beside, axis=axis)
+            best = np.where(its < least, np.take(index, beside, axis=axis), best)
+            least = np.minimum(its, least)
+    return np.asarray(best)
 
 
 def _held(parameter: Parameter, here: float, error: float) -> Array:
