@@ -1,5 +1,7 @@
 """Bootstrap standard errors: near the Jacobian's where the model is right, refused where nothing can be drawn."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,3 +54,31 @@ def test_the_result_does_not_depend_on_who_fits():
     with Processes(2).map() as fit_all:
         assert bootstrap(trials, MODEL, 5, fit_all=fit_all) == alone
     assert bootstrap(trials, MODEL, 5, seed=1) != alone
+
+
+def on_days(offset_m, replicates=6):
+    """Replicates of all conditions, one of each a day; days differ by as much in lift."""
+    trials = table(replicates)
+    day = np.arange(len(trials)) % replicates
+    lift = trials.lift_m + offset_m * np.random.default_rng(5).standard_normal(replicates)[day]
+    return replace(trials, batch=np.array([f"day{one}" for one in day]), lift_m=lift)
+
+
+def test_days_are_drawn_whole():
+    """What the trials of a day share shows in the errors, and not if trials are drawn one by one."""
+    shared, told = on_days(1e-3), {"near": None, "seed": 1}
+    by_day = bootstrap(shared, MODEL, 30, **told)
+    by_trial = bootstrap(replace(shared, batch=np.full(len(shared), "")), MODEL, 30, **told)
+    assert by_day["k[1]"] > 1.3 * by_trial["k[1]"]
+
+
+def test_days_that_do_not_differ_leave_the_errors_as_they_were():
+    alike = on_days(0.0)
+    by_day = bootstrap(alike, MODEL, 30, seed=1)
+    assert by_day["k[1]"] == pytest.approx(fit(MODEL, cells_of(alike)).k_stderr_n_per_m[1], rel=1.0)
+
+
+def test_a_day_for_each_level_can_stand_for_no_other():
+    trials = table(3)
+    days = replace(trials, batch=np.array([f"phi{phi}" for phi in trials.phi]))
+    assert bootstrap(days, MODEL, 3) == bootstrap(trials, MODEL, 3)

@@ -1,5 +1,7 @@
 """Leave-one-out: what a linear step says, against really fitting without the cell."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.global_minimum import nearby_state
 from sandbot_model.fitting.jacobian import full_jacobian
-from sandbot_model.fitting.leave_one_out import cross_validation, leave_one_out
+from sandbot_model.fitting.leave_one_out import cross_validation, leave_one_out, left_out_with
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
@@ -50,3 +52,31 @@ def test_a_cell_that_no_other_determines_is_not_scored(drawn):
     summed = cross_validation(lonely.problem, lonely.state, jacobian)
     assert summed.cells == 0
     assert np.isnan(summed.rmse["speed"])
+
+
+def by_frequency(trials):
+    return replace(trials, batch=np.array([f"day{omega:g}" for omega in trials.omega_rad_s]))
+
+
+def test_the_cells_of_a_day_are_left_out_together(drawn):
+    cells = cells_of(by_frequency(drawn(levels=3)))
+    np.testing.assert_array_equal(left_out_with(cells), cells.omega[:, None] == cells.omega)
+
+
+def test_cells_spread_over_blocks_are_left_out_alone(drawn):
+    trials = drawn(levels=3)
+    blocks = replace(trials, batch=np.array([f"block{index % 3}" for index in range(len(trials))]))
+    np.testing.assert_array_equal(left_out_with(cells_of(blocks)), np.eye(21, dtype=bool))
+    np.testing.assert_array_equal(left_out_with(cells_of(trials)), np.eye(21, dtype=bool))
+
+
+def test_a_day_left_out_is_what_a_fit_without_it_predicts(drawn):
+    days = fit(MODEL, cells_of(by_frequency(drawn(seed=3, levels=3))))
+    found = leave_one_out(days.problem, days.state, full_jacobian(days.problem, days.state)[0])
+    noise = np.sqrt(days.problem.covariance[:, Observable.speed, Observable.speed])
+    for cell in np.flatnonzero(found.scored)[:4]:
+        fewer = days.cells.without(np.flatnonzero(days.cells.omega == days.cells.omega[cell]))
+        without = nearby_state(Problem(MODEL, fewer), days.warm_start)
+        whole = days.problem.states(without.theta, without.ln_k, days.state.slope)
+        residual = days.cells.mean[cell, Observable.speed] - whole.predicted[0, cell, Observable.speed]
+        assert found.residual[cell, Observable.speed] == pytest.approx(residual, abs=0.3 * noise[cell])

@@ -4,6 +4,7 @@ Everything after this works on cells, so its cost does not grow with the number 
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,11 +81,13 @@ class Cells:
     def __len__(self) -> int:
         return len(self.omega)
 
-    def without(self, cell: int) -> "Cells":
-        """All cells but one; the levels stay, even if one of them is empty then."""
-        keep = np.arange(len(self)) != cell
-        arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
-        shorter = {name: value[keep] for name, value in arrays.items() if name not in NOT_OVER_CELLS}
+    def without(self, cells: int | NDArray[np.int64]) -> "Cells":
+        """All cells but these; the levels stay, even if one of them is empty then."""
+        keep = ~np.isin(np.arange(len(self)), cells)
+        over_cells = {name: value for name, value in vars(self).items() if name not in NOT_OVER_CELLS}
+        shorter: dict[str, Any] = {
+            name: value[keep] for name, value in over_cells.items() if isinstance(value, np.ndarray)
+        }
         gait = tuple(np.array(self.gait)[keep].tolist())
         return replace(self, gait=gait, clock=self.clock[keep], **shorter)
 

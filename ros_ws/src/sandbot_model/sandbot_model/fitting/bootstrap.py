@@ -1,6 +1,8 @@
 """Standard errors by a bootstrap over trials: how much the parameters would vary with other replicates.
 
-Trials are drawn with replacement within their cell (Efron & Tibshirani 1993, ch. 6), so that every condition stays in.
+What trials of a batch share varies with the batches, which are drawn whole where each of them has trials at every
+level of φ (Davison & Hinkley 1997, sec. 3.8). Else trials are drawn with replacement within their cell (Efron &
+Tibshirani 1993, ch. 6), so that every condition stays in.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -21,6 +23,8 @@ from sandbot_record.trials.table import Trials
 
 Ints = NDArray[np.int64]
 Values = dict[str, float]
+LEAST_BATCHES = 3
+"""Fewer say nothing of how far batches differ."""
 
 
 def bootstrap(
@@ -44,11 +48,11 @@ def bootstrap(
     if draws < 2:
         raise InputError(f"--bootstrap: {draws} draws tell no spread; 2 or more")
     trials = trials.select(trials.usable)
-    groups = _cells(trials)
-    sizes = [len(group) for group in groups]
+    batches, groups = _batches(trials), _cells(trials)
+    sizes = [len(batches)] if batches else [len(group) for group in groups]
     if max(sizes) < 2:
         raise InputError("--bootstrap: no condition has replicates to draw from")
-    redraw = partial(_redraw, trials, groups, model, readings, near)
+    redraw = partial(_redraw, trials, batches, groups, model, readings, near)
     found = list(each(fit_all(redraw, np.random.SeedSequence(seed).spawn(draws))))
     size = float(np.mean([size for size in sizes if size > 1]))
     names = [name for name in found[0] if all(name in draw for draw in found)]
@@ -58,18 +62,33 @@ def bootstrap(
 
 def _redraw(
     trials: Trials,
+    batches: Sequence[Ints],
     groups: Sequence[Ints],
     model: Model,
     readings: Readings | None,
     near: WarmStart | None,
     seed: np.random.SeedSequence,
 ) -> Values:
-    """The parameters fitted to one draw."""
+    """The parameters fitted to one draw of batches, or of trials from each group."""
     rng = np.random.default_rng(seed)
-    drawn = np.concatenate([rng.choice(group, len(group)) for group in groups])
+    if batches:
+        parts = [batches[at] for at in rng.integers(len(batches), size=len(batches))]
+    else:
+        parts = [rng.choice(group, len(group)) for group in groups]
+    drawn = np.concatenate(parts)
     best = fit(model, cells_of(trials.select(drawn), readings), near)
     ks = {f"k[{i}]": float(k) for i, k in enumerate(best.k_n_per_m)}
     return {name: estimate.value for name, estimate in best.parameters.items()} | ks
+
+
+def _batches(trials: Trials) -> list[Ints]:
+    """Indices of the trials of each batch, where any of them could stand for another; else none."""
+    names, batch = np.unique(np.asarray(trials.batch, dtype=str), return_inverse=True)
+    level = np.asarray(phi_levels(np.asarray(trials.phi, dtype=float)))
+    everywhere = len(set(zip(batch.tolist(), level.tolist(), strict=True))) == len(names) * len(np.unique(level))
+    if len(names) < LEAST_BATCHES or "" in names or not everywhere:
+        return []
+    return [np.flatnonzero(batch == index) for index in range(len(names))]
 
 
 def _cells(trials: Trials) -> list[Ints]:

@@ -1,4 +1,8 @@
-"""Leave-one-out cross-validation: every cell predicted by a fit to all the others."""
+"""Leave-one-out cross-validation: every cell predicted by a fit to all the others.
+
+Where a batch holds whole cells, one frequency a day for example, these share what sets it apart: none of them tells
+what the next batch will be, and they are left out together.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.global_minimum import FIRST_ITERATIONS, HOPELESS
 from sandbot_model.fitting.goodness import rms
 from sandbot_model.fitting.levenberg_marquardt import bounds, descend
@@ -74,20 +79,23 @@ def leave_one_out(problem: Problem, state: States, jacobian: Array) -> LeaveOneO
 def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Array, Array, Array | None, Array]:
     """θ ``(cells, parameters)``, ln k ``(cells, levels)`` nuisances, without each cell, and its precision.
 
-    Taking a cell's rows J_c, r_c out of the normal equations moves the minimum by -(JᵀJ - J_cᵀJ_c)⁻¹ J_cᵀ r_c. Where no
-    other cell determines its level's k, k is taken as known to ``K_PRIOR`` from the levels beside it. The last is the
-    standard deviation [m/s] of the predicted speed ``(cells,)``.
+    Taking the rows J_c, r_c of the cells that go with it out of the normal equations moves the minimum by
+    -(JᵀJ - J_cᵀJ_c)⁻¹ J_cᵀ r_c. Where no other cell determines its level's k, k is taken as known to ``K_PRIOR`` from
+    the levels beside it. The last is the standard deviation [m/s] of the predicted speed ``(cells,)``.
     """
     count, cells = state.theta.shape[1], len(problem.cells)
     prior = np.zeros(jacobian.shape[1])
     unknowns = count + state.ln_k.shape[1]
     prior[count:unknowns] = K_PRIOR**-2
     blocks = jacobian[: 4 * cells].reshape(cells, 4, -1)
-    normal = jacobian.T @ jacobian + np.diag(prior) - np.einsum("cip,ciq->cpq", blocks, blocks)
+    together = left_out_with(problem.cells).astype(float)
+    own = np.einsum("cip,ciq->cpq", blocks, blocks)
+    normal = jacobian.T @ jacobian + np.diag(prior) - np.tensordot(together, own, axes=1)
     scale = np.sqrt(np.maximum(np.diag(jacobian.T @ jacobian) + prior, 1e-12))
     inverse = np.linalg.inv(normal / scale[:, None] / scale[None, :] + 1e-9 * np.eye(len(scale)))
     inverse = inverse / scale[:, None] / scale[None, :]
-    move = -np.einsum("cpq,ciq,ci->cp", inverse, blocks, state.residual[0])
+    pull = together @ np.einsum("ciq,ci->cq", blocks, state.residual[0])
+    move = -np.einsum("cpq,cq->cp", inverse, pull)
     low, high = bounds(problem)
     theta = np.clip(state.theta + move[:, :count], low, high)
     ln_k = state.ln_k + np.clip(move[:, count:unknowns], -3 * K_PRIOR, 3 * K_PRIOR)
@@ -95,6 +103,16 @@ def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Arra
     # The first row of L turns whitened slopes into those of speed.
     slope = np.einsum("ci,cip->cp", np.linalg.inv(state.whiten[0])[:, Observable.speed, :], blocks)
     return theta, ln_k, shared, np.asarray(np.sqrt(np.einsum("cp,cpq,cq->c", slope, inverse, slope)))
+
+
+def left_out_with(cells: Cells) -> Bool:
+    """Which cells are left out with each ``(cells, cells)``: itself, and those of its batch if that is whole cells."""
+    share = cells.batch_share
+    alone = np.eye(len(cells), dtype=bool)
+    if share is None:
+        return alone
+    whole = share * (share.max(axis=1, keepdims=True) == 1.0)
+    return np.asarray(alone | (whole @ whole.T > 0.0))
 
 
 def _moved_far(problem: Problem, state: States, predicted: Array) -> Bool:
@@ -105,9 +123,11 @@ def _moved_far(problem: Problem, state: States, predicted: Array) -> Bool:
 
 
 def _fit_without(problem: Problem, cell: int, state: States, theta: Array, ln_k: Array) -> tuple[Array, Array]:
-    """θ and ln k that fit all cells but one, the better of what is found from the linear step and from the fit."""
-    nuisances = None if problem.nuisances is None else problem.nuisances.without(cell)
-    fewer = Problem(problem.model, problem.cells.without(cell), nuisances)
+    """θ and ln k that fit all cells but one and those that go with it, the better of what is found from the linear step
+    and from the fit."""
+    left_out = np.flatnonzero(left_out_with(problem.cells)[cell])
+    nuisances = None if problem.nuisances is None else problem.nuisances.without(left_out)
+    fewer = Problem(problem.model, problem.cells.without(left_out), nuisances)
     begin = fewer.states(np.stack([theta, state.theta[0]]), np.stack([ln_k, state.ln_k[0]]), state.slope)
     found = descend(fewer, begin, 2 * FIRST_ITERATIONS)
     best = int(found.deviance.argmin())

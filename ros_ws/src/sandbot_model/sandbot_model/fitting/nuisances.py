@@ -14,7 +14,7 @@ import numpy as np
 
 from sandbot_model.data.distributions import chi2_sf
 from sandbot_model.fitting.uncertainty import covariance_of
-from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.arrays import Array, Ints
 
 LEAST_SHARE = 1e-4
 """Least share of the posterior that is looked at."""
@@ -47,9 +47,9 @@ class Nuisances:
         pull = transposed @ residual.reshape(len(residual), -1, 1) - (self.about / self.sd)[:, None]
         return np.asarray(self.about + np.linalg.solve(normal, pull)[..., 0] * self.sd)
 
-    def without(self, cell: int) -> "Nuisances":
-        """The same for all cells but one."""
-        fewer = (np.delete(each, cell, axis=0) for each in (self.slope, self.ln_k_sd, self.by_ln_k))
+    def without(self, cells: int | Ints) -> "Nuisances":
+        """The same for all cells but these."""
+        fewer = (np.delete(each, cells, axis=0) for each in (self.slope, self.ln_k_sd, self.by_ln_k))
         slope, ln_k_sd, by_ln_k = fewer
         return replace(self, slope=slope, ln_k_sd=ln_k_sd, by_ln_k=by_ln_k)
 

@@ -27,6 +27,8 @@ GAINED = 0.1
 """What that must lower the deviance by."""
 SWEEPS = 4
 """How often a grid is gone over from neighbour to neighbour."""
+COUNTS, NEAR = 25.0, 5.0
+"""Rise of the deviance above the least up to which a place counts, and above a place's own up to which it is tried."""
 AWAY = 0.25 * 2.0 ** -np.arange(8)
 """How far from the fit, in plausible ranges to either side, a parameter without a standard error is held."""
 SIGMAS = np.array([0.5, 1.0, 2.0, 4.0, 8.0])
@@ -43,9 +45,10 @@ def profile(problem: Problem, start: States, at: Sequence[int], values: Array) -
 
 def deepest(fit: Fit) -> Fit:
     """The same fit at the lowest place of its profiles: along a staircase a descent stops on any stair."""
-    for at in staircases(fit):
+    stairs = [index for at in staircases(fit) for index in at if np.isnan(fit.stderr[index])]
+    for index in stairs:
         for _ in range(MOVES):
-            states = _over_grid(fit.problem, fit, _axes(fit, at), at)
+            states = _over_grid(fit.problem, fit, _axes(fit, [index]), [index])
             best = states.take(np.argsort(states.deviance)[:1])
             if best.deviance[0] > fit.deviance - GAINED:
                 break
@@ -105,9 +108,12 @@ def _from_neighbours(problem: Problem, states: States, at: Sequence[int], shape:
         best = _best_neighbour(states.deviance.reshape(shape)).ravel()
         theta = states.theta[best].copy()
         theta[:, at] = states.theta[:, at]
-        rows = np.flatnonzero(best != np.arange(len(best)))
+        lower = states.deviance[best]
+        rows = np.flatnonzero((lower < states.deviance - TOLERANCE) & (lower < lower.min() + COUNTS))
         tried = problem.states(theta[rows], states.ln_k[best[rows]], states.slope[rows])
-        found = descend(problem, tried, ITERATIONS, fixed=at)
+        near = tried.deviance < states.deviance[rows] + NEAR
+        rows = rows[near]
+        found = descend(problem, tried.take(np.flatnonzero(near)), ITERATIONS, fixed=at)
         better = found.deviance < states.deviance[rows] - TOLERANCE
         if not better.any():
             break
