@@ -124,10 +124,10 @@ def outcome(truth: str, verdict: Any) -> str:
 
 def standardised(case: Case, found: Any) -> dict[str, float]:
     """(estimate - truth)/σ of Δt, each k and the effect's parameters, by the step whose effects are the truth's: as
-    reported where the verdict names it, else as tried.
+    reported where the verdict names it, else as tried; nothing where every set is refused.
     """
     step = next((one for one in (found.fit, *found.fits) if set(one.effects) == set(TRUTHS[case.truth])), None)
-    if step is None:
+    if step is None or found.verdict.status == "unexplained":
         return {}
     true = {"delta_t_s": case.world.delta_t_s}
     true |= {f"{name}.{key}": value for name, keys in TRUTHS[case.truth].items() for key, value in keys.items()}
@@ -173,7 +173,8 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         "",
         f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × 3 trials, {seeds} seed(s) of the matrix; "
         f"`discover` with up to two effects. Hidden: nothing, or one of {', '.join(hidden)}. "
-        "A false claim names effects, none of whose alternatives is what is hidden. Rows share the noise of a seed: "
+        "A false claim names effects, none of whose alternatives is what is hidden. A dose is a size: to which side "
+        "readings are off, k drifts or jumps, and when it jumps, each seed draws anew. Rows share the noise of a seed: "
         "what they cover is no independent sample, k and Δt of one seed least of all.",
         "",
     ]
