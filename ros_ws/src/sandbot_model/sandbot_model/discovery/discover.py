@@ -16,7 +16,7 @@ from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.calibration import would_fall
 from sandbot_model.discovery.candidates import Candidate, candidates
-from sandbot_model.discovery.conventions import conventions, one_in_place_of, other_conventions
+from sandbot_model.discovery.conventions import against, conventions, other_conventions
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try
@@ -170,7 +170,7 @@ def discover(
     search.run(0 if at_once else max_effects)
     found = Shared(at_once, search.fits, search.fits[()]) if at_once else _concluded(search)
     partial = None
-    if len(found.verdict.effects) > 1 and one_in_place_of(search, found.named):
+    if found.verdict.status == "identified" and against(search, search.fits[found.verdict.effects]):
         found = _concluded(search)
     if found.verdict.status == "unexplained" and not at_once:
         found, partial = _between(search, found)
@@ -210,7 +210,7 @@ def discover(
         stages=stage_tests(search.fits[()]),
         residual=_left(search, verdict) if not doubted else None,
         partial=partial,
-        variants=conventions(named),
+        variants=conventions([search.fits[names] for names in verdict.alternatives]),
         limits=tuple(limits(search, named)) if verdict.status in ("adequate", "identified") else (),
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
     )
