@@ -9,7 +9,7 @@ So is an effect that leaves nothing, and no other comes near, but only with a nu
 formula may have another form here, or the range be too narrow.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,8 +63,8 @@ def partly(search: EffectSearch) -> tuple[Verdict, Partial] | None:
     observables = [one for one in Observable if one.name in search.cells.observables]
     if len(observables) < FEWEST or len(search.fits) == 1:
         return None
-    spared = {one: _without(search, one) for one in observables}
-    found = _one_is_wrong(spared, search.criteria) or _all_but_a_rest(search, spared) or _all_but_its_number(search)
+    # What leaves nothing in any observable comes before what fails in one.
+    found = _all_but_its_number(search) or _with_a_rest(search, observables)
     if found is None:
         return None
     fits, names, failing = found
@@ -73,6 +73,12 @@ def partly(search: EffectSearch) -> tuple[Verdict, Partial] | None:
     holds = tuple(one.name for one in observables if one not in failing)
     partial = Partial(at.effects[0], share, holds, misses)
     return Verdict("partial", at.effects, (at.effects,), _because(partial, at)), partial
+
+
+def _with_a_rest(search: EffectSearch, observables: Sequence[Observable]) -> Found | None:
+    """The effect that leaves nothing without one observable, or a small rest."""
+    spared = {one: _without(search, one) for one in observables}
+    return _one_is_wrong(spared, search.criteria) or _all_but_a_rest(search, spared)
 
 
 def without(cells: Cells, observable: Observable) -> Cells:

@@ -35,6 +35,8 @@ _AT = 0.4
 """Speed [m/s] at which other laws of friction are Coulomb's: a body's at touch-down."""
 _DECAY_S = f"{_AT}/(mu_b*g)"
 _DECAY_M = f"{_AT}**2/(mu_b*g)"
+_VISCOUS = f"s + {_TOUCH_DOWN}*{_DECAY_S}*(1 - exp(-{{left}}/({_DECAY_S})))"
+_SQUARE = f"s + {_DECAY_M}*log(1 + {_TOUCH_DOWN}*{{left}}/({_DECAY_M}))"
 VARIANTS: Mapping[str, Mapping[str, str]] = {
     "disturbed_ground": {
         "a ramp of another width": f"k - maximum(k - k_l_n_per_m, 0)*{_DISTURBED}{_WIDTH}",
@@ -52,8 +54,10 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
         "not cut short by the next step, over a power of speed": (
             f"s + {_AT}**2/(2*mu_b*g)*({_TOUCH_DOWN}/{_AT})**power{_POWER.format(1, 3)}"
         ),
-        "friction in proportion to speed": (f"s + {_TOUCH_DOWN}*{_DECAY_S}*(1 - exp(-{_STANDING}/({_DECAY_S})))"),
-        "friction by the square of speed": (f"s + {_DECAY_M}*log(1 + {_TOUCH_DOWN}*{_STANDING}/({_DECAY_M}))"),
+        "friction in proportion to speed": _VISCOUS.format(left=_STANDING),
+        "friction in proportion to speed, the first step as any other": _VISCOUS.format(left=_TIME_LEFT),
+        "friction by the square of speed": _SQUARE.format(left=_STANDING),
+        "friction by the square of speed, the first step as any other": _SQUARE.format(left=_TIME_LEFT),
         "from the legs' speed": _COULOMB.format(u=_LEGS, left=_STANDING),
         "from the legs' speed, not cut short by the next step": f"s + ({_LEGS})**2/(2*mu_b*g)",
     },
