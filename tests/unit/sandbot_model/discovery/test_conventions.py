@@ -3,9 +3,10 @@
 import pytest
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.conventions import against
+from sandbot_model.discovery.conventions import against, other_conventions
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.partial import beyond_its_range
 from sandbot_model.physics.catalogue import catalogue
 
 FEW = {name: effect for name, effect in catalogue().items() if name in ("stance_overlap", "leg_slip", "inertial_drag")}
@@ -57,3 +58,18 @@ def test_a_claim_stands_where_others_only_come_near(drawn, seed):
     search.run(1)
     assert not against(search, search.fits["stance_overlap",])
     assert min(fit.bic for fit in search.other_conventions if fit.effects == ("leg_slip",)) < found.fit.bic + 10
+
+
+RAMP = "d: strength: k - maximum(k - 172, 0)*0.5*(1 + cos(pi*clip((a/R - 0.7)/0.4, 0, 1)))*(1 - first)"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("formula", "named"), [(RAMP, "disturbed_ground"), (SPARED, None)])
+def test_a_better_fit_with_a_number_nobody_believes_comes_before_a_formula_nobody_wrote_down(drawn, formula, named):
+    """Ground loosened from longer steps on than is believed; an overlap under our convention has no such number."""
+    some = {name: catalogue()[name] for name in ("disturbed_ground", "crater_refill", "stance_overlap")}
+    search = EffectSearch(cells_of(drawn(formulas=(formula,), seed=5)), some, "simple")
+    search.run(1)
+    other_conventions(search, 1)
+    found = beyond_its_range(search)
+    assert (found and found[0].effects) == (named and (named,))

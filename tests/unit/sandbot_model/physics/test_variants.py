@@ -31,7 +31,7 @@ def test_a_variant_is_of_its_family_but_says_something_else(family, variant):
     assert (variant.identifier, variant.stage) == (family.identifier, family.stage)
     own = len(family.parameters)
     assert variant.parameters[:own] == family.parameters
-    assert {one.name for one in variant.parameters[own:]} <= {"power", "log_width"}
+    assert {one.name for one in variant.parameters[own:]} <= {"power", "log_width", "part"}
     assert variant.variant
     assert not family.variant
     assert not np.allclose(predicted(variant), predicted(family), rtol=1e-4)

@@ -10,7 +10,7 @@ where it is clearly better.
 from collections.abc import Sequence
 
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.verdict import overdispersion, parts_of, passes, sound, worth
+from sandbot_model.discovery.verdict import leaves_nothing, overdispersion, parts_of, passes, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve, solve_near
 from sandbot_model.physics.model import Model, model_of
@@ -20,12 +20,12 @@ PAIRS = 3
 """Pairs that are tried under other conventions, the best; of single effects all are."""
 
 
-def other_conventions(search: EffectSearch) -> bool:
-    """Give single effects and the best pairs the convention that fits them best; whether any fits clearly better.
+def other_conventions(search: EffectSearch, size: int) -> bool:
+    """Give single effects, or the best pairs, the convention that fits them best; whether any fits clearly better.
 
     Each is looked at near the best smaller set, the best of all then anywhere.
     """
-    better = [names for names in _leading(search) if _better(search, names)]
+    better = [names for names in _leading(search, size) if _better(search, names)]
     if better:
         best = min(better, key=lambda names: search.fits[names].bic)
         fit = search.fits[best]
@@ -59,12 +59,16 @@ def _explains(search: EffectSearch, fit: Fit) -> bool:
 
 
 def _better(search: EffectSearch, names: Names) -> bool:
-    """Whether a set fits clearly better under another convention, which then takes its place."""
+    """Whether a set fits clearly better under another convention, which then takes its place.
+
+    One that leaves nothing takes it with a number that nobody believes, too: it is no claim, but may be ``partial``.
+    """
     if len(names) == 1:
         found = [fit for fit in _of_one(search) if fit.effects == names]
     else:
         found = _near(search, _models(search, names))
-    best = min(filter(sound, found), key=lambda fit: fit.bic, default=search.fits[names])
+    some = [fit for fit in found if sound(fit) or leaves_nothing(fit, search.criteria)]
+    best = min(some, key=lambda fit: fit.bic, default=search.fits[names])
     if best.bic >= search.fits[names].bic - search.criteria.clearly:
         return False
     search.fits[names] = best
@@ -98,12 +102,9 @@ def _deviance(fit: Fit) -> float:
     return fit.deviance
 
 
-def _leading(search: EffectSearch) -> list[Names]:
-    best = sorted(search.fits, key=lambda names: search.fits[names].bic)
-    found: list[Names] = []
-    for size, most in ((1, len(best)), (2, PAIRS)):
-        found += [names for names in best if len(names) == size][:most]
-    return found
+def _leading(search: EffectSearch, size: int) -> list[Names]:
+    some = sorted((fit for names, fit in search.fits.items() if len(names) == size), key=lambda fit: fit.bic)
+    return [fit.effects for fit in (some if size == 1 else some[:PAIRS])]
 
 
 def _models(search: EffectSearch, names: Names) -> list[Model]:

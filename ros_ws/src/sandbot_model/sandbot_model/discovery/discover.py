@@ -24,7 +24,7 @@ from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.next_trials import NextTrial, excluding, next_trials
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter
-from sandbot_model.discovery.partial import Partial, partly
+from sandbot_model.discovery.partial import Partial, beyond_its_range, partly
 from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.sharing import Shared, reconsidered
@@ -225,16 +225,26 @@ def _concluded(search: EffectSearch) -> Shared:
 
 
 def _between(search: EffectSearch, unexplained: Shared) -> tuple[Shared, Partial | None]:
-    """Where no set of the catalogue fits: under other conventions one may, or one effect repairs most."""
+    """Where no set of the catalogue fits: under another convention one effect may, or repair most, or two may."""
     usual = dict(search.fits)
-    if other_conventions(search) and (found := _concluded(search)).verdict.status != "unexplained":
+    better = other_conventions(search, 1)
+    # A formula that nobody wrote down is no claim where another fits clearly better with a number nobody believes.
+    if most := beyond_its_range(search):
+        return _in_part(search, most)
+    if better and (found := _concluded(search)).verdict.status != "unexplained":
         return found, None
     for fits in (usual, search.fits):
         search.fits = fits
         if most := partly(search):
-            verdict, partial = most
-            return Shared(verdict, fits, fits[verdict.effects]), partial
+            return _in_part(search, most)
+    if other_conventions(search, 2) and (found := _concluded(search)).verdict.status != "unexplained":
+        return found, None
     return replace(unexplained, fits=usual), None
+
+
+def _in_part(search: EffectSearch, most: tuple[Verdict, Partial]) -> tuple[Shared, Partial]:
+    verdict, partial = most
+    return Shared(verdict, search.fits, search.fits[verdict.effects]), partial
 
 
 def _left(search: EffectSearch, verdict: Verdict) -> SuggestedFormula | None:

@@ -9,7 +9,7 @@ So is an effect that leaves nothing, and no other comes near, but only with a nu
 formula may have another form here, or the range be too narrow.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,16 +56,23 @@ Spared = Mapping[Observable, Mapping[Names, Fit]]
 """Fits of single effects and of the base model with an observable left out."""
 Found = tuple[Mapping[Names, Fit], Names, list[Observable]]
 """Fits, the set among them that is named, and the observables in which it fails."""
+Finds = Callable[[EffectSearch, Sequence[Observable]], Found | None]
 
 
 def partly(search: EffectSearch) -> tuple[Verdict, Partial] | None:
     """The verdict where one effect repairs most; None where none does, or several might."""
-    observables = [one for one in Observable if one.name in search.cells.observables]
-    if len(observables) < FEWEST or len(search.fits) == 1:
-        return None
     # What leaves nothing in any observable comes before what fails in one.
-    found = _all_but_its_number(search) or _with_a_rest(search, observables)
-    if found is None:
+    return beyond_its_range(search) or _said(search, _with_a_rest)
+
+
+def beyond_its_range(search: EffectSearch) -> tuple[Verdict, Partial] | None:
+    """The verdict where one effect leaves nothing and no other comes near, but with a number nobody believes."""
+    return _said(search, lambda search, _: _all_but_its_number(search))
+
+
+def _said(search: EffectSearch, finds: Finds) -> tuple[Verdict, Partial] | None:
+    observables = [one for one in Observable if one.name in search.cells.observables]
+    if len(observables) < FEWEST or len(search.fits) == 1 or (found := finds(search, observables)) is None:
         return None
     fits, names, failing = found
     at, share = fits[names], _share(fits, names)

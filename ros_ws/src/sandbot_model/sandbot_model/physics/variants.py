@@ -3,7 +3,7 @@
 An exponent, the width of a ramp, a law of friction, what the first step feels and whether the peak of v_x(t) does are
 conventions of whoever wrote the formula down. A variant departs from its family's formula in one of them, and has its
 family's identifier and parameters, so that it takes its place in a catalogue. Where the convention is a number
-(``power``; ``log_width``, a ramp of 10^log_width R), that is one parameter more, fitted and paid for like any other.
+(``power``; ``part``; ``log_width``, a ramp of 10^log_width R), that is one parameter more, fitted and paid for like any other.
 """
 
 from collections.abc import Mapping
@@ -21,6 +21,7 @@ _WIDTH = "; log_width [1] in -2..0"
 _RAMP = "clip(({reach} - {at})/10**log_width, 0, 1)*(1 - first)"
 _STEP = _RAMP.format(reach="{reach}", at="step*kept/R")
 _DISTURBED = _STEP.format(reach="s_c")
+_USUAL = "clip((s_c*R - step*kept)/(0.1*R), 0, 1)*(1 - first)"
 _OVER_DEPTH = _RAMP.format(reach="s_c", at=f"step*kept/{_DEPTH}")
 _CRATER = f"penetration = maximum(z - z_0_m*{{left}}*{_STEP.format(reach='1.2')}, 0){_WIDTH}"
 _SLIP = "step, peak_ratio *= clip(1 - sigma*{}, 0, 1)"
@@ -41,6 +42,7 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     "disturbed_ground": {
         "a ramp of another width": f"k - maximum(k - k_l_n_per_m, 0)*{_DISTURBED}{_WIDTH}",
         "a share of k": f"k - k*maximum(1 - k_l_n_per_m/K(0.61), 0)*{_DISTURBED}{_WIDTH}",
+        "a part of k beyond k_L": f"k - part*maximum(k - k_l_n_per_m, 0)*{_USUAL}; part [1] in 0.2..1",
         "by step over depth": f"k - maximum(k - k_l_n_per_m, 0)*{_OVER_DEPTH}{_WIDTH}",
     },
     "stance_overlap": {
