@@ -3,7 +3,8 @@
 An exponent, the width of a ramp, a law of friction, what the first step feels and whether the peak of v_x(t) does are
 conventions of whoever wrote the formula down. A variant departs from its family's formula in one of them, and has its
 family's identifier and parameters, so that it takes its place in a catalogue. Where the convention is a number
-(``power``; ``part``; ``log_width``, a ramp of 10^log_width R), that is one parameter more, fitted and paid for like any other.
+(``power``; ``part``; ``log_width``, a ramp of 10^log_width R), that is one parameter more, fitted and paid
+for like any other.
 """
 
 from collections.abc import Mapping
