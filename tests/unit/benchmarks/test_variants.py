@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 import variants
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
 
 
 @pytest.mark.parametrize(
@@ -36,3 +39,11 @@ def test_every_form_is_of_a_family_and_moves_the_speed():
         assert form.family in catalogue()
         # The same noise in both.
         assert np.abs(variants.campaign(form, 3).speed_m_s - without).max() > 1e-3, form
+
+
+@pytest.mark.parametrize(("name", "same"), [("hold is Coulomb friction", True), ("slip falls linearly", False)])
+def test_the_same_formula_is_no_false_claim(name, same):
+    """A constant share of each step with the peak spared is an overlap; one that falls with depth is not."""
+    form = next(one for one in variants.FORMS if one.name.startswith(name))
+    overlap = fit(model_of("simple", ("stance_overlap",), catalogue()), cells_of(variants.campaign(form, 3)))
+    assert variants.same_formula(form, overlap) is same

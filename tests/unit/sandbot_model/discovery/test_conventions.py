@@ -3,7 +3,10 @@
 import pytest
 
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.conventions import against, other_conventions
 from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.partial import beyond_its_range
 from sandbot_model.physics.catalogue import catalogue
 
 FEW = {name: effect for name, effect in catalogue().items() if name in ("stance_overlap", "leg_slip", "inertial_drag")}
@@ -31,4 +34,42 @@ def test_one_effect_under_another_convention_takes_the_place_of_two(drawn):
     """Of an overlap that grows with ω a second effect took what the first one's usual form leaves."""
     growing = "o: speed: kept *= 1 - 0.14*omega/16"
     found = discover(cells_of(drawn(formulas=(growing,), seed=5)), FEW, max_effects=2)
-    assert found.headline == "identified: stance_overlap (in proportion to ω)"
+    assert found.headline == "identified: stance_overlap (by a power of ω)"
+    power = found.fit.parameters["stance_overlap.power"]
+    assert power.value == pytest.approx(1.0, abs=3 * power.stderr)
+
+
+@pytest.mark.slow
+def test_a_claim_falls_where_another_family_explains_more_under_another_convention(drawn):
+    """A slip that spares the peak is an overlap but for how it falls with depth, which either may do."""
+    spared = "o: step: s *= 1 - clip(0.45*(1 - d/0.058), 0, 1)"
+    found = discover(cells_of(drawn(formulas=(spared,), seed=5)), FEW, max_effects=1)
+    assert found.verdict.status == "ambiguous"
+    assert set(found.verdict.alternatives) == {("stance_overlap",), ("leg_slip",)}
+    assert found.variants == {"stance_overlap": "by a power of depth", "leg_slip": "the peak spared"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_a_claim_stands_where_others_only_come_near(drawn, seed):
+    found = discover(cells_of(drawn(("stance_overlap",), seed=seed)), FEW, max_effects=1)
+    assert found.headline == "identified: stance_overlap"
+    search = EffectSearch(found.cells, FEW, "simple")
+    search.run(1)
+    assert not against(search, search.fits["stance_overlap",])
+    assert min(fit.bic for fit in search.other_conventions if fit.effects == ("leg_slip",)) < found.fit.bic + 10
+
+
+RAMP = "d: strength: k - maximum(k - 172, 0)*0.5*(1 + cos(pi*clip((a/R - 0.7)/0.4, 0, 1)))*(1 - first)"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("formula", "named"), [(RAMP, "disturbed_ground"), (SPARED, None)])
+def test_a_better_fit_with_a_number_nobody_believes_comes_before_a_formula_nobody_wrote_down(drawn, formula, named):
+    """Ground loosened from longer steps on than is believed; an overlap under our convention has no such number."""
+    some = {name: catalogue()[name] for name in ("disturbed_ground", "crater_refill", "stance_overlap")}
+    search = EffectSearch(cells_of(drawn(formulas=(formula,), seed=5)), some, "simple")
+    search.run(1)
+    other_conventions(search, 1)
+    found = beyond_its_range(search)
+    assert (found and found[0].effects) == (named and (named,))

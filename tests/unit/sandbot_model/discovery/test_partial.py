@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery import partial
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.partial import partly, without
@@ -82,3 +83,13 @@ def test_an_effect_that_explains_all_with_a_number_nobody_believes_is_named_with
     assert "beyond the end of 0.5 to 2" in found.verdict.because
     assert found.partial.fails == ()
     assert len(found.partial.holds) == 4
+
+
+@pytest.mark.slow
+def test_what_leaves_nothing_comes_before_what_fails_in_one_observable(drawn, monkeypatch):
+    """With one left out, others may do as well: none is where no observable speaks against the effect."""
+    monkeypatch.setattr(partial, "without", lambda *_: pytest.fail("an observable was left out"))
+    verdict, _ = partly(tried(drawn(formulas=(STRONG,), seed=5)))
+    assert verdict.effects == ("inertial_drag",)
+    with pytest.raises(pytest.fail.Exception):
+        partly(tried(drawn(formulas=(OVERLAP,), seed=5, levels=4)))

@@ -17,7 +17,8 @@ GROUND = KCurve(np.array([0.58, 0.633]), np.array([172.0, 220.0]))
 
 
 def predicted(effect):
-    start = {parameter.name: parameter.start for parameter in effect.parameters}
+    """At its start; a ramp as wide as R, so that its width shows."""
+    start = {one.name: 0.0 if one.name == "log_width" else one.start for one in effect.parameters}
     return Walker((effect,)).predict(Inputs(K, OMEGA, 0.4, 0.6, k_of_phi=GROUND), [start]).observables
 
 
@@ -27,11 +28,10 @@ def test_every_family_with_variants_is_in_the_catalogue():
 
 @pytest.mark.parametrize(("family", "variant"), PAIRS, ids=lambda one: f"{one.identifier} {one.variant}")
 def test_a_variant_is_of_its_family_but_says_something_else(family, variant):
-    assert (variant.identifier, variant.stage, variant.parameters) == (
-        family.identifier,
-        family.stage,
-        family.parameters,
-    )
+    assert (variant.identifier, variant.stage) == (family.identifier, family.stage)
+    own = len(family.parameters)
+    assert variant.parameters[:own] == family.parameters
+    assert {one.name for one in variant.parameters[own:]} <= {"power", "log_width", "part"}
     assert variant.variant
     assert not family.variant
     assert not np.allclose(predicted(variant), predicted(family), rtol=1e-4)
@@ -44,11 +44,39 @@ def test_a_variant_is_of_its_family_but_says_something_else(family, variant):
     ids=lambda one: f"{one.identifier} {one.variant}",
 )
 def test_where_a_family_vanishes_its_variant_does(family, variant):
-    neutral = {one.name: one.start if one.neutral is None else one.neutral for one in family.parameters}
+    neutral = {one.name: one.start if one.neutral is None else one.neutral for one in variant.parameters}
     inputs = Inputs(K, OMEGA, 0.4, 0.6)
     np.testing.assert_allclose(
         Walker((variant,)).predict(inputs, [neutral]).observables, Walker(()).predict(inputs).observables
     )
+
+
+USUAL = {
+    ("stance_overlap", "by a power of ω"): 0,
+    ("stance_overlap", "by a power of depth"): 0,
+    ("carried_momentum", "by a power of ω"): 0,
+    ("swimming_thrust", "by a power of ω"): 1,
+    ("inertial_drag", "by another power of speed"): 2,
+    ("inertial_drag", "by a power of depth"): 0,
+    ("cable_drag", "by another power of depth"): 2,
+    ("cable_drag", "by a power of ω"): 0,
+    ("leg_slip", "by another power of depth"): 2,
+    ("leg_slip", "by a power of ω"): 0,
+    ("leg_slip", "the peak spared"): None,
+    ("belly_coast", "not cut short by the next step, over a power of speed"): None,
+    ("motor_saturation", "another bend"): None,
+}
+"""The exponent of the catalogue's own formula, where it is of the kind."""
+POWERS = [pair for pair in PAIRS if any(one.name == "power" for one in pair[1].parameters)]
+
+
+@pytest.mark.parametrize(("family", "variant"), POWERS, ids=lambda one: f"{one.identifier} {one.variant}")
+def test_at_the_usual_power_a_variant_is_its_family(family, variant):
+    start = {one.name: one.start for one in variant.parameters}
+    power = USUAL[family.identifier, variant.variant]
+    seen = Walker((variant,)).predict(Inputs(K, OMEGA, 0.4, 0.6), [start | {"power": power or 0.0}]).observables
+    same = np.allclose(seen, predicted(family), rtol=1e-6)
+    assert same is (power is not None)
 
 
 def test_what_a_user_defines_has_no_variants():

@@ -1,12 +1,18 @@
-"""Other conventions of effects' formulas (``physics.variants``): where no set fits, and where several effects do."""
+"""Other conventions of effects' formulas (``physics.variants``): where no set fits, and what speaks against a claim.
+
+A claim is of a family, and another family may explain as much under a convention of its own. Single effects under all
+conventions are therefore tried against every claim. One that only comes near is none: it was picked from dozens, and
+some have the claim's formula for a limit (a slip that spares the peak is an overlap where it is the same at all
+depths). So the catalogue's formula stands unless another is better by BIC; then both are named, and the other alone
+where it is clearly better.
+"""
 
 from collections.abc import Sequence
-from itertools import product
 
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.verdict import overdispersion, parts_of, passes, sound
+from sandbot_model.discovery.verdict import leaves_nothing, overdispersion, parts_of, passes, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import WarmStart, solve
+from sandbot_model.fitting.global_minimum import solve, solve_near
 from sandbot_model.physics.model import Model, model_of
 from sandbot_model.physics.variants import variants_of
 
@@ -14,65 +20,96 @@ PAIRS = 3
 """Pairs that are tried under other conventions, the best; of single effects all are."""
 
 
-def other_conventions(search: EffectSearch) -> bool:
-    """Give single effects and the best pairs the convention that fits them best; whether any fits clearly better.
+def other_conventions(search: EffectSearch, size: int) -> bool:
+    """Give single effects, or the best pairs, the convention that fits them best; whether any fits clearly better.
 
     Each is looked at near the best smaller set, the best of all then anywhere.
     """
-    better = [names for names in _leading(search) if _better(search, names)]
+    better = [names for names in _leading(search, size) if _better(search, names)]
     if better:
         best = min(better, key=lambda names: search.fits[names].bic)
         fit = search.fits[best]
-        anywhere = _fitted(search, [fit.model], fit.warm_start, nearby=False)[0]
+        anywhere = fitted_at(fit.model, search.cells, solve((fit.model, search.cells, fit.warm_start, False)))
         search.fits[best] = anywhere if anywhere.deviance < fit.deviance else fit
     return bool(better)
 
 
-def one_in_place_of(search: EffectSearch, several: Fit) -> bool:
-    """Give single effects a convention under which they leave nothing to explain, where that is clearly better than
-    ``several`` effects under the usual ones; whether any is.
+def against(search: EffectSearch, claimed: Fit) -> bool:
+    """Let in single effects under other conventions that leave nothing to explain and speak against a claim.
+
+    Against several effects one must be clearly better. Against one, another family must be better; then the claim's own
+    family, too, has the convention that is best for it. Whether there are any.
     """
-    limit = several.bic - search.criteria.clearly * overdispersion(several)
-    names = [(name,) for name in search.names if not passes(search.fits[name,], search.criteria)]
-    models = [model for one in names for model in _models(search, one)]
-    found = _fitted(search, models, search.fits[()].warm_start, nearby=True)
-    good = [fit for fit in found if fit.bic < limit and passes(fit, search.criteria)]
-    search.fits |= {fit.effects: fit for fit in sorted(good, key=lambda fit: -fit.bic)}
-    return bool(good)
+    several = len(claimed.effects) > 1
+    limit = claimed.bic - several * search.criteria.clearly * overdispersion(claimed)
+    better = [fit for fit in _of_one(search) if fit.bic < limit and _explains(search, fit)]
+    if all(fit.effects == claimed.effects for fit in better):
+        return False
+    search.fits |= {fit.effects: fit for fit in sorted(better, key=lambda fit: -fit.bic)}
+    return True
+
+
+def conventions(fits: Sequence[Fit]) -> dict[str, str]:
+    """The other convention that each effect of these fits follows, if it does."""
+    return {effect.identifier: effect.variant for fit in fits for effect in fit.model.effects if effect.variant}
+
+
+def _explains(search: EffectSearch, fit: Fit) -> bool:
+    return passes(fit, search.criteria) and worth({**search.fits, fit.effects: fit}, fit.effects, (), search.criteria)
 
 
 def _better(search: EffectSearch, names: Names) -> bool:
-    """Whether a set fits clearly better under another convention, which then takes its place."""
-    models = _models(search, names)
-    start = min((search.fits[part] for part in parts_of(names, search.fits)), key=lambda fit: fit.deviance).warm_start
-    found = [fit for fit in _fitted(search, models, start, nearby=True) if sound(fit)]
-    best = min(found, key=lambda fit: fit.deviance, default=search.fits[names])
-    if best.deviance >= search.fits[names].deviance - search.criteria.clearly:
+    """Whether a set fits clearly better under another convention, which then takes its place.
+
+    One that leaves nothing takes it with a number that nobody believes, too: it is no claim, but may be ``partial``.
+    """
+    if len(names) == 1:
+        found = [fit for fit in _of_one(search) if fit.effects == names]
+    else:
+        found = _near(search, _models(search, names))
+    some = [fit for fit in found if sound(fit) or leaves_nothing(fit, search.criteria)]
+    best = min(some, key=lambda fit: fit.bic, default=search.fits[names])
+    if best.bic >= search.fits[names].bic - search.criteria.clearly:
         return False
     search.fits[names] = best
     return True
 
 
-def _fitted(search: EffectSearch, models: Sequence[Model], start: WarmStart, *, nearby: bool) -> list[Fit]:
-    points = search.fit_all(solve, [(model, search.cells, start, nearby) for model in models])
+def _of_one(search: EffectSearch) -> list[Fit]:
+    """All single effects under all other conventions, fitted once."""
+    if search.other_conventions is None:
+        models = [model for name in search.names for model in _models(search, (name,))]
+        search.other_conventions = _near(search, models)
+    return search.other_conventions
+
+
+def _near(search: EffectSearch, models: Sequence[Model]) -> list[Fit]:
+    """Sets under another convention, near their best smaller set and near where the usual one has come to, if that
+    gains: a threshold is not found from far away.
+    """
+    tasks = []
+    for model in models:
+        usual = search.fits[model.identifiers]
+        smaller = min((search.fits[part] for part in parts_of(model.identifiers, search.fits)), key=_deviance)
+        gains = smaller.deviance - usual.deviance > search.criteria.claim
+        starts = (smaller.warm_start, usual.warm_start)[: 1 + gains]
+        tasks.append((model, search.cells, starts, None))
+    points = search.fit_all(solve_near, tasks)
     return [fitted_at(model, search.cells, point) for model, point in zip(models, points, strict=True)]
 
 
-def conventions(fit: Fit) -> dict[str, str]:
-    """The other convention that each effect of a fit follows, if it does."""
-    return {effect.identifier: effect.variant for effect in fit.model.effects if effect.variant}
+def _deviance(fit: Fit) -> float:
+    return fit.deviance
 
 
-def _leading(search: EffectSearch) -> list[Names]:
-    best = sorted(search.fits, key=lambda names: search.fits[names].bic)
-    found: list[Names] = []
-    for size, most in ((1, len(best)), (2, PAIRS)):
-        found += [names for names in best if len(names) == size][:most]
-    return found
+def _leading(search: EffectSearch, size: int) -> list[Names]:
+    some = sorted((fit for names, fit in search.fits.items() if len(names) == size), key=lambda fit: fit.bic)
+    return [fit.effects for fit in (some if size == 1 else some[:PAIRS])]
 
 
 def _models(search: EffectSearch, names: Names) -> list[Model]:
-    """A set under all conventions but those it was fitted with."""
-    own = [(search.effects[name], *variants_of(search.effects[name])) for name in names]
-    swaps = [{effect.identifier: effect for effect in some} for some in list(product(*own))[1:]]
-    return [model_of(search.base, names, {**search.effects, **swapped}, search.cells.robot) for swapped in swaps]
+    """A set with one of its effects under another convention."""
+    swaps = [(name, variant) for name in names for variant in variants_of(search.effects[name])]
+    return [
+        model_of(search.base, names, {**search.effects, name: variant}, search.cells.robot) for name, variant in swaps
+    ]

@@ -16,7 +16,7 @@ from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.calibration import would_fall
 from sandbot_model.discovery.candidates import Candidate, candidates
-from sandbot_model.discovery.conventions import conventions, one_in_place_of, other_conventions
+from sandbot_model.discovery.conventions import against, conventions, other_conventions
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try
@@ -24,7 +24,7 @@ from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.next_trials import NextTrial, excluding, next_trials
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter
-from sandbot_model.discovery.partial import Partial, partly
+from sandbot_model.discovery.partial import Partial, beyond_its_range, partly
 from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.sharing import Shared, reconsidered
@@ -170,7 +170,7 @@ def discover(
     search.run(0 if at_once else max_effects)
     found = Shared(at_once, search.fits, search.fits[()]) if at_once else _concluded(search)
     partial = None
-    if len(found.verdict.effects) > 1 and one_in_place_of(search, found.named):
+    if found.verdict.status == "identified" and against(search, search.fits[found.verdict.effects]):
         found = _concluded(search)
     if found.verdict.status == "unexplained" and not at_once:
         found, partial = _between(search, found)
@@ -211,7 +211,7 @@ def discover(
         stages=stage_tests(search.fits[()]),
         residual=_left(search, verdict) if not doubted else None,
         partial=partial,
-        variants=conventions(named),
+        variants=conventions([search.fits[names] for names in verdict.alternatives]),
         limits=tuple(limits(search, named)) if verdict.status in ("adequate", "identified") else (),
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
     )
@@ -226,16 +226,27 @@ def _concluded(search: EffectSearch) -> Shared:
 
 
 def _between(search: EffectSearch, unexplained: Shared) -> tuple[Shared, Partial | None]:
-    """Where no set of the catalogue fits: under other conventions one may, or one effect repairs most."""
+    """Where no set of the catalogue fits: under another convention one effect may, or repair most, or two may."""
     usual = dict(search.fits)
-    if other_conventions(search) and (found := _concluded(search)).verdict.status != "unexplained":
+    better = other_conventions(search, 1)
+    # A formula that nobody wrote down is no claim where one of the catalogue fits clearly better with a number nobody
+    # believes.
+    if (most := beyond_its_range(search)) and not conventions([search.fits[most[0].effects]]):
+        return _in_part(search, most)
+    if better and (found := _concluded(search)).verdict.status != "unexplained":
         return found, None
     for fits in (usual, search.fits):
         search.fits = fits
         if most := partly(search):
-            verdict, partial = most
-            return Shared(verdict, fits, fits[verdict.effects]), partial
+            return _in_part(search, most)
+    if other_conventions(search, 2) and (found := _concluded(search)).verdict.status != "unexplained":
+        return found, None
     return replace(unexplained, fits=usual), None
+
+
+def _in_part(search: EffectSearch, most: tuple[Verdict, Partial]) -> tuple[Shared, Partial]:
+    verdict, partial = most
+    return Shared(verdict, search.fits, search.fits[verdict.effects]), partial
 
 
 def _left(search: EffectSearch, verdict: Verdict) -> SuggestedFormula | None:

@@ -40,6 +40,8 @@ class EffectSearch:
         self.cells, self.effects, self.base = cells, effects, base
         self.criteria, self.fit_all, self.progress = criteria, fit_all, progress
         self.fits: dict[Names, Fit] = {}
+        self.other_conventions: list[Fit] | None = None
+        """Single effects under other conventions, once they have been tried (``conventions``)."""
         inherent = {effect.identifier for effect in self.model(()).walker.effects}
         self.names = [name for name in effects if name not in inherent]
 

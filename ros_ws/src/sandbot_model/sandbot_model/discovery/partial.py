@@ -9,7 +9,7 @@ So is an effect that leaves nothing, and no other comes near, but only with a nu
 formula may have another form here, or the range be too narrow.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,16 +56,23 @@ Spared = Mapping[Observable, Mapping[Names, Fit]]
 """Fits of single effects and of the base model with an observable left out."""
 Found = tuple[Mapping[Names, Fit], Names, list[Observable]]
 """Fits, the set among them that is named, and the observables in which it fails."""
+Finds = Callable[[EffectSearch, Sequence[Observable]], Found | None]
 
 
 def partly(search: EffectSearch) -> tuple[Verdict, Partial] | None:
     """The verdict where one effect repairs most; None where none does, or several might."""
+    # What leaves nothing in any observable comes before what fails in one.
+    return beyond_its_range(search) or _said(search, _with_a_rest)
+
+
+def beyond_its_range(search: EffectSearch) -> tuple[Verdict, Partial] | None:
+    """The verdict where one effect leaves nothing and no other comes near, but with a number nobody believes."""
+    return _said(search, lambda search, _: _all_but_its_number(search))
+
+
+def _said(search: EffectSearch, finds: Finds) -> tuple[Verdict, Partial] | None:
     observables = [one for one in Observable if one.name in search.cells.observables]
-    if len(observables) < FEWEST or len(search.fits) == 1:
-        return None
-    spared = {one: _without(search, one) for one in observables}
-    found = _one_is_wrong(spared, search.criteria) or _all_but_a_rest(search, spared) or _all_but_its_number(search)
-    if found is None:
+    if len(observables) < FEWEST or len(search.fits) == 1 or (found := finds(search, observables)) is None:
         return None
     fits, names, failing = found
     at, share = fits[names], _share(fits, names)
@@ -73,6 +80,12 @@ def partly(search: EffectSearch) -> tuple[Verdict, Partial] | None:
     holds = tuple(one.name for one in observables if one not in failing)
     partial = Partial(at.effects[0], share, holds, misses)
     return Verdict("partial", at.effects, (at.effects,), _because(partial, at)), partial
+
+
+def _with_a_rest(search: EffectSearch, observables: Sequence[Observable]) -> Found | None:
+    """The effect that leaves nothing without one observable, or a small rest."""
+    spared = {one: _without(search, one) for one in observables}
+    return _one_is_wrong(spared, search.criteria) or _all_but_a_rest(search, spared)
 
 
 def without(cells: Cells, observable: Observable) -> Cells:

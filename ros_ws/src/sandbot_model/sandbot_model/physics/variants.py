@@ -1,88 +1,124 @@
 """Other conventions for an effect's formula: the family is the effect, which convention holds is for the data to say.
 
-An exponent, the width of a ramp and what the first step feels are conventions of whoever wrote the formula down. A
-variant has its family's identifier and parameters, so that it takes its place in a catalogue.
+An exponent, the width of a ramp, a law of friction, what the first step feels and whether the peak of v_x(t) does are
+conventions of whoever wrote the formula down. A variant departs from its family's formula in one of them, and has its
+family's identifier and parameters, so that it takes its place in a catalogue. Where the convention is a number
+(``power``; ``part``; ``log_width``, a ramp of 10^log_width R), that is one parameter more, fitted and paid
+for like any other.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Values
 from sandbot_model.physics.formula import formula_effect
 
-_CRATER = "penetration = maximum(z - z_0_m*{left}*clip((1.2*R - step*kept)/({width}*R), 0, 1)*(1 - first), 0)"
-_LEFT = "exp(-pi/(omega*tau_s))"
-_SLIP = "step, peak_ratio *= clip(1 - sigma*(d_r/maximum(d, 1e-6)){more}, 0, 1)"
-_DRAG = "step, peak_ratio *= clip(1 - f_c_n*{more}/maximum(1.5*146e3*w*{depths}, 1e-6), 0, 1)"
+_POWER = "; power [1] in {}..{}"
+_EITHER = _POWER.format(-2, 2)
+_BY_OMEGA = "(omega/16)**power"
+_DEPTH = "maximum(d, 1e-6)"
+_WIDTH = "; log_width [1] in -2..0"
+_RAMP = "clip(({reach} - {at})/10**log_width, 0, 1)*(1 - first)"
+_STEP = _RAMP.format(reach="{reach}", at="step*kept/R")
+_DISTURBED = _STEP.format(reach="s_c")
+_USUAL = "clip((s_c*R - step*kept)/(0.1*R), 0, 1)*(1 - first)"
+_OVER_DEPTH = _RAMP.format(reach="s_c", at=f"step*kept/{_DEPTH}")
+_CRATER = f"penetration = maximum(z - z_0_m*{{left}}*{_STEP.format(reach='1.2')}, 0){_WIDTH}"
+_SLIP = "step, peak_ratio *= clip(1 - sigma*{}, 0, 1)"
+_DRAG = "step, peak_ratio *= clip(1 - f_c_n/maximum(1.5*146e3*w*d_r**2, 1e-6)*{}, 0, 1)"
+_SLOWER = f"(d_r/{_DEPTH})**2"
 _TOUCH_DOWN = "beta*omega*maximum(d + h - R, 0)"
+_LEGS = "R*omega*where(d + h > R, 1, 0)"
 _TIME_LEFT = "maximum(pi/omega - 2*arcsin(clip(s_0/(2*R), 0, 1))/(beta*omega), 0)"
-_SLIDING = f"minimum({_TOUCH_DOWN}/(mu_b*g), {_TIME_LEFT})"
-_DECAY_S = "0.2/(mu_b*g)"
-"""Of friction in proportion to speed that is Coulomb's at 0.2 m/s."""
+_STANDING = f"{_TIME_LEFT}/(1 + first)"
+_COULOMB = "s + {u}*minimum({u}/(mu_b*g), {left}) - 0.5*mu_b*g*minimum({u}/(mu_b*g), {left})**2"
+_AT = 0.4
+"""Speed [m/s] at which other laws of friction are Coulomb's: a body's at touch-down."""
+_DECAY_S = f"{_AT}/(mu_b*g)"
+_DECAY_M = f"{_AT}**2/(mu_b*g)"
+_VISCOUS = f"s + {_TOUCH_DOWN}*{_DECAY_S}*(1 - exp(-{{left}}/({_DECAY_S})))"
+_SQUARE = f"s + {_DECAY_M}*log(1 + {_TOUCH_DOWN}*{{left}}/({_DECAY_M}))"
 VARIANTS: Mapping[str, Mapping[str, str]] = {
     "disturbed_ground": {
-        "a ramp of 0.3 R": "k - maximum(k - k_l_n_per_m, 0)*clip((s_c*R - step*kept)/(0.3*R), 0, 1)*(1 - first)",
-        "a share of k": (
-            "k - k*maximum(1 - k_l_n_per_m/K(0.61), 0)*clip((s_c*R - step*kept)/(0.1*R), 0, 1)*(1 - first)"
-        ),
+        "a ramp of another width": f"k - maximum(k - k_l_n_per_m, 0)*{_DISTURBED}{_WIDTH}",
+        "a share of k": f"k - k*maximum(1 - k_l_n_per_m/K(0.61), 0)*{_DISTURBED}{_WIDTH}",
+        "a part of k beyond k_L": f"k - part*maximum(k - k_l_n_per_m, 0)*{_USUAL}; part [1] in 0.2..1",
+        "by step over depth": f"k - maximum(k - k_l_n_per_m, 0)*{_OVER_DEPTH}{_WIDTH}",
     },
     "stance_overlap": {
         "the first step spared": "kept *= 1 - eta*(1 - first)",
-        "in proportion to ω": "kept *= maximum(1 - eta*omega/16, 0)",
+        "by a power of ω": f"kept *= maximum(1 - eta*{_BY_OMEGA}, 0){_EITHER}",
+        "a length of each step": "kept *= maximum(1 - eta*R/maximum(step, 1e-6), 0)",
+        "by a power of depth": f"kept *= maximum(1 - eta*({_DEPTH}/d_r)**power, 0){_POWER.format(-3, 3)}",
     },
     "belly_coast": {
-        "the first step as any other": f"s + {_TOUCH_DOWN}*{_SLIDING} - 0.5*mu_b*g*{_SLIDING}**2",
-        "not cut short by the next step": f"s + ({_TOUCH_DOWN})**2/(2*mu_b*g)",
-        "friction in proportion to speed": (
-            f"s + {_TOUCH_DOWN}*{_DECAY_S}*(1 - exp(-{_TIME_LEFT}/(1 + first)/({_DECAY_S})))"
+        "the first step as any other": _COULOMB.format(u=_TOUCH_DOWN, left=_TIME_LEFT),
+        "not cut short by the next step, over a power of speed": (
+            f"s + {_AT}**2/(2*mu_b*g)*({_TOUCH_DOWN}/{_AT})**power{_POWER.format(1, 3)}"
         ),
+        "friction in proportion to speed": _VISCOUS.format(left=_STANDING),
+        "friction in proportion to speed, the first step as any other": _VISCOUS.format(left=_TIME_LEFT),
+        "friction by the square of speed": _SQUARE.format(left=_STANDING),
+        "friction by the square of speed, the first step as any other": _SQUARE.format(left=_TIME_LEFT),
+        "from the legs' speed": _COULOMB.format(u=_LEGS, left=_STANDING),
+        "from the legs' speed, not cut short by the next step": f"s + ({_LEGS})**2/(2*mu_b*g)",
     },
     "swimming_thrust": {
-        "by the inverse square of ω": "v_swim = minimum(thrust_m_s2*16/omega**2, R*omega/pi)",
-        "by the inverse root of ω": "v_swim = minimum(thrust_m_s2/(16*omega)**0.5, R*omega/pi)",
+        "by a power of ω": (f"v_swim = minimum(thrust_m_s2/16*(16/omega)**power, R*omega/pi){_POWER.format(0, 3)}"),
+        "in series with the legs": "v_swim = 1/(omega/maximum(thrust_m_s2, 1e-6) + pi/(R*omega))",
     },
     "carried_momentum": {
         "of the legs' speed": "Delta_v = maximum(Delta_v - chi_m*R*omega*(1 - first), 0)",
         "by energy": "Delta_v = sqrt(maximum(Delta_v**2 - (chi_m*v)**2*(1 - first), 0))",
+        "by a power of ω": f"Delta_v = maximum(Delta_v - chi_m*v*{_BY_OMEGA}*(1 - first), 0){_EITHER}",
     },
     "inertial_drag": {
-        "in proportion to speed": "extra_force += lambda_1*600*w*R*(R*16)*(R*omega)",
-        "in proportion to speed cubed": "extra_force += lambda_1*600*w*R*(R*omega)**3/(R*16)",
-        "in proportion to depth": "extra_force += lambda_1*600*w*d*(R*omega)**2",
+        "by another power of speed": f"extra_force += lambda_1*600*w*R*(R*16)**2*{_BY_OMEGA}{_POWER.format(0, 4)}",
+        "by a power of depth": f"extra_force += lambda_1*600*w*R*({_DEPTH}/R)**power*(R*omega)**2{_POWER.format(0, 2)}",
     },
     "crater_refill": {
-        "a ramp of 0.02 R": _CRATER.format(left=_LEFT, width=0.02),
-        "a ramp of 0.3 R": _CRATER.format(left=_LEFT, width=0.3),
-        "refilled evenly": _CRATER.format(left="maximum(1 - pi/(omega*2*tau_s), 0)", width=0.1),
-        "refilled ever slower": _CRATER.format(left="tau_s/(tau_s + pi/omega)", width=0.1),
+        "a ramp of another width": _CRATER.format(left="exp(-pi/(omega*tau_s))"),
+        "refilled evenly": _CRATER.format(left="maximum(1 - pi/(omega*2*tau_s), 0)"),
+        "refilled ever slower": _CRATER.format(left="tau_s/(tau_s + pi/omega)"),
     },
     "phi_dependent_response": {"exponential in φ": "delta_t *= exp(b*(phi - 0.61)/0.05)"},
     "cable_drag": {
-        "F_x in proportion to depth": _DRAG.format(more=1, depths="d_r*d"),
-        "in proportion to the legs' speed": _DRAG.format(more="omega/16", depths="d**2"),
+        "by another power of depth": f"{_DRAG.format(f'(d_r/{_DEPTH})**power')}{_POWER.format(0, 3)}",
+        "by a power of ω": f"{_DRAG.format(f'{_SLOWER}*{_BY_OMEGA}')}{_EITHER}",
+        "the first step spared": _DRAG.format(f"{_SLOWER}*(1 - first)"),
+        "by the ground's stiffness, the peak spared": "step = maximum(s - f_c_n/k, 0)",
     },
     "leg_slip": {
-        "in inverse proportion to depth": _SLIP.format(more=""),
-        "by the inverse cube of depth": _SLIP.format(more="**3"),
-        "in proportion to ω": _SLIP.format(more="**2*omega/16"),
+        "by another power of depth": f"{_SLIP.format(f'(d_r/{_DEPTH})**power')}{_POWER.format(0, 4)}",
+        "by a power of ω": f"{_SLIP.format(f'{_SLOWER}*{_BY_OMEGA}')}{_EITHER}",
+        "the first step spared": _SLIP.format(f"{_SLOWER}*(1 - first)"),
+        "the peak spared": f"step *= clip(1 - sigma*(d_r/{_DEPTH})**power, 0, 1){_POWER.format(1, 3)}",
     },
     "motor_saturation": {
-        "a sharper bend": "omega/(1 + (omega/omega_s_rad_s)**4)**0.25",
-        "a softer bend": "omega/(1 + omega/(4*omega_s_rad_s))",
+        "another bend": f"omega/(1 + 0.5*(30/omega_s_rad_s)**2*(omega/30)**power){_POWER.format(1, 6)}",
     },
 }
-"""By family: what is different, and the formula's right side as ``--effect`` reads it."""
+"""By family: what is different, and the formula's right side as ``--effect`` reads it, with ranges of what is new."""
+
+
+NEW = "the convention, as a number"
+"""What is said of a parameter that a variant has beside its family's."""
 
 
 class Variant(Effect):
     """An effect under another convention; ``variant`` says which."""
 
     def __init__(self, family: Effect, variant: str, text: str) -> None:
-        self.identifier, self.stage, self.parameters = family.identifier, family.stage, family.parameters
+        self.identifier, self.stage, self.variant = family.identifier, family.stage, variant
         self.source, self.seen_in, self.replaces = family.source, family.seen_in, family.replaces
-        self.variant = variant
         ranges = (f"{one.name} in {one.low}..{one.high}" for one in family.parameters)
         self.acts = formula_effect("; ".join((f"{self.identifier}: {self.stage}: {text}", *ranges)))
+        own = {one.name for one in family.parameters}
+        self.parameters = (
+            *family.parameters,
+            *(replace(one, doc=NEW) for one in self.acts.parameters if one.name not in own),
+        )
         self.formula, self.first_step_differs = self.acts.formula, self.acts.first_step_differs
 
     def apply(self, chain: Chain, p: Values) -> None:
