@@ -28,9 +28,13 @@ def test_a_verdict_falls_in_its_column(truth, status, sets, said):
 
 
 def test_the_matrix_has_every_row_and_every_world_is_one():
-    some = list(nuisance.cases(1))
-    assert len(some) == len(set(some)) == ((len(nuisance.NUISANCES) - 1) * 2 + 1) * 2 * len(nuisance.TRUTHS)
-    assert len(nuisance.TRUTHS) >= 6
+    some = list(nuisance.cases(len(nuisance.EFFECTS)))
+    rows = ((len(nuisance.NUISANCES) - 1) * 2 + 1) * 2
+    assert len(some) == len(set(some)) == rows * 2 * len(nuisance.EFFECTS)
+    assert len(nuisance.EFFECTS) >= 5
+    for row in {(case.nuisance, case.dose, case.order) for case in some}:
+        hidden = [case.truth for case in some if (case.nuisance, case.dose, case.order) == row]
+        assert set(hidden) == {*nuisance.TRUTHS}
     assert all(case.world.effects.keys() == nuisance.TRUTHS[case.truth].keys() for case in some)
     clean = [case.world.week == nuisance.Week() for case in some if case.nuisance == "clean"]
     assert all(clean)

@@ -3,16 +3,18 @@
 A claim is of a family, and another family may explain as much under a convention of its own. Single effects under all
 conventions are therefore tried against every claim. One that only comes near is none: it was picked from dozens, and
 some have the claim's formula for a limit (a slip that spares the peak is an overlap where it is the same at all
-depths). So the catalogue's formula stands unless another is better by BIC; then both are named, and the other alone
-where it is clearly better.
+depths). So the catalogue's formula stands unless another is better by BIC, its choice paid for; then both are named,
+and the other alone where it is clearly better.
 """
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.verdict import leaves_nothing, overdispersion, parts_of, passes, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import solve, solve_near
+from sandbot_model.fitting.global_minimum import HOPELESS, solve, solve_below
 from sandbot_model.physics.model import Model, model_of
 from sandbot_model.physics.variants import variants_of
 
@@ -37,12 +39,14 @@ def other_conventions(search: EffectSearch, size: int) -> bool:
 def against(search: EffectSearch, claimed: Fit) -> bool:
     """Let in single effects under other conventions that leave nothing to explain and speak against a claim.
 
-    Against several effects one must be clearly better. Against one, another family must be better; then the claim's own
-    family, too, has the convention that is best for it. Whether there are any.
+    Against several effects one must be clearly better. Against one, another family must be better though it was picked
+    from all that were tried (extended BIC; Chen & Chen 2008, Biometrika 95, 759); then the claim's own family, too, has
+    the convention that is best for it. Whether there are any.
     """
-    several = len(claimed.effects) > 1
-    limit = claimed.bic - several * search.criteria.clearly * overdispersion(claimed)
-    better = [fit for fit in _of_one(search) if fit.bic < limit and _explains(search, fit)]
+    tried = _near(search, _all_of_one(search), HOPELESS * claimed.deviance + 100.0)
+    lead = search.criteria.clearly if len(claimed.effects) > 1 else 2 * np.log(max(len(tried), 1))
+    limit = claimed.bic - lead * overdispersion(claimed)
+    better = [fit for fit in tried if fit.bic < limit and _explains(search, fit)]
     if all(fit.effects == claimed.effects for fit in better):
         return False
     search.fits |= {fit.effects: fit for fit in sorted(better, key=lambda fit: -fit.bic)}
@@ -78,14 +82,17 @@ def _better(search: EffectSearch, names: Names) -> bool:
 def _of_one(search: EffectSearch) -> list[Fit]:
     """All single effects under all other conventions, fitted once."""
     if search.other_conventions is None:
-        models = [model for name in search.names for model in _models(search, (name,))]
-        search.other_conventions = _near(search, models)
+        search.other_conventions = _near(search, _all_of_one(search))
     return search.other_conventions
 
 
-def _near(search: EffectSearch, models: Sequence[Model]) -> list[Fit]:
+def _all_of_one(search: EffectSearch) -> list[Model]:
+    return [model for name in search.names for model in _models(search, (name,))]
+
+
+def _near(search: EffectSearch, models: Sequence[Model], hopeless: float = np.inf) -> list[Fit]:
     """Sets under another convention, near their best smaller set and near where the usual one has come to, if that
-    gains: a threshold is not found from far away.
+    gains: a threshold is not found from far away. What is above a deviance that is ``hopeless`` at once is left there.
     """
     tasks = []
     for model in models:
@@ -93,8 +100,8 @@ def _near(search: EffectSearch, models: Sequence[Model]) -> list[Fit]:
         smaller = min((search.fits[part] for part in parts_of(model.identifiers, search.fits)), key=_deviance)
         gains = smaller.deviance - usual.deviance > search.criteria.claim
         starts = (smaller.warm_start, usual.warm_start)[: 1 + gains]
-        tasks.append((model, search.cells, starts, None))
-    points = search.fit_all(solve_near, tasks)
+        tasks.append((model, search.cells, starts, None, hopeless))
+    points = search.fit_all(solve_below, tasks)
     return [fitted_at(model, search.cells, point) for model, point in zip(models, points, strict=True)]
 
 

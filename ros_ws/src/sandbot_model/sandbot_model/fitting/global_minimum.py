@@ -78,9 +78,14 @@ def solve(task: tuple[Model, Cells, WarmStart | None, bool]) -> Point:
 
 def solve_near(task: tuple[Model, Cells, tuple[WarmStart, ...], Nuisances | None]) -> Point:
     """The best minimum near any of these, with nuisances."""
-    model, cells, starts_at, nuisances = task
+    return solve_below((*task, np.inf))
+
+
+def solve_below(task: tuple[Model, Cells, tuple[WarmStart, ...], Nuisances | None, float]) -> Point:
+    """The same; where a first descent ends above a deviance, the last of the task, it is left there."""
+    model, cells, starts_at, nuisances, hopeless = task
     problem = Problem(model, cells, nuisances)
-    found = [nearby_state(problem, near) for near in starts_at]
+    found = [nearby_state(problem, near, hopeless) for near in starts_at]
     state = _plausible(problem, min(found, key=lambda state: float(state.deviance[0])))
     return Point(state.theta[0], state.ln_k[0], state.slope[0])
 
@@ -194,8 +199,11 @@ def _valleys(states: States) -> list[int]:
     return found[:VALLEYS]
 
 
-def nearby_state(problem: Problem, near: WarmStart) -> States:
-    """The best minimum close to a smaller model that fits already: what is added can only be a small change."""
+def nearby_state(problem: Problem, near: WarmStart, hopeless: float = np.inf) -> States:
+    """The best minimum close to a smaller model that fits already: what is added can only be a small change.
+
+    Where the first descent ends above a deviance that is ``hopeless``, it is not refined.
+    """
     theta = _warm_starts(problem.model, near)
     ln_k = np.repeat(np.log(near.k_n_per_m)[None], len(theta), axis=0)
     low, high = bounds(problem)
@@ -203,6 +211,8 @@ def nearby_state(problem: Problem, near: WarmStart) -> States:
     # Every k is adjusted to the new effect before the rows are compared.
     found = descend(problem, begin, 2 * FIRST_ITERATIONS)
     best = found.take(np.argsort(found.deviance)[:1])
+    if best.deviance[0] > hopeless:
+        return best
     return descend(problem, look_along_theta(problem, look_along_k(problem, best)))
 
 

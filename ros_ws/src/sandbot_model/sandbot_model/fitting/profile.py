@@ -110,14 +110,15 @@ def _from_neighbours(problem: Problem, states: States, at: Sequence[int], shape:
         theta[:, at] = states.theta[:, at]
         lower = states.deviance[best]
         rows = np.flatnonzero((lower < states.deviance - TOLERANCE) & (lower < lower.min() + COUNTS))
-        tried = problem.states(theta[rows], states.ln_k[best[rows]], states.slope[rows])
-        near = tried.deviance < states.deviance[rows] + NEAR
-        rows = rows[near]
-        found = descend(problem, tried.take(np.flatnonzero(near)), ITERATIONS, fixed=at)
-        better = found.deviance < states.deviance[rows] - TOLERANCE
-        if not better.any():
+        if not len(rows):
             break
-        states = put(states, rows[better], found.take(np.flatnonzero(better)))
+        tried = problem.states(theta[rows], states.ln_k[best[rows]], states.slope[rows])
+        near = np.flatnonzero(tried.deviance < states.deviance[rows] + NEAR)
+        if not len(near):
+            break
+        found, rows = descend(problem, tried.take(near), ITERATIONS, fixed=at), rows[near]
+        better = found.deviance < states.deviance[rows] - TOLERANCE
+        states = put(states, rows[better], found.take(np.flatnonzero(better))) if better.any() else states
     return states
 
 
