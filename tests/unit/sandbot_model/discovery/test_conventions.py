@@ -3,7 +3,7 @@
 import pytest
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.conventions import against, other_conventions
+from sandbot_model.discovery.conventions import against, singles
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.partial import beyond_its_range
@@ -57,7 +57,7 @@ def test_a_claim_stands_where_others_only_come_near(drawn, seed):
     search = EffectSearch(found.cells, FEW, "simple")
     search.run(1)
     assert not against(search, search.fits["stance_overlap",])
-    assert min(fit.bic for fit in search.other_conventions if fit.effects == ("leg_slip",)) < found.fit.bic + 10
+    assert min(fit.bic for fit in singles(search) if fit.effects == ("leg_slip",)) < found.fit.bic + 10
 
 
 RAMP = "d: strength: k - maximum(k - 172, 0)*0.5*(1 + cos(pi*clip((a/R - 0.7)/0.4, 0, 1)))*(1 - first)"

@@ -43,7 +43,7 @@ def against(search: EffectSearch, claimed: Fit) -> bool:
     from all that were tried (extended BIC; Chen & Chen 2008, Biometrika 95, 759); then the claim's own family, too, has
     the convention that is best for it. Whether there are any.
     """
-    tried = _near(search, _all_of_one(search), HOPELESS * claimed.deviance + 100.0)
+    tried = _near(search, _allsingles(search), HOPELESS * claimed.deviance + 100.0)
     lead = search.criteria.clearly if len(claimed.effects) > 1 else 2 * np.log(max(len(tried), 1))
     limit = claimed.bic - lead * overdispersion(claimed)
     better = [fit for fit in tried if fit.bic < limit and _explains(search, fit)]
@@ -68,7 +68,7 @@ def _better(search: EffectSearch, names: Names) -> bool:
     One that leaves nothing takes it with a number that nobody believes, too: it is no claim, but may be ``partial``.
     """
     if len(names) == 1:
-        found = [fit for fit in _of_one(search) if fit.effects == names]
+        found = [fit for fit in singles(search) if fit.effects == names]
     else:
         found = _near(search, _models(search, names))
     some = [fit for fit in found if sound(fit) or leaves_nothing(fit, search.criteria)]
@@ -79,10 +79,10 @@ def _better(search: EffectSearch, names: Names) -> bool:
     return True
 
 
-def _of_one(search: EffectSearch) -> list[Fit]:
+def singles(search: EffectSearch) -> list[Fit]:
     """All single effects under all other conventions, fitted once."""
     if search.other_conventions is None:
-        search.other_conventions = _near(search, _all_of_one(search))
+        search.other_conventions = _near(search, _allsingles(search))
     return search.other_conventions
 
 
