@@ -3,7 +3,7 @@
 import pytest
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.conventions import against, singles
+from sandbot_model.discovery.conventions import against, other_conventions, singles
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.partial import beyond_its_range

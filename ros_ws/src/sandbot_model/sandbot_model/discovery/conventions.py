@@ -43,7 +43,7 @@ def against(search: EffectSearch, claimed: Fit) -> bool:
     from all that were tried (extended BIC; Chen & Chen 2008, Biometrika 95, 759); then the claim's own family, too, has
     the convention that is best for it. Whether there are any.
     """
-    tried = _near(search, _allsingles(search), HOPELESS * claimed.deviance + 100.0)
+    tried = _near(search, _models_of_one(search), HOPELESS * claimed.deviance + 100.0)
     lead = search.criteria.clearly if len(claimed.effects) > 1 else 2 * np.log(max(len(tried), 1))
     limit = claimed.bic - lead * overdispersion(claimed)
     better = [fit for fit in tried if fit.bic < limit and _explains(search, fit)]
@@ -82,11 +82,11 @@ def _better(search: EffectSearch, names: Names) -> bool:
 def singles(search: EffectSearch) -> list[Fit]:
     """All single effects under all other conventions, fitted once."""
     if search.other_conventions is None:
-        search.other_conventions = _near(search, _allsingles(search))
+        search.other_conventions = _near(search, _models_of_one(search))
     return search.other_conventions
 
 
-def _all_of_one(search: EffectSearch) -> list[Model]:
+def _models_of_one(search: EffectSearch) -> list[Model]:
     return [model for name in search.names for model in _models(search, (name,))]
 
 
