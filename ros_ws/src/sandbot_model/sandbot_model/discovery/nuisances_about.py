@@ -8,7 +8,6 @@ import numpy as np
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.structure import BATCH, batch_share
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.fitting.jacobian import cell_jacobian, without_nuisances
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances, averaged_moments, gains_of_scatter, scatter_of_batches
@@ -16,6 +15,8 @@ from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import Observable
 
+FARTHEST = 0.01
+"""By how much ln k is moved from one fit to the next: slopes beside the switch hold no farther."""
 MAX_SCATTER, SIZES = 2.5, 60
 """Largest σ_b, in units of its prior, and how many are tried."""
 ALONG = [Observable.speed, Observable.peak_speed, Observable.first_step]
@@ -50,17 +51,21 @@ def shared_by(fit: Fit, criteria: Criteria, scatter: float) -> Nuisances:
 
 def _found(fit: Fit, names: Sequence[str]) -> tuple[Array, Array]:
     """What a fit has found of the bed's nuisances, and its errors ``(m,)``; 0 and ∞ of what it knows nothing of."""
-    known = {} if fit.nuisances is None else _by_name(fit.nuisances.names, fit.shared)
+    known: dict[str, list[tuple[float, float]]] = {}
+    if fit.nuisances is not None:
+        for name, before, (value, stderr) in zip(fit.nuisances.names, fit.nuisances.about, fit.shared, strict=True):
+            known.setdefault(name, []).append((before + np.clip(value - before, -FARTHEST, FARTHEST), stderr))
     own = [known[name].pop(0) if name in BED and known.get(name) else (0.0, np.inf) for name in names]
     about, stderr = np.array(own).T
     return about, stderr
 
 
-def _by_name(names: Sequence[str], values: Sequence[Estimate]) -> dict[str, list[Estimate]]:
-    found: dict[str, list[Estimate]] = {name: [] for name in names}
-    for name, value in zip(names, values, strict=True):
-        found[name].append(value)
-    return found
+def unsettled(fit: Fit) -> float:
+    """How far what a fit has found of the bed is from the values about which it was linear, at most."""
+    if fit.nuisances is None:
+        return np.inf
+    away = np.array([value for value, _ in fit.shared]) - fit.nuisances.about
+    return float(np.abs(away[fit.nuisances.by_ln_k.any(axis=0)]).max(initial=0.0))
 
 
 def _by_ln_k(fit: Fit) -> Array:

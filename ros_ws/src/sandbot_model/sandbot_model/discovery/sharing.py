@@ -12,16 +12,18 @@ from itertools import combinations
 
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.nuisances_about import LIFT_ZERO, SPEED_SCALE, bed_scatter, shared_by
+from sandbot_model.discovery.nuisances_about import LIFT_ZERO, SPEED_SCALE, bed_scatter, shared_by, unsettled
 from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import Verdict, judge, parts_of, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import WarmStart, solve_near
+from sandbot_model.fitting.global_minimum import WarmStart, solve_near, solve_on
 
 LEADING = 6
 """Larger sets that are tried again, the best."""
-PASSES = 4
-"""How often nuisances are taken about the last fit."""
+PASSES = 6
+"""How often nuisances are taken about the last fit, at most."""
+SETTLED = 2e-4
+"""Change of ln k that makes no difference."""
 GAINED = 0.5
 """Fall of the deviance that makes a fit better than another."""
 WORDS = {
@@ -161,16 +163,17 @@ def _refitted(search: EffectSearch, sets: Sequence[Names], scatter: float) -> di
     not its own, and offsets of k by a per cent turn cells into swimmers.
     """
     before = [search.fits[names] for names in sets]
-    starts = [_starts(search, fit) for fit in before]
-    for _ in range(PASSES):
+    for again in range(PASSES):
+        if max(map(unsettled, before), default=0.0) < SETTLED:
+            break
         nuisances = [shared_by(fit, search.criteria, scatter) for fit in before]
+        starts = [fit.point for fit in before] if again else [_starts(search, fit) for fit in before]
         tasks = [(fit.model, fit.cells, at, own) for fit, at, own in zip(before, starts, nuisances, strict=True)]
-        points = search.fit_all(solve_near, tasks)
+        points = search.fit_all(solve_on if again else solve_near, tasks)
         before = [
             fitted_at(fit.model, fit.cells, point, own)
             for fit, own, point in zip(before, nuisances, points, strict=True)
         ]
-        starts = [(fit.warm_start,) for fit in before]
     return {fit.effects: fit for fit in before}
 
 

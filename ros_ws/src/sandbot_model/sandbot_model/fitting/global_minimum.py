@@ -90,6 +90,15 @@ def solve_below(task: tuple[Model, Cells, tuple[WarmStart, ...], Nuisances | Non
     return Point(state.theta[0], state.ln_k[0], state.slope[0])
 
 
+def solve_on(task: tuple[Model, Cells, Point, Nuisances]) -> Point:
+    """The minimum that a point descends to where nuisances have moved a little."""
+    model, cells, point, nuisances = task
+    problem = Problem(model, cells, nuisances)
+    ln_k = point.ln_k[None]
+    state = descend(problem, problem.states(point.theta[None], ln_k, _slopes(problem, ln_k)))
+    return Point(state.theta[0], state.ln_k[0], state.slope[0])
+
+
 def best_state(problem: Problem, near: WarmStart | None = None) -> States:
     """The least deviance found anywhere; never above that of ``near`` where this model contains that one."""
     found = _search(problem, near)
