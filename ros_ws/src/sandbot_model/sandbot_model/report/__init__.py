@@ -5,76 +5,19 @@
 
 ``view`` is what is shown, ``curves`` adds the model curves; ``figures``, ``mechanics`` and ``balance`` draw,
 ``captions`` says how to read a figure and what it shows, ``supplement`` where the trials come from and how they were
-analysed, ``atlas`` draws the paper's figures, ``content`` puts the sections together, ``page`` renders.
+analysed, ``atlas`` draws the paper's figures, ``content`` puts the sections together, ``page`` renders and ``written``
+writes the file.
 """
 
-from collections.abc import Sequence
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-from sandbot_model.discovery.discover import Discovery
-from sandbot_model.fitting.fit import Fit
-from sandbot_model.report import atlas_section, page, supplement
-from sandbot_model.report.content import comparison_page, discovery_page
-from sandbot_model.report.curves import steps
-from sandbot_model.report.provenance import bags_of, lost_bags, provenance
-from sandbot_model.report.table_sections import Frames
-from sandbot_record.trials.table import Trials
+from sandbot_common.lazy import door
 
+if TYPE_CHECKING:
+    from sandbot_model.report.written import write_comparison, write_report
 
-def write_report(
-    path: Path,
-    discovery: Discovery,
-    trials: Trials,
-    *,
-    title: str,
-    frames: Frames = (),
-    truth_line: str | None = None,
-    data: Sequence[Path] = (),
-    command: str = "",
-) -> None:
-    """Write the page of a discovery to ``path``, whole or not at all.
+__all__ = ("write_comparison", "write_report")
 
-    ``frames`` are (JPEG or PNG bytes, caption) of tracked video; ``truth_line`` says, for a blind campaign of the
-    virtual lab, whether the sealed truth agrees. Recordings in ``data`` that gave no trial are listed with the reason.
-    ``command`` is what was typed.
-    """
-    bags = bags_of(data)
-    shown = steps(discovery.steps)
-    content = discovery_page(
-        discovery,
-        shown,
-        provenance(trials, discovery.cells, lost_bags(bags, trials)),
-        title=title,
-        trials=trials,
-        frames=frames,
-        truth_line=truth_line,
-        opening=(supplement.origin(trials, discovery.cells, bags, command), supplement.methods(shown)),
-        atlas=atlas_section.sections(trials, discovery.steps, bags),
-    )
-    page.write(path, content)
-
-
-def write_comparison(
-    path: Path,
-    fits: Sequence[Fit],
-    trials: Trials,
-    *,
-    title: str,
-    frames: Frames = (),
-    data: Sequence[Path] = (),
-    command: str = "",
-) -> None:
-    """Write the page of one or more fits to the same trials, in the order given, whole or not at all.
-
-    ``frames``, ``data`` and ``command`` as in ``write_report``.
-    """
-    bags, shown = bags_of(data), steps(fits)
-    content = comparison_page(
-        shown,
-        provenance(trials, fits[0].cells, lost_bags(bags, trials)),
-        title=title,
-        frames=frames,
-        opening=(supplement.origin(trials, fits[0].cells, bags, command), supplement.methods(shown)),
-        atlas=atlas_section.sections(trials, fits, bags),
-    )
-    page.write(path, content)
+# What draws figures and reads bags is loaded for a page, not for the words of a verdict.
+_HOME = {"write_report": ".written", "write_comparison": ".written"}
+__getattr__, __dir__ = door(__name__, _HOME)

@@ -60,7 +60,6 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     from sandbot_model.fitting.bootstrap import bootstrap
     from sandbot_model.physics.catalogue import catalogue
     from sandbot_model.physics.model import model_of
-    from sandbot_model.report import write_comparison
     from sandbot_model.tools import answer, tables
 
     effects = catalogue(args.effects_from, selection.formulas)
@@ -91,6 +90,7 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     if args.json is not None:
         arguments.write_json(args.json, content)
     if args.html is not None:
+        from sandbot_model.report import write_comparison
         from sandbot_record.trials.film_strip import film_strip
 
         frames = film_strip(args.data[0])

@@ -62,7 +62,6 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
     from sandbot_model.data.quality import checked
     from sandbot_model.discovery.discover import discover
     from sandbot_model.physics.catalogue import catalogue
-    from sandbot_model.report import write_report
     from sandbot_model.tools import answer, tables
 
     effects = catalogue(args.effects_from, args.effect)
@@ -94,6 +93,7 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
         content |= {"error_rates": [one.to_dict() for one in rates]} if rates else {}
         arguments.write_json(args.json, content)
     if args.html is not None:
+        from sandbot_model.report import write_report
         from sandbot_record.trials.film_strip import film_strip
 
         frames = film_strip(args.data[0])
