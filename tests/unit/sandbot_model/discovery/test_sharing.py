@@ -52,6 +52,22 @@ def test_an_overlap_is_no_lift_zero(drawn):
     assert abs(zero["value"]) < 3 * zero["stderr"]
 
 
+def read_too_short(trials, share):
+    along = ("speed_m_s", "peak_speed_m_s", "first_step_m")
+    return dataclasses.replace(trials, **{column: getattr(trials, column) * (1 - share) for column in along})
+
+
+def test_a_scale_a_little_off_is_granted(drawn):
+    found = verdict(read_too_short(table(drawn), 0.015))
+    assert found.verdict.status == "adequate"
+    assert "a speed scale off by" in found.verdict.because
+
+
+def test_a_scale_that_no_calibration_is_off_by_explains_nothing(drawn):
+    found = verdict(read_too_short(table(drawn), 0.08))
+    assert found.verdict.status != "adequate"
+
+
 def test_a_bed_that_does_not_scatter_is_found_not_to(drawn):
     plain = fit(model_of("simple", (), OVERLAP), cells_of(drawn(seed=3)))
     assert bed_scatter(plain, DEFAULT) == 0.0

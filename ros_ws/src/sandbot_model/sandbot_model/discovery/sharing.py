@@ -32,6 +32,8 @@ WORDS = {
     LIFT_ZERO: ("a lift zero off", 1e3, "mm"),
 }
 """What a person calls a nuisance, and the unit it is read in."""
+FAR_OFF = 4.0
+"""Standard deviations of its prior from which a reading off its zero or scale is no explanation."""
 SHOWS = 2.0
 """Standard errors from which a nuisance is mentioned."""
 
@@ -114,11 +116,11 @@ def _beside(search: EffectSearch, plain: Verdict, size: int, scatter: float) -> 
     while verdict.effects and (lower := _smaller_from(fits, verdict.effects, search.criteria, scatter)):
         fits |= lower
         verdict = judge(fits, search.criteria)
-    if verdict.status == "unexplained" or not at_random(fits[verdict.effects], search.criteria):
+    named = fits[verdict.effects]
+    if verdict.status == "unexplained" or not (_believable(named) and at_random(named, search.criteria)):
         return None
     if plain.status == "adequate" != verdict.status:
         return None
-    named = fits[verdict.effects]
     return Shared(_with_nuisances(verdict, plain, named, scatter, search.criteria), fits, named)
 
 
@@ -195,6 +197,13 @@ def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, scatter: float, 
     if plain.status != verdict.status or plain.effects != verdict.effects:
         because = f"{because}; without that the verdict would be {named}"
     return replace(verdict, because=because)
+
+
+def _believable(fit: Fit) -> bool:
+    """Whether drift, zero and scale are within what their priors can mean."""
+    assert fit.nuisances is not None
+    named = zip(fit.nuisances.names, fit.nuisances.sd, fit.shared, strict=True)
+    return all(abs(value) < FAR_OFF * sd for name, sd, (value, _) in named if name in WORDS)
 
 
 def _off(fit: Fit) -> list[str]:
