@@ -336,12 +336,25 @@ def said(one: Outcome) -> str:
 def sample() -> list[Figure]:
     """Every so many of the matrix."""
     with ProcessPoolExecutor() as pool:
-        outcomes = list(pool.map(run, cases()[::EVERY]))
-    return [one for text, wanted, held in _asked(outcomes) for one in share(text, "hidden worlds", held, wanted)]
+        return _figures_of(list(pool.map(run, cases()[::EVERY])))
 
 
 def main() -> str:
     """Run the matrix; the section of the report, in Markdown."""
     tasks = cases()
     with ProcessPoolExecutor() as pool:
-        return report(list(tqdm(pool.map(run, tasks), total=len(tasks))))
+        outcomes = list(tqdm(pool.map(run, tasks), total=len(tasks)))
+    _found[:] = _figures_of(outcomes)
+    return report(outcomes)
+
+
+def figures() -> list[Figure]:
+    """Those of the last ``main``."""
+    return _found
+
+
+def _figures_of(outcomes: Sequence[Outcome]) -> list[Figure]:
+    return [one for text, wanted, held in _asked(outcomes) for one in share(text, "hidden worlds", held, wanted)]
+
+
+_found: list[Figure] = []

@@ -205,7 +205,22 @@ def _covered(some: Sequence[Mapping[str, Any]], kind: str) -> str:
 def sample() -> list[Figure]:
     """Every so many of one seed."""
     with ProcessPoolExecutor() as pool:
-        results = list(pool.map(analyse, list(cases(1))[::EVERY]))
+        return _figures_of(list(pool.map(analyse, list(cases(1))[::EVERY])))
+
+
+def main() -> str:
+    """A first part of the matrix; the report, in Markdown."""
+    results = collect(analyse, list(cases(QUICK_SEEDS)), OUT)
+    _found[:] = _figures_of(results)
+    return document(results)
+
+
+def figures() -> list[Figure]:
+    """Those of the last ``main``."""
+    return _found
+
+
+def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
     right = [one["outcome"] == ("named" if TRUTHS[one["truth"]] else "adequate") for one in results]
     false = [one["outcome"] == "false claim" for one in results]
     return [
@@ -214,9 +229,7 @@ def sample() -> list[Figure]:
     ]
 
 
-def main() -> str:
-    """A first part of the matrix; the report, in Markdown."""
-    return document(collect(analyse, list(cases(QUICK_SEEDS)), OUT))
+_found: list[Figure] = []
 
 
 def command() -> None:

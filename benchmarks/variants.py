@@ -175,7 +175,23 @@ def _shares(some: Sequence[Mapping[str, Any]]) -> list[str]:
 def sample() -> list[Figure]:
     """Every so many forms, once."""
     with ProcessPoolExecutor() as pool:
-        outcomes = [one["outcome"] for one in pool.map(analyse, cases(1)[::EVERY])]
+        return _figures_of(list(pool.map(analyse, cases(1)[::EVERY])))
+
+
+def main() -> str:
+    """One campaign of every form: what `make bench` has time for."""
+    results = collect(analyse, cases(QUICK_SEEDS), OUT)
+    _found[:] = _figures_of(results)
+    return document(results)
+
+
+def figures() -> list[Figure]:
+    """Those of the last ``main``."""
+    return _found
+
+
+def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
+    outcomes = [one["outcome"] for one in results]
     told = [one in NAMED for one in outcomes if one not in ("adequate", "same formula")]
     false = [one == "false claim" for one in outcomes]
     return [
@@ -184,9 +200,7 @@ def sample() -> list[Figure]:
     ]
 
 
-def main() -> str:
-    """One campaign of every form: what `make bench` has time for."""
-    return document(collect(analyse, cases(QUICK_SEEDS), OUT))
+_found: list[Figure] = []
 
 
 def command() -> None:
