@@ -73,7 +73,7 @@ ALL = (
         "truth in the named set",
         "≥ 99 %",
         "97.4 % of 151 ([hidden](hidden.md))",
-        "three of six losses of step that are alike, or a scale, are as small as what replicates scatter: adequate, and "
+        "three of six losses of step that are alike are as small as what replicates scatter, or a scale: adequate, and "
         "named among what could hide; one of them is ambiguous since (as that page says)",
     ),
 )
