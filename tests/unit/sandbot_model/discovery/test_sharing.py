@@ -68,6 +68,14 @@ def test_a_scale_that_no_calibration_is_off_by_explains_nothing(drawn):
     assert found.verdict.status != "adequate"
 
 
+def test_a_claim_beside_which_no_scale_is_believable_is_reported_beside_what_is(drawn):
+    """All lengths 12 % too short: a slip, or a scale twelve times its prior off."""
+    slip = {name: effect for name, effect in catalogue().items() if name == "leg_slip"}
+    found = discover(cells_of(read_too_short(table(drawn), 0.12)), slip, max_effects=1)
+    assert (found.verdict.status, found.verdict.effects) == ("identified", ("leg_slip",))
+    assert found.fit.nuisances is not None
+
+
 def test_a_bed_that_does_not_scatter_is_found_not_to(drawn):
     plain = fit(model_of("simple", (), OVERLAP), cells_of(drawn(seed=3)))
     assert bed_scatter(plain, DEFAULT) == 0.0

@@ -68,7 +68,8 @@ def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
             larger = len(plain.effects) > len(found.verdict.effects)
             survivor = _survivor(search, plain.effects, scatter) if larger and not claimed else None
             return Shared(plain, search.fits, survivor) if survivor else found
-    return None
+    # What could stand in for a claim is not to be believed: it stays, as fitted beside what may be.
+    return _standing(search, plain, _refitted(search, [plain.effects], 0.0)[plain.effects]) if plain.effects else None
 
 
 def _standing(search: EffectSearch, plain: Verdict, named: Fit) -> Shared:

@@ -87,13 +87,15 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
         "by another power of depth": f"{_DRAG.format(f'(d_r/{_DEPTH})**power')}{_POWER.format(0, 3)}",
         "by a power of ω": f"{_DRAG.format(f'{_SLOWER}*{_BY_OMEGA}')}{_EITHER}",
         "the first step spared": _DRAG.format(f"{_SLOWER}*(1 - first)"),
-        "by the ground's stiffness, the peak spared": "step = maximum(s - f_c_n/k, 0)",
+        # As much of a step of 46 mm on 200 N/m as F_x of 4 N lets the catalogue's formula take.
+        "by the ground's stiffness, the peak spared": "step = maximum(s - 2.3*f_c_n/k, 0)",
     },
     "leg_slip": {
         "by another power of depth": f"{_SLIP.format(f'(d_r/{_DEPTH})**power')}{_POWER.format(0, 4)}",
         "by a power of ω": f"{_SLIP.format(f'{_SLOWER}*{_BY_OMEGA}')}{_EITHER}",
         "the first step spared": _SLIP.format(f"{_SLOWER}*(1 - first)"),
         "the peak spared": f"step *= clip(1 - sigma*(d_r/{_DEPTH})**power, 0, 1){_POWER.format(1, 3)}",
+        "the peak spared, by a power of ω": f"step *= clip(1 - sigma*{_SLOWER}*{_BY_OMEGA}, 0, 1){_EITHER}",
     },
     "motor_saturation": {
         "another bend": f"omega/(1 + 0.5*(30/omega_s_rad_s)**2*(omega/30)**power){_POWER.format(1, 6)}",
