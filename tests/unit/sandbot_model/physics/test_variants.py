@@ -63,6 +63,7 @@ USUAL = {
     ("leg_slip", "by another power of depth"): 2,
     ("leg_slip", "by a power of ω"): 0,
     ("leg_slip", "the peak spared"): None,
+    ("leg_slip", "the peak spared, by a power of ω"): None,
     ("belly_coast", "not cut short by the next step, over a power of speed"): None,
     ("motor_saturation", "another bend"): None,
 }
