@@ -84,6 +84,11 @@ def bed_scatter(fit: Fit, criteria: Criteria) -> float:
     return scatter if gain > criteria.shared else 0.0
 
 
+def gain_of_scatter(fit: Fit, criteria: Criteria) -> float:
+    """What batches that differ would gain over a fit beside all other nuisances, in -2 ln of the posterior of σ_b."""
+    return scatter_of_batches(*_linear(fit, criteria), _tried(criteria), criteria.bed_scatter)[1]
+
+
 def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
     """The same fit with errors that average over how far the bed may scatter, not only as far as a verdict grants.
 

@@ -10,11 +10,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
+import numpy as np
+
+from sandbot_model.data.distributions import chi2_sf, f_isf
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.nuisances_about import LIFT_ZERO, SPEED_SCALE, bed_scatter, shared_by, unsettled
+from sandbot_model.discovery.nuisances_about import (
+    LIFT_ZERO,
+    SPEED_SCALE,
+    bed_scatter,
+    gain_of_scatter,
+    shared_by,
+    unsettled,
+)
 from sandbot_model.discovery.structure import at_random
-from sandbot_model.discovery.verdict import Verdict, judge, parts_of, sound, worth
+from sandbot_model.discovery.verdict import Verdict, claim, judge, overdispersion, parts_of, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, solve_near, solve_on
 
@@ -32,6 +42,8 @@ WORDS = {
     LIFT_ZERO: ("a lift zero off", 1e3, "mm"),
 }
 """What a person calls a nuisance, and the unit it is read in."""
+OWN = 2
+"""Unknowns that take up offsets of batches: their mean by k, a trend over ω by Δt."""
 FAR_OFF = 4.0
 """Standard deviations of its prior from which a reading off its zero or scale is no explanation."""
 SHOWS = 2.0
@@ -60,16 +72,23 @@ def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
         found = _beside(search, plain, 0, scatter) if scatter else None
         return found or _standing(search, plain, _refitted(search, [()], 0.0)[()])
     for size in range(1, 1 + max(1, *map(len, search.fits))):
-        claimed = len(plain.effects) == size
-        scatter = _scatter_about(search, search.fits[plain.effects] if claimed else _best(search, size))
-        if claimed and (survivor := _survivor(search, plain.effects, scatter)):
-            return Shared(plain, search.fits, survivor)
-        if found := _readings(search, plain, scatter) or _beside(search, plain, size, scatter):
-            larger = len(plain.effects) > len(found.verdict.effects)
-            survivor = _survivor(search, plain.effects, scatter) if larger and not claimed else None
-            return Shared(plain, search.fits, survivor) if survivor else found
+        if found := _of_size(search, plain, size):
+            stands = found.verdict.status != "identified" or _beats_scatter(search, found.verdict.effects)
+            return found if stands else _beside(search, plain, size, _scatter_about(search, search.fits[()])) or found
     # What could stand in for a claim is not to be believed: it stays, as fitted beside what may be.
     return _standing(search, plain, _refitted(search, [plain.effects], 0.0)[plain.effects]) if plain.effects else None
+
+
+def _of_size(search: EffectSearch, plain: Verdict, size: int) -> Shared | None:
+    """The verdict among sets of up to ``size`` effects; None where it is no better."""
+    claimed = len(plain.effects) == size
+    scatter = _scatter_about(search, search.fits[plain.effects] if claimed else _best(search, size))
+    if claimed and (survivor := _survivor(search, plain.effects, scatter)):
+        return Shared(plain, search.fits, survivor)
+    found = _readings(search, plain, scatter) or _beside(search, plain, size, scatter)
+    larger = found is not None and len(plain.effects) > len(found.verdict.effects) and not claimed
+    survivor = _survivor(search, plain.effects, scatter) if larger else None
+    return Shared(plain, search.fits, survivor) if survivor else found
 
 
 def _standing(search: EffectSearch, plain: Verdict, named: Fit) -> Shared:
@@ -99,7 +118,10 @@ def _scatter_about(search: EffectSearch, fit: Fit) -> float:
     scatter = bed_scatter(fit, search.criteria)
     if not scatter:
         return 0.0
-    return bed_scatter(_refitted(search, [fit.effects], scatter)[fit.effects], search.criteria)
+    there = _refitted(search, [fit.effects], scatter)[fit.effects]
+    # Beside offsets and without them: where cells walk or swim by chance, these may be what takes the bed for rough.
+    bare = fitted_at(fit.model, fit.cells, there.point)
+    return max(bed_scatter(one, search.criteria) for one in (there, bare))
 
 
 def _best(search: EffectSearch, size: int) -> Fit:
@@ -131,6 +153,29 @@ def _survivor(search: EffectSearch, names: Names, scatter: float) -> Fit | None:
     fits = _refitted(search, [names, *parts], scatter)
     fits |= _smaller_from(fits, names, search.criteria, scatter)
     return fits[names] if all(worth(fits, names, part, search.criteria) for part in parts) else None
+
+
+def _beats_scatter(search: EffectSearch, names: Names) -> bool:
+    """Whether each effect of a set explains more, by its price, than a bed that scatters as suits what is left."""
+    parts = parts_of(names, search.fits)
+    fits = _refitted(search, [names, *parts], 0.0)
+    left = {one: fit.deviance - gain_of_scatter(fit, search.criteria) for one, fit in fits.items()}
+    return all(left[part] - left[names] > _price(fits[names], search.criteria) for part in parts)
+
+
+def _price(fit: Fit, criteria: Criteria) -> float:
+    """What an effect must gain beside a bed that scatters: the claim, and more where few batches hold all conditions.
+
+    Of these each has one offset to tell how far they scatter: Student's t in place of the normal distribution, its
+    likelihood ratio (d + 1) ln(1 + t²/d).
+    """
+    share = fit.cells.batch_share
+    if share is None or share.max(axis=1).min() < 1.0:
+        return claim(fit, criteria)
+    freedom = max(share.shape[1] - OWN, 1)
+    square = f_isf(chi2_sf(criteria.claim, 1), 1, freedom)
+    ratio = (freedom + 1) * np.log1p(square / freedom)
+    return float(max(claim(fit, criteria), ratio * overdispersion(fit)))
 
 
 def _smaller_from(fits: dict[Names, Fit], names: Names, criteria: Criteria, scatter: float) -> dict[Names, Fit]:
