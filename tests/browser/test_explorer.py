@@ -83,6 +83,8 @@ def test_controls_used_before_the_page_has_answered_all_count(page, folder):
 
 def test_a_wrong_formula_gives_a_message_and_loses_nothing_a_right_one_is_fitted(page, address):
     page.open(f"{address}?effect={HIDDEN}").unfold()
+    # The list of effects moves what is below it, and a press meant for the button meets an effect.
+    page.fitted()
     before, address_before = page.text("status"), page.driver.current_url
     box = page.driver.find_element(By.ID, "formula")
     box.send_keys("boost: strength k*2")
@@ -111,6 +113,7 @@ def test_an_effect_that_fails_half_way_is_named_and_the_page_goes_on(page, folde
     own.write_text(FAILING)
     with explorer(folder / "trials.csv", "--effects-from", own) as where:
         page.open(where)
+        page.fitted()
         before = page.text("status")
         page.choose("effects", "brittle")
         page.until(lambda: "RuntimeError: no ground so hard" in page.text("message"))
