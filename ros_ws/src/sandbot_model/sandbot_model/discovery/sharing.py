@@ -42,6 +42,8 @@ WORDS = {
     LIFT_ZERO: ("a lift zero off", 1e3, "mm"),
 }
 """What a person calls a nuisance, and the unit it is read in."""
+SEVERAL = 2
+"""Conditions that a batch holds, at least, where effects must beat the bed's scatter."""
 OWN = 2
 """Unknowns that take up offsets of batches: their mean by k, a trend over ω by Δt."""
 FAR_OFF = 4.0
@@ -156,23 +158,26 @@ def _survivor(search: EffectSearch, names: Names, scatter: float) -> Fit | None:
 
 
 def _beats_scatter(search: EffectSearch, names: Names) -> bool:
-    """Whether each effect of a set explains more, by its price, than a bed that scatters as suits what is left."""
+    """Whether each effect of a set explains more, by its price, than a bed that scatters as suits what is left.
+
+    Asked where each batch holds several whole conditions, one frequency a day for example: batches are few then, and
+    an effect that follows what sets them apart may be nothing but their offsets.
+    """
+    share = search.cells.batch_share
+    if share is None or share.max(axis=1).min() < 1.0 or share.sum(axis=0).min() < SEVERAL:
+        return True
     parts = parts_of(names, search.fits)
     fits = _refitted(search, [names, *parts], 0.0)
     left = {one: fit.deviance - gain_of_scatter(fit, search.criteria) for one, fit in fits.items()}
-    return all(left[part] - left[names] > _price(fits[names], search.criteria) for part in parts)
+    return all(left[part] - left[names] > _price(fits[names], share.shape[1], search.criteria) for part in parts)
 
 
-def _price(fit: Fit, criteria: Criteria) -> float:
-    """What an effect must gain beside a bed that scatters: the claim, and more where few batches hold all conditions.
+def _price(fit: Fit, batches: int, criteria: Criteria) -> float:
+    """What an effect must gain beside a bed that scatters: the claim, and more where few batches tell how far it does.
 
-    Of these each has one offset to tell how far they scatter: Student's t in place of the normal distribution, its
-    likelihood ratio (d + 1) ln(1 + t²/d).
+    Student's t in place of the normal distribution, its likelihood ratio (d + 1) ln(1 + t²/d).
     """
-    share = fit.cells.batch_share
-    if share is None or share.max(axis=1).min() < 1.0:
-        return claim(fit, criteria)
-    freedom = max(share.shape[1] - OWN, 1)
+    freedom = max(batches - OWN, 1)
     square = f_isf(chi2_sf(criteria.claim, 1), 1, freedom)
     ratio = (freedom + 1) * np.log1p(square / freedom)
     return float(max(claim(fit, criteria), ratio * overdispersion(fit)))
