@@ -53,8 +53,8 @@ def methods(steps: Sequence[Step]) -> Section:
         "grows as kz, bears the weight and the push that brings the body to leg speed within Δt; the step is the chord "
         "of the leg's arc above that depth. One k for each φ and the shared parameters minimise the deviance of all "
         "observables at once, globally (a grid of starts, then descent). Lack of fit is an F test of what the means "
-        "are missed by against pure error; errors out of sample leave out one condition at a time, with all others of its "
-        "batch where that holds whole conditions."
+        "are missed by against pure error; errors out of sample leave out one condition at a time, with all others of "
+        "its batch where that holds whole conditions."
     )
     claims = (
         f"An effect is claimed if it lowers the deviance by at least {DEFAULT.claim:g}, and BIC tells its set from "
