@@ -27,7 +27,7 @@ from sandbot_model.discovery.nuisances_about import averaged_over_scatter
 from sandbot_model.discovery.partial import Partial, beyond_its_range, partly
 from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
-from sandbot_model.discovery.sharing import Shared, reconsidered
+from sandbot_model.discovery.sharing import Shared, enough, reconsidered
 from sandbot_model.discovery.smooth import taken_back
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
@@ -167,7 +167,7 @@ def discover(
     search = EffectSearch(cells, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
     doubted = doubts(cells)
     at_once = _of_another_robot(doubted) if doubted else untested(cells, criteria)
-    search.run(0 if at_once else max_effects)
+    search.run(0 if at_once else max_effects, lambda: enough(search))
     found = Shared(at_once, search.fits, search.fits[()]) if at_once else _concluded(search)
     partial = None
     if found.verdict.status == "identified" and against(search, search.fits[found.verdict.effects]):

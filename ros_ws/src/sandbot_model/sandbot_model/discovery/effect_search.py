@@ -1,7 +1,7 @@
 """The search over sets of effects: none, singles, pairs, triples, each fitted to its global minimum."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import combinations
 
 from sandbot_model.data.conditions import Cells
@@ -42,16 +42,18 @@ class EffectSearch:
         self.fits: dict[Names, Fit] = {}
         self.other_conventions: list[Fit] | None = None
         """Single effects under other conventions, once they have been tried (``conventions``)."""
+        self.beside: dict[tuple[object, ...], Fit] = {}
+        """Sets beside what trials share, by how far the bed scatters and the fits they began at (``sharing``)."""
         inherent = {effect.identifier for effect in self.model(()).walker.effects}
         self.names = [name for name in effects if name not in inherent]
 
-    def run(self, max_effects: int) -> None:
-        """Try ever larger sets until one size settles it (see ``_settled``)."""
+    def run(self, max_effects: int, enough: Callable[[], bool] = lambda: False) -> None:
+        """Try ever larger sets until one size settles it (see ``_settled``), or is ``enough``."""
         self._try("base", [()])
         if max_effects > 0:
             self._try("singles", [(name,) for name in self.names])
         for size in range(2, max_effects + 1):
-            if self._settled(size - 1):
+            if self._settled(size - 1) or enough():
                 return
             self._try(f"sets of {size}", self._larger(size))
 

@@ -26,7 +26,7 @@ from sandbot_model.discovery.nuisances_about import (
 from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import Verdict, claim, judge, overdispersion, parts_of, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import WarmStart, solve_near, solve_on
+from sandbot_model.fitting.global_minimum import solve_near, solve_on
 
 LEADING = 6
 """Larger sets that are tried again, the best."""
@@ -79,6 +79,17 @@ def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
             return found if stands else _beside(search, plain, size, _scatter_about(search, search.fits[()])) or found
     # What could stand in for a claim is not to be believed: it stays, as fitted beside what may be.
     return _standing(search, plain, _refitted(search, [plain.effects], 0.0)[plain.effects]) if plain.effects else None
+
+
+def enough(search: EffectSearch) -> bool:
+    """Whether what trials share repairs a set tried so far, and no effect more earns its place beside it."""
+    found = reconsidered(search, judge(search.fits, search.criteria))
+    if found is None:
+        return False
+    larger = search.extended(found.named.effects)
+    beside = search.near([search.model(names) for names in larger], found.named)
+    fits = found.fits | {fit.effects: fit for fit in beside}
+    return not any(worth(fits, names, found.named.effects, search.criteria) for names in larger)
 
 
 def _of_size(search: EffectSearch, plain: Verdict, size: int) -> Shared | None:
@@ -210,31 +221,34 @@ def _leading(search: EffectSearch, plain: Verdict, most: int) -> list[Names]:
 
 
 def _refitted(search: EffectSearch, sets: Sequence[Names], scatter: float) -> dict[Names, Fit]:
-    """Sets fitted before, with nuisances.
+    """Sets fitted before, with nuisances; those that began at the same fits before are not fitted again."""
+    begun = {names: (scatter, *_origins(search, names)) for names in sets}
+    new = [names for names in begun if begun[names] not in search.beside]
+    for names, fit in zip(new, _settled(search, new, scatter), strict=True):
+        search.beside[begun[names]] = fit
+    return {names: search.beside[start] for names, start in begun.items()}
 
-    First about the fit without them, then again about the one with: a model that was bent to fit has slopes that are
-    not its own, and offsets of k by a per cent turn cells into swimmers.
-    """
-    before = [search.fits[names] for names in sets]
+
+def _settled(search: EffectSearch, sets: Sequence[Names], scatter: float) -> list[Fit]:
+    """First about the fit without nuisances, then again about the one with: a model that was bent to fit has slopes
+    that are not its own, and offsets of k by a per cent turn cells into swimmers."""
+    fits = [search.fits[names] for names in sets]
     for again in range(PASSES):
-        if max(map(unsettled, before), default=0.0) < SETTLED:
-            break
-        nuisances = [shared_by(fit, search.criteria, scatter) for fit in before]
-        starts = [fit.point for fit in before] if again else [_starts(search, fit) for fit in before]
-        tasks = [(fit.model, fit.cells, at, own) for fit, at, own in zip(before, starts, nuisances, strict=True)]
-        points = search.fit_all(solve_on if again else solve_near, tasks)
-        before = [
-            fitted_at(fit.model, fit.cells, point, own)
-            for fit, own, point in zip(before, nuisances, points, strict=True)
-        ]
-    return {fit.effects: fit for fit in before}
+        moving = [at for at, fit in enumerate(fits) if unsettled(fit) >= SETTLED]
+        tasks = []
+        for at in moving:
+            fit, origins = fits[at], [origin.warm_start for origin in _origins(search, sets[at])]
+            shared = shared_by(fit, search.criteria, scatter)
+            tasks.append((fit.model, fit.cells, fit.point if again else tuple(origins), shared))
+        for at, task, point in zip(moving, tasks, search.fit_all(solve_on if again else solve_near, tasks), strict=True):
+            fits[at] = fitted_at(fits[at].model, fits[at].cells, point, task[-1])
+    return fits
 
 
-def _starts(search: EffectSearch, fit: Fit) -> tuple[WarmStart, ...]:
-    """Where it was, and the best set with one effect less: with nuisances the effect may have nothing left to do."""
-    smaller = [search.fits[part] for part in parts_of(fit.effects, search.fits)]
-    best = sorted(smaller, key=lambda part: part.deviance)[:1]
-    return tuple(found.warm_start for found in (fit, *best))
+def _origins(search: EffectSearch, names: Names) -> tuple[Fit, ...]:
+    """A set's fit, and that of the best with one effect less: with nuisances the effect may have nothing left to do."""
+    smaller = [search.fits[part] for part in parts_of(names, search.fits)]
+    return (search.fits[names], *sorted(smaller, key=lambda part: part.deviance)[:1])
 
 
 def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, scatter: float, criteria: Criteria) -> Verdict:

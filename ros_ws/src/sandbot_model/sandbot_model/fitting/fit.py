@@ -13,7 +13,6 @@ from sandbot_model.fitting.fitted import Fitted, state_at
 from sandbot_model.fitting.global_minimum import Point, WarmStart, solve
 from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.fitting.jacobian import full_jacobian
-from sandbot_model.fitting.leave_one_out import cross_validation
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.plain import number, plain
@@ -159,7 +158,7 @@ def fit(model: Model, cells: Cells, near: WarmStart | None = None) -> Fit:
 
 
 def fitted_at(model: Model, cells: Cells, point: Point, nuisances: Nuisances | None = None) -> Fit:
-    """The fit at a minimum found before, with its standard errors, tests and errors."""
+    """The fit at a minimum found before, with its standard errors and tests."""
     problem = Problem(model, cells, nuisances)
     state = state_at(problem, point)
     jacobian = full_jacobian(problem, state)[0]
@@ -173,7 +172,6 @@ def fitted_at(model: Model, cells: Cells, point: Point, nuisances: Nuisances | N
         stderr=stderr[:own],
         covariance=covariance[:own, :own],
         goodness=goodness.goodness(problem, state),
-        cross_validation=cross_validation(problem, state, jacobian),
         nuisances=nuisances,
         shared=tuple(Estimate(value, error) for value, error in zip(values, stderr[own:].tolist(), strict=True)),
     )

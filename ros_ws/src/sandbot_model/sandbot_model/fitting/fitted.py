@@ -12,7 +12,8 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting import goodness
 from sandbot_model.fitting.global_minimum import Point, WarmStart
 from sandbot_model.fitting.goodness import Estimate, Fail, Goodness
-from sandbot_model.fitting.leave_one_out import CrossValidation
+from sandbot_model.fitting.jacobian import full_jacobian
+from sandbot_model.fitting.leave_one_out import CrossValidation, cross_validation
 from sandbot_model.fitting.levenberg_marquardt import bounds
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
@@ -41,7 +42,6 @@ class Fitted:
     covariance: Array
     """Covariance of the same unknowns; 0 where the data do not determine one."""
     goodness: Goodness
-    cross_validation: CrossValidation
     nuisances: Nuisances | None = None
     """What trials share, adjusted with the rest; ``shared`` is what was found."""
     shared: tuple[Estimate, ...] = ()
@@ -91,6 +91,11 @@ class Fitted:
     def rmse_m_s(self) -> float:
         """Error of mean speed in sample."""
         return self.goodness.rmse["speed"]
+
+    @cached_property
+    def cross_validation(self) -> CrossValidation:
+        """The errors where each cell is predicted by the others."""
+        return cross_validation(self.problem, self.state, full_jacobian(self.problem, self.state)[0])
 
     @property
     def cv_rmse_m_s(self) -> float:
