@@ -86,10 +86,11 @@ def enough(search: EffectSearch) -> bool:
     found = reconsidered(search, judge(search.fits, search.criteria))
     if found is None:
         return False
-    larger = search.extended(found.named.effects)
-    beside = search.near([search.model(names) for names in larger], found.named)
+    named = found.named
+    larger = search.extended(named.effects)
+    beside = [named, *search.near([search.model(names) for names in larger], named)]
     fits = found.fits | {fit.effects: fit for fit in beside}
-    return not any(worth(fits, names, found.named.effects, search.criteria) for names in larger)
+    return not any(worth(fits, names, named.effects, search.criteria) for names in larger)
 
 
 def _of_size(search: EffectSearch, plain: Verdict, size: int) -> Shared | None:
