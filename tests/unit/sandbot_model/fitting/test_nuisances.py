@@ -66,7 +66,7 @@ def test_the_adjusted_deviance_is_that_of_the_wider_covariance(cells):
     plain = Problem(MODEL, cells).states(*POINT)
     problem = Problem(MODEL, cells, lift_zero(cells))
     state = problem.states(*POINT)
-    unit = problem.whitened(state.whiten, problem.nuisances)[0].reshape(-1, 1) * 1e-3
+    unit = problem.whitened(state.whiten, problem.nuisances.slope)[0].reshape(-1, 1) * 1e-3
     r = plain.all_residuals[0]
     assert state.deviance[0] == pytest.approx(r @ np.linalg.solve(np.eye(len(r)) + unit @ unit.T, r))
     assert state.deviance[0] < plain.deviance[0]
@@ -99,19 +99,11 @@ def test_an_offset_of_nothing_moves_nothing(cells):
     np.testing.assert_array_equal(state.predicted, Problem(MODEL, cells).states(*POINT).predicted)
 
 
-def test_what_is_most_likely_does_not_hang_on_the_values_about_which_it_is_linear(cells):
-    draw = np.random.default_rng(0)
-    residual, shift = draw.normal(size=(1, len(cells), 4)), draw.normal(size=(1, len(cells), 4, 2))
-    plain = nuisances_of(cells, ("a", "b"), [0.3, 2.0], shift[0])
-    about = np.array([0.2, -0.5])
-    found = replace(plain, about=about).adjusted(residual - shift @ about, shift)
-    np.testing.assert_allclose(found, plain.adjusted(residual, shift), rtol=1e-9)
-
-
-def test_its_column_of_the_jacobian_is_that_of_finite_differences(cells):
-    problem = Problem(MODEL, cells, lift_zero(cells))
+@pytest.mark.parametrize("of", [lift_zero, lambda cells: offset_of_k(cells, np.array([0.004]))])
+def test_its_column_of_the_jacobian_is_that_of_finite_differences(cells, of):
+    problem = Problem(MODEL, cells, of(cells))
     state = problem.states(*POINT)
-    here = -state.shared * problem.nuisances.sd
+    here = problem.shared(state)
     sides = [problem.states(*POINT, here + step).all_residuals[0] for step in (1e-6, -1e-6)]
     jacobian = full_jacobian(problem, state)[0]
     assert jacobian.shape == (len(sides[0]), 2 + 3 + 1)

@@ -8,6 +8,7 @@ import numpy as np
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.structure import BATCH, batch_share
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.fitting.jacobian import cell_jacobian, without_nuisances
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances, averaged_moments, gains_of_scatter, scatter_of_batches
@@ -15,21 +16,17 @@ from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import Observable
 
-FARTHEST = 0.01
-"""By how much ln k is moved from one fit to the next: slopes beside the switch hold no farther."""
 MAX_SCATTER, SIZES = 2.5, 60
 """Largest σ_b, in units of its prior, and how many are tried."""
 ALONG = [Observable.speed, Observable.peak_speed, Observable.first_step]
 DRIFT, LIFT_ZERO, SPEED_SCALE = "drift", "lift_zero_m", "speed_scale"
 """Names of the drift of k along the run order, the zero of the lift and the scale along the track."""
-BED = (BATCH, DRIFT)
-"""Nuisances that act on k."""
 
 
 def shared_by(fit: Fit, criteria: Criteria, scatter: float) -> Nuisances:
     """Nuisances about a fit; ``scatter`` is σ_b. How well readings are known is said beside the cameras.
 
-    Those of the bed move k itself by what the fit has found of them, and are linear from there.
+    They begin at what the fit has found of them.
     """
     slope, share, order = _by_ln_k(fit), batch_share(fit), fit.cells.order
     found: list[tuple[str, float, Array, Array]] = []
@@ -50,22 +47,13 @@ def shared_by(fit: Fit, criteria: Criteria, scatter: float) -> Nuisances:
 
 
 def _found(fit: Fit, names: Sequence[str]) -> tuple[Array, Array]:
-    """What a fit has found of the bed's nuisances, and its errors ``(m,)``; 0 and ∞ of what it knows nothing of."""
-    known: dict[str, list[tuple[float, float]]] = {}
-    if fit.nuisances is not None:
-        for name, before, (value, stderr) in zip(fit.nuisances.names, fit.nuisances.about, fit.shared, strict=True):
-            known.setdefault(name, []).append((before + np.clip(value - before, -FARTHEST, FARTHEST), stderr))
-    own = [known[name].pop(0) if name in BED and known.get(name) else (0.0, np.inf) for name in names]
-    about, stderr = np.array(own).T
-    return about, stderr
-
-
-def unsettled(fit: Fit) -> float:
-    """How far what a fit has found of the bed is from the values about which it was linear, at most."""
-    if fit.nuisances is None:
-        return np.inf
-    away = np.array([value for value, _ in fit.shared]) - fit.nuisances.about
-    return float(np.abs(away[fit.nuisances.by_ln_k.any(axis=0)]).max(initial=0.0))
+    """What a fit has found of nuisances, and its errors ``(m,)``; 0 and ∞ of what it knows nothing of."""
+    known: dict[str, list[Estimate]] = {}
+    for name, estimate in zip(fit.nuisances.names if fit.nuisances else (), fit.shared, strict=True):
+        known.setdefault(name, []).append(estimate)
+    own = [known[name].pop(0) if known.get(name) else Estimate(0.0, np.inf) for name in names]
+    values, stderr = np.array(own).T
+    return values, stderr
 
 
 def _by_ln_k(fit: Fit) -> Array:
@@ -150,7 +138,7 @@ def _linear(fit: Fit, criteria: Criteria) -> tuple[Array, Array, Array, Array]:
     other nuisances in units of their priors."""
     own, (residual, unknowns, _) = shared_by(fit, criteria, 1.0), without_nuisances(fit.problem, fit.state)
     unit = np.zeros((len(residual), len(own.sd)))
-    shift = fit.problem.whitened(fit.state.whiten, own)[0]
+    shift = fit.problem.whitened(fit.state.whiten, own.slope)[0]
     unit[: shift[..., 0].size] = shift.reshape(-1, len(own.sd)) * own.sd
     batches = np.array([name == BATCH for name in own.names])
     return residual, unknowns, unit[:, batches], unit[:, ~batches]

@@ -21,7 +21,6 @@ from sandbot_model.discovery.nuisances_about import (
     bed_scatter,
     gain_of_scatter,
     shared_by,
-    unsettled,
 )
 from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import Verdict, claim, judge, overdispersion, parts_of, sound, worth
@@ -30,10 +29,8 @@ from sandbot_model.fitting.global_minimum import solve_near, solve_on
 
 LEADING = 6
 """Larger sets that are tried again, the best."""
-PASSES = 6
-"""How often nuisances are taken about the last fit, at most."""
-SETTLED = 2e-4
-"""Change of ln k that makes no difference."""
+PASSES = 2
+"""How often a set is fitted: again with how well its offsets are known."""
 GAINED = 0.5
 """Fall of the deviance that makes a fit better than another."""
 WORDS = {
@@ -200,11 +197,11 @@ def _smaller_from(fits: dict[Names, Fit], names: Names, criteria: Criteria, scat
 
     They are tried near where the larger set has come to.
     """
-    found = {}
+    found, larger = {}, fits[names]
     for part in parts_of(names, fits):
         before = fits[part]
-        own = shared_by(before, criteria, scatter)
-        point = solve_near((before.model, before.cells, (fits[names].warm_start, before.warm_start), own))
+        own = replace(shared_by(before, criteria, scatter), about=larger.found)
+        point = solve_near((before.model, before.cells, (larger.warm_start,), own))
         better = fitted_at(before.model, before.cells, point, own)
         if better.deviance < before.deviance - GAINED:
             found[part] = better
@@ -231,18 +228,14 @@ def _refitted(search: EffectSearch, sets: Sequence[Names], scatter: float) -> di
 
 
 def _settled(search: EffectSearch, sets: Sequence[Names], scatter: float) -> list[Fit]:
-    """First about the fit without nuisances, then again about the one with: a model that was bent to fit has slopes
-    that are not its own, and offsets of k by a per cent turn cells into swimmers."""
     fits = [search.fits[names] for names in sets]
+    origins = [tuple(fit.warm_start for fit in _origins(search, names)) for names in sets]
     for again in range(PASSES):
-        moving = [at for at, fit in enumerate(fits) if unsettled(fit) >= SETTLED]
-        tasks = []
-        for at in moving:
-            fit, origins = fits[at], [origin.warm_start for origin in _origins(search, sets[at])]
-            shared = shared_by(fit, search.criteria, scatter)
-            tasks.append((fit.model, fit.cells, fit.point if again else tuple(origins), shared))
-        for at, task, point in zip(moving, tasks, search.fit_all(solve_on if again else solve_near, tasks), strict=True):
-            fits[at] = fitted_at(fits[at].model, fits[at].cells, point, task[-1])
+        own = [shared_by(fit, search.criteria, scatter) for fit in fits]
+        starts = [fit.point for fit in fits] if again else origins
+        tasks = [(fit.model, fit.cells, *at) for fit, *at in zip(fits, starts, own, strict=True)]
+        points = search.fit_all(solve_on if again else solve_near, tasks)
+        fits = [fitted_at(fit.model, fit.cells, *at) for fit, *at in zip(fits, points, own, strict=True)]
     return fits
 
 

@@ -53,12 +53,11 @@ class Said(NamedTuple):
 
 
 class CellMeans:
-    """θ is ``(rows, parameters)``, ln k and dk/dφ are ``(rows, levels)``; ``moved (cells,)`` is what ln k of a cell is
-    off its level's by, ``ln_k_sd (cells,)`` the sd of ln k that a cell's replicates share."""
+    """θ is ``(rows, parameters)``, ln k and dk/dφ are ``(rows, levels)``; ``moved (rows or 1, cells)`` is what ln k of
+    a cell is off its level's by, ``ln_k_sd (cells,)`` the sd of ln k that a cell's replicates share."""
 
-    def __init__(self, model: Model, cells: Cells, measured: Measured, moved: Array, ln_k_sd: Array) -> None:
+    def __init__(self, model: Model, cells: Cells, measured: Measured, ln_k_sd: Array) -> None:
         self.cells, self.measured, self.ln_k_sd = cells, measured, ln_k_sd
-        self._factor = np.exp(moved)
         self.chains: Chains = ArrayChains(model) if model.tape is None else CompiledChains(model, model.tape)
         self.along = along_the_track(model.walker)
         self.at = Conditions.of(model.walker, cells.omega, cells.level_phi[cells.level], cells.clock)
@@ -69,18 +68,18 @@ class CellMeans:
         self._table = Conditions.of(model.walker, omega, level_phi, Clock(*clock))
         self._replicates = np.asarray(cells.n.max(axis=1), dtype=float)
 
-    def said(self, theta: Array, ln_k: Array, slope: Array) -> Said:
+    def said(self, theta: Array, ln_k: Array, slope: Array, moved: Array) -> Said:
         """Prediction and likelihood of all cells."""
         slope = slope + np.zeros_like(ln_k)
-        points, track = self._points(theta, ln_k, slope)
+        points, track = self._points(theta, ln_k, slope, moved)
         footing = self.chains.footing(points)
         values = self.chains.values(NAMES, points, vars(footing).values())
         return self._judged(footing, values, track, self._independent(ln_k, slope))
 
-    def said_by_row(self, theta: Array, ln_k: Array, slope: Array) -> Said:
+    def said_by_row(self, theta: Array, ln_k: Array, slope: Array, moved: Array) -> Said:
         """Prediction and likelihood of cell i by row i, in one row."""
         slope = slope + np.zeros_like(ln_k)
-        points, track = self._points(theta, ln_k, slope, by_row=True)
+        points, track = self._points(theta, ln_k, slope, moved, by_row=True)
         footing = self.chains.footing(points)
         values = self.chains.values(NAMES, points, vars(footing).values())
         footing = Footing(*(np.ascontiguousarray(np.swapaxes(part, 0, 1)) for part in vars(footing).values()))
@@ -92,8 +91,10 @@ class CellMeans:
         of = self._weights(values), WEIGHTS, self.measured, share, replicates
         return Said(footing, *kernels.judged(values, footing.walking, *of))
 
-    def jacobian(self, theta: Array, ln_k: Array, slope: Array, feet: Footing, whiten: Array) -> Array:
-        """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``; the last column is the level's ln k.
+    def jacobian(
+        self, theta: Array, ln_k: Array, slope: Array, moved: Array, feet: Footing, whiten: Array
+    ) -> Array:
+        """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``; the last column is the cell's ln k.
 
         By the implicit function theorem on the force balance, dd/dθ = -(∂M/∂θ)/(∂M/∂d): one evaluation of the chain
         for all parameters at once, no solving, and never across a switch.
@@ -101,16 +102,16 @@ class CellMeans:
         rows, count = theta.shape
         step = STEP * np.maximum(np.abs(theta), 1e-3)
         # First axis: each parameter, ln k, depth, and the point itself.
-        moved = np.repeat(theta[None], count + 3, axis=0)
-        moved[np.arange(count), :, np.arange(count)] += step.T
+        theta = np.repeat(theta[None], count + 3, axis=0)
+        theta[np.arange(count), :, np.arange(count)] += step.T
         ln_k = np.repeat(ln_k[None], count + 3, axis=0)
         ln_k[count] += STEP
         at = [np.repeat(part[None], count + 3, axis=0) for part in vars(feet).values()]
         for depth in at[::2]:
             depth[count + 1] -= DEPTH_STEP_M
         steps = np.concatenate([step.T, np.full((1, rows), STEP), np.full((1, rows), -DEPTH_STEP_M)], axis=0)
-        slopes = np.repeat(slope[None], count + 3, axis=0)
-        points, _ = self._points(*(part.reshape(-1, part.shape[-1]) for part in (moved, ln_k, slopes)))
+        slopes, offsets = (np.repeat(part[None], count + 3, axis=0) for part in (slope, moved))
+        points, _ = self._points(*(part.reshape(-1, part.shape[-1]) for part in (theta, ln_k, slopes, offsets)))
         seen = self.chains.values(SEEN, points, [part.reshape(points.shape) for part in at])
         seen = seen.reshape(len(SEEN), count + 3, *feet.depth.shape)
         weights = self._weights(seen[: len(NAMES), -1])
@@ -152,22 +153,24 @@ class CellMeans:
     def _weights(self, values: Array) -> Array:
         return node_weights(np.moveaxis(values, 0, -1), True) if self.along else EVERYWHERE
 
-    def _points(self, theta: Array, ln_k: Array, slope: Array, *, by_row: bool = False) -> tuple[Points, Array]:
+    def _points(
+        self, theta: Array, ln_k: Array, slope: Array, moved: Array, *, by_row: bool = False
+    ) -> tuple[Points, Array]:
         """The nodes of every cell, and the standard deviation of φ along its track ``(rows or 1, cells or 1)``.
 
         ``by_row``: those of cell i in row i alone.
         """
-        cells, level_k = self.cells, np.exp(ln_k)
+        cells, level_k, factor = self.cells, np.exp(ln_k), np.exp(moved)
         where = self.at.by_row() if by_row else self.at
         curve = KCurve(cells.level_phi, level_k, inner=3)
         track = np.zeros((1, 1))
         if self.chains.varies_phi:
-            k = level_k[:, cells.level] * self._factor
+            k = level_k[:, cells.level] * factor
             at = Points(theta, where, _own(k)[:, None, None] if by_row else k[..., None], curve)
             feet = np.full(at.shape, 0.01), np.ones(at.shape)
             track = self.chains.values(("sigma_phi",), at, (*feet, *feet))[0, ..., 0]
         sigma_phi = np.hypot(cells.phi_scatter, track.T if by_row else track) + np.zeros(len(cells))
-        k = kernels.node_k(level_k, slope, self._level, self._factor, sigma_phi, self.ln_k_sd, NODES, LEAST_SPREAD)
+        k = kernels.node_k(level_k, slope, self._level, factor, sigma_phi, self.ln_k_sd, NODES, LEAST_SPREAD)
         return Points(theta, where, np.ascontiguousarray(_own(k)[:, None]) if by_row else k, curve), track
 
     def _independent(self, ln_k: Array, slope: Array) -> Array:

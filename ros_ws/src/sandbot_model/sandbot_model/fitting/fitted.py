@@ -1,7 +1,7 @@
 """What a fit has found, and what follows from it: errors, misses, predictions and how precise they are."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -45,6 +45,16 @@ class Fitted:
     nuisances: Nuisances | None = None
     """What trials share, adjusted with the rest; ``shared`` is what was found."""
     shared: tuple[Estimate, ...] = ()
+
+    @property
+    def found(self) -> Array:
+        """Values of the nuisances ``(m,)``."""
+        return np.array([value for value, _ in self.shared])
+
+    @property
+    def beside(self) -> Nuisances | None:
+        """The nuisances, about what was found of them."""
+        return self.nuisances and replace(self.nuisances, about=self.found)
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -206,4 +216,5 @@ class Fitted:
 
 def state_at(problem: Problem, point: Point) -> States:
     """The likelihood at a point, one row."""
-    return problem.states(point.theta[None], point.ln_k[None], point.slope[None])
+    shared = None if problem.nuisances is None or point.shared is None else point.shared[None]
+    return problem.states(point.theta[None], point.ln_k[None], point.slope[None], shared)

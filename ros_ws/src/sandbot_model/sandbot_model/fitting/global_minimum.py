@@ -57,6 +57,8 @@ class Point:
     theta: Array
     ln_k: Array
     slope: Array
+    shared: Array | None = None
+    """Values of the nuisances; those they are about, where there are none."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ def solve(task: tuple[Model, Cells, WarmStart | None, bool]) -> Point:
     model, cells, near, nearby = task
     problem = Problem(model, cells)
     state = nearby_state(problem, near) if nearby and near is not None else best_state(problem, near)
-    return Point(state.theta[0], state.ln_k[0], state.slope[0])
+    return point_at(problem, state)
 
 
 def solve_near(task: tuple[Model, Cells, tuple[WarmStart, ...], Nuisances | None]) -> Point:
@@ -86,8 +88,7 @@ def solve_below(task: tuple[Model, Cells, tuple[WarmStart, ...], Nuisances | Non
     model, cells, starts_at, nuisances, hopeless = task
     problem = Problem(model, cells, nuisances)
     found = [nearby_state(problem, near, hopeless) for near in starts_at]
-    state = _plausible(problem, min(found, key=lambda state: float(state.deviance[0])))
-    return Point(state.theta[0], state.ln_k[0], state.slope[0])
+    return point_at(problem, _plausible(problem, min(found, key=lambda state: float(state.deviance[0]))))
 
 
 def solve_on(task: tuple[Model, Cells, Point, Nuisances]) -> Point:
@@ -96,7 +97,13 @@ def solve_on(task: tuple[Model, Cells, Point, Nuisances]) -> Point:
     problem = Problem(model, cells, nuisances)
     ln_k = point.ln_k[None]
     state = descend(problem, problem.states(point.theta[None], ln_k, _slopes(problem, ln_k)))
-    return Point(state.theta[0], state.ln_k[0], state.slope[0])
+    return point_at(problem, descend(problem, look_along_theta(problem, look_along_k(problem, state))))
+
+
+def point_at(problem: Problem, state: States) -> Point:
+    """Where a state is. One row."""
+    shared = None if problem.nuisances is None else problem.shared(state)[0]
+    return Point(state.theta[0], state.ln_k[0], state.slope[0], shared)
 
 
 def best_state(problem: Problem, near: WarmStart | None = None) -> States:
@@ -117,7 +124,8 @@ def _plausible(problem: Problem, states: States) -> States:
     inside = np.clip(states.theta, ranges[:, 0], ranges[:, 1])
     if (inside == states.theta).all():
         return states
-    moved = descend(problem, problem.states(inside, states.ln_k, states.slope), FIRST_ITERATIONS)
+    begin = problem.states(inside, states.ln_k, states.slope, problem.bed(states))
+    moved = descend(problem, begin, FIRST_ITERATIONS)
     moved = moved if (np.clip(moved.theta, ranges[:, 0], ranges[:, 1]) == moved.theta).all() else states
     return moved if moved.deviance[0] < states.deviance[0] + NEGLIGIBLE else states
 

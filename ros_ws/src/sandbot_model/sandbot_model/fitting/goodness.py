@@ -8,6 +8,7 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.data.distributions import chi2_sf, f_sf
+from sandbot_model.fitting.jacobian import without_nuisances
 from sandbot_model.fitting.levenberg_marquardt import bounds
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import effective
@@ -122,8 +123,8 @@ def _shared_unknowns(problem: Problem, state: States) -> float:
     """Unknowns that the nuisances amount to."""
     if problem.nuisances is None:
         return 0
-    shift = problem.whitened(state.whiten, problem.nuisances)[0]
-    return effective(shift.reshape(-1, shift.shape[-1]) * problem.nuisances.sd)
+    shift = without_nuisances(problem, state)[2]
+    return effective(shift * problem.nuisances.sd)
 
 
 def p_by_observable(z: Array, problem: Problem, unknowns: float) -> dict[str, float]:

@@ -12,12 +12,15 @@ STEP = 1e-5
 
 def full_jacobian(problem: Problem, states: States) -> Array:
     """d(whitened prediction)/d(θ, ln k of every level, nuisances): a row for each of ``States.all_residuals``."""
-    full = problem.cell_means.spread(cell_jacobian(problem, states))
+    local = cell_jacobian(problem, states)
+    full = problem.cell_means.spread(local)
     if problem.cells.pressed is not None:
         full = np.concatenate([full, readings_jacobian(problem, states)], axis=1)
     if problem.nuisances is None:
         return full
-    return _with_nuisances(full, problem.whitened(states.whiten, problem.nuisances), problem.nuisances.sd)
+    shift = problem.whitened(states.whiten, problem.nuisances.reading)
+    shift = shift + local[..., -1, None] * problem.nuisances.by_ln_k[:, None, :]
+    return _with_nuisances(full, shift, problem.nuisances.sd)
 
 
 def _with_nuisances(jacobian: Array, shift: Array, sd: Array) -> Array:
@@ -44,7 +47,10 @@ def without_nuisances(problem: Problem, states: States) -> tuple[Array, Array, A
 
 def cell_jacobian(problem: Problem, states: States) -> Array:
     """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``, see ``CellMeans.jacobian``."""
-    return problem.cell_means.jacobian(states.theta, states.ln_k, states.slope, states.footing, states.whiten)
+    moved = problem.moved(problem.shared(states))
+    return problem.cell_means.jacobian(
+        states.theta, states.ln_k, states.slope, moved, states.footing, states.whiten
+    )
 
 
 def readings_jacobian(problem: Problem, states: States) -> Array:

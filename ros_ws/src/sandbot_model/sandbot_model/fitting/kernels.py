@@ -17,11 +17,11 @@ _compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 @_compiled
 def node_k(level_k, slope, level, factor, sigma_phi, ln_k_sd, nodes, least_spread):
     """k of every node ``(rows, cells, nodes)`` for k and dk/dφ ``(rows, levels)``, σ_φ ``(rows or 1, cells)``; a cell's
-    k is that of its level times ``factor (cells,)``."""
+    k is that of its level times ``factor (rows or 1, cells)``."""
     found = np.empty((len(level_k), len(level), len(nodes)))
     for row in range(len(level_k)):
         for cell in range(len(level)):
-            k = level_k[row, level[cell]] * factor[cell]
+            k = level_k[row, level[cell]] * factor[row % len(factor), cell]
             sigma = max(abs(slope[row, level[cell]]) * sigma_phi[row % len(sigma_phi), cell], least_spread * k)
             if ln_k_sd[cell] > 0:
                 sigma = math.hypot(sigma, ln_k_sd[cell] * k)

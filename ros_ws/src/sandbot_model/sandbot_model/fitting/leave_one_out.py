@@ -76,7 +76,7 @@ def leave_one_out(problem: Problem, state: States, jacobian: Array) -> LeaveOneO
     return LeaveOneOut(residual, scored, float(np.minimum(found.deviance, CV_MOST).sum()))
 
 
-def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Array, Array, Array | None, Array]:
+def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Array, Array, Array, Array]:
     """θ ``(cells, parameters)``, ln k ``(cells, levels)`` nuisances, without each cell, and its precision.
 
     Taking the rows J_c, r_c of the cells that go with it out of the normal equations moves the minimum by
@@ -99,7 +99,7 @@ def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Arra
     low, high = bounds(problem)
     theta = np.clip(state.theta + move[:, :count], low, high)
     ln_k = state.ln_k + np.clip(move[:, count:unknowns], -3 * K_PRIOR, 3 * K_PRIOR)
-    shared = None if problem.nuisances is None else move[:, unknowns:] - state.shared * problem.nuisances.sd
+    shared = problem.shared(state) + move[:, unknowns:]
     # The first row of L turns whitened slopes into those of speed.
     slope = np.einsum("ci,cip->cp", np.linalg.inv(state.whiten[0])[:, Observable.speed, :], blocks)
     return theta, ln_k, shared, np.asarray(np.sqrt(np.einsum("cp,cpq,cq->c", slope, inverse, slope)))
@@ -128,7 +128,8 @@ def _fit_without(problem: Problem, cell: int, state: States, theta: Array, ln_k:
     left_out = np.flatnonzero(left_out_with(problem.cells)[cell])
     nuisances = None if problem.nuisances is None else problem.nuisances.without(left_out)
     fewer = Problem(problem.model, problem.cells.without(left_out), nuisances)
-    begin = fewer.states(np.stack([theta, state.theta[0]]), np.stack([ln_k, state.ln_k[0]]), state.slope)
+    both = np.stack([theta, state.theta[0]]), np.stack([ln_k, state.ln_k[0]])
+    begin = fewer.states(*both, state.slope, problem.bed(state))
     found = descend(fewer, begin, 2 * FIRST_ITERATIONS)
     best = int(found.deviance.argmin())
     return found.theta[best], found.ln_k[best]

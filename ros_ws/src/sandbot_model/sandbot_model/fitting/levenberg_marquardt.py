@@ -51,8 +51,9 @@ def _moved(problem: Problem, states: States, jacobian: Array, damping: Array, fi
     free[list(fixed)] = False
     step = problem.cell_means.step(jacobian, states.all_residuals, states.theta, low, high, free, damping)
     theta = np.clip(states.theta + step[:, :count], low, high)
-    levels = states.ln_k.shape[1]
-    return problem.states(theta, states.ln_k + np.clip(step[:, count : count + levels], -0.2, 0.2), states.slope)
+    own = count + states.ln_k.shape[1]
+    ln_k = states.ln_k + np.clip(step[:, count:own], -0.2, 0.2)
+    return problem.states(theta, ln_k, states.slope, problem.bed(states) + step[:, own:])
 
 
 def put(states: States, at: Ints, some: States) -> States:

@@ -8,8 +8,8 @@ average over k(φ); with G nodes x_g, w_g of Gauss-Hermite quadrature and the sl
 Away from a switch the scatter is part of the pure error V_c0 already. Beside one, replicates walk and swim by chance:
 the mean says little, the mixture's variance says so, and one such cell can't decide a fit.
 
-What trials share (see ``nuisances``) is Gaussian, and linear about values u_0 by which k has been moved already; it is
-adjusted at every point: u = argmin |r - G(u - u_0)|² + |u/sd|².
+What trials share (see ``nuisances``) is Gaussian: offsets of the bed move k itself, readings off their zero or scale
+what is predicted. Each is an unknown like the others, its prior a reading of 0 ± sd.
 """
 
 from dataclasses import dataclass
@@ -57,9 +57,8 @@ class Problem:
         from sandbot_model.fitting.cell_means import CellMeans, Measured
 
         own = Measured(self.measured, self.cells.mean, self.covariance, self.whiten, self.log_det)
-        none, shared = np.zeros(len(self.cells)), self.nuisances
-        moved, scatter = (none, none) if shared is None else (shared.ln_k, shared.ln_k_sd)
-        return CellMeans(self.model, self.cells, own, moved, scatter)
+        scatter = np.zeros(len(self.cells)) if self.nuisances is None else self.nuisances.ln_k_sd
+        return CellMeans(self.model, self.cells, own, scatter)
 
     @cached_property
     def measured(self) -> Bool:
@@ -83,25 +82,56 @@ class Problem:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
 
     def states(self, theta: Array, ln_k: Array, slope: Array, shared: Array | None = None) -> States:
-        """Predict all cells and evaluate the likelihood; ``shared (rows, nuisances)`` as given, or the best."""
+        """Predict all cells and evaluate the likelihood.
+
+        ``shared (rows or 1, nuisances)`` are the values of the nuisances; without them the bed's are what they are about.
+        Readings off their zero or scale, where not a number, are what suits best.
+        """
         slope = np.broadcast_to(slope, ln_k.shape)
-        footing, predicted, covariance, whiten, residual, deviance = self.cell_means.said(theta, ln_k, slope)
+        found = self._shared(len(theta), shared)
+        footing, predicted, covariance, whiten, residual, deviance = self.cell_means.said(
+            theta, ln_k, slope, self.moved(found)
+        )
         prior = np.zeros((len(theta), 0))
         if self.nuisances is not None:
-            shift = self.whitened(whiten, self.nuisances)
-            shared = self.nuisances.adjusted(residual, shift) if shared is None else shared
-            away = shared - self.nuisances.about
-            predicted = predicted + np.einsum("cim,rm->rci", self.nuisances.slope, away)
-            before = np.sum(residual**2, axis=2)
-            residual = residual - np.einsum("rcim,rm->rci", shift, away)
-            deviance = deviance + (np.sum(residual**2, axis=2) - before)
-            prior = -shared / self.nuisances.sd
+            found = self.nuisances.read(found, residual, self.whitened(whiten, self.nuisances.reading))
+            off = np.einsum("cim,rm->rci", self.nuisances.reading, found)
+            left = residual - self._whitened(whiten, off)
+            predicted = predicted + off
+            deviance = deviance + np.sum(left**2 - residual**2, axis=2)
+            residual, prior = left, -found / self.nuisances.sd
         pressed = self.pressed(theta, ln_k, slope)
         return States(theta, ln_k, slope, footing, predicted, covariance, whiten, residual, deviance, pressed, prior)
 
-    def whitened(self, whiten: Array, nuisances: Nuisances) -> Array:
-        """d(whitened prediction)/d(nuisances), ``(rows, cells, 4, nuisances)``."""
-        return np.asarray(whiten @ np.where(self.measured[..., None], nuisances.slope, 0.0))
+    def shared(self, states: States) -> Array:
+        """The values of the nuisances ``(rows, nuisances)``."""
+        return states.shared if self.nuisances is None else -states.shared * self.nuisances.sd
+
+    def bed(self, states: States) -> Array:
+        """The same, readings not a number."""
+        shared = self.shared(states)
+        return shared if self.nuisances is None else np.where(self.nuisances.moves_k, shared, np.nan)
+
+    def moved(self, shared: Array) -> Array:
+        """What nuisances move ln k of the cells by ``(rows, cells)``."""
+        if self.nuisances is None:
+            return np.zeros((len(shared), len(self.cells)))
+        return np.ascontiguousarray(np.nan_to_num(shared) @ self.nuisances.by_ln_k.T)
+
+    def _shared(self, rows: int, shared: Array | None) -> Array:
+        if self.nuisances is None:
+            return np.zeros((rows, 0))
+        about = np.where(self.nuisances.moves_k, self.nuisances.about, np.nan)
+        found = about[None] if shared is None else shared
+        return np.broadcast_to(found, (rows, found.shape[1]))
+
+    def _whitened(self, whiten: Array, off: Array) -> Array:
+        """What a shift ``(rows, cells, 4)`` of the predictions takes off the whitened residuals."""
+        return np.asarray(np.einsum("rcij,rcj->rci", whiten, np.where(self.measured, off, 0.0)))
+
+    def whitened(self, whiten: Array, slope: Array) -> Array:
+        """d(whitened prediction) ``(rows, cells, 4, n)`` of slopes ``(cells, 4, n)``."""
+        return np.asarray(whiten @ np.where(self.measured[..., None], slope, 0.0))
 
     def pressed(self, theta: Array, ln_k: Array, slope: Array) -> Array:
         """Penetrometer readings minus model, in standard deviations ``(..., readings)``."""
@@ -120,14 +150,13 @@ class Problem:
 
     def cell_by_cell(self, theta: Array, ln_k: Array, slope: Array, shared: Array | None = None) -> CellByCell:
         """What is predicted for cell i with row i of θ ``(cells, parameters)`` and ln k ``(cells, levels)``."""
-        said = self.cell_means.said_by_row(theta, ln_k, slope)
+        found = self._shared(len(theta), shared)
+        said = self.cell_means.said_by_row(theta, ln_k, slope, self.moved(found))
         predicted, residual, deviance = said.predicted[0], said.residual[0], said.deviance[0]
-        if self.nuisances is not None and shared is not None:
-            shift = self.whitened(said.whiten, self.nuisances)[0]
-            away = shared - self.nuisances.about
-            predicted = predicted + np.einsum("cim,cm->ci", self.nuisances.slope, away)
-            left = residual - np.einsum("cim,cm->ci", shift, away)
-            deviance = deviance + np.sum(left**2 - residual**2, axis=1)
+        if self.nuisances is not None:
+            off = np.einsum("cim,cm->ci", self.nuisances.reading, found)
+            left = residual - self._whitened(said.whiten, off[None])[0]
+            predicted, deviance = predicted + off, deviance + np.sum(left**2 - residual**2, axis=1)
         walks = said.footing.walking[0].mean(axis=1) > 0.5
         return CellByCell(predicted, self.widening(said.covariance[0]), deviance, walks)
 

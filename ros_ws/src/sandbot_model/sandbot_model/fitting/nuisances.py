@@ -4,7 +4,7 @@ Each nuisance u_i is unknown beforehand to sd_i and moves the cell means by a kn
 
     ȳ = y(θ, k) + Σ_i slope_i u_i + noise,   u_i ~ N(0, sd_i²)
 
-A batch shares one offset of ln k: a random effect, whose sd σ_b is estimated by restricted maximum likelihood (REML;
+Those of the bed move k itself in a fit, and only what is said about one is linear. A batch shares one offset of ln k: a random effect, whose sd σ_b is estimated by restricted maximum likelihood (REML;
 Patterson & Thompson 1971, Biometrika 58, 545), linear about a fit.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from sandbot_model.data.distributions import chi2_sf
 from sandbot_model.fitting.uncertainty import covariance_of
-from sandbot_model.physics.arrays import Array, Ints
+from sandbot_model.physics.arrays import Array, Bool, Ints
 
 LEAST_SHARE = 1e-4
 """Least share of the posterior that is looked at."""
@@ -30,22 +30,32 @@ class Nuisances:
     ln_k_sd: Array
     """Standard deviation of ln k that the replicates of a cell share ``(cells,)``."""
     about: Array
-    """Values ``(m,)`` about which the slopes hold: by these k is moved before anything is predicted."""
+    """Values ``(m,)`` at which the slopes were taken, and from which a fit begins."""
     by_ln_k: Array
     """d(ln k of a cell)/d(nuisance) ``(cells, m)``, 0 for those that leave k as it is."""
 
     @property
-    def ln_k(self) -> Array:
-        """What ln k of a cell is moved by ``(cells,)``."""
-        return np.asarray(self.by_ln_k @ self.about)
+    def reading(self) -> Array:
+        """The slopes of those that leave k as it is, 0 for the others ``(cells, 4, m)``."""
+        return np.where(self.moves_k, 0.0, self.slope)
 
-    def adjusted(self, residual: Array, shift: Array) -> Array:
-        """Most likely values ``(rows, m)`` for whitened residuals ``(rows, cells, 4)`` and slopes ``(…, m)``."""
-        unit = shift.reshape(len(shift), -1, len(self.sd)) * self.sd
+    @property
+    def moves_k(self) -> Bool:
+        """Which are the bed's ``(m,)``."""
+        return np.asarray(self.by_ln_k.any(axis=0))
+
+    def read(self, shared: Array, residual: Array, shift: Array) -> Array:
+        """The same values ``(rows, m)`` with the most likely of the readings, where these are not a number, for whitened
+        residuals without them ``(rows, cells, 4)`` and slopes ``(rows, cells, 4, m)``."""
+        which = ~self.moves_k
+        if not np.isnan(shared[:, which]).any():
+            return shared
+        unit = shift[..., which].reshape(len(shift), -1, which.sum()) * self.sd[which]
         transposed = np.swapaxes(unit, 1, 2)
-        normal = transposed @ unit + np.eye(len(self.sd))
-        pull = transposed @ residual.reshape(len(residual), -1, 1) - (self.about / self.sd)[:, None]
-        return np.asarray(self.about + np.linalg.solve(normal, pull)[..., 0] * self.sd)
+        pull = transposed @ residual.reshape(len(residual), -1, 1)
+        found = shared.copy()
+        found[:, which] = np.linalg.solve(transposed @ unit + np.eye(which.sum()), pull)[..., 0] * self.sd[which]
+        return found
 
     def without(self, cells: int | Ints) -> "Nuisances":
         """The same for all cells but these."""

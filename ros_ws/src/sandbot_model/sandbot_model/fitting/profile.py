@@ -12,8 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.fitted import state_at
-from sandbot_model.fitting.global_minimum import Point
+from sandbot_model.fitting.global_minimum import point_at
 from sandbot_model.fitting.levenberg_marquardt import TOLERANCE, descend, put
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.states import States
@@ -40,7 +39,8 @@ def profile(problem: Problem, start: States, at: Sequence[int], values: Array) -
     rows = np.zeros(len(values), dtype=np.int64)
     theta = start.theta[rows].copy()
     theta[:, at] = values
-    return descend(problem, problem.states(theta, start.ln_k[rows], start.slope[rows]), ITERATIONS, fixed=at)
+    begin = problem.states(theta, start.ln_k[rows], start.slope[rows], problem.bed(start))
+    return descend(problem, begin, ITERATIONS, fixed=at)
 
 
 def deepest(fit: Fit) -> Fit:
@@ -53,7 +53,7 @@ def deepest(fit: Fit) -> Fit:
             if best.deviance[0] > fit.deviance - GAINED:
                 break
             end = descend(fit.problem, best)
-            fit = fitted_at(fit.model, fit.cells, Point(end.theta[0], end.ln_k[0], end.slope[0]), fit.nuisances)
+            fit = fitted_at(fit.model, fit.cells, point_at(fit.problem, end), fit.nuisances)
     return fit
 
 
@@ -95,7 +95,7 @@ def _axes(fit: Fit, at: Sequence[int]) -> list[Array]:
 
 def _over_grid(problem: Problem, fit: Fit, axes: Sequence[Array], at: Sequence[int]) -> States:
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(at))
-    start = state_at(problem, fit.point)
+    start = problem.states(fit.point.theta[None], fit.point.ln_k[None], fit.point.slope[None])
     return _from_neighbours(problem, profile(problem, start, at, grid), at, [len(axis) for axis in axes])
 
 
@@ -112,7 +112,8 @@ def _from_neighbours(problem: Problem, states: States, at: Sequence[int], shape:
         rows = np.flatnonzero((lower < states.deviance - TOLERANCE) & (lower < lower.min() + COUNTS))
         if not len(rows):
             break
-        tried = problem.states(theta[rows], states.ln_k[best[rows]], states.slope[rows])
+        its = states.take(best[rows])
+        tried = problem.states(theta[rows], its.ln_k, its.slope, problem.bed(its))
         near = np.flatnonzero(tried.deviance < states.deviance[rows] + NEAR)
         if not len(near):
             break

@@ -21,14 +21,14 @@ def look_along_k(problem: Problem, state: States) -> States:
     near = state.ln_k + np.log1p(SHIFTS)[:, None]
     across = np.median(state.ln_k) + np.log(ACROSS)[:, None] + np.zeros_like(state.ln_k)
     ln_k = np.concatenate([near, across])
-    tried = problem.states(np.repeat(state.theta, len(ln_k), axis=0), ln_k, state.slope)
+    tried = problem.states(np.repeat(state.theta, len(ln_k), axis=0), ln_k, state.slope, problem.bed(state))
     value = np.add.reduceat(tried.cell_deviance, _level_starts(problem), axis=1)
     if (readings := problem.cells.pressed) is not None:
         np.add.at(value.T, readings.level, tried.pressed.T**2)
     best = np.where(value.min(axis=0) < value[0] - TOLERANCE, value.argmin(axis=0), 0)
     if not best.any():
         return state
-    moved = problem.states(state.theta, ln_k[best, np.arange(len(best))][None], state.slope)
+    moved = problem.states(state.theta, ln_k[best, np.arange(len(best))][None], state.slope, problem.bed(state))
     return moved if moved.deviance[0] < state.deviance[0] else state
 
 
@@ -46,6 +46,7 @@ def look_along_theta(problem: Problem, state: States) -> States:
             np.concatenate([theta, theta]),
             np.concatenate([state.ln_k + bounded(moves * response[index]), state.ln_k + 0 * moves]),
             state.slope[0],
+            problem.bed(state),
         )
         best = np.argmin(tried.deviance)
         if tried.deviance[best] < state.deviance[0] - TOLERANCE:
