@@ -10,7 +10,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter, bed_scatter, shared_by
-from sandbot_model.discovery.structure import BATCH, STRUCTURE, at_random, smoothness, structure_p
+from sandbot_model.discovery.structure import BATCH, STRUCTURE, at_random, smooth_p, trend_p_of
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
@@ -162,13 +162,17 @@ def test_the_offsets_of_all_batches_are_one_line_of_the_json(drawn):
     assert plain.nuisances_to_dict() == []
 
 
-def test_offsets_that_grow_with_the_frequency_are_no_scatter(drawn):
-    plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="day{row.omega_rad_s:g}")))
+@pytest.mark.parametrize(("batch", "told"), [("", True), ("day{row.omega_rad_s:g}", False)])
+def test_offsets_that_grow_with_the_frequency_are_no_scatter(drawn, batch, told):
+    """Of one offset a condition; seven days that scatter may do so too."""
+    plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch=batch)))
     own = shared_by(plain, DEFAULT, 0.005)
-    assert structure_p(fitted_at(plain.model, plain.cells, plain.point, own)) > STRUCTURE
-    trend = own.slope[:, :, :7] @ np.linspace(-0.2, 0.2, 7) ** 2
-    cells = dataclasses.replace(plain.cells, mean=plain.cells.mean + trend)
-    assert structure_p(fitted_at(plain.model, cells, plain.point, own)) < STRUCTURE
+    assert trend_p_of(fitted_at(plain.model, plain.cells, plain.point, own), DEFAULT) > STRUCTURE
+    omega = (plain.cells.omega - 15) / 15
+    slope = own.slope[:, :, [name == BATCH for name in own.names]].sum(axis=2)
+    cells = dataclasses.replace(plain.cells, mean=plain.cells.mean + slope * (0.08 * omega**2)[:, None])
+    found = trend_p_of(fitted_at(plain.model, cells, plain.point, own), DEFAULT)
+    assert (found < STRUCTURE) == told
     assert at_random(plain, DEFAULT)
 
 
@@ -184,5 +188,5 @@ def test_offsets_that_are_smooth_are_no_scatter(drawn):
         cells = dataclasses.replace(plain.cells, mean=plain.cells.mean + by_cell @ offsets)
         found.append(fitted_at(plain.model, cells, plain.point, own))
     assert at_random(found[0], DEFAULT)
-    assert smoothness(found[0]) < DEFAULT.shared < smoothness(found[1])
+    assert smooth_p(found[0], DEFAULT) > STRUCTURE > smooth_p(found[1], DEFAULT)
     assert not at_random(found[1], DEFAULT)

@@ -11,13 +11,18 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.fitting.jacobian import cell_jacobian, without_nuisances
 from sandbot_model.fitting.likelihood import Problem
-from sandbot_model.fitting.nuisances import Nuisances, averaged_moments, gains_of_scatter, scatter_of_batches
+from sandbot_model.fitting.nuisances import (
+    Nuisances,
+    averaged_moments,
+    gains_of_scatter,
+    probability,
+    scatter_of_batches,
+    sizes_tried,
+)
 from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import Observable
 
-MAX_SCATTER, SIZES = 2.5, 60
-"""Largest σ_b, in units of its prior, and how many are tried."""
 ALONG = [Observable.speed, Observable.peak_speed, Observable.first_step]
 DRIFT, LIFT_ZERO, SPEED_SCALE = "drift", "lift_zero_m", "speed_scale"
 """Names of the drift of k along the run order, the zero of the lift and the scale along the track."""
@@ -68,13 +73,13 @@ def _by_ln_k(fit: Fit) -> Array:
 
 def bed_scatter(fit: Fit, criteria: Criteria) -> float:
     """σ_b about a fit, beside all other nuisances; 0 where batches need not differ."""
-    scatter, gain = scatter_of_batches(*_linear(fit, criteria), _tried(criteria), criteria.bed_scatter)
+    scatter, gain = scatter_of_batches(*_linear(fit, criteria), sizes_tried(criteria.bed_scatter), criteria.bed_scatter)
     return scatter if gain > criteria.shared else 0.0
 
 
 def gain_of_scatter(fit: Fit, criteria: Criteria) -> float:
     """What batches that differ would gain over a fit beside all other nuisances, in -2 ln of the posterior of σ_b."""
-    return scatter_of_batches(*_linear(fit, criteria), _tried(criteria), criteria.bed_scatter)[1]
+    return scatter_of_batches(*_linear(fit, criteria), sizes_tried(criteria.bed_scatter), criteria.bed_scatter)[1]
 
 
 def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
@@ -84,10 +89,10 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
     not has errors that are too small. Replicates of a condition in several batches show it best.
     """
     given, gain = _possible(fit, criteria)
-    moments = averaged_moments(*given, _tried(criteria), gain)
+    moments = averaged_moments(*given, sizes_tried(criteria.bed_scatter), gain)
     stderr = np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments)))
     averaged = replace(fit, stderr=stderr, covariance=moments)
-    scatter = float(np.sqrt(_shares(gain) @ _tried(criteria) ** 2))
+    scatter = float(np.sqrt(probability(gain) @ sizes_tried(criteria.bed_scatter) ** 2))
     beside = Problem(fit.model, fit.cells, shared_by(fit, criteria, scatter))
     return with_profiled_errors(averaged, beside)
 
@@ -99,13 +104,7 @@ def _possible(fit: Fit, criteria: Criteria) -> tuple[tuple[Array, Array, Array, 
     residual, batches = np.concatenate([residual, apart]), np.concatenate([batches, between])
     unknowns, others = (np.pad(slopes, ((0, len(apart)), (0, 0))) for slopes in (unknowns, others))
     given = residual, unknowns, batches, others
-    return given, gains_of_scatter(*given, _tried(criteria), criteria.bed_scatter)
-
-
-def _shares(gain: Array) -> Array:
-    """Posterior probability of each σ_b tried."""
-    weight = np.exp(0.5 * (gain - gain.max()))
-    return np.asarray(weight / weight.sum())
+    return given, gains_of_scatter(*given, sizes_tried(criteria.bed_scatter), criteria.bed_scatter)
 
 
 def _within_cells(fit: Fit) -> tuple[Array, Array]:
@@ -127,10 +126,6 @@ def _within_cells(fit: Fit) -> tuple[Array, Array]:
         slope[:, :, there] = np.einsum("ij,j,bc->bic", whiten, np.where(known, by_ln_k[cell], 0.0), free)
         slopes.append(slope.reshape(-1, share.shape[1]))
     return np.concatenate(apart), np.concatenate(slopes)
-
-
-def _tried(criteria: Criteria) -> Array:
-    return np.linspace(0.0, MAX_SCATTER * criteria.bed_scatter, SIZES)
 
 
 def _linear(fit: Fit, criteria: Criteria) -> tuple[Array, Array, Array, Array]:

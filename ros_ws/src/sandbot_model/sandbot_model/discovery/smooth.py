@@ -51,15 +51,15 @@ def smooth_gain(base: Fit, observable: Observable) -> float:
     slope[len(Observable) * each + observable, each] = weight
     contrasts = free_of(jacobian, np.zeros((len(residual), 0)))
     at = np.stack([base.cells.phi, np.log(base.cells.omega)], axis=1)
-    return gain_of_any(contrasts @ residual, contrasts @ slope, kernels(at))
+    return float(gain_of_any(contrasts @ residual, contrasts @ slope, kernels(at)))
 
 
-def gain_of_any(missed: Array, slope: Array, some: list[Array]) -> float:
-    """Fall of -2 ln likelihood of contrasts ``missed (c,)`` by the best kernel of δ ``(n,)``, ``slope (c, n)`` theirs
-    by δ."""
+def gain_of_any(missed: Array, slope: Array, some: list[Array]) -> Array:
+    """Fall of -2 ln likelihood of contrasts ``missed (..., c)`` by the best kernel of δ ``(n,)``, ``slope (c, n)``
+    theirs by δ."""
     scale = np.sqrt(np.sum(slope**2, axis=0))
     sizes = SIZES / max(float(np.median(scale[scale > 0])), 1e-300) if (scale > 0).any() else SIZES
-    return max(_gain(missed, slope, kernel, sizes) for kernel in some)
+    return np.asarray(np.max([_gain(missed, slope, kernel, sizes) for kernel in some], axis=0))
 
 
 def kernels(at: Array) -> list[Array]:
@@ -68,7 +68,7 @@ def kernels(at: Array) -> list[Array]:
     return [np.exp(-0.5 * ((away[0] / a) ** 2 + (away[1] / b) ** 2)) for a, b in product(LENGTHS, LENGTHS)]
 
 
-def _gain(missed: Array, slope: Array, kernel: Array, sizes: Array) -> float:
+def _gain(missed: Array, slope: Array, kernel: Array, sizes: Array) -> Array:
     """Of the best size."""
     shares, axes = np.linalg.eigh(slope @ kernel @ slope.T)
-    return float(gains(axes.T @ missed, np.maximum(shares, 0.0), sizes).max())
+    return np.asarray(gains(missed @ axes, np.maximum(shares, 0.0), sizes).max(axis=-1))

@@ -10,37 +10,61 @@ from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.smooth import gain_of_any, kernels
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.jacobian import without_nuisances
-from sandbot_model.fitting.nuisances import free_of, trend_p
+from sandbot_model.fitting.nuisances import (
+    LEAST_SHARE,
+    free_of,
+    gains_of_scatter,
+    probability,
+    sizes_tried,
+    trend_p,
+)
 from sandbot_model.physics.arrays import Array, Bool
 
 BATCH = "ln_k"
 """Name of every batch's offset."""
-STRUCTURE = 0.01
-"""p-value below which offsets follow a trend, and are no nuisance."""
+STRUCTURE = 0.005
+"""p-value of either test below which offsets follow something, and are no nuisance."""
+DRAWS = 1000
+"""Beds drawn that scatter at random: few batches look smooth more often than many."""
 
 
 def at_random(fit: Fit, criteria: Criteria) -> bool:
     """Whether the batches' offsets follow nothing: neither a trend nor anything smooth."""
     if fit.nuisances is None or BATCH not in fit.nuisances.names:
         return True
-    return structure_p(fit) >= STRUCTURE and smoothness(fit) <= criteria.shared
+    return min(trend_p_of(fit, criteria), smooth_p(fit, criteria)) >= STRUCTURE
 
 
-def structure_p(fit: Fit) -> float:
-    """p-value of no trend of the batches' offsets over φ, ω (to second order) and run order."""
+def trend_p_of(fit: Fit, criteria: Criteria) -> float:
+    """p-value of no trend of the batches' offsets over φ, ω (to second order) and run order, averaged over σ_b."""
     residual, unknowns, batches, others = _offsets(fit)
-    assert fit.nuisances is not None
-    every = np.column_stack([fit.nuisances.sd[_batches(fit)] * batches, others])
-    return trend_p(residual, unknowns, np.eye(len(residual)) + every @ every.T, batches @ _trends(fit))
+    trends, found = batches @ _trends(fit), 0.0
+    for size, share in zip(*_scatter(fit, criteria), strict=True):
+        if share > LEAST_SHARE:
+            every = np.column_stack([size * batches, others])
+            found += share * trend_p(residual, unknowns, np.eye(len(residual)) + every @ every.T, trends)
+    return found
 
 
-def smoothness(fit: Fit) -> float:
-    """By how much more offsets that are smooth over φ and ω gain in -2 ln likelihood than offsets at random."""
+def smooth_p(fit: Fit, criteria: Criteria) -> float:
+    """p-value of offsets that are no smoother over φ and ω than those of a bed that scatters, drawn at each σ_b as
+    often as it is likely."""
     residual, unknowns, batches, others = _offsets(fit)
-    contrasts = free_of(unknowns, others)
-    missed, slope = contrasts @ residual, contrasts @ batches
-    scatter = gain_of_any(missed, slope, [np.eye(batches.shape[1])])
-    return gain_of_any(missed, slope, kernels(_where(fit)[:, :2])) - scatter
+    contrasts, (sizes, share) = free_of(unknowns, others), _scatter(fit, criteria)
+    axes, scale, turned = np.linalg.svd(contrasts @ batches, full_matrices=False)
+    slope, draw = scale[:, None] * turned, np.random.default_rng(0)
+    count, every = slope.shape
+    offsets = draw.choice(sizes, (DRAWS, 1), p=share) * draw.standard_normal((DRAWS, every))
+    drawn = offsets @ slope.T + draw.standard_normal((DRAWS, count))
+    missed = np.concatenate([(axes.T @ (contrasts @ residual))[None], drawn])
+    gain = gain_of_any(missed, slope, kernels(_where(fit)[:, :2])) - gain_of_any(missed, slope, [np.eye(every)])
+    return float(np.mean(gain >= gain[0]))
+
+
+def _scatter(fit: Fit, criteria: Criteria) -> tuple[Array, Array]:
+    """σ_b tried, and how likely each is about a fit."""
+    sizes = sizes_tried(criteria.bed_scatter)
+    return sizes, probability(gains_of_scatter(*_offsets(fit), sizes, criteria.bed_scatter))
 
 
 def _offsets(fit: Fit) -> tuple[Array, Array, Array, Array]:

@@ -91,9 +91,7 @@ class CellMeans:
         of = self._weights(values), WEIGHTS, self.measured, share, replicates
         return Said(footing, *kernels.judged(values, footing.walking, *of))
 
-    def jacobian(
-        self, theta: Array, ln_k: Array, slope: Array, moved: Array, feet: Footing, whiten: Array
-    ) -> Array:
+    def jacobian(self, theta: Array, ln_k: Array, slope: Array, moved: Array, feet: Footing, whiten: Array) -> Array:
         """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``; the last column is the cell's ln k.
 
         By the implicit function theorem on the force balance, dd/dθ = -(∂M/∂θ)/(∂M/∂d): one evaluation of the chain

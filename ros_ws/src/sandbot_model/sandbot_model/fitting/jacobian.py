@@ -48,9 +48,7 @@ def without_nuisances(problem: Problem, states: States) -> tuple[Array, Array, A
 def cell_jacobian(problem: Problem, states: States) -> Array:
     """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``, see ``CellMeans.jacobian``."""
     moved = problem.moved(problem.shared(states))
-    return problem.cell_means.jacobian(
-        states.theta, states.ln_k, states.slope, moved, states.footing, states.whiten
-    )
+    return problem.cell_means.jacobian(states.theta, states.ln_k, states.slope, moved, states.footing, states.whiten)
 
 
 def readings_jacobian(problem: Problem, states: States) -> Array:

@@ -16,7 +16,9 @@ from sandbot_model.data.distributions import chi2_sf
 from sandbot_model.fitting.uncertainty import covariance_of
 from sandbot_model.physics.arrays import Array, Bool, Ints
 
-LEAST_SHARE = 1e-4
+MAX_SCATTER, SIZES = 2.5, 60
+"""Largest σ_b, in units of its prior, and how many are tried."""
+LEAST_SHARE = 1e-3
 """Least share of the posterior that is looked at."""
 
 
@@ -64,6 +66,17 @@ class Nuisances:
         return replace(self, slope=slope, ln_k_sd=ln_k_sd, by_ln_k=by_ln_k)
 
 
+def sizes_tried(prior: float) -> Array:
+    """σ_b that are tried, 0 first, for the sd of its half-normal prior."""
+    return np.linspace(0.0, MAX_SCATTER * prior, SIZES)
+
+
+def probability(gain: Array) -> Array:
+    """Posterior probability of each σ_b tried, of what it gains."""
+    weight = np.exp(0.5 * (gain - gain.max()))
+    return np.asarray(weight / weight.sum())
+
+
 def scatter_of_batches(
     residual: Array, jacobian: Array, batches: Array, others: Array, tried: Array, prior: float
 ) -> tuple[float, float]:
@@ -95,8 +108,8 @@ def averaged_moments(
 
     To first order: at each σ_b the covariance of generalised least squares, and how far its estimate is from here.
     """
-    found, weight = np.zeros((jacobian.shape[1],) * 2), np.exp(0.5 * (gain - gain.max()))
-    for size, share in zip(tried, weight / weight.sum(), strict=True):
+    found = np.zeros((jacobian.shape[1],) * 2)
+    for size, share in zip(tried, probability(gain), strict=True):
         if share > LEAST_SHARE:
             unit = np.column_stack([others, size * batches])
             both = np.column_stack([jacobian, residual])
@@ -108,10 +121,10 @@ def averaged_moments(
 
 
 def gains(missed: Array, shares: Array, sizes: Array) -> Array:
-    """Fall of -2 ln likelihood of contrasts ``missed (n,)`` whose variances are 1 + size² ``shares (n,)`` and not 1,
-    ``(sizes,)``."""
+    """Fall of -2 ln likelihood of contrasts ``missed (..., n)`` whose variances are 1 + size² ``shares (n,)`` and not
+    1, ``(..., sizes)``."""
     variance = 1.0 + np.outer(sizes**2, shares)
-    return np.asarray(np.sum(missed**2 * (1.0 - 1.0 / variance) - np.log(variance), axis=1))
+    return np.asarray(missed**2 @ (1.0 - 1.0 / variance).T - np.sum(np.log(variance), axis=1))
 
 
 def free_of(jacobian: Array, others: Array) -> Array:
