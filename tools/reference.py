@@ -169,8 +169,12 @@ def formulas() -> str:
         f"`--effect 'NAME: STAGE: FORMULA; parameter [unit] in LOW..HIGH; ...'`\n\n"
         f"A bare formula is the new value of its stage's quantity: "
         f"{', '.join(f'{stage} sets `{name}`' for stage, name in formula.MAIN.items())}. `X -> ...` or `X = ...` sets "
-        "another one, `X *= ...` and `X += ...` change it, `X, Y *= ...` several alike. Products are `*` or `·`, "
-        f"powers `^`, `**` or `²`. Functions: {functions}; `pi`.\n\n"
+        "another one, `X *= ...`, `X /= ...`, `X += ...` and `X -= ...` change it, `X, Y *= ...` several alike; what is "
+        "done to another quantity is an effect of its own. A quantity may be set from its stage on; those of clock and "
+        "strength are set for every depth `d` that is tried in search of a footing, those of step and speed where the "
+        "legs stand, in the first step too (`first`). φ can't be set, as k does not follow it: `k -> K(phi + 0.01)` is "
+        "the ground at another. Products are `*` or `·`, powers `^`, `**` or `²`; comparisons are 1 or 0. "
+        f"Functions: {functions}; `pi`.\n\n"
         f"{table(('symbol', 'unit', 'from stage', 'meaning'), rows)}\n"
     )
 

@@ -9,6 +9,7 @@ from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.points import ArrayChains
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable
 
@@ -41,6 +42,18 @@ def test_the_jacobian_is_that_of_finite_differences(drawn, effects):
             moved = problem.states(t, k, slope)
             sides.append(np.einsum("cij,cj->ci", state.whiten[0], moved.predicted[0]) / (2 * step))
         np.testing.assert_allclose(jacobian[:, column], (sides[0] - sides[1]).ravel(), rtol=2e-3, atol=2e-2)
+
+
+def test_a_formula_for_the_spread_of_phi_is_averaged_along_the_track_as_the_catalogue_s_is(drawn):
+    cells, typed = cells_of(drawn(levels=3, omega=(6, 12))), "uneven: strength: sigma -> hypot(sigma, s); s [1] in 0..1"
+    effects = {**EFFECTS, "uneven": formula_effect(typed)}
+    theta = np.array([[0.4, 0.02, 0.004]])
+    own, same, without = (
+        Problem(model_of("simple", names, effects), cells).states(theta[:, : 2 + len(names)], HARD, SLOPE).predicted
+        for names in (("uneven",), ("phi_nonuniformity",), ())
+    )
+    np.testing.assert_allclose(own, same, rtol=1e-12)
+    assert not np.allclose(own, without, rtol=1e-4)
 
 
 def test_away_from_the_switch_the_deviance_is_chi_squared_of_the_pure_error(problem):

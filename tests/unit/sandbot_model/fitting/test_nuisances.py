@@ -1,7 +1,5 @@
 """What trials share: offsets adjusted with their priors, their derivatives, σ_b by REML, trends told from scatter."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 

@@ -84,8 +84,8 @@ class Problem:
     def states(self, theta: Array, ln_k: Array, slope: Array, shared: Array | None = None) -> States:
         """Predict all cells and evaluate the likelihood.
 
-        ``shared (rows or 1, nuisances)`` are the values of the nuisances; without them the bed's are what they are about.
-        Readings off their zero or scale, where not a number, are what suits best.
+        ``shared (rows or 1, nuisances)`` are the values of the nuisances; without them the bed's are what they are
+        about. Readings off their zero or scale, where not a number, are what suits best.
         """
         slope = np.broadcast_to(slope, ln_k.shape)
         found = self._shared(len(theta), shared)

@@ -4,8 +4,9 @@ Each nuisance u_i is unknown beforehand to sd_i and moves the cell means by a kn
 
     ȳ = y(θ, k) + Σ_i slope_i u_i + noise,   u_i ~ N(0, sd_i²)
 
-Those of the bed move k itself in a fit, and only what is said about one is linear. A batch shares one offset of ln k: a random effect, whose sd σ_b is estimated by restricted maximum likelihood (REML;
-Patterson & Thompson 1971, Biometrika 58, 545), linear about a fit.
+Those of the bed move k itself in a fit; only what is said about one is linear. A batch shares one offset of ln k: a
+random effect, whose sd σ_b is estimated by restricted maximum likelihood (REML; Patterson & Thompson 1971, Biometrika
+58, 545), linear about a fit.
 """
 
 from dataclasses import dataclass, replace
@@ -47,8 +48,10 @@ class Nuisances:
         return np.asarray(self.by_ln_k.any(axis=0))
 
     def read(self, shared: Array, residual: Array, shift: Array) -> Array:
-        """The same values ``(rows, m)`` with the most likely of the readings, where these are not a number, for whitened
-        residuals without them ``(rows, cells, 4)`` and slopes ``(rows, cells, 4, m)``."""
+        """The same values ``(rows, m)`` with the most likely of the readings, where these are not a number.
+
+        For whitened residuals without them ``(rows, cells, 4)`` and slopes ``(rows, cells, 4, m)``.
+        """
         which = ~self.moves_k
         if not np.isnan(shared[:, which]).any():
             return shared

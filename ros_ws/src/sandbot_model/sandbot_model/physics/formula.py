@@ -2,7 +2,7 @@
 
 The expression gives the new value of the stage's quantity (``k``, ``force``, ``step``, ``kept`` or ``omega``), or of
 another one if it says so: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"`` (``->`` does as well as
-``=``). ``*=`` and ``+=`` change what is there, also several quantities alike:
+``=``). ``*=``, ``/=``, ``+=`` and ``-=`` change what is there, also several quantities alike:
 ``"slip: speed: kept, peak *= 1 - a*d/R; a [1] in 0..1"``.
 
 Names are the symbols that the catalogue shows (see ``symbols``: quantities of the chain, the robot's R, h, w, m, g, …),
@@ -25,7 +25,7 @@ from sandbot_common.suggest import did_you_mean, near
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values
-from sandbot_model.physics.symbols import CONSTANTS, get, put, readable, stage_of
+from sandbot_model.physics.symbols import CONSTANTS, SYMBOLS, get, put, readable, stage_of
 from sandbot_model.physics.walking import Inputs, Walker
 
 MAIN = {"clock": "omega", "strength": "k", "balance": "force", "step": "step", "speed": "kept"}
@@ -47,11 +47,13 @@ GIVEN = "given on the command line"
 FORM = "name: stage: formula; parameter [unit] in low..high; ..."
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PARAMETER = re.compile(rf"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\])?\s+in\s+({_NUMBER})\s*\.\.\s*({_NUMBER})\s*")
-_ASSIGNMENT = re.compile(r"\s*([^\W\d]\w*(?:\s*,\s*[^\W\d]\w*)*)\s*(?:([*+]?)=(?!=)|->|→)\s*(.*)")
+_ASSIGNMENT = re.compile(r"\s*([^\W\d]\w*(?:\s*,\s*[^\W\d]\w*)*)\s*(?:([*/+-]?)=(?!=)|->|→)\s*(.*)")
 _ALWAYS = {*FUNCTIONS, *SHORT, "pi", "first", "K"}
 _CHANGES: dict[str, Callable[[Array, Array], Array]] = {
     "*": np.multiply,
+    "/": np.divide,
     "+": np.add,
+    "-": np.subtract,
     "": lambda old, new: _as_large(old, new),
 }
 _TAKES = {**FUNCTIONS, **{name: FUNCTIONS[meant] for name, meant in SHORT.items()}, "K": 1}
@@ -106,6 +108,7 @@ class _Formula(Effect):
         )
         self.names = {node.id for node in ast.walk(sets.parsed) if isinstance(node, ast.Name)}
         self.first_step_differs = "first" in self.names
+        self.along_the_track = bool({"sigma_phi", *SYMBOLS["sigma_phi"]} & set(sets.quantities))
         self.readable = readable(stage)
         # What an interpreter evaluates stands in a table of its own, and the explorer fits in several threads.
         self._each_thread = threading.local()
@@ -179,7 +182,8 @@ def _interpreter() -> asteval.Interpreter:
 def _parameter(text: str, whole: str) -> Parameter:
     found = _PARAMETER.fullmatch(text)
     if not found:
-        raise InputError(f"--effect {whole!r}: {text.strip()!r} is not 'parameter [unit] in low..high'")
+        more = "; what is done to another quantity is an effect of its own" if "=" in text else ""
+        raise InputError(f"--effect {whole!r}: {text.strip()!r} is not 'parameter [unit] in low..high'{more}")
     name, unit, low, high = found[1], found[2] or "1", float(found[3]), float(found[4])
     if not low < high:
         raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high")
@@ -197,7 +201,9 @@ def _parsed(expression: str, text: str) -> ast.Expr:
             parsed = ast.Expr(ast.parse(expression, mode="eval").body)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:  # the last: nested too deep
         why = getattr(error, "msg", None) or str(error) or "nested too deep"
-        raise InputError(f"--effect {text!r}: {expression!r} is not an expression: {why}") from None
+        at = expression[max((getattr(error, "offset", None) or 0) - 1, 0) :].strip()
+        where = f" at {at!r}" if at not in ("", expression) else ""
+        raise InputError(f"--effect {text!r}: {expression!r} is not an expression: {why}{where}") from None
     parts = list(ast.walk(parsed))
     if not all(_plain(part) for part in parts):
         raise InputError(f"--effect {text!r}: only names, numbers, operators and functions; no '.', '[' or lambda")
@@ -210,7 +216,7 @@ def _check_call(call: ast.Call, text: str) -> None:
     name = call.func.id if isinstance(call.func, ast.Name) else ""
     takes = _TAKES.get(name)
     if takes is None:
-        return  # a name that is none is told with the one that may be meant
+        raise InputError(f"--effect {text!r}: no function {name!r}{did_you_mean(name, sorted(_TAKES))}")
     if len(call.args) != takes:
         raise InputError(f"--effect {text!r}: {name}() takes {takes} values, {len(call.args)} are given")
 
@@ -227,12 +233,16 @@ def _checked(effect: _Formula, text: str) -> Effect:
     for name in effect.sets.quantities:
         if name not in effect.readable:
             raise InputError(f"--effect {text!r}: {name!r} can't be set at stage {effect.stage}{_hint(name, effect)}")
+        if effect.readable[name] == "phi":
+            raise InputError(f"--effect {text!r}: k does not follow {name!r}; k -> K({name} + ...) is that of another")
     own = {parameter.name for parameter in effect.parameters}
     for name in sorted(effect.names - own - effect.readable.keys() - CONSTANTS.keys() - _ALWAYS):
         raise InputError(f"--effect {text!r}: {name!r} is not known at stage {effect.stage}{_hint(name, effect)}")
     starts = {parameter.name: parameter.start for parameter in effect.parameters}
     with np.errstate(all="ignore"):
-        Walker((effect,)).predict(Inputs(200.0, 10.0, 0.4, 0.6), [starts])
+        found = Walker((effect,)).predict(Inputs(200.0, 10.0, 0.4, 0.6), [starts]).observables
+    if not np.isfinite(found).all():
+        raise InputError(f"--effect {text!r}: gives no number at k 200 N/m, ω 10 rad/s, φ 0.6 and {starts}")
     return effect
 
 
