@@ -16,6 +16,10 @@ OMEGA, K = (axis.ravel() for axis in np.meshgrid([4.0, 10.0, 16.0, 24.0], np.lin
 GROUND = KCurve(np.array([0.58, 0.633]), np.array([172.0, 220.0]))
 
 
+NUMBERS = {"power", "log_width", "part", "reach", "reach_m", "d_0_m", "tau_m_s"}
+"""Conventions that are numbers."""
+
+
 def predicted(effect):
     """At its start; a ramp as wide as R, so that its width shows."""
     start = {one.name: 0.0 if one.name == "log_width" else one.start for one in effect.parameters}
@@ -31,7 +35,7 @@ def test_a_variant_is_of_its_family_but_says_something_else(family, variant):
     assert (variant.identifier, variant.stage) == (family.identifier, family.stage)
     own = len(family.parameters)
     assert variant.parameters[:own] == family.parameters
-    assert {one.name for one in variant.parameters[own:]} <= {"power", "log_width", "part"}
+    assert {one.name for one in variant.parameters[own:]} <= NUMBERS
     assert variant.variant
     assert not family.variant
     assert not np.allclose(predicted(variant), predicted(family), rtol=1e-4)
@@ -56,6 +60,7 @@ USUAL = {
     ("stance_overlap", "by a power of depth"): 0,
     ("carried_momentum", "by a power of ω"): 0,
     ("swimming_thrust", "by a power of ω"): 1,
+    ("exact_vertical_acceleration", "a power of the sine"): 1,
     ("inertial_drag", "by another power of speed"): 2,
     ("inertial_drag", "by a power of depth"): 0,
     ("cable_drag", "by another power of depth"): 2,

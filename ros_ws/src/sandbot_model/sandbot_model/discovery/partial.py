@@ -24,6 +24,8 @@ from sandbot_model.fitting.jacobian import project_out, tangent_basis
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.observables import CM, Observable
 
+MOST = 0.5
+"""Share of the excess deviance that an effect must remove at least, where one observable is at fault."""
 FEWEST = 3
 """Observables from which one may be left out and the others still tell effects apart."""
 TRIED = 4
@@ -116,6 +118,7 @@ def _missed(fit: Fit, cells: Cells) -> float:
 def _one_is_wrong(spared: Spared, criteria: Criteria) -> Found | None:
     """The effect that leaves nothing to explain without one observable, and which that is."""
     passing = [(one, names) for one, fits in spared.items() for names in fits if _explains(fits, names, criteria)]
+    passing = [(one, names) for one, names in passing if not names or _share(spared[one], names) > MOST]
     if not passing or any(not names for _, names in passing):
         return None
     excess = {(one, names): _excess(spared[one][names]) for one, names in passing}

@@ -112,6 +112,9 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
         return _unexplained(fits, criteria)
     best = min(good, key=lambda fit: fit.bic)
     apart = criteria.clearly * overdispersion(best)
+    better = [fit for fit in fits.values() if not set(best.effects) <= set(fit.effects) and fit.bic < best.bic - apart]
+    if better:
+        return _outdone(best, min(better, key=lambda fit: fit.bic))
     rivals = sorted((fit for fit in good if fit.bic - best.bic < apart and fit is not best), key=lambda fit: fit.bic)
     if rivals:
         sets = tuple(fit.effects for fit in (best, *rivals))
@@ -154,6 +157,16 @@ def best_earned(fits: Sets, criteria: Criteria = DEFAULT) -> Fit:
     return min(
         (fit for key, fit in fits.items() if not key or _all_needed(fits, key, criteria)), key=lambda fit: fit.bic
     )
+
+
+def _outdone(best: Fit, better: Fit) -> Verdict:
+    """What would be claimed is not what fits best: that is not believed for its own sake, but speaks against it."""
+    why = f"{odd(better)[0]} is at or beyond its bound" if odd(better) else "not all of it earns its place"
+    because = (
+        f"{_name(best.effects)} leaves replicates nothing to explain {_p(best)}, but {_name(better.effects)} fits "
+        f"better still (ΔBIC {better.bic - best.bic:.0f}), where {why}: neither is to be believed"
+    )
+    return Verdict("unexplained", (), (), because)
 
 
 def _unexplained(fits: Sets, criteria: Criteria) -> Verdict:

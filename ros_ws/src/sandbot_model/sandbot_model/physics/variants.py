@@ -3,8 +3,8 @@
 An exponent, the width of a ramp, a law of friction, what the first step feels and whether the peak of v_x(t) does are
 conventions of whoever wrote the formula down. A variant departs from its family's formula in one of them, and has its
 family's identifier and parameters, so that it takes its place in a catalogue. Where the convention is a number
-(``power``; ``part``; ``log_width``, a ramp of 10^log_width R), that is one parameter more, fitted and paid
-for like any other.
+(``power``; ``part``; ``log_width``, a ramp of 10^log_width R; ``reach``, where it begins; a time or a length), that is
+one parameter more, fitted and paid for like any other.
 """
 
 from collections.abc import Mapping
@@ -24,6 +24,7 @@ _STEP = _RAMP.format(reach="{reach}", at="step*kept/R")
 _DISTURBED = _STEP.format(reach="s_c")
 _USUAL = "clip((s_c*R - step*kept)/(0.1*R), 0, 1)*(1 - first)"
 _OVER_DEPTH = _RAMP.format(reach="s_c", at=f"step*kept/{_DEPTH}")
+_DILATED = "(K(phi + xi*(phi_c - phi)) - K(phi))"
 _CRATER = f"penetration = maximum(z - z_0_m*{{left}}*{_STEP.format(reach='1.2')}, 0){_WIDTH}"
 _SLIP = "step, peak_ratio *= clip(1 - sigma*{}, 0, 1)"
 _DRAG = "step, peak_ratio *= clip(1 - f_c_n/maximum(1.5*146e3*w*d_r**2, 1e-6)*{}, 0, 1)"
@@ -32,6 +33,9 @@ _TOUCH_DOWN = "beta*omega*maximum(d + h - R, 0)"
 _LEGS = "R*omega*where(d + h > R, 1, 0)"
 _TIME_LEFT = "maximum(pi/omega - 2*arcsin(clip(s_0/(2*R), 0, 1))/(beta*omega), 0)"
 _STANDING = f"{_TIME_LEFT}/(1 + first)"
+_SPARED = f"{_TIME_LEFT}*(1 - first)"
+_FORGOTTEN = "exp(-pi/(omega*tau_m_s))*(1 - first)"
+_TAU = "; tau_m_s [s] in 0.05..1"
 _COULOMB = "s + {u}*minimum({u}/(mu_b*g), {left}) - 0.5*mu_b*g*minimum({u}/(mu_b*g), {left})**2"
 _AT = 0.4
 """Speed [m/s] at which other laws of friction are Coulomb's: a body's at touch-down."""
@@ -42,7 +46,7 @@ _SQUARE = f"s + {_DECAY_M}*log(1 + {_TOUCH_DOWN}*{{left}}/({_DECAY_M}))"
 VARIANTS: Mapping[str, Mapping[str, str]] = {
     "disturbed_ground": {
         "a ramp of another width": f"k - maximum(k - k_l_n_per_m, 0)*{_DISTURBED}{_WIDTH}",
-        "a share of k": f"k - k*maximum(1 - k_l_n_per_m/K(0.61), 0)*{_DISTURBED}{_WIDTH}",
+        "a share of k": f"k - k*(1 - k_l_n_per_m/200)*{_DISTURBED}{_WIDTH}",
         "a part of k beyond k_L": f"k - part*maximum(k - k_l_n_per_m, 0)*{_USUAL}; part [1] in 0.2..1",
         "by step over depth": f"k - maximum(k - k_l_n_per_m, 0)*{_OVER_DEPTH}{_WIDTH}",
     },
@@ -61,6 +65,9 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
         "friction in proportion to speed, the first step as any other": _VISCOUS.format(left=_TIME_LEFT),
         "friction by the square of speed": _SQUARE.format(left=_STANDING),
         "friction by the square of speed, the first step as any other": _SQUARE.format(left=_TIME_LEFT),
+        "the first step spared": _COULOMB.format(u=_TOUCH_DOWN, left=_SPARED),
+        "friction in proportion to speed, the first step spared": _VISCOUS.format(left=_SPARED),
+        "up to a length": (f"s + reach_m*tanh(({_TOUCH_DOWN})**2/(2*mu_b*g*reach_m)); reach_m [m] in 0.002..0.05"),
         "from the legs' speed": _COULOMB.format(u=_LEGS, left=_STANDING),
         "from the legs' speed, not cut short by the next step": f"s + ({_LEGS})**2/(2*mu_b*g)",
     },
@@ -70,6 +77,8 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     },
     "carried_momentum": {
         "of the legs' speed": "Delta_v = maximum(Delta_v - chi_m*R*omega*(1 - first), 0)",
+        "forgotten in time": f"Delta_v = maximum(Delta_v - chi_m*v*{_FORGOTTEN}, 0){_TAU}",
+        "of the legs' speed, forgotten in time": f"Delta_v = maximum(Delta_v - chi_m*R*omega*{_FORGOTTEN}, 0){_TAU}",
         "by energy": "Delta_v = sqrt(maximum(Delta_v**2 - (chi_m*v)**2*(1 - first), 0))",
         "by a power of ω": f"Delta_v = maximum(Delta_v - chi_m*v*{_BY_OMEGA}*(1 - first), 0){_EITHER}",
     },
@@ -94,8 +103,16 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
         "by another power of depth": f"{_SLIP.format(f'(d_r/{_DEPTH})**power')}{_POWER.format(0, 4)}",
         "by a power of ω": f"{_SLIP.format(f'{_SLOWER}*{_BY_OMEGA}')}{_EITHER}",
         "the first step spared": _SLIP.format(f"{_SLOWER}*(1 - first)"),
+        "above a depth": (
+            f"{_SLIP.format('clip(0.5 + (d_0_m - d)/10**log_width, 0, 1)')}"
+            "; d_0_m [m] in 0.02..0.05; log_width [1] in -3..-1.5"
+        ),
         "the peak spared": f"step *= clip(1 - sigma*(d_r/{_DEPTH})**power, 0, 1){_POWER.format(1, 3)}",
         "the peak spared, by a power of ω": f"step *= clip(1 - sigma*{_SLOWER}*{_BY_OMEGA}, 0, 1){_EITHER}",
+    },
+    "exact_vertical_acceleration": {"a power of the sine": f"lift_ratio *= (s_0/(2*R))**power{_POWER.format(0.5, 3)}"},
+    "dilation": {
+        "another ramp": f"k + {_DILATED}*{_STEP.format(reach='reach')}{_WIDTH}; reach [1] in 0.6..2"
     },
     "motor_saturation": {
         "another bend": f"omega/(1 + 0.5*(30/omega_s_rad_s)**2*(omega/30)**power){_POWER.format(1, 6)}",
