@@ -235,7 +235,9 @@ def _settled(search: EffectSearch, sets: Sequence[Names], scatter: float) -> lis
         starts = [fit.point for fit in fits] if again else origins
         tasks = [(fit.model, fit.cells, *at) for fit, *at in zip(fits, starts, own, strict=True)]
         points = search.fit_all(solve_on if again else solve_near, tasks)
-        fits = [fitted_at(fit.model, fit.cells, *at) for fit, *at in zip(fits, points, own, strict=True)]
+        found = [fitted_at(fit.model, fit.cells, *at) for fit, *at in zip(fits, points, own, strict=True)]
+        stayed = [fitted_at(fit.model, fit.cells, fit.point, at) for fit, at in zip(fits, own, strict=True)]
+        fits = [min(both, key=lambda fit: fit.deviance) for both in zip(found, stayed, strict=True)]
     return fits
 
 

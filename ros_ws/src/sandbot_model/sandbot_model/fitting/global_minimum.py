@@ -95,9 +95,11 @@ def solve_on(task: tuple[Model, Cells, Point, Nuisances]) -> Point:
     """The minimum that a point descends to where nuisances have moved a little."""
     model, cells, point, nuisances = task
     problem = Problem(model, cells, nuisances)
-    ln_k = point.ln_k[None]
-    state = descend(problem, problem.states(point.theta[None], ln_k, _slopes(problem, ln_k)))
-    return point_at(problem, descend(problem, look_along_theta(problem, look_along_k(problem, state))))
+    theta, ln_k = (np.repeat(part[None], 2, axis=0) for part in (point.theta, point.ln_k))
+    # With the slopes that it was found by, and with those that follow from it.
+    begin = problem.states(theta, ln_k, np.stack([point.slope, _slopes(problem, ln_k)[0]]))
+    best = _lowest(descend(problem, begin))
+    return point_at(problem, descend(problem, look_along_theta(problem, look_along_k(problem, best))))
 
 
 def point_at(problem: Problem, state: States) -> Point:
@@ -166,7 +168,7 @@ def _hopped(problem: Problem, states: States) -> States:
     idle = 0
     for size in islice(cycle(HOPS), HOPS_MOST):
         landed = descend(problem, _jumps(problem, states, draw, size), FIRST_ITERATIONS)
-        best = _settled(problem, landed.take(np.argsort(landed.deviance)[:1]))
+        best = _settled(problem, _lowest(landed))
         if best.deviance[0] < states.deviance[0] - HOP_GAIN:
             states, idle = best, 0
         elif (idle := idle + 1) == HOP_PATIENCE:
@@ -227,10 +229,14 @@ def nearby_state(problem: Problem, near: WarmStart, hopeless: float = np.inf) ->
     begin = problem.states(np.clip(theta, low, high), ln_k, _slopes(problem, ln_k))
     # Every k is adjusted to the new effect before the rows are compared.
     found = descend(problem, begin, 2 * FIRST_ITERATIONS)
-    best = found.take(np.argsort(found.deviance)[:1])
+    best = _lowest(found)
     if best.deviance[0] > hopeless:
         return best
     return descend(problem, look_along_theta(problem, look_along_k(problem, best)))
+
+
+def _lowest(states: States) -> States:
+    return states.take(np.argsort(states.deviance)[:1])
 
 
 def _begin(problem: Problem, found: Sequence[Start]) -> States:
