@@ -45,17 +45,30 @@ class Form:
 
     family: str
     name: str
-    stage: str
-    text: str
+    stages: Mapping[str, str]
     lab: str = ""
 
+    @property
+    def walker(self) -> Walker:
+        """The chain in which it acts."""
+        texts = enumerate(f"{stage}: {text}" for stage, text in self.stages.items())
+        return Walker(tuple(formula_effect(f"hidden{at}: {text}") for at, text in texts))
 
+
+def _read(name: str) -> Any:
+    return yaml.safe_load(Path(__file__).with_name(name).read_text(encoding="utf-8"))
+
+
+OUTSIDE = "outside the catalogue"
+"""The family of a world that is of none."""
 FORMS = [
-    Form(family, name, stage, text, lab)
-    for lab, families in yaml.safe_load(Path(__file__).with_name("forms.yaml").read_text(encoding="utf-8")).items()
-    for family, forms in families.items()
-    for name, form in forms.items()
-    for stage, text in form.items()
+    *(
+        Form(family, name, stages, lab)
+        for lab, families in _read("forms.yaml").items()
+        for family, forms in families.items()
+        for name, stages in forms.items()
+    ),
+    *(Form(OUTSIDE, name, stages, lab) for lab, some in _read("outside.yaml").items() for name, stages in some.items()),
 ]
 
 
@@ -81,8 +94,7 @@ def cases(seeds: int, only: Sequence[str] = ()) -> list[Case]:
 
 def campaign(form: Form, seed: int) -> Trials:
     """A campaign of 7 φ × 7 ω × 3 in a world in which the form acts."""
-    walker = Walker((formula_effect(f"hidden: {form.stage}: {form.text}"),))
-    return drawn(walker, [{}], PHI, OMEGA, REPLICATES, seed)
+    return drawn(form.walker, [{}] * len(form.stages), PHI, OMEGA, REPLICATES, seed)
 
 
 def analyse(case: Case) -> dict[str, Any]:
@@ -101,7 +113,7 @@ def same_formula(form: Form, named: Fit) -> bool:
     inputs = Inputs(GROUND(phi), omega, DELTA_T_S, phi, k_of_phi=GROUND)
     effects, values = named.model.walker.effects, {name: one.value for name, one in named.parameters.items()}
     names = [(effect.identifier, one.name) for effect in effects for one in effect.parameters]
-    true = Walker((formula_effect(f"hidden: {form.stage}: {form.text}"),)).predict(inputs, [{}]).observables
+    true = form.walker.predict(inputs, [{}] * len(form.stages)).observables
 
     def gap(at: Array) -> Array:
         own = {name: value for name, value in zip(names, at, strict=True)}
@@ -115,7 +127,7 @@ def same_formula(form: Form, named: Fit) -> bool:
 def outcome(family: str, found: Discovery) -> str:
     """A column of the table. Another family named beside the true one is a false claim as well."""
     verdict = found.verdict
-    if verdict.status not in ("identified", "partial", "ambiguous"):
+    if verdict.status not in ("identified", "partial", "ambiguous") or family == OUTSIDE:
         return verdict.status
     family_of = {name: "alike" if name in ALIKE else name for name in catalogue()}
     named = [frozenset(family_of[name] for name in one) for one in verdict.alternatives or (verdict.effects,)]
@@ -148,17 +160,28 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         "",
         f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × {REPLICATES}, drawn from the project's own chain "
         f"with a formula of forms.yaml in the place of a catalogue's effect; up to {MAX_EFFECTS} effects. The first "
-        "two labs and the fourth knew the catalogue's formulas and nothing else, the third what the first two had "
-        "written. "
+        "two labs, the fourth, fifth and sixth knew the catalogue's formulas and nothing else, the third what the "
+        "first two had written. "
         "`adequate`: the base model takes in what the form does, nothing is left to be told. `half`: the family, and "
         "another beside it. `same formula`: another family is named, whose own formula predicts what the form does, "
         f"all observables within {SAME:g} standard deviations of a trial: no data can tell the two apart. leg_slip, "
         "cable_drag and bed_slope count as one family.",
     ]
     for lab in dict.fromkeys(form.lab for form in FORMS):
-        if some := [one for one in results if one["lab"] == lab]:
+        if some := [one for one in results if one["lab"] == lab and one["family"] != OUTSIDE]:
             parts += ["", f"## The {lab} lab's", "", *_shares(some), "", report(some)]
+    if some := [one for one in results if one["family"] == OUTSIDE]:
+        parts += ["", "## Outside the catalogue", "", _claimed(some), "", report(some)]
     return "\n".join(parts)
+
+
+def _claimed(some: Sequence[Mapping[str, Any]]) -> str:
+    counts = Counter(one["outcome"] for one in some)
+    claimed = sum(counts[one] for one in NAMED)
+    return (
+        f"* a family that does not act: identified {counts['identified']}, ambiguous {counts['ambiguous']}, partial "
+        f"{counts['partial']} of {len(some)} ({claimed / len(some):.0%}; asked ≤ 5 %)"
+    )
 
 
 def _shares(some: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -192,12 +215,14 @@ def figures() -> list[Figure]:
 
 
 def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
-    outcomes = [one["outcome"] for one in results]
+    outcomes = [one["outcome"] for one in results if one["family"] != OUTSIDE]
+    claimed = [one["outcome"] in NAMED for one in results if one["family"] == OUTSIDE]
     told = [one in NAMED for one in outcomes if one not in ("adequate", "same formula")]
     false = [one == "false claim" for one in outcomes]
     return [
         *share("family named though its formula has another form", "campaigns", told, "≥ 90 %"),
         *share("another family named", "campaigns", false, "≤ 2 %"),
+        *share("a family named that does not act", "worlds outside the catalogue", claimed, "≤ 5 %"),
     ]
 
 

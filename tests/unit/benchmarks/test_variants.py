@@ -10,6 +10,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
+from sandbot_model.physics.observables import Observable
 
 
 @pytest.mark.parametrize(
@@ -24,6 +25,7 @@ from sandbot_model.physics.model import model_of
         ("stance_overlap", "identified", [["leg_slip"]], "false claim"),
         ("stance_overlap", "adequate", [], "adequate"),
         ("stance_overlap", "unexplained", [], "unexplained"),
+        (variants.OUTSIDE, "partial", [["stance_overlap"]], "partial"),
     ],
 )
 def test_a_verdict_falls_in_its_column(family, status, sets, said):
@@ -32,13 +34,17 @@ def test_a_verdict_falls_in_its_column(family, status, sets, said):
     assert said in variants.OUTCOMES
 
 
-def test_every_form_is_of_a_family_and_moves_the_speed():
-    still = variants.Form("none", "nothing acts", "speed", "kept")
-    without = variants.campaign(still, 3).speed_m_s
+def observables(form):
+    trials = variants.campaign(form, 3)
+    return np.stack([getattr(trials, one.column) for one in Observable], axis=-1) / variants.NOISE
+
+
+def test_every_form_is_of_a_family_or_of_none_and_moves_something():
+    without = observables(variants.Form("none", "nothing acts", {"speed": "kept"}))
     for form in variants.FORMS:
-        assert form.family in catalogue()
+        assert form.family in {*catalogue(), variants.OUTSIDE}
         # The same noise in both.
-        assert np.abs(variants.campaign(form, 3).speed_m_s - without).max() > 1e-3, form
+        assert np.nanmax(np.abs(observables(form) - without)) > 3, form
 
 
 @pytest.mark.parametrize(("name", "same"), [("hold is Coulomb friction", True), ("slip falls linearly", False)])
