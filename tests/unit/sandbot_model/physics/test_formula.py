@@ -149,11 +149,11 @@ def test_one_number_stands_for_all_depths_and_conditions(text):
         ("boost: strength: __import__('os').system('true')", "boost"),
         ("boost: strength: open('/etc/passwd').read()", "boost"),
         ("boost: strength: k.__class__.__bases__", "boost"),
-        ("boost: strength: k*sqrt()", r"sqrt\(\) takes 1 values, 0 are given"),
-        ("boost: strength: k*min(1, 2, 3)", r"min\(\) takes 2 values, 3 are given"),
+        ("boost: strength: k*sqrt()", r"sqrt\(\) takes 1 value, not 0"),
+        ("boost: strength: k*min(1, 2, 3)", r"min\(\) takes 2 values, not 3"),
         *((f"boost: strength: {escape}", "only names, numbers, operators and functions") for escape in ESCAPES),
         *((f"boost: strength: k*{name}", f"no function '{name.split('(')[0]}'") for name in BUILT_IN),
-        *((f"boost: strength: {writing}", "takes 1 values, 2 are given") for writing in ("sqrt(k, phi)", "abs(k, k)")),
+        *((f"boost: strength: {writing}", "takes 1 value, not 2") for writing in ("sqrt(k, phi)", "abs(k, k)")),
     ],
 )
 def test_refuses_formulas_that_do_not_fit(text, message):

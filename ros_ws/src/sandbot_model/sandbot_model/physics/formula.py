@@ -218,7 +218,7 @@ def _check_call(call: ast.Call, text: str) -> None:
     if takes is None:
         raise InputError(f"--effect {text!r}: no function {name!r}{did_you_mean(name, sorted(_TAKES))}")
     if len(call.args) != takes:
-        raise InputError(f"--effect {text!r}: {name}() takes {takes} values, {len(call.args)} are given")
+        raise InputError(f"--effect {text!r}: {name}() takes {takes} value{'s' * (takes > 1)}, not {len(call.args)}")
 
 
 def _plain(part: ast.AST) -> bool:
