@@ -176,6 +176,14 @@ def test_offsets_that_grow_with_the_frequency_are_no_scatter(drawn, batch, told)
     assert at_random(plain, DEFAULT)
 
 
+def test_blocks_without_an_order_follow_no_trend(drawn):
+    cells = dataclasses.replace(cells_of(table(drawn, batch="block{row.replicate:g}")), order=None)
+    plain = fit(model_of("simple", (), OVERLAP), cells)
+    beside = fitted_at(plain.model, cells, plain.point, shared_by(plain, DEFAULT, 0.005))
+    assert np.isnan(trend_p_of(beside, DEFAULT))
+    assert at_random(beside, DEFAULT)
+
+
 def test_offsets_that_are_smooth_are_no_scatter(drawn):
     """A resonance is no trend of second order over φ and ω, but it is smooth."""
     plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="")))

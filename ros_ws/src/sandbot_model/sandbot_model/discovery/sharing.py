@@ -228,6 +228,7 @@ def _refitted(search: EffectSearch, sets: Sequence[Names], scatter: float) -> di
 
 
 def _settled(search: EffectSearch, sets: Sequence[Names], scatter: float) -> list[Fit]:
+    """The same sets where they come to beside nuisances, never above where they were."""
     fits = [search.fits[names] for names in sets]
     origins = [tuple(fit.warm_start for fit in _origins(search, names)) for names in sets]
     for again in range(PASSES):

@@ -32,11 +32,15 @@ def at_random(fit: Fit, criteria: Criteria) -> bool:
     """Whether the batches' offsets follow nothing: neither a trend nor anything smooth."""
     if fit.nuisances is None or BATCH not in fit.nuisances.names:
         return True
-    return min(trend_p_of(fit, criteria), smooth_p(fit, criteria)) >= STRUCTURE
+    # Blocks that each hold all of φ and ω, in no order that is told, have no trend.
+    return bool(np.nanmin([trend_p_of(fit, criteria), smooth_p(fit, criteria)]) >= STRUCTURE)
 
 
 def trend_p_of(fit: Fit, criteria: Criteria) -> float:
-    """p-value of no trend of the batches' offsets over φ, ω (to second order) and run order, averaged over σ_b."""
+    """p-value of no trend of the batches' offsets over φ, ω (to second order) and run order, averaged over σ_b.
+
+    NaN where there is no such trend.
+    """
     residual, unknowns, batches, others = _offsets(fit)
     trends, found = batches @ _trends(fit), 0.0
     for size, share in zip(*_scatter(fit, criteria), strict=True):

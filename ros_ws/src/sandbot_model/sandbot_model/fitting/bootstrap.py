@@ -48,11 +48,12 @@ def bootstrap(
     if draws < 2:
         raise InputError(f"--bootstrap: {draws} draws tell no spread; 2 or more")
     trials = trials.select(trials.usable)
-    batches, groups = _batches(trials), _cells(trials)
+    batches = _batches(trials)
+    groups = batches or _cells(trials)
     sizes = [len(batches)] if batches else [len(group) for group in groups]
     if max(sizes) < 2:
         raise InputError("--bootstrap: no condition has replicates to draw from")
-    redraw = partial(_redraw, trials, batches, groups, model, readings, near)
+    redraw = partial(_redraw, trials, groups, bool(batches), model, readings, near)
     found = list(each(fit_all(redraw, np.random.SeedSequence(seed).spawn(draws))))
     size = float(np.mean([size for size in sizes if size > 1]))
     names = [name for name in found[0] if all(name in draw for draw in found)]
@@ -62,17 +63,17 @@ def bootstrap(
 
 def _redraw(
     trials: Trials,
-    batches: Sequence[Ints],
     groups: Sequence[Ints],
+    whole: bool,
     model: Model,
     readings: Readings | None,
     near: WarmStart | None,
     seed: np.random.SeedSequence,
 ) -> Values:
-    """The parameters fitted to one draw of batches, or of trials from each group."""
+    """The parameters fitted to one draw of whole groups, or of trials from each."""
     rng = np.random.default_rng(seed)
-    if batches:
-        parts = [batches[at] for at in rng.integers(len(batches), size=len(batches))]
+    if whole:
+        parts = [groups[at] for at in rng.integers(len(groups), size=len(groups))]
     else:
         parts = [rng.choice(group, len(group)) for group in groups]
     drawn = np.concatenate(parts)

@@ -52,7 +52,7 @@ class Fitted:
         return np.array([value for value, _ in self.shared])
 
     @property
-    def beside(self) -> Nuisances | None:
+    def nuisances_here(self) -> Nuisances | None:
         """The nuisances, about what was found of them."""
         return self.nuisances and replace(self.nuisances, about=self.found)
 
