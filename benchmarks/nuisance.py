@@ -164,7 +164,7 @@ def report(results: Sequence[Mapping[str, Any]]) -> str:
     """A row for each nuisance, dose and order, with nothing hidden and with an effect, in Markdown."""
     head = ["nuisance", "dose", "order", "hidden", "worlds", *STATUSES, "Δt 1σ/2σ", "k 1σ/2σ", "effect 1σ/2σ"]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    for key in dict.fromkeys(map(_row, results)):
+    for key in sorted(set(map(_row, results)), key=_place):
         some = [one for one in results if _row(one) == key]
         counts = Counter(one["outcome"] for one in some)
         shares = [_covered(some, kind) for kind in ("delta_t_s", "k[", ".")]
@@ -174,6 +174,27 @@ def report(results: Sequence[Mapping[str, Any]]) -> str:
 
 def _row(one: Mapping[str, Any]) -> tuple[str, str, str, str]:
     return one["nuisance"], one["dose"], one["order"], "an effect" if TRUTHS[one["truth"]] else "nothing"
+
+
+def _place(row: tuple[str, str, str, str]) -> tuple[int, ...]:
+    nuisance, dose, order, hidden = row
+    return list(NUISANCES).index(nuisance), DOSES.index(dose), ORDERS.index(order), hidden != "nothing"
+
+
+def _right(one: Mapping[str, Any]) -> bool:
+    return bool(one["outcome"] == ("named" if TRUTHS[one["truth"]] else "adequate"))
+
+
+def _together(results: Sequence[Mapping[str, Any]]) -> str:
+    """Coverage of all rows together, by dose and by order, in Markdown."""
+    parts = {"clean": [one for one in results if one["nuisance"] == "clean"]}
+    parts |= {dose: [one for one in results if one["nuisance"] != "clean" and one["dose"] == dose] for dose in DOSES}
+    parts |= {order: [one for one in results if one["order"] == order] for order in ORDERS}
+    lines = ["| | Δt | k | effect |", "|---|---|---|---|"]
+    for name, some in parts.items():
+        shares = [_covered(some, kind) for kind in ("delta_t_s", "k[", ".")]
+        lines.append(f"| {name} | {' | '.join(shares)} |")
+    return "\n".join(lines)
 
 
 def document(results: Sequence[Mapping[str, Any]]) -> str:
@@ -191,10 +212,16 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
     ]
     for dose in ("clean", *DOSES):
         some = [one for one in results if dose == ("clean" if one["nuisance"] == "clean" else one["dose"])]
-        right = sum(one["outcome"] == ("named" if TRUTHS[one["truth"]] else "adequate") for one in some)
+        right = sum(map(_right, some))
         false = sum(one["outcome"] == "false claim" for one in some)
         lines.append(f"* {dose}: {right} of {len(some)} right, {false} false claims")
-    return "\n".join([*lines, "", report(results)])
+    wrong = "; ".join(
+        f"{one['nuisance']}, {one['dose']}, {one['order']}, {one['truth']}, seed {one['seed']}: {one['outcome']}"
+        for one in results
+        if not _right(one)
+    )
+    lines += ["", report(results), "Coverage, all rows together, within 1σ/2σ:", "", _together(results)]
+    return "\n".join([*lines, "", f"Not as they should be: {wrong or 'none'}."])
 
 
 def _covered(some: Sequence[Mapping[str, Any]], kind: str) -> str:
