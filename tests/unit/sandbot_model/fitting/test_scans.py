@@ -5,7 +5,9 @@ import pytest
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit
-from sandbot_model.fitting.scans import bounded, k_response, look_along_k, look_along_theta
+from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.nuisances import Nuisances
+from sandbot_model.fitting.scans import bounded, k_response, look_along_bed, look_along_k, look_along_theta
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 
@@ -31,6 +33,17 @@ def test_a_parameter_far_off_is_brought_nearer_and_a_fitted_one_left_alone(base)
     assert look_along_theta(problem, state) is state
     off = problem.states(state.theta * [1.4, 1.0], state.ln_k, state.slope)
     assert look_along_theta(problem, off).deviance[0] < off.deviance[0]
+
+
+def test_offsets_far_off_are_brought_nearer_all_at_once_and_none_left_alone(base):
+    level = np.eye(3)[base.cells.level]
+    free = Nuisances(("ln_k",) * 3, np.full(3, 0.01), np.zeros((len(level), 4, 3)), 0 * level[:, 0], np.zeros(3), level)
+    problem = Problem(base.model, base.cells, free)
+    state = problem.states(base.state.theta, base.state.ln_k, base.state.slope)
+    assert look_along_bed(problem, state) is state
+    assert look_along_bed(base.problem, base.state) is base.state
+    off = problem.states(base.state.theta, base.state.ln_k, base.state.slope, np.array([[0.02, -0.02, 0.0]]))
+    np.testing.assert_allclose(problem.shared(look_along_bed(problem, off)), 0.0, atol=1e-12)
 
 
 def test_k_responds_so_that_its_cells_change_least(base):

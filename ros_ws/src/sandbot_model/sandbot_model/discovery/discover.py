@@ -27,7 +27,7 @@ from sandbot_model.discovery.nuisances_about import averaged_over_scatter
 from sandbot_model.discovery.partial import Partial, beyond_its_range, partly
 from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
-from sandbot_model.discovery.sharing import Shared, enough, reconsidered
+from sandbot_model.discovery.sharing import Shared, anywhere, enough, reconsidered
 from sandbot_model.discovery.smooth import taken_back
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
@@ -178,7 +178,7 @@ def discover(
     search.effects = {**effects, **named.model.catalogue}
     if strange := strange_k(search.fits[()]):
         verdict = replace(verdict, because=f"{verdict.because}; {strange}")
-    named = deepest(named)
+    named = deepest(anywhere(named))
     reported = averaged_over_scatter(named, criteria) if named.nuisances else with_profiled_errors(named)
     ladder = [*map(with_profiled_errors, search.ladder(verdict)[:-1]), reported]
     floor = noise_floor(cells)

@@ -25,7 +25,8 @@ from sandbot_model.discovery.nuisances_about import (
 from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import Verdict, claim, judge, overdispersion, parts_of, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import solve_near, solve_on
+from sandbot_model.fitting.global_minimum import best_state, point_at, solve_near, solve_on
+from sandbot_model.fitting.likelihood import Problem
 
 LEADING = 6
 """Larger sets that are tried again, the best."""
@@ -76,6 +77,16 @@ def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
             return found if stands else _beside(search, plain, size, _scatter_about(search, search.fits[()])) or found
     # What could stand in for a claim is not to be believed: it stays, as fitted beside what may be.
     return _standing(search, plain, _refitted(search, [plain.effects], 0.0)[plain.effects]) if plain.effects else None
+
+
+def anywhere(fit: Fit) -> Fit:
+    """The same set beside its nuisances where a search of everywhere comes to, if that is lower: where legs meet what
+    their predecessors left, a fit without offsets begins in another valley."""
+    if fit.nuisances_here is None or not fit.model.walker.remembers:
+        return fit
+    problem = Problem(fit.model, fit.cells, fit.nuisances_here)
+    found = fitted_at(fit.model, fit.cells, point_at(problem, best_state(problem)), problem.nuisances)
+    return min(fit, found, key=lambda fit: fit.deviance)
 
 
 def enough(search: EffectSearch) -> bool:

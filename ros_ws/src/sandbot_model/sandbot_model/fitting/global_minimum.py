@@ -10,7 +10,7 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.levenberg_marquardt import bounds, descend
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
-from sandbot_model.fitting.scans import bounded, k_response, look_along_k, look_along_theta
+from sandbot_model.fitting.scans import bounded, k_response, look_along_bed, look_along_k, look_along_theta
 from sandbot_model.fitting.starts import Start, resample, starts
 from sandbot_model.fitting.states import States, joined
 from sandbot_model.physics.arrays import Array
@@ -99,7 +99,7 @@ def solve_on(task: tuple[Model, Cells, Point, Nuisances]) -> Point:
     # With the slopes that it was found by, and with those that follow from it.
     begin = problem.states(theta, ln_k, np.stack([point.slope, _slopes(problem, ln_k)[0]]))
     best = _lowest(descend(problem, begin))
-    return point_at(problem, descend(problem, look_along_theta(problem, look_along_k(problem, best))))
+    return point_at(problem, _looked_round(problem, best))
 
 
 def point_at(problem: Problem, state: States) -> Point:
@@ -232,7 +232,13 @@ def nearby_state(problem: Problem, near: WarmStart, hopeless: float = np.inf) ->
     best = _lowest(found)
     if best.deviance[0] > hopeless:
         return best
-    return descend(problem, look_along_theta(problem, look_along_k(problem, best)))
+    return _looked_round(problem, best)
+
+
+def _looked_round(problem: Problem, state: States) -> States:
+    """What a scan along everything, and a descent from there, come to."""
+    moved = look_along_theta(problem, look_along_k(problem, state))
+    return descend(problem, look_along_bed(problem, moved))
 
 
 def _lowest(states: States) -> States:

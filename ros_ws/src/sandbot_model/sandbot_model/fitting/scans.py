@@ -5,13 +5,15 @@ import numpy as np
 from sandbot_model.fitting.jacobian import cell_jacobian
 from sandbot_model.fitting.levenberg_marquardt import TOLERANCE, bounds
 from sandbot_model.fitting.likelihood import Problem
-from sandbot_model.fitting.states import States
+from sandbot_model.fitting.states import States, joined
 from sandbot_model.physics.arrays import Array, Ints
 
 SHIFTS = np.concatenate([[0.0], -(s := np.array([1, 2.5, 5, 9, 15, 25, 40]) * 1e-3), s])
 """Relative shifts of k tried for a better valley."""
 ACROSS = np.geomspace(0.78, 1.28, 40)
 """k over the median of all levels."""
+OFFSETS = np.array([-2.0, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 2.0])
+"""Shifts of an offset of the bed tried, in units of its prior."""
 REACHES = np.concatenate([-(r := np.array([0.02, 0.05, 0.1, 0.16, 0.24, 0.36, 0.5])), r])
 """Shifts of an effect's parameter tried, in plausible ranges."""
 
@@ -53,6 +55,26 @@ def look_along_theta(problem: Problem, state: States) -> States:
             state = tried.take(np.array([best]))
             response = k_response(problem, state)
     return state
+
+
+def look_along_bed(problem: Problem, state: States) -> States:
+    """Shift every offset of the bed, all that gain at once or else the one that gains most. One row."""
+    if problem.nuisances is None or not problem.nuisances.moves_k.any():
+        return state
+    bed = np.flatnonzero(problem.nuisances.moves_k)
+    shift = problem.nuisances.sd[bed, None] * OFFSETS
+    tried = np.repeat(problem.bed(state), shift.size, axis=0)
+    tried[np.arange(shift.size), np.repeat(bed, len(OFFSETS))] += shift.ravel()
+    rows = np.zeros(len(tried), dtype=np.int64)
+    found = problem.states(state.theta[rows], state.ln_k[rows], state.slope, tried)
+    deviance = found.deviance.reshape(shift.shape)
+    gains = deviance.min(axis=1) < state.deviance[0] - TOLERANCE
+    if not gains.any():
+        return state
+    every = problem.bed(state)
+    every[0, bed] += np.where(gains, shift[np.arange(len(bed)), deviance.argmin(axis=1)], 0.0)
+    both = joined([problem.states(state.theta, state.ln_k, state.slope, every), found])
+    return both.take(np.argsort(both.deviance)[:1])
 
 
 def k_response(problem: Problem, state: States) -> Array:
