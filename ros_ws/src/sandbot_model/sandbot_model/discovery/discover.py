@@ -172,7 +172,8 @@ def discover(
     partial = None
     if found.verdict.status == "identified" and against(search, search.fits[found.verdict.effects]):
         found = _concluded(search)
-    if found.verdict.status == "unexplained" and not at_once:
+    # From one observable alone no convention can be told from another.
+    if found.verdict.status == "unexplained" and not at_once and len(cells.observables) > 1:
         found, partial = _between(search, found)
     search.fits, verdict, named = found.fits, found.verdict, found.named
     search.effects = {**effects, **named.model.catalogue}
