@@ -1,5 +1,7 @@
 """What trials share: offsets adjusted with their priors, their derivatives, σ_b by REML, trends told from scatter."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -90,6 +92,19 @@ def test_an_offset_moves_k_itself_not_what_is_predicted_along_a_slope(cells):
     same = Problem(MODEL, cells).states(theta, ln_k + 0.03, slope)
     np.testing.assert_allclose(moved.predicted, same.predicted, rtol=1e-12)
     assert moved.deviance == pytest.approx(same.deviance + 3.0**2)
+
+
+def test_a_fit_beside_offsets_is_where_its_own_likelihood_begins(cells):
+    """Limits and profiles begin there: offsets as they were before they were fitted are another place."""
+    apart = replace(cells, mean=Problem(MODEL, cells).states(POINT[0], POINT[1] + 0.03, POINT[2]).predicted[0])
+    free = replace(offset_of_k(cells, np.zeros(1)), sd=np.array([1.0]))
+    plain = fit(MODEL, apart)
+    found = fitted_at(MODEL, apart, solve_near((MODEL, apart, (plain.warm_start,), free)), free)
+    moved = fitted_at(MODEL, apart, replace(found.point, shared=np.array([0.02])), free)
+    for one in (found, moved):
+        np.testing.assert_array_equal(one.nuisances.about, [value for value, _ in one.shared])
+        again = one.problem.states(*(part[None] for part in (one.point.theta, one.point.ln_k, one.point.slope)))
+        assert again.deviance[0] == pytest.approx(one.deviance)
 
 
 def test_an_offset_of_nothing_moves_nothing(cells):

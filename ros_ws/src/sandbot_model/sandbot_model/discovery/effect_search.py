@@ -86,7 +86,7 @@ class EffectSearch:
 
     def near(self, models: Sequence[Model], smaller: Fit) -> list[Fit]:
         """Models fitted near a fit that has less in it."""
-        shared = smaller.nuisances_here
+        shared = smaller.nuisances
         points = self.fit_all(solve_near, [(model, self.cells, (smaller.warm_start,), shared) for model in models])
         return [fitted_at(model, self.cells, point, shared) for model, point in zip(models, points, strict=True)]
 

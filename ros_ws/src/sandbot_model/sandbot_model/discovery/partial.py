@@ -118,7 +118,6 @@ def _missed(fit: Fit, cells: Cells) -> float:
 def _one_is_wrong(spared: Spared, criteria: Criteria) -> Found | None:
     """The effect that leaves nothing to explain without one observable, and which that is."""
     passing = [(one, names) for one, fits in spared.items() for names in fits if _explains(fits, names, criteria)]
-    passing = [(one, names) for one, names in passing if not names or _share(spared[one], names) > MOST]
     if not passing or any(not names for _, names in passing):
         return None
     excess = {(one, names): _excess(spared[one][names]) for one, names in passing}
@@ -128,7 +127,8 @@ def _one_is_wrong(spared: Spared, criteria: Criteria) -> Found | None:
 
 
 def _explains(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:
-    return passes(fits[names], criteria) and (not names or worth(dict(fits), names, (), criteria))
+    earned = not names or (worth(dict(fits), names, (), criteria) and _share(fits, names) > MOST)
+    return earned and passes(fits[names], criteria)
 
 
 def _excess(fit: Fit) -> float:

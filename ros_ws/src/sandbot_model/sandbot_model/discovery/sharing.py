@@ -26,7 +26,6 @@ from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import Verdict, claim, judge, overdispersion, parts_of, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import best_state, point_at, solve_near, solve_on
-from sandbot_model.fitting.likelihood import Problem
 
 LEADING = 6
 """Larger sets that are tried again, the best."""
@@ -82,10 +81,9 @@ def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
 def anywhere(fit: Fit) -> Fit:
     """The same set beside its nuisances where a search of everywhere comes to, if that is lower: where legs meet what
     their predecessors left, a fit without offsets begins in another valley."""
-    if fit.nuisances_here is None or not fit.model.walker.remembers:
+    if fit.nuisances is None or not fit.model.walker.remembers:
         return fit
-    problem = Problem(fit.model, fit.cells, fit.nuisances_here)
-    found = fitted_at(fit.model, fit.cells, point_at(problem, best_state(problem)), problem.nuisances)
+    found = fitted_at(fit.model, fit.cells, point_at(fit.problem, best_state(fit.problem)), fit.nuisances)
     return min(fit, found, key=lambda fit: fit.deviance)
 
 
@@ -209,9 +207,10 @@ def _smaller_from(fits: dict[Names, Fit], names: Names, criteria: Criteria, scat
     They are tried near where the larger set has come to.
     """
     found, larger = {}, fits[names]
+    assert larger.nuisances is not None
     for part in parts_of(names, fits):
         before = fits[part]
-        own = replace(shared_by(before, criteria, scatter), about=larger.found)
+        own = replace(shared_by(before, criteria, scatter), about=larger.nuisances.about)
         point = solve_near((before.model, before.cells, (larger.warm_start,), own))
         better = fitted_at(before.model, before.cells, point, own)
         if better.deviance < before.deviance - GAINED:

@@ -24,6 +24,8 @@ BATCH = "ln_k"
 """Name of every batch's offset."""
 STRUCTURE = 0.005
 """p-value of either test below which offsets follow something, and are no nuisance."""
+Offsets = tuple[Array, Array, Array, Array]
+"""See ``_offsets``."""
 DRAWS = 1000
 """Beds drawn that scatter at random: few batches look smooth more often than many."""
 
@@ -41,9 +43,9 @@ def trend_p_of(fit: Fit, criteria: Criteria) -> float:
 
     NaN where there is no such trend.
     """
-    residual, unknowns, batches, others = _offsets(fit)
+    residual, unknowns, batches, others = seen = _offsets(fit)
     trends, found = batches @ _trends(fit), 0.0
-    for size, share in zip(*_scatter(fit, criteria), strict=True):
+    for size, share in zip(*_scatter(seen, criteria), strict=True):
         if share > LEAST_SHARE:
             every = np.column_stack([size * batches, others])
             found += share * trend_p(residual, unknowns, np.eye(len(residual)) + every @ every.T, trends)
@@ -53,8 +55,8 @@ def trend_p_of(fit: Fit, criteria: Criteria) -> float:
 def smooth_p(fit: Fit, criteria: Criteria) -> float:
     """p-value of offsets that are no smoother over φ and ω than those of a bed that scatters, drawn at each σ_b as
     often as it is likely."""
-    residual, unknowns, batches, others = _offsets(fit)
-    contrasts, (sizes, share) = free_of(unknowns, others), _scatter(fit, criteria)
+    residual, unknowns, batches, others = seen = _offsets(fit)
+    contrasts, (sizes, share) = free_of(unknowns, others), _scatter(seen, criteria)
     axes, scale, turned = np.linalg.svd(contrasts @ batches, full_matrices=False)
     slope, draw = scale[:, None] * turned, np.random.default_rng(0)
     count, every = slope.shape
@@ -65,13 +67,13 @@ def smooth_p(fit: Fit, criteria: Criteria) -> float:
     return float(np.mean(gain >= gain[0]))
 
 
-def _scatter(fit: Fit, criteria: Criteria) -> tuple[Array, Array]:
+def _scatter(offsets: Offsets, criteria: Criteria) -> tuple[Array, Array]:
     """σ_b tried, and how likely each is about a fit."""
     sizes = sizes_tried(criteria.bed_scatter)
-    return sizes, probability(gains_of_scatter(*_offsets(fit), sizes, criteria.bed_scatter))
+    return sizes, probability(gains_of_scatter(*offsets, sizes, criteria.bed_scatter))
 
 
-def _offsets(fit: Fit) -> tuple[Array, Array, Array, Array]:
+def _offsets(fit: Fit) -> Offsets:
     """Whitened residuals without any nuisance, and their slopes by what was fitted, by each batch's ln k, and by the
     other nuisances in units of their priors."""
     residual, unknowns, shift = without_nuisances(fit.problem, fit.state)

@@ -1,7 +1,7 @@
 """Fit a walking model with effects to cells: one k per φ level, everything else shared."""
 
 import textwrap
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -171,7 +171,7 @@ def fitted_at(model: Model, cells: Cells, point: Point, nuisances: Nuisances | N
         point=point,
         stderr=stderr[:own],
         covariance=covariance[:own, :own],
-        goodness=goodness.goodness(problem, state),
-        nuisances=nuisances,
+        goodness=goodness.goodness(problem, state, jacobian),
+        nuisances=nuisances and replace(nuisances, about=np.array(values)),
         shared=tuple(Estimate(value, error) for value, error in zip(values, stderr[own:].tolist(), strict=True)),
     )

@@ -1,7 +1,7 @@
 """What a fit has found, and what follows from it: errors, misses, predictions and how precise they are."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -43,18 +43,8 @@ class Fitted:
     """Covariance of the same unknowns; 0 where the data do not determine one."""
     goodness: Goodness
     nuisances: Nuisances | None = None
-    """What trials share, adjusted with the rest; ``shared`` is what was found."""
+    """What trials share, adjusted with the rest, about what was found of it; ``shared`` is that with errors."""
     shared: tuple[Estimate, ...] = ()
-
-    @property
-    def found(self) -> Array:
-        """Values of the nuisances ``(m,)``."""
-        return np.array([value for value, _ in self.shared])
-
-    @property
-    def nuisances_here(self) -> Nuisances | None:
-        """The nuisances, about what was found of them."""
-        return self.nuisances and replace(self.nuisances, about=self.found)
 
     @property
     def effects(self) -> tuple[str, ...]:

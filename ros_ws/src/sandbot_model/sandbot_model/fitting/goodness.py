@@ -8,7 +8,6 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.data.distributions import chi2_sf, f_sf
-from sandbot_model.fitting.jacobian import without_nuisances
 from sandbot_model.fitting.levenberg_marquardt import bounds
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import effective
@@ -50,8 +49,8 @@ class Goodness:
     """The same for each observable, and for a penetrometer's readings."""
 
 
-def goodness(problem: Problem, state: States) -> Goodness:
-    """Errors and tests of a fitted state (one row)."""
+def goodness(problem: Problem, state: States, jacobian: Array) -> Goodness:
+    """Errors and tests of a fitted state (one row), with its ``full_jacobian``."""
     values = int(problem.measured.sum()) + state.pressed.shape[1]
     unknowns = state.theta.shape[1] + state.ln_k.shape[1]
     gap, chi2, deviance = residual(problem, state), float(np.sum(state.all_residuals**2)), float(state.deviance[0])
@@ -64,7 +63,7 @@ def goodness(problem: Problem, state: States) -> Goodness:
         dof=dof,
         bic=deviance + unknowns * float(np.log(values)),
         lack_of_fit_p=joint_p(chi2, dof, problem.cells),
-        lack_of_fit=p_by_observable(residual_z(problem, state), problem, unknowns + _shared_unknowns(problem, state))
+        lack_of_fit=p_by_observable(residual_z(problem, state), problem, unknowns + _shared_unknowns(problem, jacobian))
         | p_of_readings(state),
     )
 
@@ -119,12 +118,12 @@ def joint_p(chi2: float, dof: int, cells: Cells) -> float:
     return f_sf(chi2 / dof, dof, error_dof)
 
 
-def _shared_unknowns(problem: Problem, state: States) -> float:
+def _shared_unknowns(problem: Problem, jacobian: Array) -> float:
     """Unknowns that the nuisances amount to."""
     if problem.nuisances is None:
         return 0
-    shift = without_nuisances(problem, state)[2]
-    return effective(shift * problem.nuisances.sd)
+    count = len(problem.nuisances.sd)
+    return effective(jacobian[:-count, -count:] * problem.nuisances.sd)
 
 
 def p_by_observable(z: Array, problem: Problem, unknowns: float) -> dict[str, float]:

@@ -94,10 +94,10 @@ class Problem:
         )
         prior = np.zeros((len(theta), 0))
         if self.nuisances is not None:
-            found = self.nuisances.read(found, residual, self.whitened(whiten, self.nuisances.reading))
-            off = np.einsum("cim,rm->rci", self.nuisances.reading, found)
-            left = residual - self._whitened(whiten, off)
-            predicted = predicted + off
+            shift = self.whitened(whiten, self.nuisances.reading)
+            found = self.nuisances.read(found, residual, shift)
+            left = residual - np.einsum("rcim,rm->rci", shift, found)
+            predicted = predicted + np.einsum("cim,rm->rci", self.nuisances.reading, found)
             deviance = deviance + np.sum(left**2 - residual**2, axis=2)
             residual, prior = left, -found / self.nuisances.sd
         pressed = self.pressed(theta, ln_k, slope)
@@ -125,10 +125,6 @@ class Problem:
         found = about[None] if shared is None else shared
         return np.broadcast_to(found, (rows, found.shape[1]))
 
-    def _whitened(self, whiten: Array, off: Array) -> Array:
-        """What a shift ``(rows, cells, 4)`` of the predictions takes off the whitened residuals."""
-        return np.asarray(np.einsum("rcij,rcj->rci", whiten, np.where(self.measured, off, 0.0)))
-
     def whitened(self, whiten: Array, slope: Array) -> Array:
         """d(whitened prediction) ``(rows, cells, 4, n)`` of slopes ``(cells, 4, n)``."""
         return np.asarray(whiten @ np.where(self.measured[..., None], slope, 0.0))
@@ -154,9 +150,10 @@ class Problem:
         said = self.cell_means.said_by_row(theta, ln_k, slope, self.moved(found))
         predicted, residual, deviance = said.predicted[0], said.residual[0], said.deviance[0]
         if self.nuisances is not None:
-            off = np.einsum("cim,cm->ci", self.nuisances.reading, found)
-            left = residual - self._whitened(said.whiten, off[None])[0]
-            predicted, deviance = predicted + off, deviance + np.sum(left**2 - residual**2, axis=1)
+            reading = self.nuisances.reading
+            left = residual - np.einsum("cim,cm->ci", self.whitened(said.whiten, reading)[0], found)
+            predicted = predicted + np.einsum("cim,cm->ci", reading, found)
+            deviance = deviance + np.sum(left**2 - residual**2, axis=1)
         walks = said.footing.walking[0].mean(axis=1) > 0.5
         return CellByCell(predicted, self.widening(said.covariance[0]), deviance, walks)
 

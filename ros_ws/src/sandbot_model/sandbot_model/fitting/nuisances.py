@@ -10,6 +10,7 @@ random effect, whose sd σ_b is estimated by restricted maximum likelihood (REML
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -33,16 +34,16 @@ class Nuisances:
     ln_k_sd: Array
     """Standard deviation of ln k that the replicates of a cell share ``(cells,)``."""
     about: Array
-    """Values ``(m,)`` at which the slopes were taken, and from which a fit begins."""
+    """Values ``(m,)`` from which a fit begins; of a fit's own, those that it found."""
     by_ln_k: Array
     """d(ln k of a cell)/d(nuisance) ``(cells, m)``, 0 for those that leave k as it is."""
 
-    @property
+    @cached_property
     def reading(self) -> Array:
         """The slopes of those that leave k as it is, 0 for the others ``(cells, 4, m)``."""
         return np.where(self.moves_k, 0.0, self.slope)
 
-    @property
+    @cached_property
     def moves_k(self) -> Bool:
         """Which are the bed's ``(m,)``."""
         return np.asarray(self.by_ln_k.any(axis=0))

@@ -25,7 +25,7 @@ from sandbot_common.suggest import did_you_mean, near
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values
-from sandbot_model.physics.symbols import CONSTANTS, SYMBOLS, get, put, readable, stage_of
+from sandbot_model.physics.symbols import CONSTANTS, get, put, readable, stage_of
 from sandbot_model.physics.walking import Inputs, Walker
 
 MAIN = {"clock": "omega", "strength": "k", "balance": "force", "step": "step", "speed": "kept"}
@@ -108,8 +108,8 @@ class _Formula(Effect):
         )
         self.names = {node.id for node in ast.walk(sets.parsed) if isinstance(node, ast.Name)}
         self.first_step_differs = "first" in self.names
-        self.along_the_track = bool({"sigma_phi", *SYMBOLS["sigma_phi"]} & set(sets.quantities))
         self.readable = readable(stage)
+        self.along_the_track = "sigma_phi" in map(self.readable.get, sets.quantities)
         # What an interpreter evaluates stands in a table of its own, and the explorer fits in several threads.
         self._each_thread = threading.local()
 
