@@ -134,6 +134,22 @@ def test_settle_times_out_where_the_height_is_too_noisy():
         prepare(P, bed, 0.6, bed.advance, DT)
 
 
+def test_a_height_of_the_fluidised_bed_that_comes_late_is_forgotten():
+    """A sensor that was held up for most of a second repeats what it saw before the rest."""
+    protocol = PulseProtocol()
+    protocol.prepare(0.6)
+    rested_s = until(Stage.SETTLE, protocol) + P.settle_s
+    rng = np.random.default_rng(0)
+    late_s, step_s = 0.2, 0.01
+    for now_s in np.arange(rested_s - P.settle_s + step_s, rested_s + P.overrun_s, step_s):
+        above_m = 0.005 if now_s < rested_s - P.average_s + late_s else 0.0
+        command = protocol.step(now_s, 0.1 + above_m + 1e-4 * rng.standard_normal())
+        if command.stage is not Stage.SETTLE:
+            break
+    assert command.stage is Stage.PULSE, command.reason
+    assert command.phi == pytest.approx(P.phi_loose, abs=P.tolerance)
+
+
 @pytest.mark.parametrize("stage", ORDER)
 @pytest.mark.parametrize(("height_m", "reason"), [(math.nan, "no height"), (math.inf, "outside"), (0.01, "outside")])
 def test_bad_heights_fail_with_the_air_off(stage, height_m, reason):

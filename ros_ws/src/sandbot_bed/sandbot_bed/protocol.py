@@ -137,7 +137,7 @@ class PulseProtocol:
         self.command = Command()
         self._now_s = self._entered_s = self._good_s = math.nan  # NaN: not known before the first step
         self._planned_s = 0.0
-        self._readings: list[float] = []
+        self._readings: list[tuple[float, float]] = []  # (s since the stage began, m)
         self._forget_pulses()
 
     def prepare(self, target_phi: float) -> None:
@@ -233,16 +233,22 @@ class PulseProtocol:
             self._enter(Stage.SETTLE, self.parameters.pulse_off_s, 0.0)
 
     def _settle(self) -> None:
-        p, height_m = self.parameters, self.command.height_m
+        p = self.parameters
         averaging = self._elapsed_s >= self._planned_s - p.average_s - 1e-9
         if averaging and self._good_s == self._now_s:
-            self._readings.append(height_m)
-        if not self._done or len(self._readings) < p.min_readings:
+            self._readings.append((self._elapsed_s, self.command.height_m))
+        if not self._done:
             return
-        heights = np.array(self._readings)
+        # A rest that lasts forgets its first half: grains that were late to settle, a sensor that was late to say so.
+        since_s = self._elapsed_s / 2 - 1e-9
+        heights = np.array([height_m for at_s, height_m in self._readings if at_s >= since_s])
+        if len(heights) < p.min_readings:
+            return
         mean = Measured(float(heights.mean()), float(heights.std(ddof=1)) / math.sqrt(len(heights)))
-        # Too noisy to tell within tolerance: go on averaging until the stage times out.
-        if p.phi(mean).value * mean.relative_sd > p.tolerance / 2:
+        # Too noisy to tell within tolerance, or not yet at rest: go on averaging until the stage times out.
+        half = len(heights) // 2
+        moved = abs(heights[:half].mean() - heights[half:].mean()) / (2 * mean.value)
+        if p.phi(mean).value * max(mean.relative_sd, moved) > p.tolerance / 2:
             return
         self._measured(mean, stuck_at_m=heights[0] if np.all(heights == heights[0]) else math.nan)
 
