@@ -100,8 +100,22 @@ def test_several_inputs_are_joined(tmp_path):
     bag = bags.trial_bag(tmp_path / "b")
     table = read([bag, write(tmp_path, GOOD)])
     assert table.trial_id.tolist() == ["t0001", "row2", "row3"]
-    with pytest.raises(InputError, match="trial id 't0001' is there twice"):
-        read([bag, bag])
+    assert read([bag, bag]).trial_id.tolist() == ["t0001"]
+
+
+def test_two_days_on_one_plan_are_two_sets_of_trials(tmp_path):
+    """They name their trials alike; a copy of one day is no third."""
+    head = "trial_id,phi,omega_rad_s,speed_m_s\n"
+    days = [tmp_path / "monday.csv", tmp_path / "tuesday.csv", tmp_path / "copy.csv"]
+    for day, speed in zip(days, (0.2, 0.21, 0.2), strict=True):
+        day.write_text(f"{head}a,0.6,8,{speed}\nb,0.6,12,0.3\n")
+    table = read(days)
+    assert table.trial_id.tolist() == ["a", "b", f"{days[1]}/a"]
+    assert table.speed_m_s.tolist() == [0.2, 0.3, 0.21]
+    assert read([*days, days[1]]).trial_id.tolist() == table.trial_id.tolist()
+    days[2].write_text(f"{head}c,0.6,8,0.2\nc,0.6,12,0.3\n")
+    with pytest.raises(InputError, match=r"copy\.csv.*trial id 'c' is there twice"):
+        read(days)
 
 
 number = st.floats(0.01, 0.99)

@@ -1,6 +1,7 @@
 """``read(DATA)`` is the one door by which analysis gets its data: a campaign folder, bags, or a CSV from anywhere."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from sandbot_common.errors import InputError
@@ -14,8 +15,9 @@ from sandbot_record.trials.table import OK, Row, Trials, check_ids, from_rows
 def read(data: Path | str | Sequence[Path | str]) -> Trials:
     """The trials of DATA: a campaign folder, one or more bags, or CSV files (several are joined).
 
-    Raises InputError (one line: which file, row, column, value) if anything does not fit, if two trials share an id or
-    are of two robots, or if no trial is usable.
+    A trial that is in several of them is there once; another of the same name, as two days on one plan give, gets its
+    folder's name before its own. Raises InputError (one line: which file, row, column, value) if anything does not fit,
+    if two trials of one table share an id, if they are of two robots, or if no trial is usable.
 
     >>> import sandbot_record
     >>> sandbot_record.read_trials("trial")
@@ -25,7 +27,7 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     if not given:
         raise InputError("no data given: a campaign folder, bags or a trials CSV is needed")
     tables = [_read_one(path) for path in map(Path, given)]
-    rows = [row for table in tables for row in table.rows()]
+    rows = _joined(given, tables)
     where = ", ".join(str(path) for path in given[:3]) + (" …" if len(given) > 3 else "")
     check_ids(rows, [where] * len(rows))
     setting = shared(
@@ -36,6 +38,20 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     if not table.usable.any():
         raise InputError(f"{where}: no usable trial among {len(rows)}: {_why_unusable(rows)}")
     return table
+
+
+def _joined(given: Sequence[Path | str], tables: Sequence[Trials]) -> list[Row]:
+    joined: list[Row] = []
+    known: set[str] = set()
+    for path, table in zip(given, tables, strict=True):
+        own = table.rows()
+        check_ids(own, [str(path)] * len(own))
+        # As text: what was not measured is NaN, and NaN is not itself.
+        new = [row for row in own if repr(row) not in known]
+        known |= set(map(repr, new))
+        taken = {row.trial_id for row in joined}
+        joined += [replace(row, trial_id=f"{path}/{row.trial_id}") if row.trial_id in taken else row for row in new]
+    return joined
 
 
 def _read_one(path: Path) -> Trials:
