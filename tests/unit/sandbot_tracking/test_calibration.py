@@ -141,6 +141,10 @@ def test_pictures_of_a_board_give_the_lens(option, texture, near_m, tmp_path, rn
         cv2.imwrite(str(tmp_path / "board" / f"{number}.png"), picture)
     board = Board((9, 6), SQUARE_M, "4X4_50" if option == "charuco" else "")
     found = lens_from_board(str(tmp_path / "board"), board)
+    threads = cv2.getNumThreads()
+    again = [lens_from_board(str(tmp_path / "board"), board) for _ in range(3)]
+    assert all((one.distortion == found.distortion).all() for one in again)
+    assert cv2.getNumThreads() == threads
     assert off_px(lens, (found.matrix, found.distortion)) < 1.0
     assert found.matrix[0, 0] == pytest.approx(lens.focal_px, rel=0.01)
     assert found.distortion[0] == pytest.approx(lens.k1, abs=0.05)

@@ -1,6 +1,7 @@
 """A camera from what it sees: its lens from a board or from points in space, and from points where it stands."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -72,8 +73,20 @@ def lens_from_board(path: str, board: Board) -> Lens:
     if len(sights) < LEAST_FRAMES:
         raise InputError(f"{path}: a {board} is seen in {len(sights)} frames, {LEAST_FRAMES} are needed")
     points, pixels = zip(*sights, strict=True)
-    _, matrix, distortion, *_ = cv2.calibrateCamera(points, pixels, size, None, None)
+    with _in_one_thread():
+        _, matrix, distortion, *_ = cv2.calibrateCamera(points, pixels, size, None, None)
     return Lens(matrix, distortion.ravel()[:5])
+
+
+@contextmanager
+def _in_one_thread() -> Iterator[None]:
+    """OpenCV sums over frames in the order in which threads come to them: the same pictures gave another lens."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(threads)
 
 
 def _frames(path: str) -> Iterator[Frame]:
