@@ -36,7 +36,8 @@ demo: setup
 	$(RUN) bash tools/demo.sh "$(DEMO_OUT)" "$(SEED)"
 
 # Two workers more than there are CPUs: what runs nodes over DDS or a browser mostly waits.
-PYTEST := python -m pytest --dist loadfile --no-loadscope-reorder
+# A worker that died is not replaced: xdist would give the new one the same test, again and again.
+PYTEST := python -m pytest --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 WORKERS ?= $(shell echo $$(($$(nproc) + 2)))
 
 test: setup browser lint
