@@ -12,7 +12,7 @@ from sandbot_record.trials.csv_table import read_csv
 # In make test the loop is closed by test_until_verdict, and --plan by test_campaign_batch.
 pytestmark = [pytest.mark.slow, pytest.mark.whole, pytest.mark.timeout(400)]
 
-ROUNDS = 2
+ROUNDS = 3
 """How often the lab may be asked."""
 
 

@@ -62,7 +62,7 @@ def test_a_penetrometer_on_plain_ground_claims_nothing():
 
 
 def test_added_mass_shows_in_nothing_that_is_measured_here():
-    found = discover(cells_of(BY_NAME["added_mass(c_g=2.7)"].trials(24, FEW)), EFFECTS, max_effects=1)
+    found = discover(cells_of(BY_NAME["added_mass(c_g=2.7)"].trials(25, FEW)), EFFECTS, max_effects=1)
     assert found.verdict.status == "adequate"
     assert "added_mass" in found.unseen
     assert not proposed(found, "added_mass")

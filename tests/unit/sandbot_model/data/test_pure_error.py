@@ -10,15 +10,25 @@ from sandbot_model.data.pure_error import FLOOR, pure_error
 SCALE = np.array([5e-3, 5e-4, 1e-2, 1.5e-3])
 
 
+def about_means(values, cell, replicates):
+    """Values ``(trials, 4)`` about the mean of their cell."""
+    return values - np.stack([np.bincount(cell, column) / replicates for column in values.T], axis=-1)[cell]
+
+
 def scattered(cells=40, replicates=4, seed=0, correlation=0.0, omega=None):
     """Arguments of ``pure_error`` for replicates that scatter by ``SCALE`` in every cell."""
     rng = np.random.default_rng(seed)
     cell = np.repeat(np.arange(cells), replicates)
     common = rng.normal(size=(len(cell), 1))
     values = (np.sqrt(correlation) * common + np.sqrt(1 - correlation) * rng.normal(size=(len(cell), 4))) * SCALE
-    mean = np.stack([np.bincount(cell, column) / replicates for column in values.T], axis=-1)
     omega = np.full(cells, 8.0) if omega is None else omega
-    return values - mean[cell], cell, np.full((cells, 4), replicates), np.ones(cells, dtype=bool), omega
+    return (
+        about_means(values, cell, replicates),
+        cell,
+        np.full((cells, 4), replicates),
+        np.ones(cells, dtype=bool),
+        omega,
+    )
 
 
 @settings(max_examples=30)
@@ -95,12 +105,28 @@ def test_a_cell_that_flips_stands_on_its_own_scatter():
     assert np.sqrt(error.covariance[5, 0, 0]) < 0.01
 
 
+@pytest.mark.parametrize(("cells", "replicates", "flips", "power"), [(7, 2, 1, 0.0), (14, 2, 2, 0.5), (35, 3, 8, 1.0)])
+def test_few_cells_that_flip_are_no_scatter_of_all(cells, replicates, flips, power):
+    """By the mean they hide themselves: in so few cells it is theirs."""
+    found, apart = [], []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        omega, cell = rng.choice([4.0, 8.0, 12.0, 16.0, 24.0], cells), np.repeat(np.arange(cells), replicates)
+        values = rng.normal(size=(len(cell), 4)) * (omega[cell] ** power)[:, None]
+        values[np.arange(flips) * replicates] += 40 * omega[:flips, None] ** power
+        count, walking = np.full((cells, 4), replicates), np.ones(cells, dtype=bool)
+        error = pure_error(about_means(values, cell, replicates), cell, count, walking, omega)
+        apart.append(error.own[:flips].all() and error.own[flips:].mean() < 0.2)
+        found.append(np.median(np.sqrt(error.covariance[flips:, 0, 0]) / omega[flips:] ** power))
+    assert np.mean(apart) > 0.95
+    assert np.median(found) == pytest.approx(1.0, abs=0.15)
+
+
 def test_scatter_that_follows_frequency_is_followed():
-    rng = np.random.default_rng(1)
+    rng = np.random.default_rng(2)
     omega = np.repeat([4.0, 8.0, 16.0, 30.0], 10)
     cell = np.repeat(np.arange(40), 3)
-    residual = rng.normal(size=(120, 4)) * (1e-3 * omega[cell])[:, None]
-    residual -= np.stack([np.bincount(cell, column) / 3 for column in residual.T], axis=-1)[cell]
+    residual = about_means(rng.normal(size=(120, 4)) * (1e-3 * omega[cell])[:, None], cell, 3)
     error = pure_error(residual, cell, np.full((40, 4), 3), np.ones(40, dtype=bool), omega)
     found = np.sqrt(error.covariance[:, 0, 0])
     np.testing.assert_allclose(found / (1e-3 * omega), 1.0, atol=0.45)

@@ -25,6 +25,20 @@ def test_lift_says_it_and_speed_where_lift_is_missing(speed, lift, walked):
     assert walks(np.array([speed, lift, np.nan, np.nan])) == walked
 
 
+@pytest.mark.parametrize(
+    ("speed", "lift", "peak", "walked"),
+    [
+        (0.02, 8e-4, 0.02, False),
+        (0.005, 8e-4, 0.14, True),
+        (0.005, 8e-4, np.nan, True),
+        (0.005, 2e-3, 0.02, True),
+    ],
+)
+def test_a_lift_zero_off_by_a_grain_makes_no_walkers(speed, lift, peak, walked):
+    """Controls: a slow walker has the peak of its legs; it is believed without; and where it is lifted by more."""
+    assert walks(np.array([speed, lift, peak, np.nan])) == walked
+
+
 def test_a_surer_answer_asks_for_more_lift():
     values = np.array([[0.2, 1e-3, np.nan, np.nan], [0.2, 3e-3, np.nan, np.nan]])
     np.testing.assert_array_equal(walks(values), [True, True])

@@ -21,13 +21,13 @@ pytestmark = pytest.mark.slow
 
 
 @cache
-def seen(name, replicates=3, whole=True, number=1):
+def seen(name, replicates=3, whole=True, number=1, seed=3, size=1.0):
     world = BY_NAME[name]
     conditions = CONDITIONS if whole else start(PHI, OMEGA)
     rows = [
         row
         for phi, omega in conditions
-        for row in direct_trials(world.world(), [phi], [omega], world.gait, replicates, 3)
+        for row in direct_trials(world.world(size), [phi], [omega], world.gait, replicates, seed)
     ]
     cells = cells_of(from_rows([Row(**row) for row in rows]))
     return look(cells, EFFECTS, PLAN, number=number, max_effects=1)
@@ -53,6 +53,16 @@ def test_ground_of_no_known_kind_is_refused_for_good():
     assert found.found.verdict.status in ("unexplained", "partial")
     assert found.stop == REFUSED
     assert not found.block
+
+
+@pytest.mark.parametrize(("seed", "leans"), [(1, True), (3, False)])
+def test_what_the_data_lean_to_is_not_out_of_reach(seed, leans):
+    """The plan would hardly exclude an inertial drag; control: data that do not lean to it."""
+    found = seen("inertial_drag(lambda_=1)", seed=seed, size=0.5)
+    assert found.found.verdict.status == "adequate"
+    drag = next(one for one in found.possible if one.effect == "inertial_drag")
+    assert drag.spoken_for == leans
+    assert ("inertial_drag" in found.within_reach, found.stop == ENOUGH) == (leans, not leans)
 
 
 def test_too_little_goes_on_with_a_block_of_the_plan():

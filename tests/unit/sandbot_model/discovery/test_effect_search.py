@@ -64,4 +64,23 @@ def test_sets_in_which_an_effect_stays_neutral_take_no_ones_place(monkeypatch, d
     monkeypatch.setattr(effect_search, "passes", lambda *_: False)
     monkeypatch.setattr(effect_search, "REFINED", 1)
     search._try("pairs", list(near))
-    assert asked[-1] == ("pairs, closer", [("base", closer)])
+    assert ("pairs, closer", [("base", closer)]) in asked
+
+
+@pytest.mark.parametrize("found", [False, True])
+def test_what_fits_worse_than_its_part_is_searched_for_only_where_nothing_fits_yet(monkeypatch, drawn, found):
+    search = search_of(drawn(levels=2))
+    search.fits = {names: SimpleNamespace(deviance=100.0) for names in ((), ("a", "b"))}
+    near = {("a", "b", "c"): 90.0, ("a", "b", "d"): 120.0}
+    asked = {}
+
+    def fit(stage, sets, *, nearby):
+        asked[stage, nearby] = sets
+        search.fits |= {names: SimpleNamespace(deviance=near[names]) for names in sets}
+
+    monkeypatch.setattr(search, "fit", fit)
+    monkeypatch.setattr(effect_search, "passes", lambda fit, _: found and fit.deviance == 90.0)
+    monkeypatch.setattr(effect_search, "REFINED", 1)
+    search._try("threes", list(near))
+    assert asked["threes, closer", False] == [("a", "b", "c")]
+    assert asked.get(("threes, those left behind", False), []) == ([] if found else [("a", "b", "d")])

@@ -52,6 +52,15 @@ def test_lift_and_peak_that_agree_on_another_radius_are_believed(trials, radius_
     assert doubts(as_of(trials, leg_radius_m=0.037)) == ()
 
 
+def test_cells_between_walking_and_swimming_tell_no_radius(trials):
+    """A third of their replicates get nowhere, so peak and lift have two thirds of their value; control: all walk."""
+    swims = trials.replicate == 0
+    low = {name: np.where(swims, 0.0, getattr(trials, name)) for name in ("speed_m_s", "peak_speed_m_s")}
+    between = replace(trials, **low, lift_m=np.where(swims, 0.0, trials.lift_m))
+    assert doubts(cells_of(between)) == ()
+    assert any("agree" in said for said in doubts(cells_of(replace(trials, robot=Robot(leg_radius_m=0.1)))))
+
+
 def test_few_cells_prove_nothing(trials):
     few = trials.select(np.isin(np.round(trials.omega_rad_s), (4, 8)) & (trials.phi < 0.6))
     assert doubts(cells_of(replace(few, robot=Robot(leg_radius_m=0.025, axle_height_m=0.02)))) == ()

@@ -135,7 +135,7 @@ def test_a_users_effect_of_the_same_name_is_left_alone_and_workers_change_nothin
 
 def test_without_replicates_nothing_is_described(drawn):
     found = discover(cells_of(drawn(seed=3, replicates=1, formulas=[PLANTED[0][0]])), EFFECTS, max_effects=0)
-    assert found.verdict.status == "unexplained"
+    assert found.verdict.status == "untested"
     assert found.residual is None
 
 

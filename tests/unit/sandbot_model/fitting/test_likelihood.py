@@ -31,7 +31,7 @@ def test_the_jacobian_is_that_of_finite_differences(drawn, effects):
     ln_k = np.log([[190.0, 215.0, 235.0]])
     slope = np.full((1, 3), 800.0)
     state = problem.states(theta, ln_k, slope)
-    jacobian = full_jacobian(problem, state)[0]
+    jacobian = full_jacobian(problem, state, switches=True)[0]
     for column in range(theta.shape[1] + 3):
         sides = []
         for sign in (1, -1):

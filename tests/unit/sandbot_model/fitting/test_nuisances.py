@@ -14,7 +14,7 @@ from sandbot_model.fitting.nuisances import (
     Nuisances,
     averaged_moments,
     effective,
-    gains_of_scatter,
+    gains_for_errors,
     scatter_of_batches,
     trend_p,
 )
@@ -204,7 +204,7 @@ def test_at_one_scatter_the_moments_are_those_of_generalised_least_squares():
     np.testing.assert_allclose(moments, covariance + np.outer(away, away), rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.parametrize(("sigma", "days"), [(0.003, 5), (0.006, 7), (0.0, 20)])
+@pytest.mark.parametrize(("sigma", "days"), [(0.003, 5), (0.006, 7), (0.0, 20), (2 * PRIOR, 7)])
 def test_errors_that_average_over_the_scatter_cover(sigma, days):
     """Few days tell little of how far days differ: errors of a bed taken for exact are too small."""
     z, exact = [], []
@@ -214,8 +214,8 @@ def test_errors_that_average_over_the_scatter_cover(sigma, days):
         jacobian = slopes @ np.stack([np.ones(days), np.linspace(-1.0, 1.0, days)], axis=1)
         found = np.linalg.lstsq(jacobian, values, rcond=None)[0]
         residual, none = values - jacobian @ found, np.zeros((len(values), 0))
-        gain = gains_of_scatter(residual, jacobian, slopes, none, TRIED, PRIOR)
-        moments = averaged_moments(residual, jacobian, slopes, none, TRIED, gain)
+        given = residual, jacobian, slopes, none
+        moments = averaged_moments(*given, *gains_for_errors(*given, PRIOR))
         z += (found / np.sqrt(np.diag(moments))).tolist()
         exact += (found / np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))).tolist()
     assert 0.6 <= np.mean(np.abs(z) < 1) <= 0.9

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sandbot_model.data.conditions import cells_of
@@ -74,6 +74,7 @@ def test_every_effect_alone(name):
 
 
 @settings(max_examples=30)
+@example(["disturbed_ground", "exact_vertical_acceleration"], [0.75], [120.0, 120.0, 181.0])
 @given(
     st.lists(st.sampled_from(list(EFFECTS)), min_size=2, max_size=4, unique_by=lambda name: EFFECTS[name].identifier),
     st.lists(st.floats(0, 1), min_size=1, max_size=3),

@@ -39,7 +39,7 @@ def test_a_threshold_has_an_error_that_spans_its_stair(drawn):
     profiled = with_profiled_errors(stairs)
     s_c = profiled.parameters["disturbed_ground.s_c"]
     assert 0.005 < s_c.stderr < 0.1
-    assert s_c.value == pytest.approx(0.95, abs=2 * s_c.stderr)
+    assert s_c.value == pytest.approx(0.95, abs=3 * s_c.stderr)
 
 
 def test_a_fit_without_stairs_stays_as_it_is(drawn):

@@ -46,6 +46,16 @@ def test_offsets_far_off_are_brought_nearer_all_at_once_and_none_left_alone(base
     np.testing.assert_allclose(problem.shared(look_along_bed(problem, off)), 0.0, atol=1e-12)
 
 
+def test_few_of_the_cells_never_deviate_more_than_all_and_are_of_every_level(base):
+    problem, draw = base.problem, np.random.default_rng(0)
+    theta = base.state.theta * draw.uniform(0.7, 1.4, (20, 1))
+    ln_k = base.state.ln_k + draw.normal(0.0, 0.1, (20, 3))
+    few, every = (one.states(theta, ln_k, base.state.slope).deviance for one in (problem.few, problem))
+    assert (few <= every).all()
+    assert set(problem.few.cells.level) == {0, 1, 2}
+    assert len(problem.few.cells) < len(problem.cells) / 2
+
+
 def test_k_responds_so_that_its_cells_change_least(base):
     problem, state = base.problem, base.state
     response = k_response(problem, state)

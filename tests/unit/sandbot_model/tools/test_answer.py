@@ -60,7 +60,7 @@ def test_the_answer_comes_first_then_why_then_tables(brief):
     assert lines[0] == "verdict: identified: stance_overlap"
     assert lines[1] == "  stance_overlap: Both tripods standing at once hold each other back"
     assert re.match(r"  eta = 0\.12\d* ± 0\.0\d+, share of the speed lost", lines[2])
-    assert lines[3] == "  speed error out of sample: 1.09 → 0.50 cm/s; replicates scatter by 0.51 cm/s"
+    assert lines[3] == "  speed error out of sample: 1.09 → 0.50 cm/s; replicates scatter by 0.50 cm/s"
     order = [out.index(part) for part in ("verdict:", "why: ", "105 trials in 35 cells", "noise floor", "Δχ²")]
     assert order == sorted(order)
     assert max(map(len, lines)) <= terminal.WIDTH

@@ -15,9 +15,9 @@ def chi2_ppf(probability: float, dof: float) -> float:
     return float(2.0 * gammaincinv(0.5 * dof, probability))
 
 
-def f_sf(value: float, dof: float, error_dof: float) -> float:
-    """Probability that F with ``dof`` and ``error_dof`` degrees of freedom is above ``value``."""
-    return float(fdtrc(dof, error_dof, value))
+def f_sf(value: Any, dof: Any, error_dof: Any) -> Any:
+    """Probability that F with ``dof`` and ``error_dof`` degrees of freedom is above ``value``; all may be arrays."""
+    return fdtrc(dof, error_dof, value)
 
 
 def f_isf(tail: float, dof: float, error_dof: float) -> float:

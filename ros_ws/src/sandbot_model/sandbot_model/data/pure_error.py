@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_model.data.distributions import chi2_sf
+from sandbot_model.data.distributions import chi2_ppf, f_sf
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 EXCESS = 1e-3
-"""A cell whose scatter is less likely than this under the pooled one is taken at its own: near the switch between
+"""A cell whose scatter is less likely than this under the others' is taken at its own: near the switch between
 walking and swimming a set-point error flips single replicates, and that must not pass as precision."""
 LEAST_DOF = 3
 """Degrees of freedom below which a regime's scatter is taken from both regimes together."""
@@ -50,38 +50,62 @@ def pure_error(residual: Floats, cell: Ints, count: Ints, walking: Bools, omega:
     square = np.zeros((cells, observables, observables))
     filled = np.nan_to_num(residual)
     np.add.at(square, cell, filled[:, :, None] * filled[:, None, :])
-    dof = np.maximum(count - 1, 0)
-    overall = _constant(np.diagonal(square, axis1=1, axis2=2), dof)
+    variance, dof = np.diagonal(square, axis1=1, axis2=2), np.maximum(count - 1, 0)
+    keep = np.ones(cells, dtype=bool)
+    for regime in (walking, ~walking):
+        keep[regime] = _consistent(variance[regime], dof[regime], omega[regime])
+    overall = _constant(variance[keep], dof[keep])
     covariance = np.zeros_like(square)
-    own = np.zeros(cells, dtype=bool)
     for regime in (walking, ~walking):
         if regime.any():
-            covariance[regime], own[regime] = _pool(square[regime], dof[regime], omega[regime], overall)
-    variance = np.diagonal(square, axis1=1, axis2=2)
-    total = (dof * ~own[:, None]).sum(axis=0)
-    return PureError(covariance, np.sqrt(_constant(variance[~own], dof[~own])), total, own)
+            covariance[regime] = _pool(square[regime], dof[regime], omega[regime], keep[regime], overall)
+    return PureError(covariance, np.sqrt(overall), (dof * keep[:, None]).sum(axis=0), ~keep)
 
 
-def _pool(square: Floats, dof: Ints, omega: Floats, overall: Floats) -> tuple[Floats, Bools]:
-    """Covariance of one trial in each cell of a regime, and which cells are taken at their own scatter.
+def _consistent(sums: Floats, dof: Ints, omega: Floats) -> Bools:
+    """Cells ``(n,)`` of a regime that scatter no more than the others.
+
+    It begins at the median: one cell of a few that flips would pass in the mean, as scatter of all.
+    """
+    keep = np.ones(len(sums), dtype=bool)
+    usual = _median(sums, dof)
+    pooled, freedom = np.broadcast_to(usual, sums.shape), dof.sum(axis=0) / 2 + np.zeros(sums.shape)
+    for _ in range(10):
+        known = (dof > 0) & (freedom > 0)
+        ratio = np.divide(sums, dof * pooled, out=np.zeros_like(sums), where=known)
+        tail = np.where(known, f_sf(ratio, np.maximum(dof, 1), np.maximum(freedom, 1)), 1.0)
+        before, keep = keep, ~(tail < EXCESS / sums.shape[1]).any(axis=1)
+        pooled = _trend(sums, dof * keep[:, None], omega, usual)
+        freedom = (dof * keep[:, None]).sum(axis=0) - dof * keep[:, None]
+        if (before == keep).all():
+            break
+    return keep
+
+
+def _median(sums: Floats, dof: Ints) -> Floats:
+    """Variance of one trial ``(4,)`` by the median of the cells', NaN where there are no replicates."""
+    found = np.full(sums.shape[1], np.nan)
+    for column in range(sums.shape[1]):
+        had = dof[:, column] > 0
+        if had.any():
+            own, n = sums[had, column] / dof[had, column], float(np.median(dof[had, column]))
+            found[column] = max(float(np.median(own)) * n / chi2_ppf(0.5, n), FLOOR**2)
+    return found
+
+
+def _pool(square: Floats, dof: Ints, omega: Floats, keep: Bools, overall: Floats) -> Floats:
+    """Covariance of one trial in each cell of a regime, those that are not kept at their own scatter.
 
     ``overall (4,)`` is the variance of all cells of both regimes together.
     """
-    keep = np.ones(len(square), dtype=bool)
     sums = np.diagonal(square, axis1=1, axis2=2)
-    for _ in range(10):
-        pooled = _trend(sums, dof * keep[:, None], omega, overall)
-        tail = np.where(dof > 0, chi2_sf(sums / pooled, np.maximum(dof, 1)), 1.0)
-        consistent = ~(tail < EXCESS / sums.shape[1]).any(axis=1)
-        if not consistent.any() or (consistent == keep).all():
-            break
-        keep = consistent
+    pooled = _trend(sums, dof * keep[:, None], omega, overall)
     scaled = square / np.sqrt(pooled[:, :, None] * pooled[:, None, :])
     correlation = _correlation(scaled[keep], dof[keep])
     # Where a cell scatters beyond the pool it is taken at its own, never at less.
     own_variance = np.divide(sums, dof, out=np.zeros_like(sums), where=dof > 0)
     sd = np.sqrt(np.where(keep[:, None], pooled, np.maximum(own_variance, pooled)))
-    return np.asarray(sd[:, :, None] * sd[:, None, :] * correlation), ~keep
+    return np.asarray(sd[:, :, None] * sd[:, None, :] * correlation)
 
 
 def _constant(sums: Floats, dof: Ints) -> Floats:

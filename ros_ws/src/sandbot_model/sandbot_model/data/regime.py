@@ -13,18 +13,22 @@ from sandbot_model.physics.observables import Observable
 
 WALKING_LIFT_M = 3e-4
 """Lift above which a body was lifted by its legs: several times what the tracking makes of none."""
+SURE_LIFT_M = 4 * WALKING_LIFT_M
+"""Lift that is more than a zero that is off by a grain."""
 WALKING_SPEED_M_S = 0.035
-"""Clearly faster than swimming (Li09: 0.02 m/s), where lift was not measured."""
+"""Clearly faster than swimming (Li09: 0.02 m/s)."""
 HELD_M = 0.01
 """What a first step is longer at least than a swimmer's if the leg held in it."""
 
 
 def walks(values: Array, least_lift_m: Array | float = WALKING_LIFT_M) -> Bool:
     """Whether the robot walked ``(...)``, of measured observables ``(..., 4)``: its body was lifted by more than
-    ``least_lift_m``, or, where lift was not measured, it was faster than any swimmer.
+    ``least_lift_m``, or, where lift was not measured, it was faster than any swimmer. A body that never was that fast
+    was lifted only if it was by more than a zero may be off.
     """
-    speed, lift = values[..., Observable.speed], values[..., Observable.lift]
-    return np.where(np.isfinite(lift), lift > least_lift_m, speed > WALKING_SPEED_M_S)
+    speed, lift, peak = (values[..., one] for one in (Observable.speed, Observable.lift, Observable.peak_speed))
+    lifted = (lift > least_lift_m) & ~((peak <= WALKING_SPEED_M_S) & (lift <= SURE_LIFT_M))
+    return np.where(np.isfinite(lift), lifted, speed > WALKING_SPEED_M_S)
 
 
 def swum_at_once(gaits: Iterable[str], omega: Array, values: Array) -> Bool:

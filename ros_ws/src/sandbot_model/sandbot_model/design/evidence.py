@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from sandbot_model.data.distributions import chi2_sf, f_isf
-from sandbot_model.discovery.criteria import Criteria
+from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.verdict import overdispersion
 from sandbot_model.fitting.fit import Fit
@@ -58,8 +58,8 @@ class Possible:
 
     @property
     def spoken_for(self) -> bool:
-        """Whether the data exclude the named set in its favour: then it is not out of the plan's reach."""
-        return self.rise <= -self.needed
+        """Whether the data lean to it by two standard deviations: then it is not out of the plan's reach."""
+        return self.rise <= -DEFAULT.not_excluded
 
     @property
     def e_value(self) -> float:

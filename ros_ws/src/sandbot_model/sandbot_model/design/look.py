@@ -123,8 +123,8 @@ def look(
     """Judge what there is, ``number`` 1 at the first look, and choose the next block.
 
     The verdict is ``discover``'s, at a ``claim`` that holds at every look. It is enough where something is named, or
-    nothing missing, and everything else that the plan can show is excluded beside it; where sets are left that no
-    trials of the plan would tell apart; or where lack of fit refuses all there is for good.
+    nothing missing, or sets are left that no trials of the plan would tell apart, and everything else that the plan can
+    show is excluded beside it; or where lack of fit refuses all there is for good.
     """
     criteria = at_every_look(alpha, len(effects), DEFAULT)
     found = discover(
@@ -134,14 +134,16 @@ def look(
     possible: list[Possible] = []
     open_ones: list[Possible] = []
     match found.verdict.status:
-        case "adequate" | "identified":
-            catalogue = {**effects, **found.fit.model.catalogue}
-            search = EffectSearch(cells, catalogue, base, criteria=criteria, fit_all=fit_all)
-            possible, open_ones = _possible(search, found.fit, places, plan, alpha)
-            rivals, stop = [found.fit, *(one.fit for one in open_ones)], "" if open_ones else ENOUGH
-        case "ambiguous":
-            rivals = [next(fit for fit in found.fits if fit.effects == names) for names in found.verdict.alternatives]
-            stop = "" if _differ(rivals, places, plan, criteria.clearly) else ALIKE
+        case "adequate" | "identified" | "ambiguous":
+            alike = _alike(found)
+            if _differ(alike, places, plan, criteria.clearly):
+                rivals, stop = alike, ""
+            else:
+                catalogue = {**effects, **found.fit.model.catalogue}
+                search = EffectSearch(cells, catalogue, base, criteria=criteria, fit_all=fit_all)
+                possible, open_ones = _possible(search, found.fit, places, plan, alpha)
+                rivals = [*alike, *(one.fit for one in open_ones)]
+                stop = "" if open_ones else ENOUGH if len(alike) == 1 else ALIKE
         case status:
             rivals = [fit for fit in found.fits if sound(fit)] or [found.fit]
             refused = status != "untested" and max(fit.lack_of_fit_p for fit in rivals) < lack_of_fit_at(number, alpha)
@@ -150,6 +152,12 @@ def look(
     block = () if stop else _next(rivals, places, plan, criteria)
     drawn = curves(rivals, {one.phi for one in block}, [omega for _, omega in plan.conditions])
     return Look(found, tuple(possible), tuple(one.effect for one in open_ones), stop, block, drawn)
+
+
+def _alike(found: Discovery) -> list[Fit]:
+    """What the verdict names, and the other sets that explain the data alike."""
+    others = found.verdict.alternatives[1:]
+    return [found.fit, *(next(fit for fit in found.fits if fit.effects == names) for names in others)]
 
 
 def _possible(

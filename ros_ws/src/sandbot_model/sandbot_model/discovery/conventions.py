@@ -12,9 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from sandbot_model.discovery.effect_search import EffectSearch, Names
+from sandbot_model.discovery.nuisances_about import scatter_granted, shared_by
 from sandbot_model.discovery.verdict import leaves_nothing, overdispersion, parts_of, passes, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import HOPELESS, solve, solve_below
+from sandbot_model.fitting.global_minimum import HOPELESS, solve, solve_below, solve_near
 from sandbot_model.physics.model import Model, model_of
 from sandbot_model.physics.variants import variants_of
 
@@ -36,17 +37,20 @@ def other_conventions(search: EffectSearch, size: int) -> bool:
     return bool(better)
 
 
-def against(search: EffectSearch, claimed: Fit) -> bool:
+def against(search: EffectSearch, claimed: Fit, named: Fit) -> bool:
     """Let in single effects under other conventions that leave nothing to explain and speak against a claim.
 
     Against several effects one must be clearly better. Against one, another family must be better though it was picked
-    from all that were tried (extended BIC; Chen & Chen 2008, Biometrika 95, 759); then the claim's own family, too, has
-    the convention that is best for it. Whether there are any.
+    from all that were tried (extended BIC; Chen & Chen 2008, Biometrika 95, 759), also beside what trials share, as the
+    claim is ``named``; then the claim's own family, too, has the convention that is best for it. Whether there are any.
     """
     tried = _near(search, _models_of_one(search), HOPELESS * claimed.deviance + 100.0)
     lead = search.criteria.clearly if len(claimed.effects) > 1 else 2 * np.log(max(len(tried), 1))
-    limit = claimed.bic - lead * overdispersion(claimed)
-    better = [fit for fit in tried if fit.bic < limit and _explains(search, fit)]
+    better = [
+        fit
+        for fit in tried
+        if _leads(fit, claimed, lead) and _explains(search, fit) and _leads(_beside(search, fit, named), named, lead)
+    ]
     if all(fit.effects == claimed.effects for fit in better):
         return False
     search.fits |= {fit.effects: fit for fit in sorted(better, key=lambda fit: -fit.bic)}
@@ -56,6 +60,18 @@ def against(search: EffectSearch, claimed: Fit) -> bool:
 def conventions(fits: Sequence[Fit]) -> dict[str, str]:
     """The other convention that each effect of these fits follows, if it does."""
     return {effect.identifier: effect.variant for fit in fits for effect in fit.model.effects if effect.variant}
+
+
+def _leads(fit: Fit, claimed: Fit, lead: float) -> bool:
+    return fit.bic < claimed.bic - lead * overdispersion(claimed)
+
+
+def _beside(search: EffectSearch, fit: Fit, named: Fit) -> Fit:
+    """A set beside what trials share, the bed as rough as it is beside another."""
+    if named.nuisances is None:
+        return fit
+    own = shared_by(fit, search.criteria, scatter_granted(named))
+    return fitted_at(fit.model, fit.cells, solve_near((fit.model, fit.cells, (fit.warm_start,), own)), own)
 
 
 def _explains(search: EffectSearch, fit: Fit) -> bool:

@@ -170,7 +170,7 @@ def discover(
     search.run(0 if at_once else max_effects, lambda: enough(search))
     found = Shared(at_once, search.fits, search.fits[()]) if at_once else _concluded(search)
     partial = None
-    if found.verdict.status == "identified" and against(search, search.fits[found.verdict.effects]):
+    if found.verdict.status == "identified" and against(search, search.fits[found.verdict.effects], found.named):
         found = _concluded(search)
     # From one observable alone no convention can be told from another.
     if found.verdict.status == "unexplained" and not at_once and len(cells.observables) > 1:

@@ -135,9 +135,11 @@ class EffectSearch:
         self.fit(stage, quick, nearby=True)
         hopeful = [names for names in quick if not self._parent_passes(names)]
         hopeful.sort(key=lambda names: (self._gains_nothing(names), self.fits[names].deviance))
-        # What fits worse than a part of it has not been found yet.
-        lost = [names for names in hopeful[REFINED:] if self._is_worse(names)]
-        self.fit(f"{stage}, closer", [*hopeful[:REFINED], *lost], nearby=False)
+        self.fit(f"{stage}, closer", hopeful[:REFINED], nearby=False)
+        if not any(passes(self.fits[names], self.criteria) for names in sets):
+            # What fits worse than a part of it has not been found yet.
+            lost = [names for names in hopeful[REFINED:] if self._is_worse(names)]
+            self.fit(f"{stage}, those left behind", lost, nearby=False)
 
     def _parent(self, names: Names) -> Fit | None:
         """The best set with one effect less that has been fitted, or the base model's fit."""

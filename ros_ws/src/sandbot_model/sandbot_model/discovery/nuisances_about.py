@@ -14,7 +14,7 @@ from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import (
     Nuisances,
     averaged_moments,
-    gains_of_scatter,
+    gains_for_errors,
     probability,
     scatter_of_batches,
     sizes_tried,
@@ -49,6 +49,12 @@ def shared_by(fit: Fit, criteria: Criteria, scatter: float) -> Nuisances:
     about, stderr = _found(fit, names)
     own = np.sqrt(share**2 @ np.minimum(scatter, stderr[: share.shape[1]]) ** 2) if scatter else none
     return Nuisances(names, np.array(sd), np.stack(slopes, axis=-1), own, about, np.stack(by_ln_k, axis=-1))
+
+
+def scatter_granted(fit: Fit) -> float:
+    """σ_b that a fit's nuisances take for granted; 0 where they take the bed for exact."""
+    assert fit.nuisances is not None
+    return float(dict(zip(fit.nuisances.names, fit.nuisances.sd, strict=True)).get(BATCH, 0.0))
 
 
 def _found(fit: Fit, names: Sequence[str]) -> tuple[Array, Array]:
@@ -86,25 +92,26 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
     """The same fit with errors that average over how far the bed may scatter, not only as far as a verdict grants.
 
     What the data do not show of σ_b, its prior says: a fit that takes the bed for exact where nothing shows that it is
-    not has errors that are too small. Replicates of a condition in several batches show it best.
+    not has errors that are too small. Replicates of a condition in several batches show it best. A verdict takes no bed
+    for rougher than beds are; errors must hold on one that is, so their prior has a Cauchy's tail.
     """
-    given, gain = _possible(fit, criteria)
-    moments = averaged_moments(*given, sizes_tried(criteria.bed_scatter), gain)
+    given, sizes, gain = _possible(fit, criteria)
+    moments = averaged_moments(*given, sizes, gain)
     stderr = np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments)))
     averaged = replace(fit, stderr=stderr, covariance=moments)
-    scatter = float(np.sqrt(probability(gain) @ sizes_tried(criteria.bed_scatter) ** 2))
+    scatter = float(np.sqrt(probability(gain) @ sizes**2))
     beside = Problem(fit.model, fit.cells, shared_by(fit, criteria, scatter))
     return with_profiled_errors(averaged, beside)
 
 
-def _possible(fit: Fit, criteria: Criteria) -> tuple[tuple[Array, Array, Array, Array], Array]:
-    """What is linear about a fit, with how batches differ within cells, and what each σ_b tried gains by it."""
+def _possible(fit: Fit, criteria: Criteria) -> tuple[tuple[Array, Array, Array, Array], Array, Array]:
+    """What is linear about a fit, with how batches differ within cells, the σ_b tried and what each gains by it."""
     residual, unknowns, batches, others = _linear(fit, criteria)
     apart, between = _within_cells(fit)
     residual, batches = np.concatenate([residual, apart]), np.concatenate([batches, between])
     unknowns, others = (np.pad(slopes, ((0, len(apart)), (0, 0))) for slopes in (unknowns, others))
     given = residual, unknowns, batches, others
-    return given, gains_of_scatter(*given, sizes_tried(criteria.bed_scatter), criteria.bed_scatter)
+    return given, *gains_for_errors(*given, criteria.bed_scatter)
 
 
 def _within_cells(fit: Fit) -> tuple[Array, Array]:

@@ -12,9 +12,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from sandbot_model.data.conditions import Cells, Floats
-from sandbot_model.data.regime import walks
+from sandbot_model.data.regime import SURE_LIFT_M, walks
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.gait import fastest_phase_ratio
 from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import CM, Observable
@@ -23,6 +23,8 @@ TOO_FAR = 1.25
 """What must not pass 1 is doubtful from here on: 2° downhill, the most of the catalogue, gains 18 %."""
 FEWEST = 3
 """Walking cells needed for a median to mean anything."""
+TOSSED = 0.25
+"""Scatter of lift, as a share of it, from which some replicates may have swum."""
 POPPY_SEEDS = ((0.580, 0.622), (300e3, 480e3))
 """φ and α = k/(wR) [N/m³] that a plate meets there (Li09)."""
 FAR_FROM_POPPY = 2.5
@@ -55,7 +57,7 @@ def strange_k(fit: Fit) -> str:
 
 def _doubts(cells: Cells) -> Iterator[str]:
     robot = cells.robot
-    mean = np.where(walks(cells.mean)[:, None], cells.mean, np.nan)
+    mean = np.where(_walk(cells)[:, None], cells.mean, np.nan)
     top = robot.leg_radius_m * cells.omega * np.array([fastest_phase_ratio(gait) for gait in cells.gait])
     step = np.pi * mean[:, Observable.speed] / cells.omega
     pushed = _pushed(cells, mean, step)
@@ -82,6 +84,14 @@ def _doubts(cells: Cells) -> Iterator[str]:
             f"lift with speed and peak speed agree on a leg radius of {CM * by_lift:.2f} and {CM * by_peak:.2f} cm, "
             f"not on {CM * robot.leg_radius_m:.3g} cm"
         )
+
+
+def _walk(cells: Cells) -> Bool:
+    """Cells ``(n,)`` in which every trial walked: between walking and swimming, peak and lift have the same mean of
+    two values, and would agree on a smaller radius.
+    """
+    sure = walks(cells.mean, SURE_LIFT_M)
+    return np.asarray(sure & ~(cells.sd[:, Observable.lift] > TOSSED * cells.mean[:, Observable.lift]))
 
 
 def _pushed(cells: Cells, mean: Floats, step: Array) -> bool:

@@ -24,7 +24,7 @@ from sandbot_model.fitting import global_minimum
 from sandbot_model.fitting.fit import Fit, fit, fitted_at
 from sandbot_model.fitting.global_minimum import Point, WarmStart
 from sandbot_model.fitting.parallel import Progress
-from sandbot_model.fitting.profile import staircases, with_profiled_errors
+from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Effect
@@ -106,7 +106,7 @@ class Session:
     def stated(self, selection: Selection) -> Fit | None:
         """The fit shown, with the standard errors that are printed; None while a worker is at a profile of them."""
         found = self.step(selection).fit
-        if selection.by_hand or not staircases(found):
+        if selection.by_hand or not found.model.effects:
             return found
         key = self._key(selection)
         with self._lock:

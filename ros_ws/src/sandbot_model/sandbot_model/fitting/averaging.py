@@ -12,7 +12,6 @@ from sandbot_model.physics.walking import Walker
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 NODES = _NODES
-EVERYWHERE = np.tile(WEIGHTS[:, None], (1, 1, 1, 4))
 STEPS = 10
 """Steps over which a trial averages what varies along the track; about as many as four periods have."""
 
@@ -22,16 +21,16 @@ def along_the_track(walker: Walker) -> bool:
     return any(effect.along_the_track for effect in walker.effects)
 
 
-def node_weights(values: Array, along_the_track: bool) -> Array:
-    """Weight of each node (axis -2) in the mean of ``values (rows, cells, nodes, 4)``, ``(1, 1, nodes, 4)`` where it is
-    the same everywhere.
+def node_weights(values: Array, share: Array, along_the_track: bool) -> Array:
+    """Weight of each node (axis -2) in the mean of ``values (rows, cells, nodes, 4)``, of nodes that each stand for a
+    ``share (rows, cells, nodes)`` of the trials.
 
     Trials differ in φ: an average over nodes. Where φ also varies along the track, a trial's lift is that of the
     median step and its peak that of the best one; its speed is the average still, as every step takes as long.
     """
+    weights = np.repeat(share[..., None], len(Observable), axis=-1)
     if not along_the_track:
-        return EVERYWHERE
-    weights = np.broadcast_to(WEIGHTS[:, None], values.shape).copy()
+        return weights
     weights[..., Observable.lift] = np.arange(len(NODES)) == len(NODES) // 2
     reached = np.where(np.abs(NODES) < 2, values[..., Observable.peak_speed], -np.inf)
     weights[..., Observable.peak_speed] = np.arange(len(NODES)) == reached.argmax(axis=-1)[..., None]

@@ -1,6 +1,7 @@
 """What a model says of the mean of every cell, and how far that scatters: the heart of ``likelihood``."""
 
 from dataclasses import astuple, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +9,6 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting import kernels
 from sandbot_model.fitting.averaging import (
-    EVERYWHERE,
     NODES,
     WEIGHTS,
     along_the_track,
@@ -17,7 +17,8 @@ from sandbot_model.fitting.averaging import (
 )
 from sandbot_model.fitting.operations import CompiledChains
 from sandbot_model.fitting.points import SEEN, ArrayChains, Chains, Conditions, Points
-from sandbot_model.physics.arrays import Array, Bool
+from sandbot_model.fitting.switch import Switches, handed_over, moved_switches, share_of_nodes, switches_of
+from sandbot_model.physics.arrays import Array, Bool, Ints
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
@@ -61,12 +62,17 @@ class CellMeans:
         self.chains: Chains = ArrayChains(model) if model.tape is None else CompiledChains(model, model.tape)
         self.along = along_the_track(model.walker)
         self.at = Conditions.of(model.walker, cells.omega, cells.level_phi[cells.level], cells.clock)
+        self.walker = model.walker
         self._level = np.ascontiguousarray(cells.level)
-        turning = np.stack([cells.omega, *astuple(cells.clock)])
-        (omega, *clock), self._conditions = np.unique(turning, axis=1, return_inverse=True)
-        level_phi = np.repeat(cells.level_phi[:, None], len(omega), axis=1)
-        self._table = Conditions.of(model.walker, omega, level_phi, Clock(*clock))
         self._replicates = np.asarray(cells.n.max(axis=1), dtype=float)
+
+    @cached_property
+    def _table(self) -> tuple[Conditions, Ints]:
+        """Each way to turn the legs at the φ of every level, and which of them is a cell's."""
+        turning = np.stack([self.cells.omega, *astuple(self.cells.clock)])
+        (omega, *clock), of_cell = np.unique(turning, axis=1, return_inverse=True)
+        level_phi = np.repeat(self.cells.level_phi[:, None], len(omega), axis=1)
+        return Conditions.of(self.walker, omega, level_phi, Clock(*clock)), of_cell
 
     def said(self, theta: Array, ln_k: Array, slope: Array, moved: Array) -> Said:
         """Prediction and likelihood of all cells."""
@@ -74,7 +80,9 @@ class CellMeans:
         points, track = self._points(theta, ln_k, slope, moved)
         footing = self.chains.footing(points)
         values = self.chains.values(NAMES, points, vars(footing).values())
-        return self._judged(footing, values, track, self._independent(ln_k, slope))
+        replicates = self._independent(ln_k, slope)
+        share = share_of_nodes(self._switches(points, footing, self._apart(replicates)), points.shape)
+        return self._judged(footing, share, values, track, replicates)
 
     def said_by_row(self, theta: Array, ln_k: Array, slope: Array, moved: Array) -> Said:
         """Prediction and likelihood of cell i by row i, in one row."""
@@ -82,22 +90,45 @@ class CellMeans:
         points, track = self._points(theta, ln_k, slope, moved, by_row=True)
         footing = self.chains.footing(points)
         values = self.chains.values(NAMES, points, vars(footing).values())
-        footing = Footing(*(np.ascontiguousarray(np.swapaxes(part, 0, 1)) for part in vars(footing).values()))
         replicates = np.ascontiguousarray(_own(self._independent(ln_k, slope))[None])
-        return self._judged(footing, np.ascontiguousarray(np.swapaxes(values, 1, 2)), track.T, replicates)
+        share = share_of_nodes(self._switches(points, footing, self._apart(replicates).T), points.shape)
+        parts = (np.ascontiguousarray(np.swapaxes(part, 0, 1)) for part in vars(footing).values())
+        footing, share = Footing(*parts), np.ascontiguousarray(np.swapaxes(share, 0, 1))
+        return self._judged(footing, share, np.ascontiguousarray(np.swapaxes(values, 1, 2)), track.T, replicates)
 
-    def _judged(self, footing: Footing, values: Array, track: Array, replicates: Array) -> Said:
-        share = share_between_trials(self.along, self.cells.phi_scatter, track)
-        of = self._weights(values), WEIGHTS, self.measured, share, replicates
-        return Said(footing, *kernels.judged(values, footing.walking, *of))
+    def _switches(self, points: Points, footing: Footing, apart: Bool) -> list[tuple[str, Switches]]:
+        return switches_of(self.chains, points, footing, apart, remembers=self.walker.remembers)
 
-    def jacobian(self, theta: Array, ln_k: Array, slope: Array, moved: Array, feet: Footing, whiten: Array) -> Array:
+    def _apart(self, replicates: Array) -> Bool:
+        """Where replicates walk or swim each by itself: those that share more of k than they do not do so together."""
+        return np.asarray(replicates >= 0.5 * self._replicates)
+
+    def _judged(self, footing: Footing, share: Array, values: Array, track: Array, replicates: Array) -> Said:
+        between = share_between_trials(self.along, self.cells.phi_scatter, track)
+        of = self._weights(values, share), share, self.measured, between, replicates
+        walks = footing.walking.sum(axis=-1)
+        mixed = (share != WEIGHTS).any(axis=-1) | ((walks > 0) & (walks < footing.walking.shape[-1]))
+        return Said(footing, *kernels.judged(values, mixed, *of))
+
+    def jacobian(
+        self,
+        theta: Array,
+        ln_k: Array,
+        slope: Array,
+        moved: Array,
+        feet: Footing,
+        whiten: Array,
+        *,
+        switches: bool,
+    ) -> Array:
         """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``; the last column is the cell's ln k.
 
         By the implicit function theorem on the force balance, dd/dθ = -(∂M/∂θ)/(∂M/∂d): one evaluation of the chain
-        for all parameters at once, no solving, and never across a switch.
+        for all parameters at once, no solving, and no node across a switch. With ``switches`` these move as well.
         """
         rows, count = theta.shape
+        here, _ = self._points(theta, ln_k, slope, moved)
+        found = self._switches(here, feet, self._apart(self._independent(ln_k, slope)))
         step = STEP * np.maximum(np.abs(theta), 1e-3)
         # First axis: each parameter, ln k, depth, and the point itself.
         theta = np.repeat(theta[None], count + 3, axis=0)
@@ -112,9 +143,17 @@ class CellMeans:
         points, _ = self._points(*(part.reshape(-1, part.shape[-1]) for part in (theta, ln_k, slopes, offsets)))
         seen = self.chains.values(SEEN, points, [part.reshape(points.shape) for part in at])
         seen = seen.reshape(len(SEEN), count + 3, *feet.depth.shape)
-        weights = self._weights(seen[: len(NAMES), -1])
+        values = seen[: len(NAMES), -1]
+        weights = self._weights(values, share_of_nodes(found, here.shape))
         holds, which = (feet.walking, feet.virgin_walking), self.measured.which
-        return np.asarray(kernels.local_jacobian(seen, np.ascontiguousarray(steps), *holds, weights, which, whiten))
+        local = kernels.local_jacobian(seen, np.ascontiguousarray(steps), *holds, weights, which, whiten)
+        for margin, these in found if switches else ():
+            places = moved_switches(self.chains, points, margin, these, rows)
+            turn = (places[: count + 1] - places[-1]) / steps[: count + 1, these.row]
+            there = these.row, these.cell
+            shift = np.where(which[these.cell], handed_over(these, values, self.along), 0.0)
+            np.add.at(local, there, np.einsum("sij,sj,ps->sip", whiten[there], shift, turn))
+        return np.asarray(local)
 
     def spread(self, local: Array) -> Array:
         """The same with a column for ln k of each level, ``(rows, 4 cells, parameters + levels)``."""
@@ -132,7 +171,7 @@ class CellMeans:
         ``same (m, levels, k)`` and ``cross (m, levels, k - 1)`` are S_00 and S_01 so far. Levels share a table of
         predictions unless something depends on φ.
         """
-        cells, at = self.cells, self._table
+        cells, (at, of_cell) = self.cells, self._table
         phi = at.phi if self.chains.uses_phi else at.phi[:1]
         every = replace(at, phi=np.tile(phi, (len(theta), 1)))
         points = Points(np.repeat(theta, len(phi), axis=0), every, k_grid[None, None], KCurve(cells.level_phi, k_curve))
@@ -144,12 +183,12 @@ class CellMeans:
             sigma_k = track * np.abs(slope)[cells.level]
         table = values.reshape(len(NAMES), len(theta), len(phi), *points.shape[1:])
         found = kernels.profiled(
-            table, self._conditions, self.measured, self._level, k_grid, sigma_k, NODES, WEIGHTS, same, cross
+            table, of_cell, self.measured, self._level, k_grid, sigma_k, NODES, WEIGHTS, same, cross
         )
         return found[0], found[1]
 
-    def _weights(self, values: Array) -> Array:
-        return node_weights(np.moveaxis(values, 0, -1), True) if self.along else EVERYWHERE
+    def _weights(self, values: Array, share: Array) -> Array:
+        return node_weights(np.moveaxis(values, 0, -1), share, self.along)
 
     def _points(
         self, theta: Array, ln_k: Array, slope: Array, moved: Array, *, by_row: bool = False
@@ -159,7 +198,8 @@ class CellMeans:
         ``by_row``: those of cell i in row i alone.
         """
         cells, level_k, factor = self.cells, np.exp(ln_k), np.exp(moved)
-        where = self.at.by_row() if by_row else self.at
+        each = np.arange(len(cells))
+        where = self.at.some(each, each) if by_row else self.at
         curve = KCurve(cells.level_phi, level_k, inner=3)
         track = np.zeros((1, 1))
         if self.chains.varies_phi:

@@ -29,8 +29,8 @@ VALLEYS = 4
 """Ends of descents from which scans go on, the best."""
 BASE_STARTS = 5
 """Starts of the base model whose descents are carried to their end."""
-HOPELESS = 1.5
-"""A model whose deviance is so many times that of a model it contains is not refined further."""
+HOPELESS, SLACK = 1.5, 100.0
+"""A deviance so many times that of a model contained, or of a better valley, and so much above is not refined."""
 NEGLIGIBLE = 1.0
 """Rise of the deviance for which a plausible value is preferred."""
 K_PER_PHI = 5.0
@@ -98,7 +98,7 @@ def solve_on(task: tuple[Model, Cells, Point, Nuisances]) -> Point:
     theta, ln_k = (np.repeat(part[None], 2, axis=0) for part in (point.theta, point.ln_k))
     # With the slopes that it was found by, and with those that follow from it.
     begin = problem.states(theta, ln_k, np.stack([point.slope, _slopes(problem, ln_k)[0]]))
-    best = _lowest(descend(problem, begin))
+    best = descend(problem, begin).lowest()
     return point_at(problem, _looked_round(problem, best))
 
 
@@ -141,18 +141,19 @@ def _search(problem: Problem, near: WarmStart | None) -> States:
     found = starts(problem, slope_of(problem.cells.level_phi, k_curve), k_curve, also=also)
     states = _halved(problem, _begin(problem, found))
     for _ in range(2):
-        if near is not None and states.deviance[0] > 10 * HOPELESS * near.deviance + 100.0:
+        if near is not None and states.deviance[0] > 10 * HOPELESS * near.deviance + SLACK:
             return states
         more = resample(problem, states.theta[0], states.ln_k[0], states.slope[0])
         other = _halved(problem, _begin(problem, more)) if more else states
         if other.deviance[0] > states.deviance[0] - 1.0:
             break
         states = other
-    if near is not None and states.deviance[0] > HOPELESS * near.deviance + 100.0:
+    if near is not None and states.deviance[0] > HOPELESS * near.deviance + SLACK:
         return states
     if near is None:
         # What everything else is measured against: several descents are carried to their end.
-        states = _settled(problem, joined([states, _begin(problem, found[:BASE_STARTS])]))
+        states = joined([states, _begin(problem, found[:BASE_STARTS])])
+        states = _settled(problem, _hopeful(descend(problem, states, FIRST_ITERATIONS), 10 * HOPELESS))
     states = _settled(problem, states)
     # Step and depth feed back on each other where a leg meets what its predecessors left behind: many valleys.
     hopeful = states.deviance[0] < HOP_WITHIN * problem.measured.sum()
@@ -168,7 +169,7 @@ def _hopped(problem: Problem, states: States) -> States:
     idle = 0
     for size in islice(cycle(HOPS), HOPS_MOST):
         landed = descend(problem, _jumps(problem, states, draw, size), FIRST_ITERATIONS)
-        best = _settled(problem, _lowest(landed))
+        best = _settled(problem, landed.lowest())
         if best.deviance[0] < states.deviance[0] - HOP_GAIN:
             states, idle = best, 0
         elif (idle := idle + 1) == HOP_PATIENCE:
@@ -198,6 +199,7 @@ def _settled(problem: Problem, states: States) -> States:
     for _ in range(ROUNDS):
         states = descend(problem, problem.states(states.theta, states.ln_k, _slopes(problem, states.ln_k)))
         moving = []
+        states = _hopeful(states, HOPELESS)
         for row in _valleys(states):
             end = states.take(np.array([row]))
             moved = look_along_theta(problem, look_along_k(problem, end))
@@ -218,6 +220,11 @@ def _valleys(states: States) -> list[int]:
     return found[:VALLEYS]
 
 
+def _hopeful(states: States, times: float) -> States:
+    """Rows that are not so many times above the lowest."""
+    return states.take(np.flatnonzero(states.deviance <= times * states.deviance.min() + SLACK))
+
+
 def nearby_state(problem: Problem, near: WarmStart, hopeless: float = np.inf) -> States:
     """The best minimum close to a smaller model that fits already: what is added can only be a small change.
 
@@ -229,7 +236,7 @@ def nearby_state(problem: Problem, near: WarmStart, hopeless: float = np.inf) ->
     begin = problem.states(np.clip(theta, low, high), ln_k, _slopes(problem, ln_k))
     # Every k is adjusted to the new effect before the rows are compared.
     found = descend(problem, begin, 2 * FIRST_ITERATIONS)
-    best = _lowest(found)
+    best = found.lowest()
     if best.deviance[0] > hopeless:
         return best
     return _looked_round(problem, best)
@@ -239,10 +246,6 @@ def _looked_round(problem: Problem, state: States) -> States:
     """What a scan along everything, and a descent from there, come to."""
     moved = look_along_theta(problem, look_along_k(problem, state))
     return descend(problem, look_along_bed(problem, moved))
-
-
-def _lowest(states: States) -> States:
-    return states.take(np.argsort(states.deviance)[:1])
 
 
 def _begin(problem: Problem, found: Sequence[Start]) -> States:

@@ -115,7 +115,7 @@ def joint_p(chi2: float, dof: int, cells: Cells) -> float:
     error_dof = int(cells.pure_error_dof.max())
     if dof < 1 or error_dof < 1:
         return float("nan")
-    return f_sf(chi2 / dof, dof, error_dof)
+    return float(f_sf(chi2 / dof, dof, error_dof))
 
 
 def _shared_unknowns(problem: Problem, jacobian: Array) -> float:
@@ -136,7 +136,7 @@ def p_by_observable(z: Array, problem: Problem, unknowns: float) -> dict[str, fl
         error_dof = problem.cells.pure_error_dof[index]
         if measured[index]:
             ratio = np.nansum(z[:, index] ** 2) / max(dof, 1e-9)
-            found[name] = f_sf(ratio, dof, error_dof) if dof > 0 and error_dof else float("nan")
+            found[name] = float(f_sf(ratio, dof, error_dof)) if dof > 0 and error_dof else float("nan")
     return found
 
 

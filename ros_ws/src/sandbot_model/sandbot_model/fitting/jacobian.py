@@ -10,9 +10,13 @@ STEP = 1e-5
 """Relative step of the derivatives."""
 
 
-def full_jacobian(problem: Problem, states: States) -> Array:
-    """d(whitened prediction)/d(θ, ln k of every level, nuisances): a row for each of ``States.all_residuals``."""
-    local = cell_jacobian(problem, states)
+def full_jacobian(problem: Problem, states: States, *, switches: bool = False) -> Array:
+    """d(whitened prediction)/d(θ, ln k of every level, nuisances): a row for each of ``States.all_residuals``.
+
+    With ``switches`` a descent sees where replicates walk by chance. Nothing that takes a fit for linear may: a share
+    that walks is so within a fraction of its own width only.
+    """
+    local = cell_jacobian(problem, states, switches=switches)
     full = problem.cell_means.spread(local)
     if problem.cells.pressed is not None:
         full = np.concatenate([full, readings_jacobian(problem, states)], axis=1)
@@ -45,10 +49,11 @@ def without_nuisances(problem: Problem, states: States) -> tuple[Array, Array, A
     return residual[: len(jacobian)] - shift @ (states.shared[0] * sd), jacobian[:, : -len(sd)], shift
 
 
-def cell_jacobian(problem: Problem, states: States) -> Array:
+def cell_jacobian(problem: Problem, states: States, *, switches: bool = False) -> Array:
     """d(whitened prediction)/d(θ, ln k), ``(rows, cells, 4, parameters + 1)``, see ``CellMeans.jacobian``."""
     moved = problem.moved(problem.shared(states))
-    return problem.cell_means.jacobian(states.theta, states.ln_k, states.slope, moved, states.footing, states.whiten)
+    at = states.theta, states.ln_k, states.slope, moved
+    return problem.cell_means.jacobian(*at, states.footing, states.whiten, switches=switches)
 
 
 def readings_jacobian(problem: Problem, states: States) -> Array:

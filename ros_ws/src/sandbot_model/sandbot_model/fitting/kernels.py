@@ -31,11 +31,11 @@ def node_k(level_k, slope, level, factor, sigma_phi, ln_k_sd, nodes, least_sprea
 
 
 @_compiled
-def judged(values, walking, weights, between, data, share, replicates):
+def judged(values, mixed, weights, between, data, share, replicates):
     """Mean ``(rows, cells, 4)``, covariance, its whitening ``(..., 4, 4)``, whitened residual, deviance of each cell.
 
-    Of ``values (4, rows, cells, nodes)``; ``weights (rows or 1, cells or 1, nodes, 4)`` are the nodes' in the mean,
-    ``between (nodes,)`` in its variance.
+    Of ``values (4, rows, cells, nodes)``; ``weights (rows, cells, nodes, 4)`` are the nodes' in the mean, ``between
+    (rows, cells, nodes)`` in its variance, which is that of the nodes too where a cell is ``mixed (rows, cells)``.
     """
     measured, mean, covariance, whiten, log_det = data
     _, rows, cells, count = values.shape
@@ -43,18 +43,17 @@ def judged(values, walking, weights, between, data, share, replicates):
     wider, whitens = np.empty((rows, cells, 4, 4)), np.empty((rows, cells, 4, 4))
     for row in range(rows):
         for cell in range(cells):
-            weight, walks = weights[row % len(weights), cell % weights.shape[1]], 0
+            weight = weights[row, cell]
             for node in range(count):
-                walks += walking[row, cell, node]
                 for i in range(4):
                     predicted[row, cell, i] += weight[node, i] * values[i, row, cell, node]
             for i in range(4):
                 for j in range(4):
                     wider[row, cell, i, j], whitens[row, cell, i, j] = covariance[cell, i, j], whiten[cell, i, j]
             deviance[row, cell] = 0.0
-            if 0 < walks < count:
+            if mixed[row, cell]:
                 of = share[row % len(share), cell % share.shape[1]], replicates[row % len(replicates), cell]
-                spread = values[:, row, cell], predicted[row, cell], between
+                spread = values[:, row, cell], predicted[row, cell], between[row, cell]
                 here = measured[cell], wider[row, cell], whitens[row, cell]
                 deviance[row, cell] = _widen(spread, of, here) - log_det[cell]
             _whitened(mean[cell], predicted[row, cell], measured[cell], whitens[row, cell], residual[row, cell])
@@ -112,7 +111,7 @@ def local_jacobian(seen, steps, walking, virgin_walking, weights, measured, whit
     slope, by_depth, sinks = np.empty((count, 4)), np.empty(4), np.empty(2)
     for row in range(rows):
         for cell in range(cells):
-            weight = weights[row % len(weights), cell % weights.shape[1]]
+            weight = weights[row, cell]
             slope[:] = 0.0
             for node in range(nodes):
                 holds = walking[row, cell, node], virgin_walking[row, cell, node]
@@ -236,4 +235,68 @@ def _along(table, k_grid, sigma, nodes, weights):
                     found[i, at] += weights[node] * value
                 elif abs(nodes[node]) < 2:
                     found[i, at] = max(found[i, at], value)
+    return found
+
+
+@_compiled
+def hand_over(share, edges, row, cell, below, at):
+    """Move edges between nodes' shares of the normal distribution, in ``share (rows, cells, nodes)``."""
+    for i in range(len(row)):
+        more = _normal(at[i]) - _normal(edges[below[i]])
+        share[row[i], cell[i], below[i]] += more
+        share[row[i], cell[i], below[i] + 1] -= more
+
+
+@_compiled
+def _normal(x):
+    return 0.5 * math.erfc(-x / math.sqrt(2.0))
+
+
+@_compiled
+def tops(margins, depths, stands):
+    """Of pairs of nodes, a softer and a stiffer one with ``margins (pairs, 2, depths)``: which depth each margin is
+    highest at before the softer node holds ``(pairs, 2)``; and whether the stiffer, which stands at ``stands
+    (pairs,)``, does hold there, or depths only grow fast."""
+    pairs, last = len(margins), len(depths) - 1
+    found, jumps = np.zeros((pairs, 2), dtype=np.int64), np.zeros(pairs, dtype=np.bool_)
+    for i in range(pairs):
+        margin, top, holds = margins[i, 0], -1, last + 1
+        for at in range(last + 1):
+            if margin[at] >= 0:
+                holds = at
+                break
+            if (at == 0 or margin[at] > margin[at - 1]) and (at == last or margin[at] >= margin[at + 1]):
+                top = at if top < 0 or margin[at] > margin[top] else top
+        if top >= 0:
+            valley = last if holds > last else top + 1 + np.argmin(margin[top + 1 : holds])
+            found[i, 0], found[i, 1] = top, np.argmax(margins[i, 1, : valley + 1])
+            jumps[i] = stands[i] <= depths[valley]
+    return found, jumps
+
+
+@_compiled
+def suffices(margins, depths):
+    """Where between a softer and a stiffer node k begins to suffice (0 to 1), by their ``margins (pairs, 2, n)`` at
+    ``depths`` about their highest places."""
+    part = np.empty(len(margins))
+    for i in range(len(margins)):
+        least, most = min(_height(margins[i, 0], depths[i, 0]), 0.0), _height(margins[i, 1], depths[i, 1])
+        part[i] = min(-least / (most - least), 1.0) if most > least else 1.0
+    return part
+
+
+@_compiled
+def _height(margin, depths):
+    """How high a margin rises: ground that steps disturb has a ridge, to where the lines from both sides meet."""
+    top, last = np.argmax(margin), len(margin) - 1
+    found = margin[top]
+    for left in (top - 1, top):
+        if left < 1 or left + 2 > last:
+            continue
+        a, b, c, d = depths[left - 1], depths[left], depths[left + 1], depths[left + 2]
+        up, down = (margin[left] - margin[left - 1]) / (b - a), (margin[left + 2] - margin[left + 1]) / (d - c)
+        if up > 0 and down < 0:
+            ridge = (margin[left + 1] - margin[left] + up * b - down * c) / (up - down)
+            if b <= ridge <= c:
+                found = max(found, margin[left] + up * (ridge - b))
     return found

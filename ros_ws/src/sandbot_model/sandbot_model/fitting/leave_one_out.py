@@ -126,8 +126,7 @@ def _fit_without(problem: Problem, cell: int, state: States, theta: Array, ln_k:
     """θ and ln k that fit all cells but one and those that go with it, the better of what is found from the linear step
     and from the fit."""
     left_out = np.flatnonzero(left_out_with(problem.cells)[cell])
-    nuisances = None if problem.nuisances is None else problem.nuisances.without(left_out)
-    fewer = Problem(problem.model, problem.cells.without(left_out), nuisances)
+    fewer = problem.without(left_out)
     both = np.stack([theta, state.theta[0]]), np.stack([ln_k, state.ln_k[0]])
     begin = fewer.states(*both, state.slope, problem.bed(state))
     found = descend(fewer, begin, 2 * FIRST_ITERATIONS)

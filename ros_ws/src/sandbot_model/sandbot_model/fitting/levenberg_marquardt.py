@@ -21,13 +21,13 @@ def descend(problem: Problem, states: States, iterations: int = ITERATIONS, fixe
     rows = np.arange(len(states.theta))
     damping = np.full(len(rows), 1e-2)
     active = np.ones(len(rows), dtype=bool)
-    jacobian, moved = full_jacobian(problem, states), np.zeros(len(rows), dtype=bool)
+    jacobian, moved = full_jacobian(problem, states, switches=True), np.zeros(len(rows), dtype=bool)
     for _ in range(iterations):
         at = np.flatnonzero(active)
         if not len(at):
             break
         if (new := at[moved[at]]).size:
-            jacobian[new] = full_jacobian(problem, states.take(new))
+            jacobian[new] = full_jacobian(problem, states.take(new), switches=True)
         here = states.take(at)
         trial = _moved(problem, here, jacobian[at], damping[at], fixed)
         gain = here.deviance - trial.deviance

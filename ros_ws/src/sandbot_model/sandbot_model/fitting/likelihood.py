@@ -5,8 +5,9 @@ average over k(φ); with G nodes x_g, w_g of Gauss-Hermite quadrature and the sl
 
     ȳ_c = Σ_g w_g y(k + dk/dφ σ_φ x_g, ω),   V_c = V_c0 + (scatter of y over the nodes)/n if the cell straddles a switch
 
-Away from a switch the scatter is part of the pure error V_c0 already. Beside one, replicates walk and swim by chance:
-the mean says little, the mixture's variance says so, and one such cell can't decide a fit.
+Away from a switch the scatter is part of the pure error V_c0 already. Beside one, replicates walk and swim by chance,
+and w_g are the shares of the normal distribution that lie on either side (see ``switch``): the mean says little, the
+mixture's variance says so, and one such cell can't decide a fit.
 
 What trials share (see ``nuisances``) is Gaussian: offsets of the bed move k itself, readings off their zero or scale
 what is predicted. Each is an unknown like the others, its prior a reading of 0 ± sd.
@@ -21,13 +22,14 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.states import States
-from sandbot_model.physics.arrays import Array, Bool
+from sandbot_model.physics.arrays import Array, Bool, Ints
 from sandbot_model.physics.model import Model
-from sandbot_model.physics.observables import Observable
 
 if TYPE_CHECKING:
     from sandbot_model.fitting.cell_means import CellMeans
 
+FEW = 4
+"""One cell in so many is looked at first where most of what is tried is far off."""
 WIDENED = 1.25
 """Scatter of a cell mean over its pure error from which the cell walks or swims by chance."""
 
@@ -81,6 +83,17 @@ class Problem:
         """L⁻¹ with V_c0 = L Lᵀ, ``(cells, 4, 4)``."""
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
 
+    def without(self, cells: int | Ints) -> "Problem":
+        """The same for all cells but these."""
+        nuisances = None if self.nuisances is None else self.nuisances.without(cells)
+        return Problem(self.model, self.cells.without(cells), nuisances)
+
+    @cached_property
+    def few(self) -> "Problem":
+        """The same for one cell in ``FEW``: what deviates so much on these deviates more on all."""
+        # Multiples of the golden ratio take some of every level and of every ω.
+        return self.without(np.flatnonzero(np.arange(len(self.cells)) * 0.6180339887 % 1.0 >= 1.0 / FEW))
+
     def states(self, theta: Array, ln_k: Array, slope: Array, shared: Array | None = None) -> States:
         """Predict all cells and evaluate the likelihood.
 
@@ -89,9 +102,8 @@ class Problem:
         """
         slope = np.broadcast_to(slope, ln_k.shape)
         found = self._shared(len(theta), shared)
-        footing, predicted, covariance, whiten, residual, deviance = self.cell_means.said(
-            theta, ln_k, slope, self.moved(found)
-        )
+        said = self.cell_means.said(theta, ln_k, slope, self.moved(found))
+        footing, predicted, covariance, whiten, residual, deviance = said
         prior = np.zeros((len(theta), 0))
         if self.nuisances is not None:
             shift = self.whitened(whiten, self.nuisances.reading)
@@ -101,7 +113,8 @@ class Problem:
             deviance = deviance + np.sum(left**2 - residual**2, axis=2)
             residual, prior = left, -found / self.nuisances.sd
         pressed = self.pressed(theta, ln_k, slope)
-        return States(theta, ln_k, slope, footing, predicted, covariance, whiten, residual, deviance, pressed, prior)
+        likelihood = covariance, whiten, residual, deviance, pressed, prior
+        return States(theta, ln_k, slope, footing, predicted, *likelihood)
 
     def shared(self, states: States) -> Array:
         """The values of the nuisances ``(rows, nuisances)``."""
@@ -158,9 +171,10 @@ class Problem:
         return CellByCell(predicted, self.widening(said.covariance[0]), deviance, walks)
 
     def widening(self, covariance: Array) -> Array:
-        """How much wider a cell mean's speed scatters than by pure error ``(cells,)``; above 1 beside a switch."""
-        speed = Observable.speed
-        return np.asarray(np.sqrt(covariance[:, speed, speed] / self.covariance[:, speed, speed]))
+        """How much wider what is measured of a cell's mean scatters than by pure error ``(cells,)``; above 1 beside a
+        switch, which a speed hardly sees where legs walk no faster than they swim."""
+        own, wider = (np.diagonal(each, axis1=1, axis2=2) for each in (self.covariance, covariance))
+        return np.asarray(np.sqrt(np.where(self.measured, wider / own, 1.0).max(axis=1)))
 
     def away_from_switch(self, widening: Array) -> Bool:
         """Cells ``(cells,)`` where neither the replicates nor the model walk or swim by chance.

@@ -20,6 +20,8 @@ from sandbot_model.physics.arrays import Array, Bool, Ints
 
 MAX_SCATTER, SIZES = 2.5, 60
 """Largest σ_b, in units of its prior, and how many are tried."""
+FARTHER = 2.0
+"""How much farther than a verdict grants a bed may scatter by what errors average over."""
 LEAST_SHARE = 1e-3
 """Least share of the posterior that is looked at."""
 
@@ -103,6 +105,19 @@ def gains_of_scatter(
     contrasts = free_of(jacobian, others)
     axes, shares, _ = np.linalg.svd(contrasts @ batches, full_matrices=False)
     return gains(axes.T @ (contrasts @ residual), shares**2, tried) - (tried / prior) ** 2
+
+
+def gains_for_errors(
+    residual: Array, jacobian: Array, batches: Array, others: Array, prior: float
+) -> tuple[Array, Array]:
+    """σ_b that errors average over, and what each gains; arguments as above.
+
+    A verdict takes no bed for rougher than beds are; errors must hold on one that is: ``prior`` is the scale of a
+    half-Cauchy's (Gelman 2006, Bayesian Analysis 1, 515).
+    """
+    tried = sizes_tried(FARTHER * prior)
+    without_prior = gains_of_scatter(residual, jacobian, batches, others, tried, np.inf)
+    return tried, without_prior - 2 * np.log1p((tried / prior) ** 2)
 
 
 def averaged_moments(

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_model.fitting.points import CONDITIONS, Feet, Points
+from sandbot_model.fitting.points import CONDITIONS, Feet, Pairs, Points
 from sandbot_model.physics import machine
 from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.machine import OF_CELL, OF_FEET, OF_NODE, OF_ROW
@@ -35,6 +35,8 @@ class CompiledChains:
             **{name: (OF_FEET, at) for at, name in enumerate((*FEET, *VIRGIN))},
             "k": (OF_NODE, 0),
         }
+        # The depth is what is searched for, no input.
+        self._without_feet = {name: of for name, of in self._inputs.items() if of[0] != OF_FEET}
 
     def footing(self, points: Points) -> Footing:
         """See ``Chains``."""
@@ -48,9 +50,14 @@ class CompiledChains:
         at = np.array([*feet], dtype=float).reshape(-1, rows, cells * nodes)
         return np.asarray(machine.evaluate(made, _packed(points), at).reshape(-1, rows, cells, nodes))
 
+    def margins(self, margin: str, points: Points, pairs: Pairs, depths: Array) -> Array:
+        """See ``Chains``."""
+        at = self.tape.inputs[FEET[0] if margin == "margin" else VIRGIN[0]]
+        plain = self._program((margin,), self._without_feet)
+        return np.asarray(machine.margins(plain, _packed(points), at, pairs, depths))
+
     def _holds(self, points: Points, depth: str, margin: str) -> tuple[Array, Bool]:
-        # The depth is what is searched for, no input.
-        plain = self._program((margin,), {name: of for name, of in self._inputs.items() if of[0] != OF_FEET})
+        plain = self._program((margin,), self._without_feet)
         scan, levels = self._known(("by depth", margin), lambda: by_depth(plain))
         at, grid = self.tape.inputs[depth], points.at.depths
         depth_m, walking = machine.footing(scan, levels, plain, _packed(points), at, grid, POLISH, RISES, HELD_N)
@@ -58,7 +65,7 @@ class CompiledChains:
 
     def _program(self, outputs: tuple[str, ...], inputs: Mapping[str, tuple[int, int]]) -> Program:
         fixed = {} if "v_swim" in self._inputs else {"v_swim": V_SWIM_M_S}
-        found: Program = self._known(outputs, lambda: program(self.tape, outputs, inputs, fixed))
+        found: Program = self._known((outputs, len(inputs)), lambda: program(self.tape, outputs, inputs, fixed))
         return found
 
     def _known(self, key: Hashable, make: Callable[[], Any]) -> Any:

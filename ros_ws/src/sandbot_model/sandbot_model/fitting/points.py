@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.arrays import Array, Ints
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES
@@ -15,6 +15,8 @@ from sandbot_model.physics.walking import Footing, Inputs, KCurve, Params, Walke
 
 Feet = Iterable[Any]
 """The fields of a ``Footing``, arrays ``(rows, cells, nodes)``."""
+Pairs = tuple[Ints, Ints, Ints]
+"""Rows, cells and nodes ``(pairs,)``; of a pair of neighbouring nodes the lower one."""
 CONDITIONS = ("phi", "omega", "slow_phase_ratio", "swing_ratio", "slow_begin", "slow_end")
 """Inputs of a chain that a cell is."""
 SEEN = (*NAMES, "margin", "virgin_margin")
@@ -23,7 +25,7 @@ SEEN = (*NAMES, "margin", "virgin_margin")
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """What a cell is, arrays ``(cells,)``; of every row, ``(rows, cells)``, φ may be, and all in ``by_row``."""
+    """What a cell is, arrays ``(cells,)``; of every row, ``(rows, cells)``, φ may be, and all in ``some``."""
 
     omega: Array
     phi: Array
@@ -40,11 +42,14 @@ class Conditions:
         others = (self.omega, self.clock.slow_ratio, self.clock.swing_ratio, self.slow_begin, self.slow_end)
         return np.stack([phi, *(np.broadcast_to(each, phi.shape) for each in others)])
 
-    def by_row(self) -> "Conditions":
-        """One cell for each row."""
-        one = slice(None), None
-        own = (self.omega[one], self.phi[one], self.clock[one], self.slow_begin[one], self.slow_end[one])
-        return Conditions(*own, self.depths)
+    def some(self, row: Ints, cell: Ints) -> "Conditions":
+        """Those of some cells, one to a row."""
+
+        def its(each: Array) -> Array:
+            return (each[cell] if each.ndim == 1 else each[row, cell % each.shape[1]])[:, None]
+
+        clock = Clock(*map(its, vars(self.clock).values()))
+        return Conditions(its(self.omega), its(self.phi), clock, its(self.slow_begin), its(self.slow_end), self.depths)
 
     @classmethod
     def of(cls, walker: Walker, omega: Array, phi: Array, clock: Clock) -> "Conditions":
@@ -80,6 +85,9 @@ class Chains(Protocol):
     def values(self, outputs: tuple[str, ...], points: Points, feet: Feet) -> Array:
         """Some of ``SEEN`` or ``sigma_phi`` at given feet, ``(outputs, *points.shape)``."""
 
+    def margins(self, margin: str, points: Points, pairs: Pairs, depths: Array) -> Array:
+        """One of the margins [N] at depths ``(pairs, 2, n)`` of both nodes of each pair, of the same shape."""
+
 
 class ArrayChains:
     """The chain as it is written, on arrays."""
@@ -101,15 +109,26 @@ class ArrayChains:
         inputs, params = self._inputs(points)
         if outputs == ("sigma_phi",):
             return np.broadcast_to(self.walker.sigma_phi(inputs, params), (1, *points.shape))
-        footing = Footing(*feet)
-        seen = np.broadcast_to(self.walker.observe(inputs, params, footing).observables, (*points.shape, 4))
-        found = dict(zip(NAMES, np.moveaxis(seen, -1, 0), strict=True))
+        footing, found, margin = Footing(*feet), {}, self.walker.margin
         if "margin" in outputs:
-            found["margin"] = self.walker.margin(inputs, params, footing.depth, first_step=False)
-            found["virgin_margin"] = self.walker.margin(
-                inputs, params, footing.virgin_depth, first_step=self.walker.remembers
-            )
+            found["margin"] = margin(inputs, params, footing.depth, first_step=False)
+        if "virgin_margin" in outputs:
+            found["virgin_margin"] = margin(inputs, params, footing.virgin_depth, first_step=self.walker.remembers)
+        if not found.keys() >= set(outputs):
+            seen = np.broadcast_to(self.walker.observe(inputs, params, footing).observables, (*points.shape, 4))
+            found |= zip(NAMES, np.moveaxis(seen, -1, 0), strict=True)
         return np.stack([np.broadcast_to(found[name], points.shape) for name in outputs])
+
+    def margins(self, margin: str, points: Points, pairs: Pairs, depths: Array) -> Array:
+        """See ``Chains``."""
+        row, cell, below = pairs
+        k, curve = points.k, np.atleast_2d(points.curve.k_n_per_m)
+        both = k[(row % k.shape[0])[:, None], (cell % k.shape[1])[:, None], below[:, None] + (0, 1)]
+        every = np.repeat(both, depths.shape[2], axis=1)[:, None]
+        own = KCurve(points.curve.phi, curve[row % len(curve)], points.curve.inner)
+        some = Points(points.theta[row], points.at.some(row, cell), every, own)
+        depth, walks = depths.reshape(every.shape), np.ones(every.shape, dtype=bool)
+        return self.values((margin,), some, (depth, walks, depth, walks)).reshape(depths.shape)
 
     def _inputs(self, points: Points) -> tuple[Inputs, Params]:
         at = points.at

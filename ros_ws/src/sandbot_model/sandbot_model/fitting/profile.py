@@ -1,13 +1,15 @@
 """Profile likelihood: the deviance at given values of some parameters, everything else fitted again at each.
 
 A threshold between two conditions acts alike wherever it is: the deviance is a staircase, a derivative along it knows
-no error, and that of other parameters, which jump with it, is wrong. Errors are then taken from the profile over all
-parameters of the effect: the rms distance from the fit, each point with weight exp(-ΔD/2) under a flat prior.
+no error or a wrong one, and so it is with other parameters, which jump with it. Where the profile along a parameter of
+an effect is no parabola, or a bound is near, errors are taken from the profile over all parameters of the effect: the
+rms distance from the fit, each point with weight exp(-ΔD/2) under a flat prior.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import chain
 
 import numpy as np
 
@@ -32,6 +34,10 @@ AWAY = 0.25 * 2.0 ** -np.arange(8)
 """How far from the fit, in plausible ranges to either side, a parameter without a standard error is held."""
 SIGMAS = np.array([0.5, 1.0, 2.0, 4.0, 8.0])
 """How far one with a standard error is, in those; one that is as large as its plausible range says nothing."""
+UNLIKE = 2.0
+"""Factor by which the rise of the deviance may fall short of a parabola's."""
+FALLEN, FARTHER = 9.0, 4
+"""Rise of the deviance at which a profile may end, and how often its end is moved twice as far away until it has."""
 
 
 def profile(problem: Problem, start: States, at: Sequence[int], values: Array) -> States:
@@ -45,11 +51,10 @@ def profile(problem: Problem, start: States, at: Sequence[int], values: Array) -
 
 def deepest(fit: Fit) -> Fit:
     """The same fit at the lowest place of its profiles: along a staircase a descent stops on any stair."""
-    stairs = [index for at in staircases(fit) for index in at if np.isnan(fit.stderr[index])]
-    for index in stairs:
+    for index in chain.from_iterable(_of_effects(fit)):
         for _ in range(MOVES):
             states = _over_grid(fit.problem, fit, _axes(fit, [index]), [index])
-            best = states.take(np.argsort(states.deviance)[:1])
+            best = states.lowest()
             if best.deviance[0] > fit.deviance - GAINED:
                 break
             end = descend(fit.problem, best)
@@ -59,28 +64,52 @@ def deepest(fit: Fit) -> Fit:
 
 @lru_cache(maxsize=32)
 def with_profiled_errors(fit: Fit, problem: Problem | None = None) -> Fit:
-    """The same fit; where the deviance is a staircase along a parameter of an effect, errors are those of a profile.
+    """The same fit; where the deviance along a parameter of an effect is no parabola, errors are those of a profile.
 
     ``problem`` may have more in it that trials share than the fit's own.
     """
-    for at in staircases(fit):
-        fit = replace(fit, stderr=_profiled(problem or fit.problem, fit, at))
+    problem = problem or fit.problem
+    for at in _of_effects(fit):
+        if not all(_parabolic(problem, fit, index) for index in at):
+            fit = replace(fit, stderr=_profiled(problem, fit, at))
     return fit
 
 
-def staircases(fit: Fit) -> list[list[int]]:
-    """For each effect along one of whose parameters the deviance is a staircase, where its parameters stand."""
+def _of_effects(fit: Fit) -> list[list[int]]:
+    """For each effect with parameters, where these stand."""
     names = fit.model.names
     ats = [
         [names.index(f"{one.identifier}.{parameter.name}") for parameter in one.parameters] for one in fit.model.effects
     ]
-    return [at for at in ats if np.isnan(fit.stderr[at]).any()]
+    return [at for at in ats if at]
+
+
+def _parabolic(problem: Problem, fit: Fit, index: int) -> bool:
+    """Whether two standard errors away along a parameter, or as far as it may go, the deviance has risen as they say.
+
+    Where it rises faster errors are no smaller than they should be.
+    """
+    here, error = fit.point.theta[index], fit.stderr[index]
+    if not error > 0:
+        return False
+    values = np.clip(here + error * np.array([0.0, -2.0, 2.0]), *fit.model.parameters[index].search)
+    away = (values[1:] - here) / error
+    if (np.abs(away) < 1.0).any():
+        return False
+    deviance = profile(problem, _begin(problem, fit), [index], values[:, None]).deviance
+    rise = (deviance[1:] - deviance[0]) / away**2
+    return bool((rise > 1 / UNLIKE).all())
 
 
 def _profiled(problem: Problem, fit: Fit, at: Sequence[int]) -> Array:
     axes = _axes(fit, at)
-    volume = np.prod(np.meshgrid(*map(_widths, axes), indexing="ij"), axis=0).ravel()
     states = _over_grid(problem, fit, axes, at)
+    for _ in range(FARTHER):
+        wider = _wider(fit, axes, at, states.deviance)
+        if all(map(np.array_equal, wider, axes)):
+            break
+        axes, states = wider, _over_grid(problem, fit, wider, at)
+    volume = np.prod(np.meshgrid(*map(_widths, axes), indexing="ij"), axis=0).ravel()
     weight = volume * np.exp(-0.5 * (states.deviance - states.deviance.min()))
     away = np.concatenate([states.theta - fit.point.theta, states.ln_k - fit.point.ln_k], axis=1)
     # What is held scatters over the grid alone, all else about each point of it as well.
@@ -93,10 +122,29 @@ def _axes(fit: Fit, at: Sequence[int]) -> list[Array]:
     return [_held(fit.model.parameters[index], fit.point.theta[index], fit.stderr[index]) for index in at]
 
 
+def _wider(fit: Fit, axes: Sequence[Array], at: Sequence[int], deviance: Array) -> list[Array]:
+    """Axes with one value more, twice as far away, at each end where the deviance has not risen yet.
+
+    A valley that is flat beyond a few of its own standard errors is wider than they say.
+    """
+    risen = (deviance - deviance.min() > FALLEN).reshape([len(axis) for axis in axes])
+    wider = []
+    for which, (axis, index) in enumerate(zip(axes, at, strict=True)):
+        ends = axis[[0, -1]]
+        along = np.moveaxis(risen, which, 0)[[0, -1]].reshape(2, -1)
+        low = ends[~along.all(axis=1)]
+        beyond = np.clip(2 * low - fit.point.theta[index], *fit.model.parameters[index].search)
+        wider.append(np.unique(np.concatenate([axis, beyond])))
+    return wider
+
+
+def _begin(problem: Problem, fit: Fit) -> States:
+    return problem.states(fit.point.theta[None], fit.point.ln_k[None], fit.point.slope[None])
+
+
 def _over_grid(problem: Problem, fit: Fit, axes: Sequence[Array], at: Sequence[int]) -> States:
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(at))
-    start = problem.states(fit.point.theta[None], fit.point.ln_k[None], fit.point.slope[None])
-    return _from_neighbours(problem, profile(problem, start, at, grid), at, [len(axis) for axis in axes])
+    return _from_neighbours(problem, profile(problem, _begin(problem, fit), at, grid), at, [len(axis) for axis in axes])
 
 
 def _from_neighbours(problem: Problem, states: States, at: Sequence[int], shape: Sequence[int]) -> States:

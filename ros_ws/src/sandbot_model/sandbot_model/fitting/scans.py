@@ -5,8 +5,8 @@ import numpy as np
 from sandbot_model.fitting.jacobian import cell_jacobian
 from sandbot_model.fitting.levenberg_marquardt import TOLERANCE, bounds
 from sandbot_model.fitting.likelihood import Problem
-from sandbot_model.fitting.states import States, joined
-from sandbot_model.physics.arrays import Array, Ints
+from sandbot_model.fitting.states import States
+from sandbot_model.physics.arrays import Array, Bool, Ints
 
 SHIFTS = np.concatenate([[0.0], -(s := np.array([1, 2.5, 5, 9, 15, 25, 40]) * 1e-3), s])
 """Relative shifts of k tried for a better valley."""
@@ -19,18 +19,21 @@ REACHES = np.concatenate([-(r := np.array([0.02, 0.05, 0.1, 0.16, 0.24, 0.36, 0.
 
 
 def look_along_k(problem: Problem, state: States) -> States:
-    """Try other k's for every level, near its own and across all; given θ the levels are independent. One row."""
+    """Try other k's for every level, near its own and across all; given all else levels are independent. One row."""
     near = state.ln_k + np.log1p(SHIFTS)[:, None]
     across = np.median(state.ln_k) + np.log(ACROSS)[:, None] + np.zeros_like(state.ln_k)
-    ln_k = np.concatenate([near, across])
-    tried = problem.states(np.repeat(state.theta, len(ln_k), axis=0), ln_k, state.slope, problem.bed(state))
-    value = np.add.reduceat(tried.cell_deviance, _level_starts(problem), axis=1)
-    if (readings := problem.cells.pressed) is not None:
-        np.add.at(value.T, readings.level, tried.pressed.T**2)
-    best = np.where(value.min(axis=0) < value[0] - TOLERANCE, value.argmin(axis=0), 0)
-    if not best.any():
+    ln_k, shared = np.concatenate([near, across]), problem.shared(state)
+    enough = _by_level(problem, state) - TOLERANCE
+    hopeful = _by_level(problem.few, _tried(problem.few, state, state.theta, ln_k, shared)) < enough
+    # Each level has rows of its own: a row is the next of every level.
+    order = np.argsort(~hopeful, axis=0, kind="stable")[: hopeful.sum(axis=0).max()]
+    if not len(order):
         return state
-    moved = problem.states(state.theta, ln_k[best, np.arange(len(best))][None], state.slope, problem.bed(state))
+    ln_k = np.take_along_axis(ln_k, order, axis=0)
+    value = _by_level(problem, _tried(problem, state, state.theta, ln_k, shared))
+    best = np.take_along_axis(ln_k, value.argmin(axis=0)[None], axis=0)
+    best = np.where(value.min(axis=0) < enough, best, state.ln_k)
+    moved = _tried(problem, state, state.theta, best, problem.bed(state))
     return moved if moved.deviance[0] < state.deviance[0] else state
 
 
@@ -41,40 +44,89 @@ def look_along_theta(problem: Problem, state: States) -> States:
     response = k_response(problem, state)
     for index, (name, parameter) in enumerate(zip(problem.model.names, problem.model.parameters, strict=True)):
         reach = state.theta[0, index] if "." not in name else parameter.high - parameter.low
-        theta = np.repeat(state.theta, len(REACHES), axis=0)
-        theta[:, index] = np.clip(theta[:, index] + REACHES * reach, low[index], high[index])
-        moves = (theta[:, index] - state.theta[0, index])[:, None]
-        tried = problem.states(
-            np.concatenate([theta, theta]),
-            np.concatenate([state.ln_k + bounded(moves * response[index]), state.ln_k + 0 * moves]),
-            state.slope[0],
-            problem.bed(state),
-        )
-        best = np.argmin(tried.deviance)
-        if tried.deviance[best] < state.deviance[0] - TOLERANCE:
-            state = tried.take(np.array([best]))
-            response = k_response(problem, state)
+        here = state.theta[0, index]
+        shifted = np.unique(np.clip(here + REACHES * reach, low[index], high[index]))
+        shifted = shifted[shifted != here]
+        theta = np.repeat(state.theta, len(shifted), axis=0)
+        theta[:, index] = shifted
+        moves = (shifted - here)[:, None]
+        both = np.concatenate([state.ln_k + bounded(moves * response[index]), state.ln_k + 0 * moves])
+        found = _lowest_below(problem, state, np.concatenate([theta, theta]), both)
+        if found is not state:
+            state, response = found, k_response(problem, found)
     return state
 
 
+def _lowest_below(problem: Problem, state: States, theta: Array, ln_k: Array) -> States:
+    """The row of least deviance, if that is below a state's, else the state. One row."""
+    if not len(theta):
+        return state
+    enough, bed = state.deviance[0] - TOLERANCE, problem.bed(state)
+    # What deviates more on some of the cells than the state does on all can't be below it.
+    hopeful = np.flatnonzero(_tried(problem.few, state, theta, ln_k, bed).deviance < enough)
+    if not len(hopeful):
+        return state
+    best = _tried(problem, state, theta[hopeful], ln_k[hopeful], bed).lowest()
+    return best if best.deviance[0] < enough else state
+
+
 def look_along_bed(problem: Problem, state: States) -> States:
-    """Shift every offset of the bed, all that gain at once or else the one that gains most. One row."""
+    """Shift every offset of the bed, those that share no cell at once; all that gain, or only some of them. One row."""
     if problem.nuisances is None or not problem.nuisances.moves_k.any():
         return state
-    bed = np.flatnonzero(problem.nuisances.moves_k)
-    shift = problem.nuisances.sd[bed, None] * OFFSETS
-    tried = np.repeat(problem.bed(state), shift.size, axis=0)
-    tried[np.arange(shift.size), np.repeat(bed, len(OFFSETS))] += shift.ravel()
-    rows = np.zeros(len(tried), dtype=np.int64)
-    found = problem.states(state.theta[rows], state.ln_k[rows], state.slope, tried)
-    deviance = found.deviance.reshape(shift.shape)
-    gains = deviance.min(axis=1) < state.deviance[0] - TOLERANCE
-    if not gains.any():
+    shared, sd, own = problem.shared(state), problem.nuisances.sd, problem.nuisances.by_ln_k != 0
+    shifts = []
+    for part in _apart(own):
+        tried = np.repeat(shared, len(OFFSETS), axis=0)
+        tried[:, part] += OFFSETS[:, None] * sd[part]
+        found = _tried(problem, state, state.theta, state.ln_k, tried)
+        gain = _by_offset(state, own[:, part], part) - _by_offset(found, own[:, part], part)
+        shift = np.zeros(len(sd))
+        shift[part] = np.where(gain.max(axis=0) > TOLERANCE, OFFSETS[gain.argmax(axis=0)] * sd[part], 0.0)
+        shifts += [shift] if shift.any() else []
+    if not shifts:
         return state
-    every = problem.bed(state)
-    every[0, bed] += np.where(gains, shift[np.arange(len(bed)), deviance.argmin(axis=1)], 0.0)
-    both = joined([problem.states(state.theta, state.ln_k, state.slope, every), found])
-    return both.take(np.argsort(both.deviance)[:1])
+    bed = problem.bed(state) + np.array([sum(shifts), *shifts])
+    best = _tried(problem, state, state.theta, state.ln_k, bed).lowest()
+    return best if best.deviance[0] < state.deviance[0] else state
+
+
+def _tried(problem: Problem, state: States, theta: Array, ln_k: Array, shared: Array) -> States:
+    """One row's state with other θ, ln k or nuisances, each ``(rows or 1, ...)``."""
+    rows = max(len(theta), len(ln_k), len(shared))
+    theta, ln_k, shared = (np.repeat(each, rows // len(each), axis=0) for each in (theta, ln_k, shared))
+    return problem.states(theta, ln_k, state.slope, shared)
+
+
+def _by_level(problem: Problem, states: States) -> Array:
+    """Deviance of each level's cells and readings ``(rows, levels)``."""
+    value = _summed(problem, states.cell_deviance)
+    if (readings := problem.cells.pressed) is not None:
+        np.add.at(value.T, readings.level, states.pressed.T**2)
+    return value
+
+
+def _summed(problem: Problem, of_cells: Array) -> Array:
+    """Sums of values ``(..., cells)`` over the cells of each level ``(..., levels)``."""
+    return np.asarray(of_cells @ (problem.cells.level[:, None] == np.arange(len(problem.cells.level_phi))))
+
+
+def _by_offset(states: States, own: Bool, part: Ints) -> Array:
+    """What the cells ``own (cells, offsets)`` of some offsets of the bed deviate by, and these themselves ``(rows,
+    offsets)``."""
+    return np.asarray(states.cell_deviance @ own + states.shared[:, part] ** 2)
+
+
+def _apart(own: Bool) -> list[Ints]:
+    """Offsets in parts that share no cell, for the cells of each ``(cells, offsets)``."""
+    parts: list[list[int]] = []
+    for offset in np.flatnonzero(own.any(axis=0)).tolist():
+        free = [part for part in parts if not (own[:, part].any(axis=1) & own[:, offset]).any()]
+        if free:
+            free[0].append(offset)
+        else:
+            parts.append([offset])
+    return [np.array(part) for part in parts]
 
 
 def k_response(problem: Problem, state: States) -> Array:
@@ -82,16 +134,11 @@ def k_response(problem: Problem, state: States) -> Array:
     first order. One row."""
     local = np.moveaxis(cell_jacobian(problem, state)[0], -1, 0)
     own, others = local[-1], local[:-1]
-    first = _level_starts(problem)
-    pull = np.add.reduceat(np.sum(own * others, axis=-1), first, axis=-1)
-    weight = np.add.reduceat(np.sum(own**2, axis=-1), first)
+    pull = _summed(problem, np.sum(own * others, axis=-1))
+    weight = _summed(problem, np.sum(own**2, axis=-1))
     return np.asarray(-pull / np.maximum(weight, 1e-9))
 
 
 def bounded(change: Array) -> Array:
     """A change of ln k, clipped to what a fit can need."""
     return np.clip(change, -1.0, 1.0)
-
-
-def _level_starts(problem: Problem) -> Ints:
-    return np.unique(problem.cells.level, return_index=True)[1]

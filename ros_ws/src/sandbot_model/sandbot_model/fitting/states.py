@@ -48,6 +48,10 @@ class States:
         arrays = {name: getattr(self, name)[rows] for name in _ARRAYS}
         return States(footing=Footing(*(value[rows] for value in vars(self.footing).values())), **arrays)
 
+    def lowest(self) -> "States":
+        """The row of least deviance."""
+        return self.take(np.argmin(self.deviance, keepdims=True))
+
     def where(self, better: Bool, other: "States") -> "States":
         """Rows of ``other`` where ``better (rows,)``, else of these."""
         if better.all():

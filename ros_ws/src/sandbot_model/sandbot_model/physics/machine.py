@@ -217,6 +217,25 @@ def evaluate(program, points, feet):
 
 
 @_compiled
+def margins(program, points, depth, pairs, depths):
+    """The margin at ``depths (pairs, 2, n)`` of nodes and of those above them; ``pairs`` are their rows, cells, and the
+    lower nodes. ``depth`` is the register of the depth."""
+    code, inputs, outputs, count, constants, tables = program
+    row, cell, below = pairs
+    k, phi, curve = points[2], points[3], points[4]
+    reg, none = _registers(count, depths.shape[2], constants), np.empty((0, 0, 0))
+    found, which = np.empty(depths.shape), np.empty(depths.shape[2], dtype=np.int64)
+    for i in range(len(row)):
+        for node in range(2):
+            which[:] = cell[i] * k.shape[2] + below[i] + node
+            _load(inputs, points, none, row[i], which, reg)
+            reg[depth] = depths[i, node]
+            _run(code, 0, len(code), reg, len(which), tables, phi, curve[row[i] % len(curve)])
+            found[i, node] = reg[outputs[0]]
+    return found
+
+
+@_compiled
 def footing(scan, levels, plain, points, depth, grid, steps, rises, held):
     """Depth and whether the ground holds at all, ``(rows, cells * nodes)``.
 
@@ -224,8 +243,8 @@ def footing(scan, levels, plain, points, depth, grid, steps, rises, held):
     begin at ``levels``; where it first is not negative is found by ``steps`` of the Illinois rule, by a ``plain`` one.
     Before that, a peak below 0 may hold between the grid's depths (see ``Walker``).
     """
-    (upper, below, above), (peak, first, second) = _bracket(scan, levels, points, depth, grid)
-    found, walking = _polish(plain, points, depth, grid, upper, below, above, steps), upper > 0
+    upper, (peak, first, second) = _bracket(scan, levels, points, depth, grid)
+    found, walking = _polish(plain, points, depth, grid, upper, steps), upper > 0
     if peak.any():
         _follow(plain, points, depth, grid, peak, first, second, rises, held, found, walking)
     return found, walking
@@ -233,9 +252,9 @@ def footing(scan, levels, plain, points, depth, grid, steps, rises, held):
 
 @_compiled
 def _bracket(program, levels, points, depth, grid):  # noqa: C901
-    """Where on the grid the margin first is not negative, 0 if nowhere, and the margins before it and at it.
+    """Where on the grid the margin first is not negative, 0 if nowhere.
 
-    The same of the highest peak below 0 before that, with the margins at the two depths that lead up to it.
+    The same of the highest peak below 0 before that, and the margins at the two depths that lead up to it.
     """
     code, inputs, outputs, count, constants, tables = program
     theta, conditions, k, phi, curve = points
@@ -245,7 +264,8 @@ def _bracket(program, levels, points, depth, grid):  # noqa: C901
     reg[depth] = grid
     stiffness = -1
     upper, peak = np.zeros((rows, cells * nodes), dtype=np.int64), np.zeros((rows, cells * nodes), dtype=np.int64)
-    below, above, first, second = np.zeros((4, rows, cells * nodes))
+    first, second = np.zeros((2, rows, cells * nodes))
+    order = np.roll(np.arange(nodes), 1)  # the outermost first
     _run(code, 0, levels[0], reg, n, tables, phi, curve[0])
     for row in range(rows):
         own = curve[row % len(curve)]
@@ -260,21 +280,27 @@ def _bracket(program, levels, points, depth, grid):  # noqa: C901
                 if inputs[at, 1] == OF_CELL:
                     reg[inputs[at, 0]] = conditions[inputs[at, 2], row % conditions.shape[1], cell]
             _run(code, levels[1], levels[2], reg, n, tables, phi, own)
-            for node in range(nodes):
+            its, least, most = k[row % k.shape[0], cell % k.shape[1]], cell * nodes, cell * nodes + nodes - 1
+            for node in order:
+                point = least + node
+                agree = upper[row, least] == upper[row, most] and peak[row, least] + peak[row, most] == 0
+                if 0 < node < nodes - 1 and agree:
+                    # k grows from node to node, and no ground holds later for being stiffer: what the outermost agree
+                    # on is so between them.
+                    upper[row, point] = upper[row, least]
+                    continue
                 if stiffness >= 0:
                     for i in range(n):
-                        reg[stiffness, i] = k[row % k.shape[0], cell % k.shape[1], node]
+                        reg[stiffness, i] = its[node]
                 _run(code, levels[2], len(code), reg, n, tables, phi, own)
-                point = cell * nodes + node
                 at, top = _climbed(reg[margin])
                 if at < n:
-                    at = max(at, 1)
-                    upper[row, point], below[row, point], above[row, point] = at, reg[margin, at - 1], reg[margin, at]
+                    upper[row, point] = max(at, 1)
                 if top:
                     before = max(top - 1, 1)
                     peak[row, point] = top
                     first[row, point], second[row, point] = reg[margin, before - 1], reg[margin, before]
-    return (upper, below, above), (peak, first, second)
+    return upper, (peak, first, second)
 
 
 @_compiled
@@ -291,13 +317,13 @@ def _climbed(margin):
 
 
 @_compiled
-def _polish(program, points, depth, grid, upper, below, above, steps):
+def _polish(program, points, depth, grid, upper, steps):
     """Depth of the crossing within its bracket, the deepest where there is none."""
     code, inputs, outputs, count, constants, tables = program
     phi, curve = points[3], points[4]
     reg, none = _registers(count, AT_ONCE, constants), np.empty((0, 0, 0))
     found = np.full(upper.shape, grid[-1])
-    low, high = np.empty(AT_ONCE), np.empty(AT_ONCE)
+    low, high, below, above = np.empty((4, AT_ONCE))
     for row in range(len(upper)):
         crossing = np.nonzero(upper[row])[0]
         for begin in range(0, len(crossing), AT_ONCE):
@@ -306,21 +332,25 @@ def _polish(program, points, depth, grid, upper, below, above, steps):
             _load(inputs, points, none, row, which, reg)
             for i in range(n):
                 low[i], high[i] = grid[upper[row, which[i]] - 1], grid[upper[row, which[i]]]
+            for end, margin in ((low, below), (high, above)):
+                reg[depth, :n] = end[:n]
+                _run(code, 0, len(code), reg, n, tables, phi, curve[row % len(curve)])
+                margin[:n] = reg[outputs[0], :n]
             for _ in range(steps):
                 for i in range(n):
-                    reg[depth, i] = _secant(low[i], high[i], below[row, which[i]], above[row, which[i]])
+                    reg[depth, i] = _secant(low[i], high[i], below[i], above[i])
                 _run(code, 0, len(code), reg, n, tables, phi, curve[row % len(curve)])
                 for i in range(n):
                     here = reg[outputs[0], i]
                     # Illinois: halve the margin of the end that stays, so that it does not stay for ever.
                     if here >= 0:
-                        high[i], above[row, which[i]] = reg[depth, i], here
-                        below[row, which[i]] *= 0.5
+                        high[i], above[i] = reg[depth, i], here
+                        below[i] *= 0.5
                     else:
-                        low[i], below[row, which[i]] = reg[depth, i], here
-                        above[row, which[i]] *= 0.5
+                        low[i], below[i] = reg[depth, i], here
+                        above[i] *= 0.5
             for i in range(n):
-                found[row, which[i]] = _secant(low[i], high[i], below[row, which[i]], above[row, which[i]])
+                found[row, which[i]] = _secant(low[i], high[i], below[i], above[i])
     return found
 
 
