@@ -232,7 +232,7 @@ def strike(cell: Cell, target: str, fault: str, beside: Beside) -> int:
     return start_ns
 
 
-def row(target: str, fault: str, moment: str, silence_s: float = 1.0, trials: int = 1) -> list[str]:
+def row(target: str, fault: str, moment: str, silence_s: float, trials: int) -> list[str]:
     """One row of the table; ``silence_s`` and ``trials``: of the campaign."""
     with tempfile.TemporaryDirectory() as name, own_domain(os.getpid()) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
@@ -327,6 +327,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--faults", nargs="+", choices=FAULTS, default=FAULTS)
     parser.add_argument("--moments", nargs="+", choices=MOMENTS, default=MOMENTS)
     parser.add_argument("--trials", type=int, default=1, help="of each campaign: what it does next is seen with 2")
+    parser.add_argument("--silence", type=float, default=1.0, metavar="S", help="of each campaign")
     parser.add_argument("--out", type=Path, help="JSON lines: what stands there is not run again")
     parser.add_argument("--part", default="1/1", metavar="I/N", help="the I-th of N parts: several streams, one file")
     chosen = parser.parse_args(argv)
@@ -339,7 +340,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     part, parts = map(int, chosen.part.split("/"))
     todo = cells.missing(wanted[part - 1 :: parts], chosen.out) if chosen.out else wanted[part - 1 :: parts]
     for target, fault, moment in todo:
-        one = row(target, fault, moment, trials=chosen.trials)
+        one = row(target, fault, moment, chosen.silence, chosen.trials)
         print(cells.line(one), flush=True)
         if chosen.out:
             cells.add(chosen.out, one)

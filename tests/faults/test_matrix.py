@@ -1,6 +1,10 @@
 """A sample of the matrix of faults; `make faults` runs all of it. How fast is in docs/faults.md."""
 
-import matrix
+import subprocess
+import sys
+from pathlib import Path
+
+import cells
 import pytest
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(300)]
@@ -21,16 +25,24 @@ ATTEMPTS = 3
         ("bed", "KILL", "blowing", "bed is gone"),
     ],
 )
-def test_all_stops_and_the_bag_says_why(target, fault, moment, why, monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", "0")  # the row sets its own; restored afterwards
-    for _ in range(ATTEMPTS):
-        *_, rest, off, bag, status, _, left, _ = matrix.row(target, fault, moment, silence_s=4.0)
-        stopped = rest if moment == "walking" else off
-        if stopped != "-":
-            break
-    assert float(stopped) <= BUSY_S
+def test_all_stops_and_the_bag_says_why(target, fault, moment, why, tmp_path):
+    row = row_of((target, fault, moment), tmp_path / "rows.jsonl")
+    assert float(row["legs [s]" if moment == "walking" else "air [s]"]) <= BUSY_S
+    status = row["exit_status"]
     # On a busy machine clock or bed may be the first to miss the campaign's lease, or the clock itself be held up.
     assert any(
         reason in status for reason in (why, "/operator/lease", "/leg_states", "the clock's process was held up")
     )
-    assert (bag, left) == ("whole", "nothing")
+    assert (row["bag"], row["left running"]) == ("whole", "nothing")
+
+
+def row_of(cell, out):
+    """In a process of its own: what killed nodes leave in shared memory can crash who opens it (Fast DDS issue 6501)."""
+    path = Path(__file__).with_name("matrix.py")
+    which = [word for pair in zip(("--targets", "--faults", "--moments"), cell, strict=True) for word in pair]
+    command = [sys.executable, "-X", "faulthandler", path, *which, "--silence", "4", "--out", out]
+    for _ in range(ATTEMPTS):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if not cells.missing([cell], out):
+            return cells.read(out)[cell]
+    raise AssertionError(f"exit {done.returncode}\n{done.stdout}\n{done.stderr}")
