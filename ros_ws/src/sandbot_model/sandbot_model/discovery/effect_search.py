@@ -8,7 +8,7 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.verdict import Verdict, parts_of, passes, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import solve, solve_near
+from sandbot_model.fitting.global_minimum import solve_among, solve_near
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.model import Model, model_of
@@ -95,8 +95,9 @@ class EffectSearch:
         parents = [self._parent(names) for names in sets]
         starts = [None if parent is None else parent.warm_start for parent in parents]
         models = [self.model(names) for names in sets]
-        tasks = [(model, self.cells, start, nearby) for model, start in zip(models, starts, strict=True)]
-        points = self.fit_all(solve, tasks)
+        least = min((fit.deviance for fit in self.fits.values()), default=math.inf)
+        tasks = [(model, self.cells, start, nearby, least) for model, start in zip(models, starts, strict=True)]
+        points = self.fit_all(solve_among, tasks)
         for done, (names, model, point) in enumerate(zip(sets, models, points, strict=True), start=1):
             found = fitted_at(model, self.cells, point)
             if names not in self.fits or found.deviance < self.fits[names].deviance:
@@ -135,7 +136,9 @@ class EffectSearch:
         self.fit(stage, quick, nearby=True)
         hopeful = [names for names in quick if not self._parent_passes(names)]
         hopeful.sort(key=lambda names: (self._gains_nothing(names), self.fits[names].deviance))
-        self.fit(f"{stage}, closer", hopeful[:REFINED], nearby=False)
+        # The best first: how far down it comes says which others are worth the time.
+        for some in (hopeful[:1], hopeful[1:REFINED]):
+            self.fit(f"{stage}, closer", some, nearby=False)
         if not any(passes(self.fits[names], self.criteria) for names in sets):
             # What fits worse than a part of it has not been found yet.
             lost = [names for names in hopeful[REFINED:] if self._is_worse(names)]

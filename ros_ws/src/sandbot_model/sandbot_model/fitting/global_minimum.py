@@ -30,7 +30,8 @@ VALLEYS = 4
 BASE_STARTS = 5
 """Starts of the base model whose descents are carried to their end."""
 HOPELESS, SLACK = 1.5, 100.0
-"""A deviance so many times that of a model contained, or of a better valley, and so much above is not refined."""
+"""A deviance so many times that of a model contained, another model or a better valley, and so much above, is not
+refined."""
 NEGLIGIBLE = 1.0
 """Rise of the deviance for which a plausible value is preferred."""
 K_PER_PHI = 5.0
@@ -72,10 +73,16 @@ class WarmStart:
 
 def solve(task: tuple[Model, Cells, WarmStart | None, bool]) -> Point:
     """The minimum for (model, cells, what a smaller model has found, whether to look near that only)."""
-    model, cells, near, nearby = task
-    problem = Problem(model, cells)
-    state = nearby_state(problem, near) if nearby and near is not None else best_state(problem, near)
-    return point_at(problem, state)
+    return solve_among((*task, np.inf))
+
+
+def solve_among(task: tuple[Model, Cells, WarmStart | None, bool, float]) -> Point:
+    """The same; where it ends far above the least deviance of other models, the last of the task, it is not refined."""
+    model, cells, near, nearby, least = task
+    problem, hopeless = Problem(model, cells), HOPELESS * least + SLACK
+    if nearby and near is not None:
+        return point_at(problem, nearby_state(problem, near, hopeless))
+    return point_at(problem, best_state(problem, near, hopeless))
 
 
 def solve_near(task: tuple[Model, Cells, tuple[WarmStart, ...], Nuisances | None]) -> Point:
@@ -108,9 +115,12 @@ def point_at(problem: Problem, state: States) -> Point:
     return Point(state.theta[0], state.ln_k[0], state.slope[0], shared)
 
 
-def best_state(problem: Problem, near: WarmStart | None = None) -> States:
-    """The least deviance found anywhere; never above that of ``near`` where this model contains that one."""
-    found = _search(problem, near)
+def best_state(problem: Problem, near: WarmStart | None = None, hopeless: float = np.inf) -> States:
+    """The least deviance found anywhere; never above that of ``near`` where this model contains that one.
+
+    A deviance that is ``hopeless`` is not worth jumps to other valleys.
+    """
+    found = _search(problem, near, hopeless)
     if near is not None and found.deviance[0] > near.deviance:
         close = nearby_state(problem, near)
         found = close if close.deviance[0] < found.deviance[0] else found
@@ -132,7 +142,7 @@ def _plausible(problem: Problem, states: States) -> States:
     return moved if moved.deviance[0] < states.deviance[0] + NEGLIGIBLE else states
 
 
-def _search(problem: Problem, near: WarmStart | None) -> States:
+def _search(problem: Problem, near: WarmStart | None, hopeless: float) -> States:
     """Coarse search, descents of which fewer are kept each round, scans, descent. One row."""
     levels = len(problem.cells.level_phi)
     critical = critical_k_n_per_m(problem.model.robot)
@@ -156,7 +166,7 @@ def _search(problem: Problem, near: WarmStart | None) -> States:
         states = _settled(problem, _hopeful(descend(problem, states, FIRST_ITERATIONS), 10 * HOPELESS))
     states = _settled(problem, states)
     # Step and depth feed back on each other where a leg meets what its predecessors left behind: many valleys.
-    hopeful = states.deviance[0] < HOP_WITHIN * problem.measured.sum()
+    hopeful = states.deviance[0] < min(HOP_WITHIN * problem.measured.sum(), hopeless)
     return _hopped(problem, states) if problem.model.walker.remembers and hopeful else states
 
 
