@@ -37,7 +37,7 @@ def test_all_stops_and_the_bag_says_why(target, fault, moment, why, tmp_path):
 
 
 def row_of(cell, out):
-    """In a process of its own: what killed nodes leave in shared memory can crash who opens it (Fast DDS issue 6501)."""
+    """In its own process: what killed nodes leave in shared memory can crash who opens it (Fast DDS issue 6501)."""
     path = Path(__file__).with_name("matrix.py")
     which = [word for pair in zip(("--targets", "--faults", "--moments"), cell, strict=True) for word in pair]
     command = [sys.executable, "-X", "faulthandler", path, *which, "--silence", "4", "--out", out]

@@ -75,7 +75,7 @@ def test_what_fits_worse_than_its_part_is_searched_for_only_where_nothing_fits_y
     asked = {}
 
     def fit(stage, sets, *, nearby):
-        asked[stage, nearby] = sets
+        asked[stage, nearby] = [*asked.get((stage, nearby), []), *sets]
         search.fits |= {names: SimpleNamespace(deviance=near[names]) for names in sets}
 
     monkeypatch.setattr(search, "fit", fit)
