@@ -57,7 +57,7 @@ def switch_of(model, points, low, high):
     for _ in range(40):
         middle = 0.5 * (low + high)
         k = np.array([low, middle, high])
-        some = points._replace(k=k[None, None], at=points.at.some(np.array([0]), np.array([0])))
+        some = replace(points, k=k[None, None], at=points.at.some(np.array([0]), np.array([0])))
         low, high = (low, middle) if beyond(ArrayChains(model).footing(some))[0, 1] else (middle, high)
     return middle
 

@@ -48,19 +48,19 @@ class CompiledChains:
         made = self._program(outputs, self._inputs)
         rows, cells, nodes = points.shape
         at = np.array([*feet], dtype=float).reshape(-1, rows, cells * nodes)
-        return np.asarray(machine.evaluate(made, _packed(points), at).reshape(-1, rows, cells, nodes))
+        return np.asarray(machine.evaluate(made, points.packed, at).reshape(-1, rows, cells, nodes))
 
     def margins(self, margin: str, points: Points, pairs: Pairs, depths: Array) -> Array:
         """See ``Chains``."""
         at = self.tape.inputs[FEET[0] if margin == "margin" else VIRGIN[0]]
         plain = self._program((margin,), self._without_feet)
-        return np.asarray(machine.margins(plain, _packed(points), at, pairs, depths))
+        return np.asarray(machine.margins(plain, points.packed, at, pairs, depths))
 
     def _holds(self, points: Points, depth: str, margin: str) -> tuple[Array, Bool]:
         plain = self._program((margin,), self._without_feet)
         scan, levels = self._known(("by depth", margin), lambda: by_depth(plain))
         at, grid = self.tape.inputs[depth], points.at.depths
-        depth_m, walking = machine.footing(scan, levels, plain, _packed(points), at, grid, POLISH, RISES, HELD_N)
+        depth_m, walking = machine.footing(scan, levels, plain, points.packed, at, grid, POLISH, RISES, HELD_N)
         return depth_m.reshape(points.shape), walking.reshape(points.shape)
 
     def _program(self, outputs: tuple[str, ...], inputs: Mapping[str, tuple[int, int]]) -> Program:
@@ -72,10 +72,3 @@ class CompiledChains:
         if key not in self.tape.programs:
             self.tape.programs[key] = make()
         return self.tape.programs[key]
-
-
-def _packed(points: Points) -> tuple[Array, ...]:
-    """As ``machine`` wants them: copies, so that there is one kind of array to compile for."""
-    curve = np.atleast_2d(points.curve.k_n_per_m)
-    parts = points.theta, points.at.packed, points.k, points.curve.phi, curve
-    return tuple(np.array(part, dtype=float, order="C") for part in parts)

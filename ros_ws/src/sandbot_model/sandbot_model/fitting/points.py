@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -57,7 +57,8 @@ class Conditions:
         return cls(omega, phi, clock, walker.slow_begin_m(clock), walker.slow_end_m(clock), walker.depths(clock))
 
 
-class Points(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Points:
     """θ ``(rows, parameters)``, conditions of the cells, k ``(rows or 1, cells or 1, nodes)``, the curve k(φ)."""
 
     theta: Array
@@ -69,6 +70,12 @@ class Points(NamedTuple):
     def shape(self) -> tuple[int, int, int]:
         """Rows, cells, nodes."""
         return len(self.theta), self.at.omega.shape[-1], self.k.shape[2]
+
+    @cached_property
+    def packed(self) -> tuple[Array, ...]:
+        """As ``machine`` wants them: copies, so that there is one kind of array to compile for."""
+        parts = self.theta, self.at.packed, self.k, self.curve.phi, np.atleast_2d(self.curve.k_n_per_m)
+        return tuple(np.array(part, dtype=float, order="C") for part in parts)
 
 
 class Chains(Protocol):

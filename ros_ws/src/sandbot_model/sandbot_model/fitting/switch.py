@@ -102,7 +102,9 @@ def _between(chains: Chains, points: Points, margin: str, depth: Array, walks: B
     if not len(row):
         return NONE
     grid = points.at.depths
-    margins = chains.margins(margin, points, (row, cell, below), np.tile(grid, (len(row), 2, 1)))
+    everywhere = np.empty((len(row), 2, len(grid)))
+    everywhere[:] = grid
+    margins = chains.margins(margin, points, (row, cell, below), everywhere)
     top, jumps = kernels.tops(margins, grid, depth[row, cell, below + 1])
     if not jumps.any():
         return NONE
