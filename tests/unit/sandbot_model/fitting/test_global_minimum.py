@@ -8,7 +8,7 @@ import pytest
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting import global_minimum
 from sandbot_model.fitting.fit import fit
-from sandbot_model.fitting.global_minimum import HOPELESS, SLACK, best_state, slope_of, solve, solve_among
+from sandbot_model.fitting.global_minimum import HOPELESS, SLACK, best_state, slope_of, solve
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.starts import profile
 from sandbot_model.physics.catalogue import catalogue
@@ -35,7 +35,7 @@ def test_a_larger_model_is_never_worse_than_the_one_it_starts_from(drawn):
     cells = cells_of(drawn(seed=3, levels=3))
     base = fit(model_of("simple", (), EFFECTS), cells)
     for nearby in (True, False):
-        point = solve((model_of("simple", ("leg_slip",), EFFECTS), cells, base.warm_start, nearby))
+        point = solve((model_of("simple", ("leg_slip",), EFFECTS), cells, base.warm_start, nearby, math.inf))
         problem = Problem(model_of("simple", ("leg_slip",), EFFECTS), cells)
         larger = problem.states(point.theta[None], point.ln_k[None], point.slope[None])
         assert larger.deviance[0] <= base.deviance + 1.0
@@ -49,7 +49,7 @@ def test_no_jumps_are_tried_far_above_the_best_of_other_models(drawn, monkeypatc
     cells = cells_of(drawn(seed=3, levels=3))
     base, model = fit(model_of("simple", (), EFFECTS), cells), model_of("simple", ("crater_refill",), EFFECTS)
     least = (base.deviance / 2 - SLACK) / HOPELESS if hopeless else math.inf
-    point = solve_among((model, cells, base.warm_start, False, least))
+    point = solve((model, cells, base.warm_start, False, least))
     assert bool(jumped) != hopeless
     larger = Problem(model, cells).states(point.theta[None], point.ln_k[None], point.slope[None])
     assert larger.deviance[0] <= base.deviance + 1.0

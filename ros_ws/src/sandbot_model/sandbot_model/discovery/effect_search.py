@@ -8,7 +8,7 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.verdict import Verdict, parts_of, passes, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import solve_among, solve_near
+from sandbot_model.fitting.global_minimum import solve, solve_near
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.model import Model, model_of
@@ -97,7 +97,7 @@ class EffectSearch:
         models = [self.model(names) for names in sets]
         least = min((fit.deviance for fit in self.fits.values()), default=math.inf)
         tasks = [(model, self.cells, start, nearby, least) for model, start in zip(models, starts, strict=True)]
-        points = self.fit_all(solve_among, tasks)
+        points = self.fit_all(solve, tasks)
         for done, (names, model, point) in enumerate(zip(sets, models, points, strict=True), start=1):
             found = fitted_at(model, self.cells, point)
             if names not in self.fits or found.deviance < self.fits[names].deviance:

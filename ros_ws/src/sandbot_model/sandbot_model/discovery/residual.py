@@ -132,7 +132,7 @@ def _tried(
             for guess in some
         ]
         found = []
-        points = fit_all(solve, [(model, fit.cells, fit.warm_start, nearby) for model in models])
+        points = fit_all(solve, [(model, fit.cells, fit.warm_start, nearby, np.inf) for model in models])
         for guess, model, point in zip(some, models, points, strict=True):
             end = fitted_at(model, fit.cells, point)
             values = tuple(end.parameters[f"{guess.name}.c{i}"].value for i in range(len(guess.terms)))

@@ -155,9 +155,9 @@ class Session:
         """The model selected. Raises InputError for an effect that is not known."""
         return model_of(selection.model, selection.effects, self.catalogue(selection.formulas), self.cells.robot)
 
-    def _fitted_ahead(self, task: tuple[Model, Cells, WarmStart | None, bool], selection: Selection) -> Point | None:
+    def _fitted_ahead(self, task: global_minimum.Search, selection: Selection) -> Point | None:
         """The minimum of a task of discovery's, where the page has searched for the very same from the same start."""
-        model, _, start, nearby = task
+        model, _, start, nearby, _ = task
         key = self._key(replace(selection, model=model.base, effects=model.identifiers))
         with self._lock:
             future, begun = self._solved.get(key), self._starts.get(key)

@@ -71,13 +71,13 @@ class WarmStart:
     deviance: float
 
 
-def solve(task: tuple[Model, Cells, WarmStart | None, bool]) -> Point:
-    """The minimum for (model, cells, what a smaller model has found, whether to look near that only)."""
-    return solve_among((*task, np.inf))
+Search = tuple[Model, Cells, WarmStart | None, bool, float]
+"""A model, its cells, what a smaller model has found, whether to look near that only, and the least deviance of other
+models: what ends far above that is not refined."""
 
 
-def solve_among(task: tuple[Model, Cells, WarmStart | None, bool, float]) -> Point:
-    """The same; where it ends far above the least deviance of other models, the last of the task, it is not refined."""
+def solve(task: Search) -> Point:
+    """The minimum that a search finds."""
     model, cells, near, nearby, least = task
     problem, hopeless = Problem(model, cells), HOPELESS * least + SLACK
     if nearby and near is not None:
