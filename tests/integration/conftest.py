@@ -99,7 +99,7 @@ QUICK_BED = {"fluidise_s": 0.7, "ramp_s": 0.3, "settle_s": 0.4, "pulse_off_s": 0
 def quick_bed() -> list[str]:
     """The bed of ``plan_of_one`` as arguments of ``ros2 launch``; leases no busy machine loses."""
     clock = {"clock.lease_s": 1.0, "clock.robot_s": 1.0, "clock.late_s": 0.25}
-    patient = clock | {"lab.legs_lease_s": 1.0, "lab.air_lease_s": 2.0, "bed.lease_s": 2.0}
+    patient = clock | {"lab.legs_lease_s": 1.0, "lab.air_lease_s": 2.0, "bed.lease_s": 2.0, "bed.bad_reading_s": 2.0}
     return [f"{name}:={value}" for name, value in ({f"bed.{k}": v for k, v in QUICK_BED.items()} | patient).items()]
 
 

@@ -5,6 +5,7 @@ import shutil
 import signal
 import threading
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
@@ -34,14 +35,23 @@ def cluster():
         yield local
 
 
-@pytest.fixture
-def run(tmp_path):
-    (tmp_path / "plan.yaml").write_text(PLAN)
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    plan = tmp_path_factory.mktemp("plan") / "plan.yaml"
+    plan.write_text(PLAN)
 
-    def command(name, *options):
-        return campaign.main([str(tmp_path / "plan.yaml"), "--out", str(tmp_path / name), "--batch", *options])
+    def command(out, *options):
+        return campaign.main([str(plan), "--out", str(out), "--batch", *options])
 
     return command
+
+
+@pytest.fixture(scope="module")
+def here(run, tmp_path_factory):
+    """The campaign by this machine alone."""
+    out = tmp_path_factory.mktemp("here") / "here"
+    assert run(out) == 0
+    return out
 
 
 @contextmanager
@@ -66,49 +76,46 @@ def finished(folder):
     return sorted(path.parent.name for path in folder.glob("trials/*/metadata.yaml"))
 
 
-def test_a_worker_killed_midway_changes_no_byte_of_a_campaign_or_its_table(cluster, run, tmp_path):
-    address = cluster.scheduler_address
+def test_a_worker_killed_midway_changes_no_byte_of_a_campaign_or_its_table(cluster, run, here, tmp_path):
+    address, there, rows = cluster.scheduler_address, tmp_path / "there", (here / "trials.csv").read_bytes()
 
     def kill():
         os.kill(next(one.process.pid for one in cluster.workers.values()), signal.SIGKILL)
 
-    with when_a_trial_is_there(tmp_path / "there", kill) as killed:
-        assert run("there", "--dask", address) == 0
+    with when_a_trial_is_there(there, kill) as killed:
+        assert run(there, "--dask", address) == 0
     assert killed
-    assert run("here") == 0
-    here = (tmp_path / "here" / "trials.csv").read_bytes()
-    assert (tmp_path / "there" / "trials.csv").read_bytes() == here
-    assert here.count(b"\n") == 1 + 8
+    assert (there / "trials.csv").read_bytes() == rows
+    assert rows.count(b"\n") == 1 + 8
 
     for kept in (CACHE, TRIALS_CSV):
-        (tmp_path / "there" / kept).unlink()
-    assert table.main([str(tmp_path / "there"), "--dask", address]) == 0
-    assert (tmp_path / "there" / "trials.csv").read_bytes() == here
+        (there / kept).unlink()
+    assert table.main([str(there), "--dask", address]) == 0
+    assert (there / "trials.csv").read_bytes() == rows
 
 
-def test_a_cluster_that_is_lost_loses_no_finished_trial(cluster, run, tmp_path, capsys):
-    with when_a_trial_is_there(tmp_path / "lost", cluster.close) as closed:
-        assert run("lost", "--dask", cluster.scheduler_address) == 1
+def test_a_cluster_that_is_lost_loses_no_finished_trial(cluster, run, here, tmp_path, capsys):
+    lost = tmp_path / "lost"
+    with when_a_trial_is_there(lost, cluster.close) as closed:
+        assert run(lost, "--dask", cluster.scheduler_address) == 1
     assert closed
-    done = finished(tmp_path / "lost")
+    done = finished(lost)
     assert 1 <= len(done) < 8
     assert "failed: the cluster was lost; resume to run it" in capsys.readouterr().out
-    assert run("lost") == 0
-    assert run("here") == 0
-    assert (tmp_path / "lost" / "trials.csv").read_bytes() == (tmp_path / "here" / "trials.csv").read_bytes()
+    assert run(lost) == 0
+    assert (lost / "trials.csv").read_bytes() == (here / "trials.csv").read_bytes()
 
 
 def test_nobody_at_the_address_leaves_nothing_behind(run, tmp_path, capsys):
-    assert run("out", "--dask", "nowhere") == 2
+    assert run(tmp_path / "out", "--dask", "nowhere") == 2
     assert "no Dask scheduler there" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
-def test_where_a_crew_has_no_work_it_is_refused(cluster, run, tmp_path, capsys):
-    assert run("here") == 0
-    for crew in (["--workers", "2"], ["--dask", cluster.scheduler_address]):
-        assert table.main([str(tmp_path / "here" / "trials.csv"), *crew]) == 2
+def test_where_a_crew_has_no_work_it_is_refused(here, tmp_path, capsys):
+    rows = Path(shutil.copy(here / "trials.csv", tmp_path))
+    for crew in (["--workers", "2"], ["--dask", "anywhere"]):
+        assert table.main([str(rows), *crew]) == 2
         assert f"{crew[0]}: only the bags of one folder are shared out" in capsys.readouterr().err
-    shutil.rmtree(tmp_path / "here" / "trials")
-    assert campaign.main([str(tmp_path / "plan.yaml"), "--dask", cluster.scheduler_address]) == 2
+    assert campaign.main([str(here / "campaign.yaml"), "--dask", "anywhere"]) == 2
     assert "--dask: live trials run one by one" in capsys.readouterr().err
