@@ -1,5 +1,6 @@
 """A speed as it comes, as lines of text: half a second a line, 20 ms a column; the same on a terminal and in a log."""
 
+import math
 from collections.abc import Iterator
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
@@ -16,7 +17,10 @@ class SpeedPlot:
         self._line = 0
 
     def add(self, t_s: float, v_m_s: float) -> Iterator[str]:
-        """The lines that are full now that this speed has come; time begins with the first."""
+        """The lines that are full now that this speed has come; time begins with the first.
+
+        One that is not a number, as where a marker was hidden or its frame was late, leaves a gap.
+        """
         if self._begun_s is None:
             self._begun_s = t_s
         # Rounded: 0.58 s after the first is the 29th column, whatever the stamps' last digits.
@@ -24,7 +28,8 @@ class SpeedPlot:
         while place // COLUMNS > self._line:
             yield from self.rest()
             self._line += 1
-        self._columns[place % COLUMNS].append(v_m_s)
+        if math.isfinite(v_m_s):
+            self._columns[place % COLUMNS].append(v_m_s)
 
     def rest(self) -> Iterator[str]:
         """The line that is not full yet, if anything stands in it."""

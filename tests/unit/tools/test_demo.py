@@ -2,6 +2,7 @@
 for. What it shows and says at its end is computed from what was measured.
 """
 
+import math
 import os
 import subprocess
 from pathlib import Path
@@ -145,6 +146,11 @@ def test_what_was_not_measured_is_blank_and_what_is_too_fast_is_full():
     (line,) = plotted([9.0] * 10)
     assert line.split("|")[1] == 5 * "█" + 20 * " "
     assert plotted([]) == []
+    # A frame that came late, a hidden marker: the tracker says NaN.
+    (line,) = plotted([0.3] * 10 + [math.nan] * 10 + [0.3] * 10)
+    assert line.split("|")[1] == 5 * "█" + 5 * " " + 5 * "█" + 10 * " "
+    assert "30.0 cm/s" in line
+    assert plotted([math.nan] * 3) == []
     assert len(plotted([0.1, 0.1], interval_s=2.0)) == 2  # nothing between them: no empty lines
 
 
