@@ -43,7 +43,7 @@ PLAN = {
 }  # fmt: skip
 CAMPAIGN_S, READY_S, REPLAY_S, END_S = 150.0, 40.0, 60.0, 10.0
 """Longer than a busy machine needs: what has not come by then does not come."""
-ATTEMPTS = 2
+ATTEMPTS = 4
 SAME = 1e-3
 """Speeds are the same within this part: a replay shows the second tracker the same frames, bit for bit."""
 PATIENCE_S = (3, 10)
