@@ -452,7 +452,8 @@ def test_the_lab_obeys_nobody_who_is_gone_though_his_commands_go_on(beside, stan
         beside.until(lambda: states and any(states[-1].velocity))
         clock.kill()
         beside.until(lambda: told["lab"].message == "legs stopped: the clock is gone")
-        assert not any(states[-1].velocity)
+        # On a busy machine states are still on their way that were sent before.
+        beside.until(lambda: not any(states[-1].velocity))
         asked["rate"] = 0.0
         beside.wait(lambda: False, 0.2)
         asked["rate"] = OMEGA
