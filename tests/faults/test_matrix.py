@@ -42,7 +42,11 @@ def row_of(cell, out):
     which = [word for pair in zip(("--targets", "--faults", "--moments"), cell, strict=True) for word in pair]
     command = [sys.executable, "-X", "faulthandler", path, *which, "--silence", "4", "--out", out]
     for _ in range(ATTEMPTS):
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+            try:
+                said, _ = process.communicate()
+            finally:
+                process.terminate()  # by which it ends the nodes it has started
         if not cells.missing([cell], out):
             return cells.read(out)[cell]
-    raise AssertionError(f"exit {done.returncode}\n{done.stdout}\n{done.stderr}")
+    raise AssertionError(f"exit {process.returncode}\n{said}")

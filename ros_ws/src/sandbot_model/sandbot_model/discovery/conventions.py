@@ -15,7 +15,7 @@ from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.nuisances_about import scatter_granted, shared_by
 from sandbot_model.discovery.verdict import leaves_nothing, overdispersion, parts_of, passes, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import HOPELESS, solve, solve_below, solve_near
+from sandbot_model.fitting.global_minimum import far_above, solve, solve_below, solve_near
 from sandbot_model.physics.model import Model, model_of
 from sandbot_model.physics.variants import variants_of
 
@@ -44,7 +44,7 @@ def against(search: EffectSearch, claimed: Fit, named: Fit) -> bool:
     from all that were tried (extended BIC; Chen & Chen 2008, Biometrika 95, 759), also beside what trials share, as the
     claim is ``named``; then the claim's own family, too, has the convention that is best for it. Whether there are any.
     """
-    tried = _near(search, _models_of_one(search), HOPELESS * claimed.deviance + 100.0)
+    tried = _near(search, _models_of_one(search), far_above(claimed.deviance))
     lead = search.criteria.clearly if len(claimed.effects) > 1 else 2 * np.log(max(len(tried), 1))
     better = [
         fit

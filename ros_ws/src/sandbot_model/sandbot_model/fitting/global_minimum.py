@@ -79,7 +79,7 @@ models: what ends far above that is not refined."""
 def solve(task: Search) -> Point:
     """The minimum that a search finds."""
     model, cells, near, nearby, least = task
-    problem, hopeless = Problem(model, cells), HOPELESS * least + SLACK
+    problem, hopeless = Problem(model, cells), far_above(least)
     if nearby and near is not None:
         return point_at(problem, nearby_state(problem, near, hopeless))
     return point_at(problem, best_state(problem, near, hopeless))
@@ -107,6 +107,11 @@ def solve_on(task: tuple[Model, Cells, Point, Nuisances]) -> Point:
     begin = problem.states(theta, ln_k, np.stack([point.slope, _slopes(problem, ln_k)[0]]))
     best = descend(problem, begin).lowest()
     return point_at(problem, _looked_round(problem, best))
+
+
+def far_above(deviance: float, times: float = HOPELESS) -> float:
+    """A deviance so far above another that what has it is not worth refining."""
+    return times * deviance + SLACK
 
 
 def point_at(problem: Problem, state: States) -> Point:
@@ -151,14 +156,14 @@ def _search(problem: Problem, near: WarmStart | None, hopeless: float) -> States
     found = starts(problem, slope_of(problem.cells.level_phi, k_curve), k_curve, also=also)
     states = _halved(problem, _begin(problem, found))
     for _ in range(2):
-        if near is not None and states.deviance[0] > 10 * HOPELESS * near.deviance + SLACK:
+        if near is not None and states.deviance[0] > far_above(near.deviance, 10 * HOPELESS):
             return states
         more = resample(problem, states.theta[0], states.ln_k[0], states.slope[0])
         other = _halved(problem, _begin(problem, more)) if more else states
         if other.deviance[0] > states.deviance[0] - 1.0:
             break
         states = other
-    if near is not None and states.deviance[0] > HOPELESS * near.deviance + SLACK:
+    if near is not None and states.deviance[0] > far_above(near.deviance):
         return states
     if near is None:
         # What everything else is measured against: several descents are carried to their end.
@@ -232,7 +237,7 @@ def _valleys(states: States) -> list[int]:
 
 def _hopeful(states: States, times: float) -> States:
     """Rows that are not so many times above the lowest."""
-    return states.take(np.flatnonzero(states.deviance <= times * states.deviance.min() + SLACK))
+    return states.take(np.flatnonzero(states.deviance <= far_above(states.deviance.min(), times)))
 
 
 def nearby_state(problem: Problem, near: WarmStart, hopeless: float = np.inf) -> States:
