@@ -235,6 +235,8 @@ class Watch:
 
     def __exit__(self, *_: object) -> None:
         self._print_rest()
+        # Not left to the interpreter's end: DDS threads can hold each other up for ever as other nodes come and go.
+        self._node.destroy_node()
         rclpy.try_shutdown()
 
     def look(self) -> None:
