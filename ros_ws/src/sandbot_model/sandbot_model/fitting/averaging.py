@@ -21,16 +21,14 @@ def along_the_track(walker: Walker) -> bool:
     return any(effect.along_the_track for effect in walker.effects)
 
 
-def node_weights(values: Array, share: Array, along_the_track: bool) -> Array:
-    """Weight of each node (axis -2) in the mean of ``values (rows, cells, nodes, 4)``, of nodes that each stand for a
-    ``share (rows, cells, nodes)`` of the trials.
+def node_weights(values: Array, share: Array) -> Array:
+    """Weight of each node (axis -2) in the mean of ``values (rows, cells, nodes, 4)`` where φ varies along the track,
+    of nodes that each stand for a ``share (rows, cells, nodes)`` of the trials.
 
-    Trials differ in φ: an average over nodes. Where φ also varies along the track, a trial's lift is that of the
-    median step and its peak that of the best one; its speed is the average still, as every step takes as long.
+    A trial's lift is that of the median step and its peak that of the best one; its speed is the average still, as
+    every step takes as long. Where trials alone differ in φ, all are averages over nodes, weighted by their share.
     """
     weights = np.repeat(share[..., None], len(Observable), axis=-1)
-    if not along_the_track:
-        return weights
     weights[..., Observable.lift] = np.arange(len(NODES)) == len(NODES) // 2
     reached = np.where(np.abs(NODES) < 2, values[..., Observable.peak_speed], -np.inf)
     weights[..., Observable.peak_speed] = np.arange(len(NODES)) == reached.argmax(axis=-1)[..., None]

@@ -17,7 +17,7 @@ from sandbot_model.fitting.averaging import (
 )
 from sandbot_model.fitting.operations import CompiledChains
 from sandbot_model.fitting.points import SEEN, ArrayChains, Chains, Conditions, Points
-from sandbot_model.fitting.switch import Switches, handed_over, moved_switches, share_of_nodes, switches_of
+from sandbot_model.fitting.switch import Switches, share_of_nodes, switches_of, turn
 from sandbot_model.physics.arrays import Array, Bool, Ints
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
@@ -65,6 +65,7 @@ class CellMeans:
         self.walker = model.walker
         self._level = np.ascontiguousarray(cells.level)
         self._replicates = np.asarray(cells.n.max(axis=1), dtype=float)
+        self._sigma_phi = np.full((1, len(cells)), cells.phi_scatter)
 
     @cached_property
     def _table(self) -> tuple[Conditions, Ints]:
@@ -76,7 +77,6 @@ class CellMeans:
 
     def said(self, theta: Array, ln_k: Array, slope: Array, moved: Array) -> Said:
         """Prediction and likelihood of all cells."""
-        slope = slope + np.zeros_like(ln_k)
         points, track = self._points(theta, ln_k, slope, moved)
         footing = self.chains.footing(points)
         values = self.chains.values(NAMES, points, vars(footing).values())
@@ -86,7 +86,6 @@ class CellMeans:
 
     def said_by_row(self, theta: Array, ln_k: Array, slope: Array, moved: Array) -> Said:
         """Prediction and likelihood of cell i by row i, in one row."""
-        slope = slope + np.zeros_like(ln_k)
         points, track = self._points(theta, ln_k, slope, moved, by_row=True)
         footing = self.chains.footing(points)
         values = self.chains.values(NAMES, points, vars(footing).values())
@@ -106,9 +105,7 @@ class CellMeans:
     def _judged(self, footing: Footing, share: Array, values: Array, track: Array, replicates: Array) -> Said:
         between = share_between_trials(self.along, self.cells.phi_scatter, track)
         of = self._weights(values, share), share, self.measured, between, replicates
-        walks = footing.walking.sum(axis=-1)
-        mixed = (share != WEIGHTS).any(axis=-1) | ((walks > 0) & (walks < footing.walking.shape[-1]))
-        return Said(footing, *kernels.judged(values, mixed, *of))
+        return Said(footing, *kernels.judged(values, footing.walking, WEIGHTS, *of))
 
     def jacobian(
         self,
@@ -148,11 +145,8 @@ class CellMeans:
         holds, which = (feet.walking, feet.virgin_walking), self.measured.which
         local = kernels.local_jacobian(seen, np.ascontiguousarray(steps), *holds, weights, which, whiten)
         for margin, these in found if switches else ():
-            places = moved_switches(self.chains, points, margin, these, rows)
-            turn = (places[: count + 1] - places[-1]) / steps[: count + 1, these.row]
-            there = these.row, these.cell
-            shift = np.where(which[these.cell], handed_over(these, values, self.along), 0.0)
-            np.add.at(local, there, np.einsum("sij,sj,ps->sip", whiten[there], shift, turn))
+            of = values, whiten, which
+            turn(local, self.chains, points, margin, these, steps, of, along_the_track=self.along)
         return np.asarray(local)
 
     def spread(self, local: Array) -> Array:
@@ -188,7 +182,7 @@ class CellMeans:
         return found[0], found[1]
 
     def _weights(self, values: Array, share: Array) -> Array:
-        return node_weights(np.moveaxis(values, 0, -1), share, self.along)
+        return node_weights(np.moveaxis(values, 0, -1), share) if self.along else share[..., None]
 
     def _points(
         self, theta: Array, ln_k: Array, slope: Array, moved: Array, *, by_row: bool = False
@@ -198,16 +192,16 @@ class CellMeans:
         ``by_row``: those of cell i in row i alone.
         """
         cells, level_k, factor = self.cells, np.exp(ln_k), np.exp(moved)
-        each = np.arange(len(cells))
-        where = self.at.some(each, each) if by_row else self.at
+        each = np.arange(len(cells)) if by_row else None
+        where = self.at if each is None else self.at.some(each, each)
         curve = KCurve(cells.level_phi, level_k, inner=3)
-        track = np.zeros((1, 1))
+        track, sigma_phi = np.zeros((1, 1)), self._sigma_phi
         if self.chains.varies_phi:
             k = level_k[:, cells.level] * factor
             at = Points(theta, where, _own(k)[:, None, None] if by_row else k[..., None], curve)
             feet = np.full(at.shape, 0.01), np.ones(at.shape)
             track = self.chains.values(("sigma_phi",), at, (*feet, *feet))[0, ..., 0]
-        sigma_phi = np.hypot(cells.phi_scatter, track.T if by_row else track) + np.zeros(len(cells))
+            sigma_phi = np.hypot(cells.phi_scatter, track.T if by_row else track) + np.zeros(len(cells))
         k = kernels.node_k(level_k, slope, self._level, factor, sigma_phi, self.ln_k_sd, NODES, LEAST_SPREAD)
         return Points(theta, where, np.ascontiguousarray(_own(k)[:, None]) if by_row else k, curve), track
 

@@ -31,11 +31,12 @@ def node_k(level_k, slope, level, factor, sigma_phi, ln_k_sd, nodes, least_sprea
 
 
 @_compiled
-def judged(values, mixed, weights, between, data, share, replicates):
+def judged(values, walking, plain, weights, between, data, share, replicates):
     """Mean ``(rows, cells, 4)``, covariance, its whitening ``(..., 4, 4)``, whitened residual, deviance of each cell.
 
-    Of ``values (4, rows, cells, nodes)``; ``weights (rows, cells, nodes, 4)`` are the nodes' in the mean, ``between
-    (rows, cells, nodes)`` in its variance, which is that of the nodes too where a cell is ``mixed (rows, cells)``.
+    Of ``values (4, rows, cells, nodes)``; ``weights (rows, cells, nodes, 4 or 1)`` are the nodes' in the mean,
+    ``between (rows, cells, nodes)`` in its variance, which is that of the nodes too where a cell is mixed: some of them
+    are ``walking`` and some not, or their weights are not the ``plain`` ones ``(nodes,)``.
     """
     measured, mean, covariance, whiten, log_det = data
     _, rows, cells, count = values.shape
@@ -43,15 +44,17 @@ def judged(values, mixed, weights, between, data, share, replicates):
     wider, whitens = np.empty((rows, cells, 4, 4)), np.empty((rows, cells, 4, 4))
     for row in range(rows):
         for cell in range(cells):
-            weight = weights[row, cell]
+            weight, walks, mixed = weights[row, cell], 0, False
             for node in range(count):
                 for i in range(4):
-                    predicted[row, cell, i] += weight[node, i] * values[i, row, cell, node]
+                    predicted[row, cell, i] += weight[node, i % weight.shape[1]] * values[i, row, cell, node]
+                walks += walking[row, cell, node]
+                mixed |= between[row, cell, node] != plain[node]
             for i in range(4):
                 for j in range(4):
                     wider[row, cell, i, j], whitens[row, cell, i, j] = covariance[cell, i, j], whiten[cell, i, j]
             deviance[row, cell] = 0.0
-            if mixed[row, cell]:
+            if mixed or 0 < walks < count:
                 of = share[row % len(share), cell % share.shape[1]], replicates[row % len(replicates), cell]
                 spread = values[:, row, cell], predicted[row, cell], between[row, cell]
                 here = measured[cell], wider[row, cell], whitens[row, cell]
@@ -127,7 +130,7 @@ def local_jacobian(seen, steps, walking, virgin_walking, weights, measured, whit
                         sinks[step] = -pull / stiff if holds[step] and stiff > 1e-6 else 0.0
                     for i in range(4):
                         direct = (values[i] - unmoved[i]) / steps[p, row]
-                        slope[p, i] += weight[node, i] * (direct + by_depth[i] * sinks[i // 3])
+                        slope[p, i] += weight[node, i % weight.shape[1]] * (direct + by_depth[i] * sinks[i // 3])
             for i in range(4):
                 for j in range(i + 1):
                     if measured[cell, j]:
@@ -239,6 +242,24 @@ def _along(table, k_grid, sigma, nodes, weights):
 
 
 @_compiled
+def apart(depth, walking, may, drop):
+    """Neighbouring nodes of which the softer stands deeper by more than ``drop``, or does not walk: their rows, cells
+    and the softer nodes, of cells that ``may (rows or 1, cells)``."""
+    rows, cells, nodes = depth.shape
+    found = np.empty((3, rows * cells * (nodes - 1)), dtype=np.int64)
+    count = 0
+    for row in range(rows):
+        for cell in range(cells):
+            if may[row % len(may), cell % may.shape[1]]:
+                for node in range(nodes - 1):
+                    soft, stiff = walking[row, cell, node], walking[row, cell, node + 1]
+                    if depth[row, cell, node] - depth[row, cell, node + 1] > drop or (stiff and not soft):
+                        found[0, count], found[1, count], found[2, count] = row, cell, node
+                        count += 1
+    return found[0, :count].copy(), found[1, :count].copy(), found[2, :count].copy()
+
+
+@_compiled
 def hand_over(share, edges, row, cell, below, at):
     """Move edges between nodes' shares of the normal distribution, in ``share (rows, cells, nodes)``."""
     for i in range(len(row)):
@@ -248,55 +269,22 @@ def hand_over(share, edges, row, cell, below, at):
 
 
 @_compiled
+def turn(local, whiten, measured, values, pairs, at, by, spared):
+    """Add to ``local``, see ``local_jacobian``, what switches do that move: trials go over from the stiffer node to the
+    softer. ``at (switches,)`` [σ of k] move ``by (parameters + 1, switches)``; means of a kind that is ``spared (4,)``
+    are no averages."""
+    row, cell, below = pairs
+    for s in range(len(row)):
+        density = math.exp(-0.5 * at[s] ** 2) / math.sqrt(2 * math.pi)
+        of = values[:, row[s], cell[s]]
+        for j in range(4):
+            if measured[cell[s], j] and not spared[j]:
+                change = density * (of[j, below[s]] - of[j, below[s] + 1])
+                for i in range(j, 4):
+                    for p in range(len(by)):
+                        local[row[s], cell[s], i, p] += whiten[row[s], cell[s], i, j] * change * by[p, s]
+
+
+@_compiled
 def _normal(x):
     return 0.5 * math.erfc(-x / math.sqrt(2.0))
-
-
-@_compiled
-def tops(margins, depths, stands):
-    """Of pairs of nodes, a softer and a stiffer one with ``margins (pairs, 2, depths)``: which depth each margin is
-    highest at before the softer node holds ``(pairs, 2)``; and whether the stiffer, which stands at ``stands
-    (pairs,)``, does hold there, or depths only grow fast."""
-    pairs, last = len(margins), len(depths) - 1
-    found, jumps = np.zeros((pairs, 2), dtype=np.int64), np.zeros(pairs, dtype=np.bool_)
-    for i in range(pairs):
-        margin, top, holds = margins[i, 0], -1, last + 1
-        for at in range(last + 1):
-            if margin[at] >= 0:
-                holds = at
-                break
-            if (at == 0 or margin[at] > margin[at - 1]) and (at == last or margin[at] >= margin[at + 1]):
-                top = at if top < 0 or margin[at] > margin[top] else top
-        if top >= 0:
-            valley = last if holds > last else top + 1 + np.argmin(margin[top + 1 : holds])
-            found[i, 0], found[i, 1] = top, np.argmax(margins[i, 1, : valley + 1])
-            jumps[i] = stands[i] <= depths[valley]
-    return found, jumps
-
-
-@_compiled
-def suffices(margins, depths):
-    """Where between a softer and a stiffer node k begins to suffice (0 to 1), by their ``margins (pairs, 2, n)`` at
-    ``depths`` about their highest places."""
-    part = np.empty(len(margins))
-    for i in range(len(margins)):
-        least, most = min(_height(margins[i, 0], depths[i, 0]), 0.0), _height(margins[i, 1], depths[i, 1])
-        part[i] = min(-least / (most - least), 1.0) if most > least else 1.0
-    return part
-
-
-@_compiled
-def _height(margin, depths):
-    """How high a margin rises: ground that steps disturb has a ridge, to where the lines from both sides meet."""
-    top, last = np.argmax(margin), len(margin) - 1
-    found = margin[top]
-    for left in (top - 1, top):
-        if left < 1 or left + 2 > last:
-            continue
-        a, b, c, d = depths[left - 1], depths[left], depths[left + 1], depths[left + 2]
-        up, down = (margin[left] - margin[left - 1]) / (b - a), (margin[left + 2] - margin[left + 1]) / (d - c)
-        if up > 0 and down < 0:
-            ridge = (margin[left + 1] - margin[left] + up * b - down * c) / (up - down)
-            if b <= ridge <= c:
-                found = max(found, margin[left] + up * (ridge - b))
-    return found

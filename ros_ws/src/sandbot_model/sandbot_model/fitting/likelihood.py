@@ -100,8 +100,7 @@ class Problem:
         ``shared (rows or 1, nuisances)`` are the values of the nuisances; without them the bed's are what they are
         about. Readings off their zero or scale, where not a number, are what suits best.
         """
-        slope = np.broadcast_to(slope, ln_k.shape)
-        found = self._shared(len(theta), shared)
+        slope, found = slope + np.zeros_like(ln_k), self._shared(len(theta), shared)
         said = self.cell_means.said(theta, ln_k, slope, self.moved(found))
         footing, predicted, covariance, whiten, residual, deviance = said
         prior = np.zeros((len(theta), 0))
@@ -159,7 +158,7 @@ class Problem:
 
     def cell_by_cell(self, theta: Array, ln_k: Array, slope: Array, shared: Array | None = None) -> CellByCell:
         """What is predicted for cell i with row i of θ ``(cells, parameters)`` and ln k ``(cells, levels)``."""
-        found = self._shared(len(theta), shared)
+        slope, found = slope + np.zeros_like(ln_k), self._shared(len(theta), shared)
         said = self.cell_means.said_by_row(theta, ln_k, slope, self.moved(found))
         predicted, residual, deviance = said.predicted[0], said.residual[0], said.deviance[0]
         if self.nuisances is not None:

@@ -50,11 +50,23 @@ class CompiledChains:
         at = np.array([*feet], dtype=float).reshape(-1, rows, cells * nodes)
         return np.asarray(machine.evaluate(made, points.packed, at).reshape(-1, rows, cells, nodes))
 
-    def margins(self, margin: str, points: Points, pairs: Pairs, depths: Array) -> Array:
+    def switches(
+        self, margin: str, points: Points, pairs: Pairs, stands: Array, window: Array
+    ) -> tuple[Pairs, Array, Array]:
         """See ``Chains``."""
-        at = self.tape.inputs[FEET[0] if margin == "margin" else VIRGIN[0]]
-        plain = self._program((margin,), self._without_feet)
-        return np.asarray(machine.margins(plain, points.packed, at, pairs, depths))
+        found: tuple[Pairs, Array, Array] = machine.switches(
+            *self._searched(margin, points), pairs, stands, points.at.depths, window
+        )
+        return found
+
+    def places(self, margin: str, points: Points, pairs: Pairs, depths: Array, rows: int) -> Array:
+        """See ``Chains``."""
+        return np.asarray(machine.places(*self._searched(margin, points), pairs, depths, rows))
+
+    def _searched(self, margin: str, points: Points) -> tuple[Program, tuple[Array, ...], int]:
+        """The program of a margin, where it is evaluated, and the register of the depth."""
+        depth = self.tape.inputs[FEET[0] if margin == "margin" else VIRGIN[0]]
+        return self._program((margin,), self._without_feet), points.packed, depth
 
     def _holds(self, points: Points, depth: str, margin: str) -> tuple[Array, Bool]:
         plain = self._program((margin,), self._without_feet)

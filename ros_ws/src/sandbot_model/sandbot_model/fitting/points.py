@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from sandbot_model.physics import machine
 from sandbot_model.physics.arrays import Array, Ints
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
@@ -92,8 +93,14 @@ class Chains(Protocol):
     def values(self, outputs: tuple[str, ...], points: Points, feet: Feet) -> Array:
         """Some of ``SEEN`` or ``sigma_phi`` at given feet, ``(outputs, *points.shape)``."""
 
-    def margins(self, margin: str, points: Points, pairs: Pairs, depths: Array) -> Array:
-        """One of the margins [N] at depths ``(pairs, 2, n)`` of both nodes of each pair, of the same shape."""
+    def switches(
+        self, margin: str, points: Points, pairs: Pairs, stands: Array, window: Array
+    ) -> tuple[Pairs, Array, Array]:
+        """Pairs between whose nodes legs jump, see ``machine.switches``: depths about the highest margins ``(pairs, 2,
+        n)``, and where between the nodes k begins to suffice (0 to 1)."""
+
+    def places(self, margin: str, points: Points, pairs: Pairs, depths: Array, rows: int) -> Array:
+        """The last for the same pairs in blocks of ``rows`` rows ``(blocks, pairs)``."""
 
 
 class ArrayChains:
@@ -126,8 +133,27 @@ class ArrayChains:
             found |= zip(NAMES, np.moveaxis(seen, -1, 0), strict=True)
         return np.stack([np.broadcast_to(found[name], points.shape) for name in outputs])
 
-    def margins(self, margin: str, points: Points, pairs: Pairs, depths: Array) -> Array:
+    def switches(
+        self, margin: str, points: Points, pairs: Pairs, stands: Array, window: Array
+    ) -> tuple[Pairs, Array, Array]:
         """See ``Chains``."""
+        grid = points.at.depths
+        everywhere = np.broadcast_to(grid, (len(stands), 2, len(grid)))
+        top, jumps = machine.tops(self._margins(margin, points, pairs, everywhere), grid, stands)
+        row, cell, below = (each[jumps] for each in pairs)
+        depths = machine.about(top[jumps], grid, window)
+        found = self._margins(margin, points, (row, cell, below), depths)
+        return (row, cell, below), depths, machine.suffices(found, depths)
+
+    def places(self, margin: str, points: Points, pairs: Pairs, depths: Array, rows: int) -> Array:
+        """See ``Chains``."""
+        row, cell, below = pairs
+        blocks = range(0, len(points.theta), rows)
+        found = [self._margins(margin, points, (row + first, cell, below), depths) for first in blocks]
+        return np.array([machine.suffices(each, depths) for each in found])
+
+    def _margins(self, margin: str, points: Points, pairs: Pairs, depths: Array) -> Array:
+        """One of the margins [N] at depths ``(pairs, 2, n)`` of both nodes of each pair, of the same shape."""
         row, cell, below = pairs
         k, curve = points.k, np.atleast_2d(points.curve.k_n_per_m)
         both = k[(row % k.shape[0])[:, None], (cell % k.shape[1])[:, None], below[:, None] + (0, 1)]

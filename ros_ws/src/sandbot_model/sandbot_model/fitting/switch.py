@@ -40,6 +40,11 @@ class Switches:
     at: Array
     """Where k begins to suffice [σ of k]."""
 
+    @property
+    def pairs(self) -> Pairs:
+        """The nodes that they are between."""
+        return self.row, self.cell, self.below
+
     def take(self, which: Bool) -> "Switches":
         """Some of them."""
         return Switches(*(of[which] for of in vars(self).values()))
@@ -47,6 +52,8 @@ class Switches:
 
 _NO = np.empty(0, dtype=np.int64)
 NONE = Switches(_NO, _NO, _NO, np.empty((0, 2, len(WINDOW))), np.empty(0))
+_AVERAGED, _SPARED = np.zeros(len(Observable), dtype=bool), np.zeros(len(Observable), dtype=bool)
+_SPARED[[Observable.lift, Observable.peak_speed]] = True  # along a track these are no averages (see ``node_weights``)
 
 
 def switches_of(
@@ -75,45 +82,36 @@ def share_of_nodes(found: Sequence[tuple[str, Switches]], shape: tuple[int, ...]
     return share
 
 
-def moved_switches(chains: Chains, points: Points, margin: str, these: Switches, rows: int) -> Array:
-    """Where the same switches are in each of several blocks of ``rows`` rows ``(blocks, switches)``."""
-    blocks = len(points.theta) // rows
+def turn(
+    local: Array,
+    chains: Chains,
+    points: Points,
+    margin: str,
+    these: Switches,
+    steps: Array,
+    of: tuple[Array, Array, Bool],
+    *,
+    along_the_track: bool,
+) -> None:
+    """Add to ``local (rows, cells, 4, parameters + 1)``, see ``kernels.local_jacobian``, what the same switches do that
+    move: ``points`` are blocks of rows, each with one parameter moved by ``steps``, the last with none. ``of``: values
+    of the nodes, whitening, and what was measured."""
     if not len(these.row):
-        return np.empty((blocks, 0))
-    row = (np.arange(blocks)[:, None] * rows + these.row).ravel()
-    pairs = row, np.tile(these.cell, blocks), np.tile(these.below, blocks)
-    return _place(chains, points, margin, pairs, np.tile(these.depths, (blocks, 1, 1))).reshape(blocks, -1)
-
-
-def handed_over(these: Switches, values: Array, along_the_track: bool) -> Array:
-    """What the mean of a cell's ``values (4, rows, cells, nodes)`` changes by, as a switch moves by 1 σ of k,
-    ``(switches, 4)``: trials go over from the stiffer node to the softer."""
-    soft, stiff = (values[:, these.row, these.cell, these.below + node] for node in (0, 1))
-    density = np.exp(-0.5 * these.at**2) / np.sqrt(2 * np.pi)
-    apart = np.asarray(density * (soft - stiff)).T
-    # Along a track these are no averages (see ``node_weights``).
-    apart[:, [Observable.lift, Observable.peak_speed]] *= not along_the_track
-    return apart
+        return
+    values, whiten, measured = of
+    count = local.shape[-1]
+    places = chains.places(margin, points, these.pairs, these.depths, len(local))
+    places = NODES[these.below] + places * (NODES[these.below + 1] - NODES[these.below])
+    by = (places[:count] - places[-1]) / steps[:count, these.row]
+    spared = _SPARED if along_the_track else _AVERAGED
+    kernels.turn(local, whiten, measured, values, these.pairs, these.at, by, spared)
 
 
 def _between(chains: Chains, points: Points, margin: str, depth: Array, walks: Bool, apart: Bool) -> Switches:
-    deeper = depth[..., :-1] - depth[..., 1:] > DROP_M
-    row, cell, below = np.nonzero((deeper | (walks[..., :-1] < walks[..., 1:])) & apart[..., None])
-    if not len(row):
+    pairs = kernels.apart(depth, walks, apart, DROP_M)
+    if not len(pairs[0]):
         return NONE
-    grid = points.at.depths
-    everywhere = np.empty((len(row), 2, len(grid)))
-    everywhere[:] = grid
-    margins = chains.margins(margin, points, (row, cell, below), everywhere)
-    top, jumps = kernels.tops(margins, grid, depth[row, cell, below + 1])
-    if not jumps.any():
-        return NONE
-    pairs = row[jumps], cell[jumps], below[jumps]
-    depths = np.interp(top[jumps][..., None] + WINDOW, np.arange(len(grid)), grid)
-    return Switches(*pairs, depths, _place(chains, points, margin, pairs, depths))
-
-
-def _place(chains: Chains, points: Points, margin: str, pairs: Pairs, depths: Array) -> Array:
-    part = kernels.suffices(chains.margins(margin, points, pairs, depths), depths)
+    row, cell, below = pairs
+    pairs, depths, part = chains.switches(margin, points, pairs, depth[row, cell, below + 1], WINDOW)
     below = pairs[2]
-    return np.asarray(NODES[below] + part * (NODES[below + 1] - NODES[below]))
+    return Switches(*pairs, depths, NODES[below] + part * (NODES[below + 1] - NODES[below]))

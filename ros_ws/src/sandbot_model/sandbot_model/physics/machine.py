@@ -217,7 +217,7 @@ def evaluate(program, points, feet):
 
 
 @_compiled
-def margins(program, points, depth, pairs, depths):
+def _margins(program, points, depth, pairs, depths):
     """The margin at ``depths (pairs, 2, n)`` of nodes and of those above them; ``pairs`` are their rows, cells, and the
     lower nodes. ``depth`` is the register of the depth."""
     code, inputs, outputs, count, constants, tables = program
@@ -232,6 +232,91 @@ def margins(program, points, depth, pairs, depths):
             reg[depth] = depths[i, node]
             _run(code, 0, len(code), reg, len(which), tables, phi, curve[row[i] % len(curve)])
             found[i, node] = reg[outputs[0]]
+    return found
+
+
+@_compiled
+def switches(program, points, depth, pairs, stands, grid, window):
+    """Of ``pairs`` of nodes (their rows, cells, the softer nodes) those between which legs jump; see ``tops`` and
+    ``suffices``. Also the depths looked at. ``depth`` is the register of the depth."""
+    row, cell, below = pairs
+    everywhere = np.empty((len(row), 2, len(grid)))
+    everywhere[:] = grid
+    top, jumps = tops(_margins(program, points, depth, pairs, everywhere), grid, stands)
+    some = np.nonzero(jumps)[0]
+    pairs, depths = (row[some], cell[some], below[some]), about(top[some], grid, window)
+    return pairs, depths, suffices(_margins(program, points, depth, pairs, depths), depths)
+
+
+@_compiled
+def places(program, points, depth, pairs, depths, rows):
+    """Where k begins to suffice between the same pairs in each block of so many rows ``(blocks, pairs)``."""
+    row, cell, below = pairs
+    found = np.empty((len(points[0]) // rows, len(row)))
+    for block in range(len(found)):
+        there = row + block * rows, cell, below
+        found[block] = suffices(_margins(program, points, depth, there, depths), depths)
+    return found
+
+
+@_compiled
+def about(top, grid, window):
+    """Depths about places on a grid ``(pairs, 2)``, a ``window`` of them in steps of the grid."""
+    found, steps = np.empty((*top.shape, len(window))), np.arange(0.0, len(grid))
+    for i in range(len(top)):
+        for node in range(2):
+            for at in range(len(window)):
+                found[i, node, at] = interpolated(top[i, node] + window[at], steps, grid)
+    return found
+
+
+@_compiled
+def tops(margins, depths, stands):
+    """Of pairs of nodes, a softer and a stiffer one with ``margins (pairs, 2, depths)``: which depth each margin is
+    highest at before the softer node holds ``(pairs, 2)``; and whether the stiffer, which stands at ``stands
+    (pairs,)``, does hold there, or depths only grow fast."""
+    pairs, last = len(margins), len(depths) - 1
+    found, jumps = np.zeros((pairs, 2), dtype=np.int64), np.zeros(pairs, dtype=np.bool_)
+    for i in range(pairs):
+        margin, top, holds = margins[i, 0], -1, last + 1
+        for at in range(last + 1):
+            if margin[at] >= 0:
+                holds = at
+                break
+            if (at == 0 or margin[at] > margin[at - 1]) and (at == last or margin[at] >= margin[at + 1]):
+                top = at if top < 0 or margin[at] > margin[top] else top
+        if top >= 0:
+            valley = last if holds > last else top + 1 + np.argmin(margin[top + 1 : holds])
+            found[i, 0], found[i, 1] = top, np.argmax(margins[i, 1, : valley + 1])
+            jumps[i] = stands[i] <= depths[valley]
+    return found, jumps
+
+
+@_compiled
+def suffices(margins, depths):
+    """Where between a softer and a stiffer node k begins to suffice (0 to 1), by their ``margins (pairs, 2, n)`` at
+    ``depths`` about their highest places."""
+    part = np.empty(len(margins))
+    for i in range(len(margins)):
+        least, most = min(_height(margins[i, 0], depths[i, 0]), 0.0), _height(margins[i, 1], depths[i, 1])
+        part[i] = min(-least / (most - least), 1.0) if most > least else 1.0
+    return part
+
+
+@_compiled
+def _height(margin, depths):
+    """How high a margin rises: ground that steps disturb has a ridge, to where the lines from both sides meet."""
+    top, last = np.argmax(margin), len(margin) - 1
+    found = margin[top]
+    for left in (top - 1, top):
+        if left < 1 or left + 2 > last:
+            continue
+        a, b, c, d = depths[left - 1], depths[left], depths[left + 1], depths[left + 2]
+        up, down = (margin[left] - margin[left - 1]) / (b - a), (margin[left + 2] - margin[left + 1]) / (d - c)
+        if up > 0 and down < 0:
+            ridge = (margin[left + 1] - margin[left] + up * b - down * c) / (up - down)
+            if b <= ridge <= c:
+                found = max(found, margin[left] + up * (ridge - b))
     return found
 
 
