@@ -8,6 +8,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery import effect_search
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.verdict import judge
+from sandbot_model.fitting.global_minimum import Found
 from sandbot_model.physics.catalogue import catalogue
 
 FEW = {name: effect for name, effect in catalogue().items() if name in ("stance_overlap", "swimming_thrust")}
@@ -84,3 +85,23 @@ def test_what_fits_worse_than_its_part_is_searched_for_only_where_nothing_fits_y
     search._try("threes", list(near))
     assert asked["threes, closer", False] == [("a", "b", "c")]
     assert asked.get(("threes, those left behind", False), []) == ([] if found else [("a", "b", "d")])
+
+
+@pytest.mark.parametrize(
+    ("deviances", "refined", "jumped"), [((100.0, 240.0), 2, 2), ((100.0, 300.0), 2, 1), ((100.0, 450.0), 1, 1)]
+)
+def test_what_is_far_above_the_best_of_all_is_neither_refined_nor_jumped_from(
+    monkeypatch, drawn, deviances, refined, jumped
+):
+    search, asked = search_of(drawn(levels=2)), {}
+    search.fits = {(): SimpleNamespace(deviance=2000.0, warm_start=None)}
+
+    def fit_all(function, tasks):
+        asked[function.__name__] = len(tasks)
+        return [Found(None, deviance) for deviance in deviances[: len(tasks)]]
+
+    monkeypatch.setattr(search, "fit_all", fit_all)
+    monkeypatch.setattr(effect_search, "worth_jumps", lambda *_: True)
+    monkeypatch.setattr(effect_search, "fitted_at", lambda *_: SimpleNamespace(deviance=0.0))
+    search.fit("singles", [(name,) for name in FEW], nearby=False)
+    assert asked == {"solve_first": 2, "solve_further": refined, "solve_jumping": jumped}

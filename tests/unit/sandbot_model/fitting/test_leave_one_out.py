@@ -32,7 +32,7 @@ def test_it_is_what_a_fit_without_the_cell_predicts(base, found):
     cells = base.cells
     noise = np.sqrt(base.problem.covariance[:, Observable.speed, Observable.speed])
     for cell in np.flatnonzero(found.scored)[:6]:
-        without = nearby_state(Problem(MODEL, cells.without(cell)), base.warm_start)
+        without = nearby_state(Problem(MODEL, cells.without(cell)), (base.warm_start,))
         whole = base.problem.states(without.theta, without.ln_k, base.state.slope)
         residual = cells.mean[cell, Observable.speed] - whole.predicted[0, cell, Observable.speed]
         assert found.residual[cell, Observable.speed] == pytest.approx(residual, abs=0.3 * noise[cell])
@@ -76,7 +76,7 @@ def test_a_day_left_out_is_what_a_fit_without_it_predicts(drawn):
     noise = np.sqrt(days.problem.covariance[:, Observable.speed, Observable.speed])
     for cell in np.flatnonzero(found.scored)[:4]:
         fewer = days.cells.without(np.flatnonzero(days.cells.omega == days.cells.omega[cell]))
-        without = nearby_state(Problem(MODEL, fewer), days.warm_start)
+        without = nearby_state(Problem(MODEL, fewer), (days.warm_start,))
         whole = days.problem.states(without.theta, without.ln_k, days.state.slope)
         residual = days.cells.mean[cell, Observable.speed] - whole.predicted[0, cell, Observable.speed]
         assert found.residual[cell, Observable.speed] == pytest.approx(residual, abs=0.3 * noise[cell])

@@ -32,7 +32,7 @@ def other_conventions(search: EffectSearch, size: int) -> bool:
     if better:
         best = min(better, key=lambda names: search.fits[names].bic)
         fit = search.fits[best]
-        anywhere = fitted_at(fit.model, search.cells, solve((fit.model, search.cells, fit.warm_start, False, np.inf)))
+        anywhere = fitted_at(fit.model, search.cells, solve((fit.model, search.cells, fit.warm_start)))
         search.fits[best] = anywhere if anywhere.deviance < fit.deviance else fit
     return bool(better)
 

@@ -3,12 +3,26 @@
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import combinations
+from typing import Any
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.verdict import Verdict, parts_of, passes, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import solve, solve_near
+from sandbot_model.fitting.global_minimum import (
+    HOPELESS,
+    Found,
+    Point,
+    WarmStart,
+    far_above,
+    solve,
+    solve_below,
+    solve_first,
+    solve_further,
+    solve_jumping,
+    solve_near,
+    worth_jumps,
+)
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.model import Model, model_of
@@ -92,17 +106,53 @@ class EffectSearch:
 
     def fit(self, stage: str, sets: Sequence[Names], *, nearby: bool) -> None:
         """Fit sets, near their best smaller set or anywhere; the better of an earlier fit and this one is kept."""
-        parents = [self._parent(names) for names in sets]
-        starts = [None if parent is None else parent.warm_start for parent in parents]
+        if not sets:
+            return
         models = [self.model(names) for names in sets]
-        least = min((fit.deviance for fit in self.fits.values()), default=math.inf)
-        tasks = [(model, self.cells, start, nearby, least) for model, start in zip(models, starts, strict=True)]
-        points = self.fit_all(solve, tasks)
-        for done, (names, model, point) in enumerate(zip(sets, models, points, strict=True), start=1):
+        parents = [self._parent(names) for names in sets]
+        starts = [parent.warm_start for parent in parents if parent is not None]
+        if not starts:
+            points = self._each(stage, solve, [(model, self.cells, None) for model in models])
+        elif nearby:
+            hopeless = far_above(self._least())
+            near = [(model, self.cells, (start,), None, hopeless) for model, start in zip(models, starts, strict=True)]
+            points = self._each(stage, solve_below, near)
+        else:
+            points = self._anywhere(stage, models, starts)
+        for names, model, point in zip(sets, models, points, strict=True):
             found = fitted_at(model, self.cells, point)
             if names not in self.fits or found.deviance < self.fits[names].deviance:
                 self.fits[names] = found
-            self.progress(stage, done, len(sets))
+
+    def _anywhere(self, stage: str, models: Sequence[Model], starts: Sequence[WarmStart]) -> list[Point]:
+        """Where searches of everywhere come to. Each goes on only while it is not far above the best of all models."""
+        first = [(model, self.cells, start) for model, start in zip(models, starts, strict=True)]
+        found: list[Found] = self._each(stage, solve_first, first)
+        hopeful = self._hopeful(found, 2 * HOPELESS)
+        tasks = [(*first[at], found[at].point) for at in hopeful]
+        found = _in_place(found, hopeful, self._each(f"{stage}, refined", solve_further, tasks))
+        hopeful = [
+            at for at in self._hopeful(found, HOPELESS) if worth_jumps(models[at], self.cells, found[at].deviance)
+        ]
+        jumps = [(models[at], self.cells, found[at].point) for at in hopeful]
+        found = _in_place(found, hopeful, self._each(f"{stage}, other valleys", solve_jumping, jumps))
+        return [one.point for one in found]
+
+    def _hopeful(self, found: Sequence[Found], times: float) -> list[int]:
+        """Which are not so many times above the best of all models."""
+        limit = far_above(min(self._least(), *(one.deviance for one in found)), times)
+        return [at for at, one in enumerate(found) if one.deviance <= limit]
+
+    def _each(self, stage: str, function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
+        """What a function makes of each task."""
+        found = []
+        for one in self.fit_all(function, tasks):
+            found.append(one)
+            self.progress(stage, len(found), len(tasks))
+        return found
+
+    def _least(self) -> float:
+        return min((fit.deviance for fit in self.fits.values()), default=math.inf)
 
     def _settled(self, size: int) -> bool:
         """Whether sets of this size, or the base model, leave nothing to explain."""
@@ -136,9 +186,7 @@ class EffectSearch:
         self.fit(stage, quick, nearby=True)
         hopeful = [names for names in quick if not self._parent_passes(names)]
         hopeful.sort(key=lambda names: (self._gains_nothing(names), self.fits[names].deviance))
-        # The best first: how far down it comes says which others are worth the time.
-        for some in (hopeful[:1], hopeful[1:REFINED]):
-            self.fit(f"{stage}, closer", some, nearby=False)
+        self.fit(f"{stage}, closer", hopeful[:REFINED], nearby=False)
         if not any(passes(self.fits[names], self.criteria) for names in sets):
             # What fits worse than a part of it has not been found yet.
             lost = [names for names in hopeful[REFINED:] if self._is_worse(names)]
@@ -166,3 +214,9 @@ class EffectSearch:
     def _sorted(self, names: Iterable[str]) -> Names:
         wanted = set(names)
         return tuple(name for name in self.effects if name in wanted)
+
+
+def _in_place(found: Sequence[Found], at: Sequence[int], better: Sequence[Found]) -> list[Found]:
+    """The same with others at some places."""
+    changed = dict(zip(at, better, strict=True))
+    return [changed.get(place, one) for place, one in enumerate(found)]

@@ -54,7 +54,7 @@ def _beside(search: EffectSearch, formula: SuggestedFormula) -> Names:
         model_of(search.base, (*names, formula.name), effects, search.cells.robot) for names in (formula.effects, *sets)
     ]
     start = search.fits[formula.effects].warm_start
-    alone = fitted_at(first, search.cells, solve((first, search.cells, start, False, np.inf)))
+    alone = fitted_at(first, search.cells, solve((first, search.cells, start)))
     helpful = [
         (fit.bic, names)
         for names, fit in zip(sets, search.near(others, alone), strict=True)

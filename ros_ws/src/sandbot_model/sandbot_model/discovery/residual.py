@@ -15,7 +15,7 @@ from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.scored_terms import Guess, guesses, unused_name
 from sandbot_model.discovery.term_library import terms
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import solve
+from sandbot_model.fitting.global_minimum import solve, solve_near
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.formula import formula_effect
@@ -132,7 +132,10 @@ def _tried(
             for guess in some
         ]
         found = []
-        points = fit_all(solve, [(model, fit.cells, fit.warm_start, nearby, np.inf) for model in models])
+        if nearby:
+            points = fit_all(solve_near, [(model, fit.cells, (fit.warm_start,), None) for model in models])
+        else:
+            points = fit_all(solve, [(model, fit.cells, fit.warm_start) for model in models])
         for guess, model, point in zip(some, models, points, strict=True):
             end = fitted_at(model, fit.cells, point)
             values = tuple(end.parameters[f"{guess.name}.c{i}"].value for i in range(len(guess.terms)))

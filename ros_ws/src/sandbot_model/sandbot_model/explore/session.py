@@ -22,7 +22,7 @@ from sandbot_model.discovery.discover import Discovery, discover
 from sandbot_model.discovery.reproduce import point_of
 from sandbot_model.fitting import global_minimum
 from sandbot_model.fitting.fit import Fit, fit, fitted_at
-from sandbot_model.fitting.global_minimum import Point, WarmStart
+from sandbot_model.fitting.global_minimum import Found, Point, WarmStart
 from sandbot_model.fitting.parallel import Progress
 from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.physics.arrays import Array
@@ -139,15 +139,26 @@ class Session:
         """Run discovery over the catalogue and the user's formulas; what was fitted ahead is not fitted again."""
         effects = self.catalogue(selection.formulas)
 
+        ended: list[Found] = []
+
+        def ahead(function: Callable[[Any], Any], task: Any) -> Point | Found | None:
+            """What discovery asks for, where the page has searched for the very same from the same start."""
+            if function in (global_minimum.solve, global_minimum.solve_first):
+                model, _, start = task
+                point = self._fitted_ahead(model, start, selection)
+                if point is None or function is global_minimum.solve:
+                    return point
+                ended.append(Found(point, fitted_at(model, self.cells, point).deviance))
+                return ended[-1]
+            return next((found for found in ended if found.point is task[-1]), None)
+
         def fit_all(function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterable[Any]:
-            ahead = [
-                self._fitted_ahead(task, selection) if function is global_minimum.solve else None for task in tasks
-            ]
+            known = [ahead(function, task) for task in tasks]
             asked = [
-                self._workers.submit(function, task) if point is None else None
-                for task, point in zip(tasks, ahead, strict=True)
+                self._workers.submit(function, task) if found is None else None
+                for task, found in zip(tasks, known, strict=True)
             ]
-            return (point if later is None else later.result() for point, later in zip(ahead, asked, strict=True))
+            return (found if later is None else later.result() for found, later in zip(known, asked, strict=True))
 
         return discover(self.cells, effects, base=selection.model, fit_all=fit_all, progress=progress)
 
@@ -155,13 +166,12 @@ class Session:
         """The model selected. Raises InputError for an effect that is not known."""
         return model_of(selection.model, selection.effects, self.catalogue(selection.formulas), self.cells.robot)
 
-    def _fitted_ahead(self, task: global_minimum.Search, selection: Selection) -> Point | None:
-        """The minimum of a task of discovery's, where the page has searched for the very same from the same start."""
-        model, _, start, nearby, _ = task
+    def _fitted_ahead(self, model: Model, start: WarmStart | None, selection: Selection) -> Point | None:
+        """The minimum that the page has found of a model, from the same start."""
         key = self._key(replace(selection, model=model.base, effects=model.identifiers))
         with self._lock:
             future, begun = self._solved.get(key), self._starts.get(key)
-        if nearby or model.held or _preview(future) is None or not _same(start, begun):
+        if model.held or _preview(future) is None or not _same(start, begun):
             return None
         assert future is not None
         return None if future.exception() else future.result().point

@@ -154,7 +154,7 @@ def fit(model: Model, cells: Cells, near: WarmStart | None = None) -> Fit:
     ``near`` is what a smaller model has found: its k(φ) is where the search begins, its parameters are tried as a
     start.
     """
-    return fitted_at(model, cells, solve((model, cells, near, False, np.inf)))
+    return fitted_at(model, cells, solve((model, cells, near)))
 
 
 def fitted_at(model: Model, cells: Cells, point: Point, nuisances: Nuisances | None = None) -> Fit:

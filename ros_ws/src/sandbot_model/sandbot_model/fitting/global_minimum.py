@@ -71,18 +71,43 @@ class WarmStart:
     deviance: float
 
 
-Search = tuple[Model, Cells, WarmStart | None, bool, float]
-"""A model, its cells, what a smaller model has found, whether to look near that only, and the least deviance of other
-models: what ends far above that is not refined."""
+@dataclass(frozen=True)
+class Found:
+    """What a part of a search has come to."""
+
+    point: Point
+    deviance: float
 
 
-def solve(task: Search) -> Point:
-    """The minimum that a search finds."""
-    model, cells, near, nearby, least = task
-    problem, hopeless = Problem(model, cells), far_above(least)
-    if nearby and near is not None:
-        return point_at(problem, nearby_state(problem, near, hopeless))
-    return point_at(problem, best_state(problem, near, hopeless))
+def solve(task: tuple[Model, Cells, WarmStart | None]) -> Point:
+    """The minimum that a search of everywhere finds; never above what a smaller model has found."""
+    model, cells, near = task
+    problem = Problem(model, cells)
+    return point_at(problem, best_state(problem, near))
+
+
+def solve_first(task: tuple[Model, Cells, WarmStart]) -> Found:
+    """Where the first part of it comes to: a coarse search and short descents."""
+    model, cells, near = task
+    return _found(problem := Problem(model, cells), _first_look(problem, near))
+
+
+def solve_further(task: tuple[Model, Cells, WarmStart, Point]) -> Found:
+    """Where the second part comes to from there: descents and scans."""
+    model, cells, near, point = task
+    return _found(problem := Problem(model, cells), _refined(problem, _state_at(problem, point), near))
+
+
+def solve_jumping(task: tuple[Model, Cells, Point]) -> Found:
+    """Where the last part comes to from there: jumps to other valleys, for models that have many."""
+    model, cells, point = task
+    return _found(problem := Problem(model, cells), _plausible(problem, _hopped(problem, _state_at(problem, point))))
+
+
+def worth_jumps(model: Model, cells: Cells, deviance: float) -> bool:
+    """Whether a deviance is so near to what may be noise that jumps are worth their time, of a model that has many
+    valleys: step and depth feed back on each other where a leg meets what its predecessors left behind."""
+    return model.walker.remembers and deviance < HOP_WITHIN * np.isfinite(cells.mean).sum()
 
 
 def solve_near(task: tuple[Model, Cells, tuple[WarmStart, ...], Nuisances | None]) -> Point:
@@ -94,8 +119,7 @@ def solve_below(task: tuple[Model, Cells, tuple[WarmStart, ...], Nuisances | Non
     """The same; where a first descent ends above a deviance, the last of the task, it is left there."""
     model, cells, starts_at, nuisances, hopeless = task
     problem = Problem(model, cells, nuisances)
-    found = [nearby_state(problem, near, hopeless) for near in starts_at]
-    return point_at(problem, _plausible(problem, min(found, key=lambda state: float(state.deviance[0]))))
+    return point_at(problem, _plausible(problem, nearby_state(problem, starts_at, hopeless)))
 
 
 def solve_on(task: tuple[Model, Cells, Point, Nuisances]) -> Point:
@@ -120,16 +144,20 @@ def point_at(problem: Problem, state: States) -> Point:
     return Point(state.theta[0], state.ln_k[0], state.slope[0], shared)
 
 
-def best_state(problem: Problem, near: WarmStart | None = None, hopeless: float = np.inf) -> States:
-    """The least deviance found anywhere; never above that of ``near`` where this model contains that one.
+def best_state(problem: Problem, near: WarmStart | None = None) -> States:
+    """The least deviance found anywhere; never above that of ``near`` where this model contains that one."""
+    states = _refined(problem, _first_look(problem, near), near)
+    if worth_jumps(problem.model, problem.cells, float(states.deviance[0])):
+        states = _hopped(problem, states)
+    return _plausible(problem, states)
 
-    A deviance that is ``hopeless`` is not worth jumps to other valleys.
-    """
-    found = _search(problem, near, hopeless)
-    if near is not None and found.deviance[0] > near.deviance:
-        close = nearby_state(problem, near)
-        found = close if close.deviance[0] < found.deviance[0] else found
-    return _plausible(problem, found)
+
+def _found(problem: Problem, state: States) -> Found:
+    return Found(point_at(problem, state), float(state.deviance[0]))
+
+
+def _state_at(problem: Problem, point: Point) -> States:
+    return problem.states(point.theta[None], point.ln_k[None], point.slope[None])
 
 
 def _plausible(problem: Problem, states: States) -> States:
@@ -147,8 +175,8 @@ def _plausible(problem: Problem, states: States) -> States:
     return moved if moved.deviance[0] < states.deviance[0] + NEGLIGIBLE else states
 
 
-def _search(problem: Problem, near: WarmStart | None, hopeless: float) -> States:
-    """Coarse search, descents of which fewer are kept each round, scans, descent. One row."""
+def _first_look(problem: Problem, near: WarmStart | None) -> States:
+    """Coarse search, and descents of which fewer are kept each round. One row; without a smaller model several."""
     levels = len(problem.cells.level_phi)
     critical = critical_k_n_per_m(problem.model.robot)
     k_curve = near.k_n_per_m if near is not None else critical * np.linspace(1.04, 1.34, levels)
@@ -163,16 +191,20 @@ def _search(problem: Problem, near: WarmStart | None, hopeless: float) -> States
         if other.deviance[0] > states.deviance[0] - 1.0:
             break
         states = other
-    if near is not None and states.deviance[0] > far_above(near.deviance):
+    if near is not None:
         return states
+    # What everything else is measured against: several descents are carried to their end.
+    states = joined([states, _begin(problem, found[:BASE_STARTS])])
+    return _settled(problem, _hopeful(descend(problem, states, FIRST_ITERATIONS), 10 * HOPELESS))
+
+
+def _refined(problem: Problem, states: States, near: WarmStart | None) -> States:
+    """Descents and scans, from what a first look has found. One row."""
     if near is None:
-        # What everything else is measured against: several descents are carried to their end.
-        states = joined([states, _begin(problem, found[:BASE_STARTS])])
-        states = _settled(problem, _hopeful(descend(problem, states, FIRST_ITERATIONS), 10 * HOPELESS))
-    states = _settled(problem, states)
-    # Step and depth feed back on each other where a leg meets what its predecessors left behind: many valleys.
-    hopeful = states.deviance[0] < min(HOP_WITHIN * problem.measured.sum(), hopeless)
-    return _hopped(problem, states) if problem.model.walker.remembers and hopeful else states
+        return _settled(problem, states)
+    found = states if states.deviance[0] > far_above(near.deviance) else _settled(problem, states)
+    close = nearby_state(problem, (near,)) if found.deviance[0] > near.deviance else found
+    return _plausible(problem, close if close.deviance[0] < found.deviance[0] else found)
 
 
 def _hopped(problem: Problem, states: States) -> States:
@@ -240,13 +272,13 @@ def _hopeful(states: States, times: float) -> States:
     return states.take(np.flatnonzero(states.deviance <= far_above(states.deviance.min(), times)))
 
 
-def nearby_state(problem: Problem, near: WarmStart, hopeless: float = np.inf) -> States:
-    """The best minimum close to a smaller model that fits already: what is added can only be a small change.
+def nearby_state(problem: Problem, starts_at: Sequence[WarmStart], hopeless: float = np.inf) -> States:
+    """The best minimum close to smaller models that fit already: what is added can only be a small change. One row.
 
-    Where the first descent ends above a deviance that is ``hopeless``, it is not refined.
+    Where the first descents end above a deviance that is ``hopeless``, they are not refined.
     """
-    theta = _warm_starts(problem.model, near)
-    ln_k = np.repeat(np.log(near.k_n_per_m)[None], len(theta), axis=0)
+    theta = np.concatenate([_warm_starts(problem.model, near) for near in starts_at])
+    ln_k = np.repeat(np.log([near.k_n_per_m for near in starts_at]), len(theta) // len(starts_at), axis=0)
     low, high = bounds(problem)
     begin = problem.states(np.clip(theta, low, high), ln_k, _slopes(problem, ln_k))
     # Every k is adjusted to the new effect before the rows are compared.
