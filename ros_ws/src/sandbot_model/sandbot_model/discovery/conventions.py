@@ -44,7 +44,7 @@ def against(search: EffectSearch, claimed: Fit, named: Fit) -> bool:
     from all that were tried (extended BIC; Chen & Chen 2008, Biometrika 95, 759), also beside what trials share, as the
     claim is ``named``; then the claim's own family, too, has the convention that is best for it. Whether there are any.
     """
-    tried = _near(search, _models_of_one(search), far_above(claimed.deviance))
+    tried = _near(search, _models_of_one(search), far_above(claimed.deviance, 1.0))
     lead = search.criteria.clearly if len(claimed.effects) > 1 else 2 * np.log(max(len(tried), 1))
     better = [
         fit
