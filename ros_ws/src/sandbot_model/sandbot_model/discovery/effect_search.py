@@ -16,11 +16,12 @@ from sandbot_model.fitting.global_minimum import (
     WarmStart,
     far_above,
     solve,
-    solve_below,
     solve_first,
     solve_further,
     solve_jumping,
     solve_near,
+    solve_near_first,
+    solve_near_further,
     worth_jumps,
 )
 from sandbot_model.fitting.parallel import Map, Progress
@@ -111,31 +112,32 @@ class EffectSearch:
         models = [self.model(names) for names in sets]
         parents = [self._parent(names) for names in sets]
         starts = [parent.warm_start for parent in parents if parent is not None]
-        if not starts:
-            points = self._each(stage, solve, [(model, self.cells, None) for model in models])
-        elif nearby:
-            hopeless = far_above(self._least())
-            near = [(model, self.cells, (start,), None, hopeless) for model, start in zip(models, starts, strict=True)]
-            points = self._each(stage, solve_below, near)
-        else:
-            points = self._anywhere(stage, models, starts)
+        points = (
+            self._in_parts(stage, models, starts, nearby=nearby)
+            if starts
+            else self._each(stage, solve, [(model, self.cells, None) for model in models])
+        )
         for names, model, point in zip(sets, models, points, strict=True):
             found = fitted_at(model, self.cells, point)
             if names not in self.fits or found.deviance < self.fits[names].deviance:
                 self.fits[names] = found
 
-    def _anywhere(self, stage: str, models: Sequence[Model], starts: Sequence[WarmStart]) -> list[Point]:
-        """Where searches of everywhere come to. Each goes on only while it is not far above the best of all models."""
-        first = [(model, self.cells, start) for model, start in zip(models, starts, strict=True)]
-        found: list[Found] = self._each(stage, solve_first, first)
-        hopeful = self._hopeful(found, 2 * HOPELESS)
-        tasks = [(*first[at], found[at].point) for at in hopeful]
-        found = _in_place(found, hopeful, self._each(f"{stage}, refined", solve_further, tasks))
-        hopeful = [
-            at for at in self._hopeful(found, HOPELESS) if worth_jumps(models[at], self.cells, found[at].deviance)
-        ]
-        jumps = [(models[at], self.cells, found[at].point) for at in hopeful]
-        found = _in_place(found, hopeful, self._each(f"{stage}, other valleys", solve_jumping, jumps))
+    def _in_parts(
+        self, stage: str, models: Sequence[Model], starts: Sequence[WarmStart], *, nearby: bool
+    ) -> list[Point]:
+        """Where searches come to. Each goes on only while it is not far above the best of all models."""
+        look, refine = (solve_near_first, solve_near_further) if nearby else (solve_first, solve_further)
+        tasks = [(model, self.cells, start) for model, start in zip(models, starts, strict=True)]
+        found: list[Found] = self._each(stage, look, tasks)
+        some = self._hopeful(found, 2 * HOPELESS)
+        found = _in_place(
+            found, some, self._each(f"{stage}, refined", refine, [(*tasks[at], found[at].point) for at in some])
+        )
+        if not nearby:
+            some = self._hopeful(found, HOPELESS)
+            some = [at for at in some if worth_jumps(models[at], self.cells, found[at].deviance)]
+            jumps = [(models[at], self.cells, found[at].point) for at in some]
+            found = _in_place(found, some, self._each(f"{stage}, other valleys", solve_jumping, jumps))
         return [one.point for one in found]
 
     def _hopeful(self, found: Sequence[Found], times: float) -> list[int]:

@@ -144,16 +144,13 @@ class Session:
 
         def ahead(function: Callable[[Any], Any], task: Any) -> Point | Found | None:
             """What discovery asks for, where the page has searched for the very same from the same start."""
-            if function is global_minimum.solve_below:
-                model, _, starts, nuisances, _ = task
-                if nuisances is not None or len(starts) > 1:
-                    return None
-                return self._fitted_ahead(model, Begin(starts[0], nearby=True), selection)
-            if function in (global_minimum.solve, global_minimum.solve_first):
+            if function is global_minimum.solve:
+                return self._fitted_ahead(task[0], Begin(None), selection)
+            if function in (global_minimum.solve_first, global_minimum.solve_near_first):
                 model, _, start = task
-                point = self._fitted_ahead(model, Begin(start), selection)
-                if point is None or function is global_minimum.solve:
-                    return point
+                begin = Begin(start, nearby=function is global_minimum.solve_near_first)
+                if (point := self._fitted_ahead(model, begin, selection)) is None:
+                    return None
                 ended.append(Found(point, fitted_at(model, self.cells, point).deviance))
                 return ended[-1]
             return next((found for found in ended if found.point is task[-1]), None)

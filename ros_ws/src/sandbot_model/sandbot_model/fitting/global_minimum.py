@@ -98,6 +98,19 @@ def solve_further(task: tuple[Model, Cells, WarmStart, Point]) -> Found:
     return _found(problem := Problem(model, cells), _refined(problem, _state_at(problem, point), near))
 
 
+def solve_near_first(task: tuple[Model, Cells, WarmStart]) -> Found:
+    """Where the first part of a search near a smaller model comes to: descents."""
+    model, cells, near = task
+    return _found(problem := Problem(model, cells), _descended(problem, (near,)))
+
+
+def solve_near_further(task: tuple[Model, Cells, WarmStart, Point]) -> Found:
+    """Where the second part comes to from there: scans, and a descent."""
+    model, cells, _, point = task
+    problem = Problem(model, cells)
+    return _found(problem, _plausible(problem, _looked_round(problem, _state_at(problem, point))))
+
+
 def solve_jumping(task: tuple[Model, Cells, Point]) -> Found:
     """Where the last part comes to from there: jumps to other valleys, for models that have many."""
     model, cells, point = task
@@ -277,16 +290,18 @@ def nearby_state(problem: Problem, starts_at: Sequence[WarmStart], hopeless: flo
 
     Where the first descents end above a deviance that is ``hopeless``, they are not refined.
     """
+    best = _descended(problem, starts_at)
+    return best if best.deviance[0] > hopeless else _looked_round(problem, best)
+
+
+def _descended(problem: Problem, starts_at: Sequence[WarmStart]) -> States:
+    """The best that short descents from smaller models come to."""
     theta = np.concatenate([_warm_starts(problem.model, near) for near in starts_at])
     ln_k = np.repeat(np.log([near.k_n_per_m for near in starts_at]), len(theta) // len(starts_at), axis=0)
     low, high = bounds(problem)
     begin = problem.states(np.clip(theta, low, high), ln_k, _slopes(problem, ln_k))
     # Every k is adjusted to the new effect before the rows are compared.
-    found = descend(problem, begin, 2 * FIRST_ITERATIONS)
-    best = found.lowest()
-    if best.deviance[0] > hopeless:
-        return best
-    return _looked_round(problem, best)
+    return descend(problem, begin, 2 * FIRST_ITERATIONS).lowest()
 
 
 def _looked_round(problem: Problem, state: States) -> States:
