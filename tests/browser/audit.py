@@ -9,8 +9,8 @@ from selenium.webdriver.support.ui import WebDriverWait
 AXE = Path(__file__).parent / "axe" / "axe.min.js"
 AUDIT = """
 const done = arguments[arguments.length - 1];
-axe.run(document, {resultTypes: ["violations"]}).then(({ violations, passes }) => done([passes.length, violations.flatMap(({ id, nodes }) =>
-  nodes.map((node) => `${id}: ${node.html.slice(0, 160)}`))]));
+axe.run(document, { resultTypes: ["violations"] }).then(({ violations, passes }) => done([passes.length,
+  violations.flatMap(({ id, nodes }) => nodes.map((node) => `${id}: ${node.html.slice(0, 160)}`))]));
 """
 BEYOND = """
 return [...document.querySelectorAll("body *")].filter((one) => one.getBoundingClientRect().right > innerWidth + 1)
