@@ -10,8 +10,7 @@ import numpy as np
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.ladder import ladder_rows
-from sandbot_model.discovery.step import Begin
-from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.fit import Fit, fit
 from sandbot_model.fitting.plain import data_summary, number
 from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.fitting.text import html_table, table
@@ -91,7 +90,7 @@ def compare(
     steps: list[Fit] = []
     for count in range(len(names) + 1):
         model = model_of(base, names[:count], effects, cells.robot)
-        steps.append(Begin.after(steps[-1] if steps else None).fit(model, cells))
+        steps.append(fit(model, cells, steps[-1].warm_start if steps else None))
         progress(" + ".join(names[:count]) or "base")
     return Comparison(tuple(map(with_profiled_errors, steps)))
 

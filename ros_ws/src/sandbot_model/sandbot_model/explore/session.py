@@ -20,10 +20,9 @@ from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.discover import Discovery, discover
 from sandbot_model.discovery.reproduce import point_of
-from sandbot_model.discovery.step import Begin
 from sandbot_model.fitting import global_minimum
-from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import Found, Point
+from sandbot_model.fitting.fit import Fit, fit, fitted_at
+from sandbot_model.fitting.global_minimum import Found, Point, WarmStart
 from sandbot_model.fitting.parallel import Progress
 from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.physics.arrays import Array
@@ -50,9 +49,9 @@ class Solved:
     cv_rmse_m_s: float
 
 
-def solve(model: Model, cells: Cells, begin: Begin) -> Solved:
+def solve(model: Model, cells: Cells, start: WarmStart | None) -> Solved:
     """Fit one model; runs in a worker process."""
-    return solved(begin.fit(model, cells))
+    return solved(fit(model, cells, start))
 
 
 def profiled_errors(model: Model, cells: Cells, point: Point) -> Array:
@@ -75,7 +74,7 @@ class Session:
         self._files = tuple(effect_files)
         self._lock = threading.RLock()
         self._solved: dict[Key, Future[Solved]] = {}
-        self._begun: dict[Key, Begin] = {}
+        self._starts: dict[Key, WarmStart | None] = {}
         self._steps: dict[Key, Step] = {}
         self._errors: dict[Key, Future[Array]] = {}
         self._catalogues: dict[tuple[str, ...], dict[str, Effect]] = {}
@@ -144,13 +143,11 @@ class Session:
 
         def ahead(function: Callable[[Any], Any], task: Any) -> Point | Found | None:
             """What discovery asks for, where the page has searched for the very same from the same start."""
-            if function is global_minimum.solve:
-                return self._fitted_ahead(task[0], Begin(None), selection)
-            if function in (global_minimum.solve_first, global_minimum.solve_near_first):
+            if function in (global_minimum.solve, global_minimum.solve_first):
                 model, _, start = task
-                begin = Begin(start, nearby=function is global_minimum.solve_near_first)
-                if (point := self._fitted_ahead(model, begin, selection)) is None:
-                    return None
+                point = self._fitted_ahead(model, start, selection)
+                if point is None or function is global_minimum.solve:
+                    return point
                 ended.append(Found(point, fitted_at(model, self.cells, point).deviance))
                 return ended[-1]
             return next((found for found in ended if found.point is task[-1]), None)
@@ -169,12 +166,12 @@ class Session:
         """The model selected. Raises InputError for an effect that is not known."""
         return model_of(selection.model, selection.effects, self.catalogue(selection.formulas), self.cells.robot)
 
-    def _fitted_ahead(self, model: Model, wanted: Begin, selection: Selection) -> Point | None:
-        """The minimum that the page has found of a model, if it began there."""
+    def _fitted_ahead(self, model: Model, start: WarmStart | None, selection: Selection) -> Point | None:
+        """The minimum that the page has found of a model, from the same start."""
         key = self._key(replace(selection, model=model.base, effects=model.identifiers))
         with self._lock:
-            future, begun = self._solved.get(key), self._begun.get(key)
-        if model.held or _preview(future) is None or not wanted.same_as(begun):
+            future, begun = self._solved.get(key), self._starts.get(key)
+        if model.held or _preview(future) is None or not _same(start, begun):
             return None
         assert future is not None
         return None if future.exception() else future.result().point
@@ -214,33 +211,40 @@ class Session:
             # A pool reports as running what is only queued, and workers have low priority.
             with contextlib.suppress(TimeoutError):
                 return fitted_at(model, self.cells, future.result(PATIENCE_S).point)
-        begun, key = self._begin(selection), self._key(selection)
-        found = begun.fit(model, self.cells)
+        start, key = self._warm_start(selection), self._key(selection)
+        found = fit(model, self.cells, start)
         made: Future[Solved] = Future()
         made.set_result(solved(found))
         with self._lock:
-            self._solved[key], self._begun[key] = made, begun
+            self._solved[key], self._starts[key] = made, start
         return found
 
-    def _begin(self, selection: Selection) -> Begin:
+    def _warm_start(self, selection: Selection) -> WarmStart | None:
+        """The warm start given by the fit without the last effect, if there is one."""
         with self._lock:
             parent = self._steps.get(self._key(replace(selection, effects=selection.effects[:-1])))
-        return Begin.after(parent.fit if parent and selection.effects else None)
+        return parent.fit.warm_start if parent and selection.effects else None
 
     def _submit(self, selection: Selection) -> "Future[Solved]":
-        """The fit of a selection, submitted if it was not."""
+        """The fit of a selection, submitted if it was not, with a warm start from the fit without its last effect."""
         key = self._key(selection)
         with self._lock:
             if key not in self._solved:
-                begun = self._begin(selection)
-                self._solved[key] = self._workers.submit(solve, self.model(selection), self.cells, begun)
-                self._begun[key] = begun
+                model, start = self.model(selection), self._warm_start(selection)
+                self._solved[key], self._starts[key] = self._workers.submit(solve, model, self.cells, start), start
             return self._solved[key]
 
     def _key(self, selection: Selection) -> Key:
         catalogue = self.catalogue(selection.formulas)
         own = [text for text in selection.formulas if text.split(":")[0].strip() in selection.effects]
         return selection.model, frozenset(selection.effects) & set(catalogue), tuple(own)
+
+
+def _same(one: WarmStart | None, other: WarmStart | None) -> bool:
+    """Whether two searches begin at the same place."""
+    if one is None or other is None:
+        return one is other
+    return one.deviance == other.deviance and dict(one.parameters) == dict(other.parameters)
 
 
 def _preview(future: "Future[Solved] | None") -> tuple[float, float] | None:
