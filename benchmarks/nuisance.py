@@ -2,7 +2,9 @@
 
 python benchmarks/nuisance.py [--seeds 20] [--only NAME] [--out runs/nuisance.jsonl]    resumes where it was stopped
 
-``--own`` offers nothing but the truth's own effects: coverage, and what is refused, in a tenth of the time.
+``--own`` offers nothing but the truth's own effects: coverage, and what is refused, in a tenth of the time. With
+``--drawn`` each seed draws its week from the priors that ``discover`` has of one: only over these can an interval that
+holds a nuisance cover as often as it says.
 """
 
 import argparse
@@ -21,10 +23,12 @@ import numpy as np
 from _figures import Figure, share
 from _matrix import collect
 from hidden import OMEGA, PHI
+from sandbot_common.accuracy import Accuracy
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.week import Week
 from sandbot_lab.world import World
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_record.trials.table import Row, from_rows
@@ -50,11 +54,14 @@ NUISANCES: Mapping[str, tuple[str, Mapping[str, float], Mapping[str, float]]] = 
     ),
 }
 """What the trials of a batch share, and the world's ``week`` in a mild and a strong dose."""
+DRAWN = ("blocks on days", "one omega a day", "one preparation a condition")
+"""How batches are made where the week is drawn from its priors."""
 SIDED = ("k_drift", "k_jump", "lift_zero_m", "speed_scale", "phi_zero")
 """Of these a dose is the size: one that is the same in every seed would be off by the same in every seed."""
 JUMP_AT = (0.1, 0.9)
 """Where in a campaign k may jump."""
 DOSES = ("mild", "strong")
+FROM_PRIORS = "drawn"
 ORDERS = ("as_listed", "randomised")
 TRUTHS: Mapping[str, Mapping[str, Mapping[str, float]]] = {
     "null": {},
@@ -81,6 +88,8 @@ class Case:
     @property
     def world(self) -> World:
         """What the lab hides: of the dose's size, to which side and from when on as the seed has it."""
+        if self.dose == FROM_PRIORS:
+            return World(effects=TRUTHS[self.truth], week=drawn(self.seed))
         dose = NUISANCES[self.nuisance][1 + DOSES.index(self.dose)]
         rng = np.random.default_rng([self.seed, 0x51DE])
         sides = dict(zip(SIDED, rng.choice([-1.0, 1.0], len(SIDED)), strict=True))
@@ -90,11 +99,23 @@ class Case:
         return World(effects=TRUTHS[self.truth], week=week)
 
 
-def cases(seeds: int, only: Sequence[str] = ()) -> Iterator[Case]:
+def drawn(seed: int) -> Week:
+    """A week as ``discover`` takes weeks to be, drawn from its priors."""
+    size, drift, lift_zero, scale = np.random.default_rng([seed, 0xD3A]).standard_normal(4)
+    return Week(
+        k_batch_sd=DEFAULT.bed_scatter * abs(size),
+        k_drift=math.expm1(DEFAULT.drift * drift),
+        lift_zero_m=Accuracy().lift_zero_m * lift_zero,
+        speed_scale=Accuracy().speed_scale * scale,
+    )
+
+
+def cases(seeds: int, only: Sequence[str] = (), drawn_from_priors: bool = False) -> Iterator[Case]:
     """The matrix, seed by seed, so that a run stopped early has something of every row: in each nothing, and one effect
     in turn."""
+    rows = [(kind, FROM_PRIORS, order) for kind in DRAWN for order in ORDERS] if drawn_from_priors else _rows()
     for seed in range(seeds):
-        for at, row in enumerate(_rows()):
+        for at, row in enumerate(rows):
             for truth in ("null", EFFECTS[(seed + at) % len(EFFECTS)]):
                 if not only or row[0] in only or truth in only:
                     yield Case(*row, truth, seed)
@@ -178,7 +199,7 @@ def _row(one: Mapping[str, Any]) -> tuple[str, str, str, str]:
 
 def _place(row: tuple[str, str, str, str]) -> tuple[int, ...]:
     nuisance, dose, order, hidden = row
-    return list(NUISANCES).index(nuisance), DOSES.index(dose), ORDERS.index(order), hidden != "nothing"
+    return list(NUISANCES).index(nuisance), (*DOSES, FROM_PRIORS).index(dose), ORDERS.index(order), hidden != "nothing"
 
 
 def _right(one: Mapping[str, Any]) -> bool:
@@ -266,9 +287,10 @@ def command() -> None:
     parser.add_argument("--only", action="append", default=[], help="a nuisance or a truth; may be given again")
     parser.add_argument("--out", type=Path, default=OUT)
     parser.add_argument("--workers", type=int)
+    parser.add_argument("--drawn", action="store_true", help="weeks drawn from the priors of discover")
     parser.add_argument("--own", action="store_true", help="no effects but the truth's; give a file of its own")
     args = parser.parse_args()
-    wanted = list(cases(args.seeds, args.only))
+    wanted = list(cases(args.seeds, args.only, args.drawn))
     print(report(collect(partial(analyse, own=args.own), wanted, args.out, args.workers)))
 
 

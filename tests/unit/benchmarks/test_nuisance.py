@@ -3,6 +3,7 @@
 import json
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import nuisance
@@ -52,3 +53,20 @@ def test_what_is_known_is_not_run_again_and_coverage_is_counted(tmp_path):
     assert nuisance.report(found).splitlines()[2] == (
         "| drift | mild | as_listed | nothing | 1 | 1 | 0 | 0 | 0 | 0 | 0 | 0 | 1.00/1.00 | 0.00/0.50 | – |"
     )
+
+
+def test_a_week_from_the_priors_scatters_as_they_say():
+    weeks = [nuisance.drawn(seed) for seed in range(400)]
+    priors = {
+        "k_batch_sd": nuisance.DEFAULT.bed_scatter,
+        "k_drift": nuisance.DEFAULT.drift,
+        "lift_zero_m": nuisance.Accuracy().lift_zero_m,
+        "speed_scale": nuisance.Accuracy().speed_scale,
+    }
+    for name, sd in priors.items():
+        values = np.array([getattr(week, name) for week in weeks])
+        assert np.sqrt(np.mean(values**2)) == pytest.approx(sd, rel=0.12)
+        assert (values.min() >= 0) == (name == "k_batch_sd")
+    some = list(nuisance.cases(1, (), drawn_from_priors=True))
+    assert {case.dose for case in some} == {nuisance.FROM_PRIORS}
+    assert all(case.world.week == weeks[0] for case in some)
