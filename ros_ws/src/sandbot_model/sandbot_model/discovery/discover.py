@@ -179,9 +179,11 @@ def discover(
     search.effects = {**effects, **named.model.catalogue}
     if strange := strange_k(search.fits[()]):
         verdict = replace(verdict, because=f"{verdict.because}; {strange}")
+    # Those of the steps below are profiled meanwhile.
+    below = fit_all(with_profiled_errors, search.ladder(verdict)[:-1])
     named = deepest(anywhere(named))
     reported = averaged_over_scatter(named, criteria) if named.nuisances else with_profiled_errors(named)
-    ladder = [*map(with_profiled_errors, search.ladder(verdict)[:-1]), reported]
+    ladder = [*below, reported]
     floor = noise_floor(cells)
     hidden = unseen(search) if verdict.status == "adequate" else []
     if hidden:
