@@ -1,5 +1,7 @@
 """What a real week does to a bed and to readings is no effect, and an effect is not taken for it."""
 
+import json
+
 import pytest
 from worlds import BY_NAME, PHI, hidden
 
@@ -9,6 +11,8 @@ from sandbot_lab.world import World
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.discover import discover
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.tools.discover import main
+from sandbot_record.trials.csv_table import write_csv
 from sandbot_record.trials.table import Row, from_rows
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
@@ -59,6 +63,20 @@ def test_a_lift_read_one_grain_too_high_is_no_effect():
 def test_a_drift_in_the_order_of_the_frequencies_is_in_the_standard_error():
     delta_t = found(1, order="as_listed", max_effects=0, k_drift=0.03).fit.parameters["delta_t_s"]
     assert abs(delta_t.value - 0.4) < 2 * delta_t.stderr
+
+
+def test_what_is_known_of_the_bed_is_obeyed(tmp_path):
+    """A bed that drifts by a tenth of what beds do leaves a tenth of that in Δt; nothing else changes."""
+    rows = direct_trials(World(), PHI, hidden.OMEGA, "UNIFORM", 3, 1, None, "as_listed", "replicate")
+    write_csv(from_rows([Row(**row) for row in rows]), tmp_path / "week.csv")
+    errors = {}
+    for drift in ("0.03", "0.003"):
+        out = tmp_path / f"{drift}.json"
+        assert main([str(tmp_path / "week.csv"), "--max-effects", "0", "--bed-drift", drift, "--json", str(out)]) == 0
+        found = json.loads(out.read_text())
+        assert found["verdict"]["status"] == "adequate"
+        errors[drift] = found["steps"][-1]["parameters"]["delta_t_s"]["stderr"]
+    assert errors["0.003"] < 0.5 * errors["0.03"]
 
 
 @pytest.mark.whole  # test_hidden names both among the worlds without batches

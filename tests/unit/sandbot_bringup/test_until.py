@@ -1,6 +1,7 @@
 """A campaign until a verdict, but for the looks themselves (tests/unit/sandbot_model/design, tests/integration)."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
@@ -63,6 +64,8 @@ def test_what_can_give_no_verdict_is_refused(more, said):
     [
         ({"until": "", "budget": 5}, "budget: 5 without until"),
         ({"until": "", "alpha": 0.1}, "alpha: 0.1 without until"),
+        ({"until": "", "bed_scatter": 0.01}, "bed_scatter: 0.01 without until"),
+        ({"bed_drift": 0.7}, "bed_drift"),
         ({"sentinel": 5}, "sentinel: 5 with until"),
         ({"until": "noon"}, "until"),
         ({"alpha": 0.9}, "alpha"),
@@ -96,6 +99,22 @@ def test_what_was_measured_since_is_looked_at(tmp_path, monkeypatch):
     bag.mkdir(parents=True)
     metadata.write(bag, metadata.BagInfo())
     assert until.decided(begun, folder)[1]["look"] == 2
+
+
+def test_a_look_obeys_what_the_plan_says_of_the_bed(tmp_path, monkeypatch):
+    class AskedError(Exception):
+        pass
+
+    def look(*_, alpha, criteria, **__):
+        raise AskedError(alpha, criteria.bed_scatter, criteria.drift)
+
+    monkeypatch.setattr("sandbot_model.design.look.look", look)
+    monkeypatch.setattr("sandbot_model.data.conditions.cells_of", lambda _: None)
+    monkeypatch.setattr("sandbot_record.trials.from_bags.campaign", lambda *_: SimpleNamespace(trials=None))
+    begun = until.begun(plan(alpha=0.05, bed_scatter=0.003, bed_drift=0.01))
+    with pytest.raises(AskedError) as asked:
+        until.decided(begun, CampaignFolder(tmp_path))
+    assert asked.value.args == (0.05, 0.003, 0.01)
 
 
 def test_a_stop_leaves_the_plan_as_it_is(tmp_path, monkeypatch):

@@ -78,6 +78,12 @@ class Plan:
     budget: int = parameter(0, doc="trials until a verdict at most; 0: as many as the grid has", low=0, high=100_000)
     alpha: float = parameter(0.02, doc="probability of a false claim until a verdict", low=1e-6, high=0.5)
     model: str = parameter("simple", doc="base model of the verdict")
+    bed_scatter: float = parameter(
+        0.007, doc="sd by which k may differ from batch to batch, a prior of the verdict", low=1e-6, high=0.3
+    )
+    bed_drift: float = parameter(
+        0.03, doc="sd by which k may have drifted at the end, a prior of the verdict", low=1e-6, high=0.3
+    )
 
     @property
     def clock_gait(self) -> Gait:
@@ -161,6 +167,10 @@ def plan_of(mapping: Mapping[str, Any], where: str) -> Plan:
     return plan
 
 
+OF_VERDICT = ("budget", "alpha", "model", "bed_scatter", "bed_drift")
+"""What a plan says of the verdict that it is run until."""
+
+
 def _check_until(plan: Plan, where: str) -> None:
     """What would be ignored is refused."""
     if plan.until and plan.sentinel:
@@ -168,7 +178,7 @@ def _check_until(plan: Plan, where: str) -> None:
             f"{where}: sentinel: {plan.sentinel} with until: {plan.until}, which chooses every trial itself"
         )
     usual = {field.name: field.default for field in dataclasses.fields(Plan)}
-    if not plan.until and (given := [key for key in ("budget", "alpha", "model") if getattr(plan, key) != usual[key]]):
+    if not plan.until and (given := [key for key in OF_VERDICT if getattr(plan, key) != usual[key]]):
         raise InputError(f"{where}: {given[0]}: {getattr(plan, given[0])} without until: {VERDICT} has no meaning")
 
 

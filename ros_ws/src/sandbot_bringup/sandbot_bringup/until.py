@@ -96,6 +96,7 @@ def _entry(line: str, where: str) -> Entry:
 def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: int, crew: Crew) -> Entry:
     from sandbot_model.data.conditions import cells_of
     from sandbot_model.design import look as design
+    from sandbot_model.discovery.criteria import of_bed
     from sandbot_model.physics.catalogue import catalogue
     from sandbot_record.trials import from_bags
 
@@ -108,8 +109,9 @@ def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: i
     cells = cells_of(from_bags.campaign(folder.path, crew).trials)
     with crew.map() as fit_all:
         found = design.look(
-            cells, catalogue(), offered, number=number, base=plan.model, alpha=plan.alpha, fit_all=fit_all
-        )
+            cells, catalogue(), offered, number=number, base=plan.model, alpha=plan.alpha,
+            criteria=of_bed(plan.bed_scatter, plan.bed_drift), fit_all=fit_all,
+        )  # fmt: skip
     content = json.dumps(found.found.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
     write_text(folder.path / "discovery.json", content + "\n")
     left = plan.most - len(trials)

@@ -6,7 +6,7 @@ import pytest
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.criteria import DEFAULT, Criteria
+from sandbot_model.discovery.criteria import DEFAULT, Criteria, of_bed
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.verdict import judge
 from sandbot_model.physics.effects import CATALOGUE
@@ -18,6 +18,17 @@ from sandbot_model.physics.effects import CATALOGUE
 def test_a_value_that_means_nothing_is_refused(name, value):
     with pytest.raises(InputError, match=f"criteria: {name} is"):
         dataclasses.replace(DEFAULT, **{name: value})
+
+
+def test_what_is_known_of_a_bed_takes_the_place_of_the_usual_priors():
+    assert of_bed(None, None) == DEFAULT
+    assert of_bed(0.003, None) == dataclasses.replace(DEFAULT, bed_scatter=0.003)
+    assert of_bed(None, 0.01) == dataclasses.replace(DEFAULT, drift=0.01)
+    for value in (0.0, -0.01, 0.7, float("nan")):
+        with pytest.raises(InputError, match=r"--bed-scatter .*: a share above 0 and up to 0\.3"):
+            of_bed(value, None)
+        with pytest.raises(InputError, match="--bed-drift"):
+            of_bed(None, value)
 
 
 def test_other_criteria_change_the_verdict(drawn):

@@ -9,6 +9,7 @@ from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import compare
+from sandbot_model.discovery.criteria import of_bed
 from sandbot_model.explore import views
 from sandbot_model.explore.session import Session
 from sandbot_model.report.theme import LIGHT
@@ -120,3 +121,12 @@ def test_a_suggestion_does_not_fit_again_what_the_page_has_fitted():
     assert asked[False].count("solve_first") >= len(few)
     # What the page shows has been searched beside; what lies beyond what is found has not.
     assert not {"solve", "solve_first", "solve_further", "solve_jumping"} & set(asked[True])
+
+
+def test_a_suggestion_obeys_what_is_known_of_the_bed(trials, monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        "sandbot_model.explore.session.discover", lambda *_, criteria, **__: asked.append(criteria.bed_scatter)
+    )
+    Session(cells_of(trials), Inline(), criteria=of_bed(0.003, None)).suggest(Selection(), lambda *_: None)
+    assert asked == [0.003]

@@ -9,7 +9,17 @@ from pathlib import Path
 
 from sandbot_bringup.config import config_folder, files_of, robot_of, shipped
 from sandbot_bringup.folder import CampaignFolder
-from sandbot_bringup.plan import VERDICT, Plan, PlannedTrial, plan_of, read_plan, to_yaml, trials_of, with_next_trials
+from sandbot_bringup.plan import (
+    OF_VERDICT,
+    VERDICT,
+    Plan,
+    PlannedTrial,
+    plan_of,
+    read_plan,
+    to_yaml,
+    trials_of,
+    with_next_trials,
+)
 from sandbot_bringup.supervision import SILENCE_BOUNDS_S, SILENCE_S
 from sandbot_common import cli
 from sandbot_common.crew import add_crew, crew_of, no_crew
@@ -108,6 +118,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--model", help="base model that the verdict is about (--until; default: simple)")
     parser.add_argument(
+        "--bed-scatter",
+        type=float,
+        metavar="SHARE",
+        help="sd by which k may differ from batch to batch (--until; default: 0.007)",
+    )
+    parser.add_argument(
+        "--bed-drift", type=float, metavar="SHARE", help="sd by which k may have drifted at the end (--until; 0.03)"
+    )
+    parser.add_argument(
         "--silence",
         type=float,
         metavar="S",
@@ -157,10 +176,14 @@ def _plan_and_folder(options: argparse.Namespace) -> tuple[Plan, CampaignFolder]
 
 def _until(plan: Plan, options: argparse.Namespace) -> Plan:
     """The plan with what the command line says of the verdict; checked as if it had stood in the file."""
-    given = {key: getattr(options, key) for key in ("until", "budget", "alpha", "model")}
+    given = {key: getattr(options, key) for key in ("until", *OF_VERDICT)}
     given = {key: value for key, value in given.items() if value is not None}
     grown = parse_yaml(to_yaml(dataclasses.replace(plan, **given)), plan.name)
-    return plan_of(grown, " ".join(f"--{key} {value}" for key, value in given.items())) if given else plan
+    return (
+        plan_of(grown, " ".join(f"--{key.replace('_', '-')} {value}" for key, value in given.items()))
+        if given
+        else plan
+    )
 
 
 def _set_failed_aside(folder: CampaignFolder) -> None:

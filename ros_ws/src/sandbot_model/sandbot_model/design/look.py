@@ -117,6 +117,7 @@ def look(
     base: str = "simple",
     alpha: float = ALPHA,
     max_effects: int = 2,
+    criteria: Criteria = DEFAULT,
     fit_all: Map = map,
     progress: Progress = lambda _stage, _done, _total: None,
 ) -> Look:
@@ -126,7 +127,7 @@ def look(
     nothing missing, or sets are left that no trials of the plan would tell apart, and everything else that the plan can
     show is excluded beside it; or where lack of fit refuses all there is for good.
     """
-    criteria = at_every_look(alpha, len(effects), DEFAULT)
+    criteria = at_every_look(alpha, len(effects), criteria)
     found = discover(
         cells, effects, base=base, max_effects=max_effects, criteria=criteria, fit_all=fit_all, progress=progress
     )

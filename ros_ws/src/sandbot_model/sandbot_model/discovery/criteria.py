@@ -1,6 +1,6 @@
 """What it takes to claim an effect: every number of the verdict that is a matter of policy."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -57,3 +57,16 @@ class Criteria:
 SHARES = ("lack_of_fit", "lack_of_fit_of_one", "one_cell", "all_but_a_rest")
 """Criteria that are probabilities or shares."""
 DEFAULT = Criteria()
+WIDEST = 0.3
+"""The most by which a bed is believed to scatter or drift: the virtual lab's does not by more either."""
+
+
+def of_bed(scatter: float | None, drift: float | None) -> Criteria:
+    """The default, with what is known of a bed in place of the usual priors. Raises InputError."""
+    given = {"bed_scatter": scatter, "drift": drift}
+    known = {name: value for name, value in given.items() if value is not None}
+    for name, value in known.items():
+        if not 0.0 < value <= WIDEST:
+            option = "--bed-scatter" if name == "bed_scatter" else "--bed-drift"
+            raise InputError(f"{option} {value:g}: a share above 0 and up to {WIDEST:g} is needed, 0.007 for 0.7 %")
+    return replace(DEFAULT, **known)

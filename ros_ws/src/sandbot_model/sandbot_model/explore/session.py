@@ -18,6 +18,7 @@ import numpy as np
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import Discovery, discover
 from sandbot_model.discovery.reproduce import point_of
 from sandbot_model.fitting import global_minimum
@@ -67,8 +68,10 @@ def solved(found: Fit) -> Solved:
 class Session:
     """One data set and everything fitted to it so far."""
 
-    def __init__(self, cells: Cells, workers: Executor, *, effect_files: Sequence[Path] = ()) -> None:
-        self.cells = cells
+    def __init__(
+        self, cells: Cells, workers: Executor, *, effect_files: Sequence[Path] = (), criteria: Criteria = DEFAULT
+    ) -> None:
+        self.cells, self._criteria = cells, criteria
         self.noise_floor_m_s = noise_floor(cells)["speed"]
         self._workers = workers
         self._files = tuple(effect_files)
@@ -150,7 +153,9 @@ class Session:
                     return point
                 ended.append(Found(point, fitted_at(model, self.cells, point).deviance))
                 return ended[-1]
-            return next((found for found in ended if found.point is task[-1]), None)
+            if function in (global_minimum.solve_further, global_minimum.solve_jumping):
+                return next((found for found in ended if found.point is task[-1]), None)
+            return None
 
         def fit_all(function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterable[Any]:
             known = [ahead(function, task) for task in tasks]
@@ -160,7 +165,14 @@ class Session:
             ]
             return (found if later is None else later.result() for found, later in zip(known, asked, strict=True))
 
-        return discover(self.cells, effects, base=selection.model, fit_all=fit_all, progress=progress)
+        return discover(
+            self.cells,
+            effects,
+            base=selection.model,
+            criteria=self._criteria,
+            fit_all=fit_all,
+            progress=progress,
+        )
 
     def model(self, selection: Selection) -> Model:
         """The model selected. Raises InputError for an effect that is not known."""

@@ -17,6 +17,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import write_text, writing
 from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, to_mapping
 from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.criteria import Criteria, of_bed
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ
 from sandbot_model.physics.walking import BASES
 
@@ -94,6 +95,27 @@ def add_setting(parser: Parser) -> None:
         metavar="FILE.yaml",
         help=f"the cameras' frame rate and accuracy (default: the bags' own, else {USUAL_FRAME_RATE_HZ:g} frames/s)",
     )
+
+
+def add_bed(parser: Parser) -> None:
+    """Options for what is known of the bed before a trial is run."""
+    parser.add_argument(
+        "--bed-scatter",
+        type=float,
+        metavar="SHARE",
+        help="sd by which k may differ from batch to batch, a prior (default: 0.007, a bed's 0.3 to 1 %%)",
+    )
+    parser.add_argument(
+        "--bed-drift",
+        type=float,
+        metavar="SHARE",
+        help="sd by which k may have drifted at the end of a campaign, a prior (default: 0.03)",
+    )
+
+
+def criteria(args: argparse.Namespace) -> Criteria:
+    """Those of a verdict, with what the options say of the bed. Raises InputError."""
+    return of_bed(args.bed_scatter, args.bed_drift)
 
 
 def trials(args: argparse.Namespace) -> "tuple[Trials, str]":

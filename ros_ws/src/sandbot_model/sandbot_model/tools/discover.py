@@ -34,6 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _discover(argv: Sequence[str]) -> None:
     parser = cli.Parser(prog="discover", description=__doc__)
     arguments.add_data(parser)
+    arguments.add_bed(parser)
     arguments.add_catalogue(parser)
     parser.add_argument("--max-effects", type=int, default=3, help="largest set of effects tried (default: 3)")
     parser.add_argument(
@@ -52,6 +53,7 @@ def _discover(argv: Sequence[str]) -> None:
     if args.calibrate is not None and args.calibrate < 1:
         raise InputError(f"--calibrate {args.calibrate}: 1 or more campaigns are needed")
     arguments.check_report(args)
+    arguments.criteria(args)
     _run(args, arguments.fitters(args))
 
 
@@ -77,8 +79,9 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
             bar.update()
 
         found = discover(
-            cells, effects, base=args.model, max_effects=args.max_effects, fit_all=fit_all, progress=progress
-        )
+            cells, effects, base=args.model, max_effects=args.max_effects, criteria=arguments.criteria(args),
+            fit_all=fit_all, progress=progress,
+        )  # fmt: skip
         rates = _rates(args, found, trials, effects, fit_all, progress) if args.calibrate else []
     print(answer.of_discovery(found), end="\n\n")
     print(filled(tables.data_line(found.steps[0])), filled(robot_line), sep="\n")
@@ -118,8 +121,8 @@ def _rates(
     truths = [found.steps[0], *([found.fit] if found.verdict.status == "identified" else [])]
     return [
         error_rates(
-            trials, truth, effects, campaigns=args.calibrate, max_effects=args.max_effects, fit_all=fit_all,
-            progress=progress,
+            trials, truth, effects, campaigns=args.calibrate, max_effects=args.max_effects,
+            criteria=arguments.criteria(args), fit_all=fit_all, progress=progress,
         )
         for truth in truths
     ]  # fmt: skip

@@ -57,6 +57,7 @@ def _explore(argv: Sequence[str]) -> None:
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, bags, or a trials CSV")
     arguments.add_setting(parser)
     arguments.add_penetrometer(parser)
+    arguments.add_bed(parser)
     parser.add_argument("--beside", type=Path, metavar="DATA", help="another data set to show with the same effects")
     parser.add_argument("--port", type=int, default=8050, help="port on this host (default: 8050; 0: any free one)")
     arguments.add_catalogue(parser)
@@ -68,6 +69,7 @@ def _explore(argv: Sequence[str]) -> None:
         raise InputError(f"--port {args.port} is not between 0 and 65535")
     if args.workers < 1:
         raise InputError(f"--workers {args.workers}: at least one is needed")
+    arguments.criteria(args)
     query = to_query(_opened(args))
     title = args.title or args.data[0].resolve().stem
     arguments.check_setting(args)
@@ -126,12 +128,14 @@ class _Desk:
         from sandbot_model.explore.app import Beside, Explorer
         from sandbot_model.explore.session import Session
 
-        args = self.args
+        args, criteria = self.args, arguments.criteria(self.args)
         beside = None
         if (path := dropped or args.beside) is not None:
             other = cells_of(arguments.beside(args, trials, path))
-            beside = Beside(Session(other, self._workers, effect_files=args.effects_from), path.resolve().stem)
-        session = Session(cells, self._workers, effect_files=args.effects_from)
+            beside = Beside(
+                Session(other, self._workers, effect_files=args.effects_from, criteria=criteria), path.resolve().stem
+            )
+        session = Session(cells, self._workers, effect_files=args.effects_from, criteria=criteria)
         session.catalogue()
         # Forked here, before the server has threads; they see a user's effects as they are.
         self._workers.submit(os.getpid).result()
@@ -139,6 +143,9 @@ class _Desk:
         for name in ("penetrometer", "robot", "cameras"):
             if (path := getattr(args, name)) is not None:
                 options += [f"--{name}", str(path)]
+        for name in ("bed_scatter", "bed_drift"):
+            if (share := getattr(args, name)) is not None:
+                options += [f"--{name.replace('_', '-')}", f"{share:g}"]
         explorer = Explorer(session, trials, args.data, self._title, beside, options, robot_line)
         # Fitted before the address is given, so that the page is there when it is asked for; what is wrong it will say.
         with suppress(InputError):
