@@ -139,3 +139,18 @@ def test_the_explorer_says_whose_robot_it_shows_and_saves_a_command_that_reads_t
     command = shlex.split(yaml.safe_load(made[0].saved(Selection()))["command"])
     assert command[command.index("--robot") + 1] == "big.yaml"
     assert command[command.index("--cameras") + 1] == "fast.yaml"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--bed-drift", "0.01"], "--bed-drift 0.01: DATA do not say in which order trials were run"),
+        (["--bed-drift", "0"], "--bed-drift 0: a share above 0 and up to 0.3 is needed"),
+        (["--bed-scatter", "0.7"], "--bed-scatter 0.7: a share above 0 and up to 0.3 is needed"),
+    ],
+)
+def test_what_is_said_of_the_bed_in_vain_is_refused(words, said, folder, capsys):
+    assert discover.main(["t.csv", *words, "--json", "out.json"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+    assert not (folder / "out.json").exists()

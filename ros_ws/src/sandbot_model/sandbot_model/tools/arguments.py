@@ -118,6 +118,15 @@ def criteria(args: argparse.Namespace) -> Criteria:
     return of_bed(args.bed_scatter, args.bed_drift)
 
 
+def check_bed(args: argparse.Namespace, cells: "Cells") -> None:
+    """Raises InputError where something is said of the bed that these trials have no use for."""
+    if args.bed_drift is not None and cells.order is None:
+        raise InputError(
+            f"--bed-drift {args.bed_drift:g}: DATA do not say in which order trials were run (run_order, or started); "
+            "add that, or leave the option out"
+        )
+
+
 def trials(args: argparse.Namespace) -> "tuple[Trials, str]":
     """The trials of DATA, of the robot and frame rate that the options name, and a line on whose numbers are used.
 

@@ -116,7 +116,9 @@ class _Desk:
 
         trials, robot_line = arguments.trials(self.args)
         checked(trials)
-        return trials, robot_line, arguments.cells(self.args, trials)
+        cells = arguments.cells(self.args, trials)
+        arguments.check_bed(self.args, cells)
+        return trials, robot_line, cells
 
     def made(self, dropped: Path | None) -> "Flask":
         """A server for the data as they are now, with a table that was dropped beside them."""

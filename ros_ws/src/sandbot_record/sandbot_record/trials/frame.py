@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from sandbot_record.trials.csv_table import rows_of
+from sandbot_record.trials.order import by_the_clock
 from sandbot_record.trials.table import Trials, from_rows
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ def from_frame(frame: "DataFrame", where: str = "data") -> Trials:
         (number, dict(zip(header, map(_text, row), strict=True)))
         for number, row in enumerate(frame.itertuples(index=False, name=None), start=2)
     )
-    return from_rows(rows_of(header, lines, where))
+    return from_rows(by_the_clock(rows_of(header, lines, where), joined=False))
 
 
 def _text(value: Any) -> str:

@@ -8,6 +8,7 @@ from sandbot_common.errors import InputError
 from sandbot_record.bags.reader import is_bag
 from sandbot_record.trials.csv_table import read_csv
 from sandbot_record.trials.from_bags import campaign, trial_from_bag
+from sandbot_record.trials.order import by_the_clock
 from sandbot_record.trials.setting import Setting, shared
 from sandbot_record.trials.table import OK, Row, Trials, check_ids, from_rows
 
@@ -15,6 +16,7 @@ from sandbot_record.trials.table import OK, Row, Trials, check_ids, from_rows
 def read(data: Path | str | Sequence[Path | str]) -> Trials:
     """The trials of DATA: a campaign folder, one or more bags, or CSV files (several are joined).
 
+    Where trials are not numbered in the order they were run, or come from several tables, ``started`` tells it.
     A trial that is in several of them is there once; another of the same name, as two days on one plan give, gets its
     folder's name before its own. Raises InputError (one line: which file, row, column, value) if anything does not fit,
     if two trials of one table share an id, if they are of two robots, or if no trial is usable.
@@ -30,6 +32,7 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     rows = _joined(given, tables)
     where = ", ".join(str(path) for path in given[:3]) + (" …" if len(given) > 3 else "")
     check_ids(rows, [where] * len(rows))
+    rows = by_the_clock(rows, joined=len(tables) > 1)
     setting = shared(
         Setting(str(path), table.robot, table.frame_rate_hz, table.accuracy)
         for path, table in zip(given, tables, strict=True)

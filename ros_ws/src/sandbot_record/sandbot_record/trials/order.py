@@ -1,0 +1,29 @@
+"""In which order trials were run, where the clock tells it and nobody has numbered them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime
+
+from sandbot_record.trials.table import OK, Row
+
+
+def by_the_clock(rows: Sequence[Row], *, joined: bool) -> list[Row]:
+    """The same rows, ``run_order`` as ``started`` has it: where it is missing, or several tables are ``joined``.
+
+    They stay as they are unless the clock tells when each trial that is ok began, always with a zone or never.
+    """
+    counted = [row for row in rows if row.status == OK]
+    if not joined and all(row.run_order == row.run_order for row in counted):
+        return list(rows)
+    when = {row.trial_id: began for row in rows if (began := _began(row.started)) is not None}
+    if len({began.tzinfo is None for began in when.values()}) != 1 or any(row.trial_id not in when for row in counted):
+        return list(rows)
+    place = {trial_id: index for index, trial_id in enumerate(sorted(when, key=when.__getitem__), start=1)}
+    return [replace(row, run_order=float(place.get(row.trial_id, float("nan")))) for row in rows]
+
+
+def _began(started: str) -> datetime | None:
+    try:
+        return datetime.fromisoformat(started)
+    except ValueError:
+        return None

@@ -1,0 +1,64 @@
+"""In which order trials were run: as numbered, else as the clock tells."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sandbot_record.trials.order import by_the_clock
+from sandbot_record.trials.read import read
+from sandbot_record.trials.table import Row
+
+
+def rows(*started, **more):
+    return [Row(trial_id=f"t{index}", started=text, **more) for index, text in enumerate(started)]
+
+
+def orders(some):
+    return [row.run_order for row in some]
+
+
+@given(st.permutations(range(8)))
+def test_the_clock_tells_the_order_that_nobody_has_numbered(places):
+    some = rows(*(f"2026-11-25T10:{place:02d}:00+00:00" for place in places))
+    assert orders(by_the_clock(some, joined=False)) == [place + 1 for place in places]
+
+
+def test_zones_are_minded():
+    some = rows("2026-11-25T12:30:00+02:00", "2026-11-25T11:00:00Z", "2026-11-25T10:00:00+00:00")
+    assert orders(by_the_clock(some, joined=False)) == [2, 3, 1]
+
+
+def test_numbers_stand_unless_several_tables_count_alike():
+    some = rows("2026-11-25T10:02:00", "2026-11-25T10:01:00", run_order=5.0)
+    assert orders(by_the_clock(some, joined=False)) == [5, 5]
+    assert orders(by_the_clock(some, joined=True)) == [2, 1]
+
+
+@pytest.mark.parametrize(
+    "started",
+    [("", ""), ("2026-11-25T10:00:00", ""), ("2026-11-25T10:00:00", "noon"), ("2026-11-25T10:00", "2026-11-25T11:00Z")],
+)
+def test_a_clock_that_does_not_tell_all_changes_nothing(started):
+    assert all(math.isnan(order) for order in orders(by_the_clock(rows(*started), joined=True)))
+
+
+def test_a_trial_that_failed_needs_no_time():
+    some = [*rows("2026-11-25T10:02:00", "2026-11-25T10:01:00"), Row(trial_id="lost", status="no markers")]
+    assert orders(by_the_clock(some, joined=False))[:2] == [2, 1]
+    assert math.isnan(by_the_clock(some, joined=False)[2].run_order)
+
+
+def test_days_in_tables_of_their_own_follow_each_other(tmp_path):
+    for day, hour in (("first", 9), ("second", 8)):
+        date = 24 if day == "first" else 25
+        lines = [f"{day}{i},0.6,{8 + i},0.1,{i + 1},2026-11-{date}T0{hour}:0{i}:00" for i in range(3)]
+        (tmp_path / f"{day}.csv").write_text(
+            "\n".join(["trial_id,phi,omega_rad_s,speed_m_s,run_order,started", *lines])
+        )
+    found = read([tmp_path / "second.csv", tmp_path / "first.csv"])
+    assert dict(zip(found.trial_id.tolist(), found.run_order.tolist(), strict=True)) == {
+        **{f"first{i}": i + 1 for i in range(3)},
+        **{f"second{i}": i + 4 for i in range(3)},
+    }
