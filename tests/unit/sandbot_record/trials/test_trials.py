@@ -118,6 +118,24 @@ def test_two_days_on_one_plan_are_two_sets_of_trials(tmp_path):
         read(days)
 
 
+def test_blocks_of_two_campaigns_are_not_the_same_batch(tmp_path):
+    """Each numbers its own from 1; a day is one in whichever table it stands."""
+    head = "trial_id,phi,omega_rad_s,speed_m_s,batch\n"
+    tables = [tmp_path / name / "trials.csv" for name in ("first", "second")]
+    for name, table in zip("ab", tables, strict=True):
+        table.parent.mkdir()
+        table.write_text(f"{head}{name}1,0.6,8,0.2,block1\n{name}2,0.6,8,0.2,block2\n{name}3,0.6,8,0.2,Monday\n")
+    second = tmp_path / "second"
+    own = ["block1", "block2", "Monday"]
+    assert read(tables).batch.tolist() == [*own, f"{second}/block1", f"{second}/block2", "Monday"]
+    # Control: one campaign, given as bags and as a table of some more of its trials, has its blocks once.
+    plans = [
+        {"trial_id": f"t{i}", "phi": 0.6, "omega_rad_s": 12.0, "gait": "UNIFORM", "batch": "block1"} for i in (1, 2)
+    ]
+    given = [bags.trial_bag(second / "trials" / plan["trial_id"], plan=bags.PLAN | plan) for plan in plans]
+    assert set(read([*given, tables[1]]).batch.tolist()) == {"block1", "block2", "Monday"}
+
+
 number = st.floats(0.01, 0.99)
 rows = st.builds(
     Row,

@@ -1,5 +1,6 @@
 """``read(DATA)`` is the one door by which analysis gets its data: a campaign folder, bags, or a CSV from anywhere."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,14 +13,18 @@ from sandbot_record.trials.order import by_the_clock
 from sandbot_record.trials.setting import Setting, shared
 from sandbot_record.trials.table import OK, Row, Trials, check_ids, from_rows
 
+BLOCK = re.compile(r"block\d+")
+"""What a campaign calls its batches."""
+
 
 def read(data: Path | str | Sequence[Path | str]) -> Trials:
     """The trials of DATA: a campaign folder, one or more bags, or CSV files (several are joined).
 
     Where trials are not numbered in the order they were run, or come from several tables, ``started`` tells it.
     A trial that is in several of them is there once; another of the same name, as two days on one plan give, gets its
-    folder's name before its own. Raises InputError (one line: which file, row, column, value) if anything does not fit,
-    if two trials of one table share an id, if they are of two robots, or if no trial is usable.
+    folder's name before its own, and so do blocks of another campaign. Raises InputError (one line: which file, row,
+    column, value) if anything does not fit, if two trials of one table share an id, if they are of two robots, or if
+    no trial is usable.
 
     >>> import sandbot_record
     >>> sandbot_record.read_trials("trial")
@@ -46,15 +51,29 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
 def _joined(given: Sequence[Path | str], tables: Sequence[Trials]) -> list[Row]:
     joined: list[Row] = []
     known: set[str] = set()
+    first_with: dict[str, Path] = {}
     for path, table in zip(given, tables, strict=True):
-        own = table.rows()
+        own, campaign_of = table.rows(), _campaign_of(Path(path))
         check_ids(own, [str(path)] * len(own))
         # As text: what was not measured is NaN, and NaN is not itself.
         new = [row for row in own if repr(row) not in known]
         known |= set(map(repr, new))
         taken = {row.trial_id for row in joined}
-        joined += [replace(row, trial_id=f"{path}/{row.trial_id}") if row.trial_id in taken else row for row in new]
+        for row in new:
+            trial_id = f"{path}/{row.trial_id}" if row.trial_id in taken else row.trial_id
+            # Every campaign numbers its blocks from 1; a day or a preparation is the same in whichever table it stands.
+            is_own = BLOCK.fullmatch(row.batch) and first_with.setdefault(row.batch, campaign_of) != campaign_of
+            batch = f"{campaign_of}/{row.batch}" if is_own else row.batch
+            joined.append(replace(row, trial_id=trial_id, batch=batch))
     return joined
+
+
+def _campaign_of(path: Path) -> Path:
+    """The folder whose trials are numbered together with those at a path; a table stands for itself."""
+    path = path.resolve()
+    if is_bag(path):
+        path = path.parent
+    return path.parent if path.name in ("trials", "trials.csv") else path
 
 
 def _read_one(path: Path) -> Trials:
