@@ -133,12 +133,16 @@ def test_the_explorer_says_whose_robot_it_shows_and_saves_a_command_that_reads_t
 
     monkeypatch.setattr(Explorer, "__init__", seen)
     monkeypatch.setattr(explore, "_serve", lambda _app, _port, _query, said="": served.append(said))
-    assert explore.main(["t.csv", "--robot", "big.yaml", "--cameras", "fast.yaml", "--workers", "1"]) == 0
+    bed = ["--bed-scatter", "0.003"]
+    assert explore.main(["t.csv", "--robot", "big.yaml", "--cameras", "fast.yaml", "--workers", "1", *bed]) == 0
     assert served == ["robot: big.yaml"]
     assert "; robot: big.yaml" in str(made[0].app().layout)
     command = shlex.split(yaml.safe_load(made[0].saved(Selection()))["command"])
     assert command[command.index("--robot") + 1] == "big.yaml"
     assert command[command.index("--cameras") + 1] == "fast.yaml"
+    # What is known of the bed is no matter of ``compare``.
+    assert "compare" in command
+    assert "--bed-scatter" not in command
 
 
 @pytest.mark.parametrize(

@@ -145,9 +145,6 @@ class _Desk:
         for name in ("penetrometer", "robot", "cameras"):
             if (path := getattr(args, name)) is not None:
                 options += [f"--{name}", str(path)]
-        for name in ("bed_scatter", "bed_drift"):
-            if (share := getattr(args, name)) is not None:
-                options += [f"--{name.replace('_', '-')}", f"{share:g}"]
         explorer = Explorer(session, trials, args.data, self._title, beside, options, robot_line)
         # Fitted before the address is given, so that the page is there when it is asked for; what is wrong it will say.
         with suppress(InputError):
