@@ -178,12 +178,10 @@ def _until(plan: Plan, options: argparse.Namespace) -> Plan:
     """The plan with what the command line says of the verdict; checked as if it had stood in the file."""
     given = {key: getattr(options, key) for key in ("until", *OF_VERDICT)}
     given = {key: value for key, value in given.items() if value is not None}
+    if not given:
+        return plan
     grown = parse_yaml(to_yaml(dataclasses.replace(plan, **given)), plan.name)
-    return (
-        plan_of(grown, " ".join(f"--{key.replace('_', '-')} {value}" for key, value in given.items()))
-        if given
-        else plan
-    )
+    return plan_of(grown, " ".join(f"--{key.replace('_', '-')} {value}" for key, value in given.items()))
 
 
 def _set_failed_aside(folder: CampaignFolder) -> None:

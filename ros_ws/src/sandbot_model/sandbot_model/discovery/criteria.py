@@ -58,7 +58,7 @@ SHARES = ("lack_of_fit", "lack_of_fit_of_one", "one_cell", "all_but_a_rest")
 """Criteria that are probabilities or shares."""
 DEFAULT = Criteria()
 WIDEST = 0.3
-"""The most by which a bed is believed to scatter or drift: the virtual lab's does not by more either."""
+"""The most by which a bed is believed to scatter or drift: beyond that it is another bed."""
 
 
 def of_bed(scatter: float | None, drift: float | None) -> Criteria:

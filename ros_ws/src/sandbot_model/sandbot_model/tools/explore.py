@@ -130,14 +130,13 @@ class _Desk:
         from sandbot_model.explore.app import Beside, Explorer
         from sandbot_model.explore.session import Session
 
-        args, criteria = self.args, arguments.criteria(self.args)
+        args = self.args
+        own = {"effect_files": args.effects_from, "criteria": arguments.criteria(args)}
         beside = None
         if (path := dropped or args.beside) is not None:
             other = cells_of(arguments.beside(args, trials, path))
-            beside = Beside(
-                Session(other, self._workers, effect_files=args.effects_from, criteria=criteria), path.resolve().stem
-            )
-        session = Session(cells, self._workers, effect_files=args.effects_from, criteria=criteria)
+            beside = Beside(Session(other, self._workers, **own), path.resolve().stem)
+        session = Session(cells, self._workers, **own)
         session.catalogue()
         # Forked here, before the server has threads; they see a user's effects as they are.
         self._workers.submit(os.getpid).result()

@@ -1,5 +1,6 @@
 """In which order trials were run, where the clock tells it and nobody has numbered them."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
@@ -13,13 +14,13 @@ def by_the_clock(rows: Sequence[Row], *, joined: bool) -> list[Row]:
     They stay as they are unless the clock tells when each trial that is ok began, always with a zone or never.
     """
     counted = [row for row in rows if row.status == OK]
-    if not joined and all(row.run_order == row.run_order for row in counted):
+    if not joined and not any(math.isnan(row.run_order) for row in counted):
         return list(rows)
     when = {row.trial_id: began for row in rows if (began := _began(row.started)) is not None}
     if len({began.tzinfo is None for began in when.values()}) != 1 or any(row.trial_id not in when for row in counted):
         return list(rows)
     place = {trial_id: index for index, trial_id in enumerate(sorted(when, key=when.__getitem__), start=1)}
-    return [replace(row, run_order=float(place.get(row.trial_id, float("nan")))) for row in rows]
+    return [replace(row, run_order=float(place.get(row.trial_id, math.nan))) for row in rows]
 
 
 def _began(started: str) -> datetime | None:
