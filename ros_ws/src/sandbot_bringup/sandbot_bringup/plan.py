@@ -28,6 +28,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import dump_yaml, read_json, read_yaml
 from sandbot_common.parameters import from_mapping, parameter
 from sandbot_lab.week import FIRST, Occasion, batch_seed
+from sandbot_model.discovery.criteria import DEFAULT, WIDEST
 
 PHI_LOW, PHI_HIGH = 0.57, 0.64
 VERDICT = "verdict"
@@ -79,10 +80,13 @@ class Plan:
     alpha: float = parameter(0.02, doc="probability of a false claim until a verdict", low=1e-6, high=0.5)
     model: str = parameter("simple", doc="base model of the verdict")
     bed_scatter: float = parameter(
-        0.007, doc="sd by which k may differ from batch to batch, a prior of the verdict", low=1e-6, high=0.3
+        DEFAULT.bed_scatter,
+        doc="sd by which k may differ from batch to batch, a prior of the verdict",
+        low=1e-6,
+        high=WIDEST,
     )
     bed_drift: float = parameter(
-        0.03, doc="sd by which k may have drifted at the end, a prior of the verdict", low=1e-6, high=0.3
+        DEFAULT.drift, doc="sd by which k may have drifted at the end, a prior of the verdict", low=1e-6, high=WIDEST
     )
 
     @property
