@@ -98,6 +98,11 @@ def test_what_is_asked_of_a_cluster_after_its_loss_says_so():
             hands.submit(abs, -2).result()
         with pytest.raises(InputError, match="the cluster was lost"):
             list(spread(abs, [-3]))
+        crew._client.close()  # as it does by itself, when it has tried again for long enough
+        with pytest.raises(BrokenExecutor):
+            _ = crew.size
+        with pytest.raises(InputError, match=f"{local.scheduler_address}: the cluster was lost"):
+            list(spread(abs, [-3]))
 
 
 @pytest.mark.slow

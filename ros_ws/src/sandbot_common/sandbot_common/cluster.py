@@ -56,7 +56,7 @@ def connected(
             client.wait_for_workers(1, timeout=patience_s)
         except TimeoutError:
             raise InputError(f"--dask {address}: no workers yet; start some with dask worker {address}") from None
-        yield Cluster(client, cloudpickle.dumps)
+        yield Cluster(client, address, cloudpickle.dumps)
 
 
 async def _answers(address: str, patience_s: float) -> None:
@@ -74,12 +74,14 @@ class Cluster:
 
     lost = "the cluster was lost"
 
-    def __init__(self, client: Any, dumps: Callable[[Any], bytes]) -> None:
-        self._client, self._dumps = client, dumps
+    def __init__(self, client: Any, address: str, dumps: Callable[[Any], bytes]) -> None:
+        self._client, self._address, self._dumps = client, address, dumps
 
     @property
     def size(self) -> int:
         """Threads of all workers that are there now. Raises BrokenExecutor where the cluster is lost."""
+        if self._client.scheduler is None:  # given up, and a client has nobody to ask any more
+            raise BrokenExecutor("no scheduler is connected")
         try:
             threads: int = sum(self._client.nthreads().values())
         except (OSError, RuntimeError, CancelledError) as error:
@@ -91,7 +93,7 @@ class Cluster:
         path = str(folder.absolute())
         for worker, there in self._client.run(os.path.isdir, path).items():
             if not there:
-                raise InputError(f"--dask {self._client.scheduler.address}: worker {worker} does not see {path}")
+                raise InputError(f"--dask {self._address}: worker {worker} does not see {path}")
 
     def map(self) -> AbstractContextManager[Map]:
         """Tasks go in chunks: what those of a chunk share is sent once."""
@@ -105,13 +107,13 @@ class Cluster:
         try:
             size = chunk_size(len(tasks), self.size)
         except BrokenExecutor as error:
-            raise InputError(f"--dask {self._client.scheduler.address}: {self.lost} ({error})") from None
+            raise InputError(f"--dask {self._address}: {self.lost} ({error})") from None
         chunks = [tasks[i : i + size] for i in range(0, len(tasks), size)]
         work = [self._dumps(partial(_each, function, chunk)) for chunk in chunks]
         futures = self._client.map(_unpacked(), work, pure=False)
         try:
             for future in futures:
-                yield from _result(future, self._client.scheduler.address)
+                yield from _result(future, self._address)
         finally:
             self._client.cancel(futures)
 
