@@ -32,7 +32,7 @@ def test_all_stops_and_the_bag_says_why(target, fault, moment, why, tmp_path):
     # On a busy machine clock or bed may be the first to miss the campaign's lease, or the clock itself be held up.
     assert any(
         reason in status for reason in (why, "/operator/lease", "/leg_states", "the clock's process was held up")
-    )
+    ), status
     assert (row["bag"], row["left running"]) == ("whole", "nothing")
 
 

@@ -55,6 +55,15 @@ def test_an_error_as_wide_as_the_range_is_profiled_within_the_range(drawn):
     assert 0.01 < with_profiled_errors(wide).stderr[at] < 10.0
 
 
+def test_the_curvature_at_the_brink_of_a_cliff_is_no_error(drawn):
+    """Where a cell comes to walk a derivative is anything, and may say that a parameter is known to a millionth."""
+    stairs = fitted(drawn, "disturbed_ground", levels=7)
+    at = stairs.model.names.index("disturbed_ground.k_l_n_per_m")
+    sharp = replace(stairs, stderr=np.where(np.arange(len(stairs.stderr)) == at, 1e-4, stairs.stderr))
+    usual = with_profiled_errors(stairs).stderr[at]
+    assert with_profiled_errors(sharp).stderr[at] == pytest.approx(usual, rel=0.5)
+
+
 def test_a_fit_on_the_wrong_stair_moves_to_the_lowest(drawn):
     lowest = deepest(fitted(drawn, "disturbed_ground", levels=7))
     s_c = lowest.model.names.index("disturbed_ground.s_c")

@@ -68,6 +68,17 @@ def test_the_answer_comes_first_then_why_then_tables(brief):
     assert found["verdict"]["because"] in " ".join(out.split())
 
 
+def test_a_model_that_needs_a_number_nobody_believes_explains_but_does_not_hold(two, monkeypatch):
+    fit = two.fit
+    assert answer.of_comparison([fit]).startswith(f"{fit.name} holds: ")
+    name, value = next((one, value) for one, (value, _) in fit.parameters.items() if "." in one)
+    monkeypatch.setattr(answer, "odd", lambda _: [name])
+    told = " ".join(answer.of_comparison([fit]).split())
+    assert "fails" not in told
+    assert f"{fit.name} explains the data (lack of fit p = {fit.lack_of_fit_p:.2g})" in told
+    assert f"but only with {name} = {value:.4g} (plausible: " in told
+
+
 @pytest.mark.slow
 def test_verbose_prints_all(printed, brief):
     less, all_of_it = brief[0], printed(discover_tool, EXAMPLE, *FEW, "--verbose")

@@ -26,6 +26,8 @@ DEPTHS_M = (0.01, 0.02, 0.03, 0.044)
 """Depths at which it is proposed."""
 SETTLED_SD = 5.0
 """Gap in standard errors at which a pair of sets counts as told apart."""
+LEAST_REPLICATES = 2
+"""How often one is made at least: its scatter must show."""
 
 
 Condition = tuple[bool, float, float]
@@ -81,7 +83,8 @@ def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
 def _most_telling(
     gaps: Sequence[Mapping[Condition, NextTrial]], separated: Array, chosen: Sequence[NextTrial]
 ) -> NextTrial | None:
-    """The measurement that adds most to ``separated (pairs,)``, or None. It is shown for the pair that gains most."""
+    """The measurement that adds most to ``separated (pairs,)``, or None. It is shown for the pair that gains most; one
+    that tells apart only what the others do already is worth two trials, no more."""
     taken = {trial.condition for trial in chosen}
     readings = sum(trial.observable == PENETRATION for trial in chosen)
     conditions = {key: trial for gap in gaps for key, trial in gap.items() if key not in taken}
@@ -92,15 +95,16 @@ def _most_telling(
         after = np.array([_weight(gap.get(key)) for gap in gaps]) + separated
         gain = np.minimum(after, SETTLED_SD**2) - np.minimum(separated, SETTLED_SD**2)
         # Once all are told apart, the widest gap still counts for a little: more of it is more certain.
-        score = float(gain.sum() + 1e-3 * np.minimum(after - separated, SETTLED_SD**2).sum())
-        if score > most:
-            best, most = gaps[int(np.argmax(gain))].get(key, trial), score
+        score = gain + 1e-3 * np.minimum(after - separated, SETTLED_SD**2)
+        shown = gaps[int(np.argmax(score))].get(key, trial)
+        if score.sum() > most and (gain.any() or shown.replicates == LEAST_REPLICATES):
+            best, most = shown, float(score.sum())
     return best
 
 
 def _weight(trial: NextTrial | None) -> float:
-    """χ² that two replicates of it are expected to bring."""
-    return 0.0 if trial is None else 2 * trial.expected_gap_sd**2
+    """χ² that so few replicates of it are expected to bring."""
+    return 0.0 if trial is None else LEAST_REPLICATES * trial.expected_gap_sd**2
 
 
 def excluding(base: Fit, unseen: Sequence[Fit]) -> list[NextTrial]:
@@ -189,7 +193,7 @@ def _readings_between(first: Predicted, second: Predicted) -> list[NextTrial]:
 
 
 def _replicates(size: float) -> int:
-    return max(2, int(np.ceil((SETTLED_SD / max(size, 1e-3)) ** 2)))
+    return max(LEAST_REPLICATES, int(np.ceil((SETTLED_SD / max(size, 1e-3)) ** 2)))
 
 
 def _finer(omega: Array) -> Array:

@@ -34,6 +34,8 @@ AWAY = 0.25 * 2.0 ** -np.arange(8)
 """How far from the fit, in plausible ranges to either side, a parameter without a standard error is held."""
 SIGMAS = np.array([0.5, 1.0, 2.0, 4.0, 8.0])
 """How far one with a standard error is, in those; one that is as large as its plausible range says nothing."""
+SHOWS = 0.5
+"""Rise of the deviance that shows how far away that is; one standard error away it is 1."""
 UNLIKE = 2.0
 """Factor by which the rise of the deviance may fall short of a parabola's."""
 FALLEN, FARTHER = 9.0, 4
@@ -53,7 +55,7 @@ def deepest(fit: Fit) -> Fit:
     """The same fit at the lowest place of its profiles: along a staircase a descent stops on any stair."""
     for index in chain.from_iterable(_of_effects(fit)):
         for _ in range(MOVES):
-            states = _over_grid(fit.problem, fit, _axes(fit, [index]), [index])
+            states = _over_grid(fit.problem, fit, _axes(fit.problem, fit, [index]), [index])
             best = states.lowest()
             if best.deviance[0] > fit.deviance - GAINED:
                 break
@@ -102,7 +104,7 @@ def _parabolic(problem: Problem, fit: Fit, index: int) -> bool:
 
 
 def _profiled(problem: Problem, fit: Fit, at: Sequence[int]) -> Array:
-    axes = _axes(fit, at)
+    axes = _axes(problem, fit, at)
     states = _over_grid(problem, fit, axes, at)
     for _ in range(FARTHER):
         wider = _wider(fit, axes, at, states.deviance)
@@ -118,8 +120,23 @@ def _profiled(problem: Problem, fit: Fit, at: Sequence[int]) -> Array:
     return np.asarray(np.sqrt(own**2 + weight @ away**2 / weight.sum()))
 
 
-def _axes(fit: Fit, at: Sequence[int]) -> list[Array]:
-    return [_held(fit.model.parameters[index], fit.point.theta[index], fit.stderr[index]) for index in at]
+def _axes(problem: Problem, fit: Fit, at: Sequence[int]) -> list[Array]:
+    named = fit.model.parameters
+    return [_held(named[index], fit.point.theta[index], _scale(problem, fit, index)) for index in at]
+
+
+def _scale(problem: Problem, fit: Fit, index: int) -> float:
+    """How far along a parameter the deviance begins to show it: its standard error, or, where that is the curvature at
+    the brink of a cliff, many times more."""
+    error, width = fit.stderr[index], _width(fit.model.parameters[index])
+    if not 0 < error < width:
+        return float(error)
+    away = error * 2.0 ** np.arange(-1, np.ceil(np.log2(width / error)) + 1)
+    values = fit.point.theta[index] + np.concatenate([[0.0], -away, away])
+    values = np.clip(values, *fit.model.parameters[index].search)
+    deviance = profile(problem, _begin(problem, fit), [index], values[:, None]).deviance
+    shown = np.concatenate([away, away])[(deviance - deviance.min())[1:] > SHOWS]
+    return float(shown.min(initial=width))
 
 
 def _wider(fit: Fit, axes: Sequence[Array], at: Sequence[int], deviance: Array) -> list[Array]:
@@ -186,9 +203,13 @@ def _best_neighbour(deviance: Array) -> Ints:
 
 def _held(parameter: Parameter, here: float, error: float) -> Array:
     """Values about the fit, closer together the nearer they are."""
-    width = parameter.high - parameter.low
+    width = _width(parameter)
     away = SIGMAS * error if SIGMAS[-1] * error < width else AWAY * width
     return np.unique(np.clip([here, *(here - away), *(here + away)], *parameter.search))
+
+
+def _width(parameter: Parameter) -> float:
+    return parameter.high - parameter.low
 
 
 def _widths(axis: Array) -> Array:

@@ -139,11 +139,13 @@ def scatter(cells: Cells, observable: str) -> Floats:
 
 
 def walks(cells: Cells) -> NDArray[np.bool_]:
-    """Whether the robot walks in each cell, (n,): its lift is clearly above nothing, or, where lift was not measured,
-    it is clearly faster than swimming.
+    """Whether the robot walks in each cell, (n,): its lift is clearly above nothing, or is above it and the robot
+    clearly faster than swimming; where lift was not measured, it is faster.
     """
-    sem = np.nan_to_num(cells.sem[:, Observable.lift])
-    return regime.walks(cells.mean, np.maximum(regime.WALKING_LIFT_M, CLEARLY_SEM * sem))
+    mean, sem = cells.mean, np.nan_to_num(cells.sem)
+    least_lift = np.maximum(regime.WALKING_LIFT_M, CLEARLY_SEM * sem[:, Observable.lift])
+    fast = (mean - CLEARLY_SEM * sem)[:, Observable.speed] > regime.WALKING_SPEED_M_S
+    return regime.walks(mean, least_lift) | (regime.walks(mean) & fast)
 
 
 def residual_z(fit: Fit, observable: str) -> Floats:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from sandbot_common.terminal import filled, styled
 from sandbot_model.data.conditions import noise_floor
 from sandbot_model.discovery.discover import Discovery
-from sandbot_model.discovery.verdict import passes
+from sandbot_model.discovery.verdict import leaves_nothing, odd, passes
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.text import UNDETERMINED, counted, to_error
 from sandbot_model.physics.observables import CM
@@ -45,15 +45,28 @@ def of_comparison(steps: Sequence[Fit]) -> str:
     if not math.isfinite(last.lack_of_fit_p):
         why = "can't be tested: replicates, or more conditions, are needed"
         return "\n".join([styled(filled(f"{last.name} {why}"), "bad"), filled(errors(steps), "  ")])
-    missed = len({(fail.phi, fail.omega_rad_s) for fail in last.fails})
-    told = (
-        f"holds: replicates leave nothing to explain (lack of fit p = {last.lack_of_fit_p:.2g})"
-        if passes(last)
-        else f"fails: lack of fit p = {last.lack_of_fit_p:.2g}, {missed} of {counted(len(last.cells), 'cell')} missed"
-    )
+    told = _explains(last) if leaves_nothing(last) else _fails(last)
     head = styled(filled(f"{last.name} {told}"), "good" if passes(last) else "open")
     named = [line for name in last.effects for line in _in_words(name, last)]
     return "\n".join([head, *(filled(line, "  ") for line in named), filled(errors(steps), "  ")])
+
+
+def _explains(fit: Fit) -> str:
+    """That replicates leave nothing to explain; by which numbers, where these are not to be believed."""
+    p = f"lack of fit p = {fit.lack_of_fit_p:.2g}"
+    if not (strange := odd(fit)):
+        return f"holds: replicates leave nothing to explain ({p})"
+    ranges = dict(zip(fit.model.names, fit.model.parameters, strict=True))
+    numbers = [
+        f"{name} = {fit.parameters[name].value:.4g} (plausible: {ranges[name].low:g} to {ranges[name].high:g})"
+        for name in dict.fromkeys(strange)
+    ]
+    return f"explains the data ({p}), but only with {' and '.join(numbers)}"
+
+
+def _fails(fit: Fit) -> str:
+    missed = len({(fail.phi, fail.omega_rad_s) for fail in fit.fails})
+    return f"fails: lack of fit p = {fit.lack_of_fit_p:.2g}, {missed} of {counted(len(fit.cells), 'cell')} missed"
 
 
 def errors(steps: Sequence[Fit]) -> str:

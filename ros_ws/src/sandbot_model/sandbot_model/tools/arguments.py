@@ -41,7 +41,7 @@ def add_catalogue(parser: Parser) -> None:
         action="append",
         default=[],
         metavar="FILE.py",
-        help="your own effects: subclasses of sandbot_model.physics.chain.Effect",
+        help="your own effects: subclasses of sandbot_model.Effect",
     )
     parser.add_argument(
         "--effect",
