@@ -8,10 +8,12 @@ import csv
 import io
 import json
 import os
+import re
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
+from itertools import dropwhile
 from pathlib import Path
 from typing import Any
 
@@ -140,21 +142,37 @@ def read_json(path: Path, remedy: str = "") -> Any:
 def read_csv(path: Path, needed: str = "a CSV file") -> tuple[list[str], Iterator[tuple[int, dict[str, str]]]]:
     """Column names of a CSV file, and its rows: (number in the file, text by column), stripped; empty rows left out.
 
-    Tabs, or semicolons where no comma is anywhere, may stand for the commas; a title or lines with # may stand on top.
+    Tabs or semicolons may stand for the commas, and then a comma in a number for its point; a title or lines with # may
+    stand on top.
     """
     try:
         text = read_text(path, needed)
-        separator = next((sign for sign in "\t;" if sign in text and "," not in text), ",")
+        separator = next((sign for sign in "\t;" if _separates(sign, text)), ",")
         reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True, skipinitialspace=True)
         lines = list(reader)
     except csv.Error as error:
         raise InputError(f"{path}: not a CSV: {error}") from None
+    if separator != ",":
+        lines = [[_with_point(cell) for cell in line] for line in lines]
     above = _above_the_header(lines)
     lines = lines[above:]
     header = [" ".join(name.split()) for name in lines[0]] if lines else []
     if repeated := [name for index, name in enumerate(header) if name and name in header[:index]]:
         raise InputError(f"{path}: row 1: column {repeated[0]} is there twice")
     return header, _csv_rows(path, header, lines, above)
+
+
+def _separates(sign: str, text: str) -> bool:
+    """Whether a sign stands between the values: no comma does, or a header has none and each line as many signs."""
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    table = list(dropwhile(lambda line: sign not in line, lines))
+    if not table or "," not in text:
+        return bool(table)
+    return "," not in table[0] and len({line.count(sign) for line in table}) == 1
+
+
+def _with_point(cell: str) -> str:
+    return cell.replace(",", ".") if re.fullmatch(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*", cell) else cell
 
 
 def _above_the_header(lines: list[list[str]]) -> int:

@@ -55,7 +55,12 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
         ("phi,omega_rads,speed_m_s\n0.6,8,0.2\n", "row 1: column omega_rad_s is missing; is 'omega_rads' meant?"),
         ("phi,omega_rad_s,speed_cm_s\n0.6,8,20\n", r"column speed_m_s is missing; speed_cm_s would .* divided by 100"),
         ("phi,frequency_Hz,speed_m_s\n0.6,8,20\n", r"column omega_rad_s is missing; frequency_Hz would .* 2π"),
-        ("phi;omega_rad_s;speed_m_s\n0,6;8;0,2\n", "separated by commas, not semicolons"),
+        (
+            "phi,omega_rad_s,speed [km/h]\n0.6,8,0.2\n",
+            r"speed_m_s is missing; 'speed \[km/h\]' has a unit that is not known; m/s, cm/s",
+        ),
+        ("phi;omega_rad_s;speed_m_s\n0,6;8;0,2\n0,6;8\n", "lines differ in how many semicolons they have"),
+        ("phi;omega_rad_s;speed_m_s\n0,6,1;8;0,2\n", "row 2, column phi: '0,6,1' is not a number"),
         ("phi,phi,omega_rad_s,speed_m_s\n", "row 1: column phi is there twice"),
         (GOOD + "0.6,8\n", "row 4: 2 values for 3 columns"),
         (GOOD + "0.6,8,\n", "row 4, column speed_m_s: empty"),
@@ -216,6 +221,9 @@ def test_gait_and_status_are_known_however_they_are_written(tmp_path):
     [
         "phi\tomega_rad_s\tspeed_m_s\n0.60\t8\t0.21\n0.62\t8\t0.25\n",
         "phi;omega_rad_s;speed_m_s\n0.60;8;0.21\n0.62;8;0.25\n",
+        "Day 3, by hand\nphi;omega_rad_s;speed_m_s\n0,60;8;0,21\n,62;8,0;2,5e-1\n",
+        "phi\tomega_rad_s\tspeed_m_s\n0,60\t8\t0,21\n0,62\t8\t0,25\n",
+        "phi,omega_rad_s,speed_m_s,notes\n0.60,8,0.21,slow; wet\n0.62,8,0.25,dry; level\n",
         "Li09 figure 3\n" + GOOD,
         "# taken on Monday, by hand\n#\n" + GOOD,
         "phi [1],omega [rad/s],speed [cm/s]\n0.60,8,21\n0.62,8,25\n",

@@ -43,6 +43,7 @@ _FACTORS = {
     **dict.fromkeys(("lift_m", "first_step_m"), _LENGTHS),
 }
 """Factors to the table's units of what stands in brackets behind a quantity."""
+_IN_BRACKETS = re.compile(r"(.+?)[ _]*[\[(](.+)[\])]")
 _OTHER_UNITS = {
     "speed_cm_s": "speed_m_s (values divided by 100)",
     "speed_mm_s": "speed_m_s (values divided by 1000)",
@@ -118,12 +119,15 @@ def _known_names(header: Sequence[str]) -> list[str]:
 
 def _unit_in_header(given: str) -> tuple[str, float]:
     """The table's name of a column such as ``omega [Hz]``, and the factor to its unit; others as they are."""
-    found = re.fullmatch(r"(.+?)[ _]*[\[(](.+)[\])]", given)
-    if found is None:
-        return given, 1.0
-    name = _QUANTITIES.get(found[1].strip().lower().replace(" ", "_"), "")
-    factor = _FACTORS.get(name, {}).get(found[2].strip().lower())
+    found, name = _IN_BRACKETS.fullmatch(given), _quantity(given)
+    factor = _FACTORS.get(name, {}).get(found[2].strip().lower()) if found else None
     return (given, 1.0) if factor is None else (name, factor)
+
+
+def _quantity(given: str) -> str:
+    """The table's name of what stands before a unit in brackets; empty if there is none."""
+    found = _IN_BRACKETS.fullmatch(given)
+    return _QUANTITIES.get(found[1].strip().lower().replace(" ", "_"), "") if found else ""
 
 
 def _in_si(text: str, column: str) -> str:
@@ -145,8 +149,10 @@ def _hint(name: str, header: Iterable[str]) -> str:
         if _OTHER_UNITS.get(other.lower(), "").split(" ")[0] == name:
             return f"; {other} would have to become {_OTHER_UNITS[other.lower()]}"
     if sum(cell.count(";") for cell in header) > 1:
-        return "; values must be separated by commas, not semicolons"
+        return "; lines differ in how many semicolons they have"
     # With a unit of its own, a column is not misspelt but not understood.
+    if foreign := next((other for other in header if _quantity(other) == name), ""):
+        return f"; {foreign!r} has a unit that is not known; {', '.join(_FACTORS[name])} are"
     strange = [other for other in header if other not in COLUMNS and not set(other) & set("[(")]
     close = near(name, strange)
     return f"; is {close!r} meant?" if close else f"; there are: {', '.join(filter(None, header))}"
