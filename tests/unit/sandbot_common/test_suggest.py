@@ -12,6 +12,10 @@ def test_a_slip_of_the_finger_is_understood(typed):
     assert did_you_mean(typed, EFFECTS) == ", did you mean 'leg_slip'?"
 
 
+def test_the_last_part_of_a_name_is_understood():
+    assert near("eta", ["delta_t_s", "stance_overlap.eta"]) == "stance_overlap.eta"
+
+
 def test_what_is_like_nothing_is_answered_with_all_there_is():
     assert did_you_mean("gravity", EFFECTS) == f"; known: {', '.join(EFFECTS)}"
     assert near("gravity", EFFECTS) == ""

@@ -15,8 +15,10 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def near(name: str, known: Iterable[str]) -> str:
-    """The one of the ``known`` names most like ``name``; empty if none is."""
+    """The one of the ``known`` names most like ``name``, or of which that is the last part; empty if none is."""
     plain = {_plain(one): one for one in known}
+    if ends := [one for one in plain if one.endswith(f".{_plain(name)}")]:
+        return plain[ends[0]]
     close = difflib.get_close_matches(_plain(name), plain, n=1)
     return plain[close[0]] if close else ""
 

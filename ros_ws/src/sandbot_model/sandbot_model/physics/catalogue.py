@@ -67,6 +67,8 @@ def _made(cls: object, where: str) -> Effect:
     for name in ("identifier", "stage", "formula", "source", "seen_in"):
         if not isinstance(getattr(cls, name, None), str):
             raise InputError(f"{where}: {cls.__name__} has no {name}")
+    if cls.apply is Effect.apply:
+        raise InputError(f"{where}: {cls.__name__} has no apply")
     if cls.stage not in STAGES:
         raise InputError(f"{where}: {cls.__name__}: stage {cls.stage!r} is not one of {', '.join(STAGES)}")
     try:
