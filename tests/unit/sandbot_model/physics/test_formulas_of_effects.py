@@ -21,7 +21,7 @@ from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.effects.resistive_force_theory import A00, A10, B01, B11, B_11
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import deepest_m
-from sandbot_model.physics.typeset import mathml, mathml_in_pieces, plain, statements
+from sandbot_model.physics.typeset import mathml, mathml_in_pieces, mathml_lines, plain, statements
 from sandbot_model.physics.walking import Inputs, KCurve, Walker
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
@@ -215,6 +215,36 @@ def test_a_choice_in_a_product_or_a_choice_has_parentheses():
     assert shown("k -> k*where(d > 1, 2, 3)") == "k→k\u2062(2 if d>1, else 3)"
     assert shown("k -> where(d > 1, where(d > 2, 4, 5), 3)") == "k→(4 if d>2, else 5) if d>1, else 3"
     assert shown("k -> where(d > 1, 2*d, 3)") == "k→2\u2062d if d>1, else 3"
+
+
+@pytest.mark.parametrize(
+    ("formula", "shown"),
+    [
+        ("v -> v*e*s_0", "v→v\u2062e\u2062s0"),
+        ("peak -> peak*e", "peak→peak·e"),
+        ("g -> 2*g*cos(chi)", "g→2\u2062g·cos\u2061(χ)"),
+        ("v -> e*peak^2*k", "v→e·peak2·k"),
+        ("v -> k*sqrt(2)*v*2", "v→k\u20622\u2062v·2"),
+        ("Delta_v -> Delta_v*b", "Δv→Δv·b"),
+    ],
+)
+def test_words_functions_and_numbers_do_not_run_into_the_factor_beside(formula, shown):
+    assert "".join(ElementTree.fromstring(mathml(formula)).itertext()) == shown
+
+
+def test_words_after_a_formula_stand_apart_from_it():
+    assert "".join(ElementTree.fromstring(mathml("s -> s*e: not in the first step")).itertext()).endswith(
+        "e,\u00a0not in the first step"
+    )
+
+
+@EACH
+def test_each_statement_has_its_line_and_the_words_have_one(name):
+    formula = EFFECTS[name].formula
+    found, words = statements(formula)
+    lines = mathml_lines(formula)
+    assert len(lines) == len(found) + bool(words)
+    assert all(ElementTree.fromstring(line).tag == "math" for line in lines[: len(found)])
 
 
 def test_words_of_a_user_are_shown_as_they_are():

@@ -88,10 +88,11 @@ def test_a_threshold_is_stated_alike_by_commands_page_and_argument(found, trials
     assert told in [said for _, said, _ in views.parameter_rows(chosen, shown, known)]
     # A value held by hand changes nothing of what is said of the others.
     assert told in [said for _, said, _ in views.parameter_rows(chosen.held("delta_t_s", 0.3), shown, known)]
-    assert told in [row[-1] for row in table_sections.parameters(steps(compared)).tables[0].rows]
+    last = 2  # after the parameter and its unit
+    assert told in [row[last] for row in table_sections.parameters(steps(compared)).tables[0].rows]
     # The argument is of a fit beside what trials share, and says so.
     argued = argument_page(found, provenance(trials, found.cells), title="test").sections[-1].tables[0]
-    assert dict(found.fit.estimates())[name] in [row[-1] for row in argued.rows]
+    assert dict(found.fit.estimates())[name] in [row[last] for row in argued.rows]
     assert ("beside a zero of the lift" in argued.caption) == (found.fit.nuisances is not None)
 
 

@@ -14,9 +14,10 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import GAITS
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.walking import Inputs, Prediction, Walker
-from sandbot_model.report.atlas import gathered, motion, speeds, style
+from sandbot_model.report.atlas import balances, endings, gathered, motion, speeds, style
 from sandbot_model.report.atlas.material import Material, Motion, Published
 from sandbot_model.report.atlas.plates import CAPTIONS, PLATES, write
+from sandbot_model.report.mechanics import Collapse
 from sandbot_model.tools import atlas
 from sandbot_record.trials.csv_table import write_csv
 from sandbot_record.trials.table import Row, from_rows
@@ -152,6 +153,33 @@ def test_what_is_wrong_is_said_in_one_line(given, named, tmp_path, capsys):
     assert named in said
     assert "Traceback" not in said
     assert not (tmp_path / "a").exists()
+
+
+def test_every_force_needed_is_within_the_panel_and_the_outermost_are_named(material):
+    figure, _ = balances.force(material, 85.0)
+    (panel,) = figure.axes
+    (low, high), (left, right) = panel.get_ylim(), panel.get_xlim()
+    needed = [line for line in panel.lines if line.get_color() == style.INK]
+    seen = [y for line in needed for x, y in line.get_xydata() if left <= x <= right]
+    assert low < min(seen) < max(seen) < high
+    named = [words.get_text() for words in panel.texts]
+    assert named[0] == "ω 30"
+    assert {"ω 4", "ω 12", "ω 20"} >= set(named[1:])
+    assert panel.get_legend().get_title().get_text() == "φ"
+
+
+@pytest.mark.parametrize("ends", [True, False])
+def test_what_walks_at_every_frequency_is_in_the_legend_only_where_it_is_drawn(material, monkeypatch, ends):
+    first = np.array([20.0, 30.0, 30.0 if ends else np.nan])
+    monkeypatch.setattr(endings, "collapse", lambda _: Collapse(np.array([12.0, 20.0, 20.0]), first, np.full(3, 0.2)))
+    figure, _ = endings.critical(material, 170.0)
+    entries = [words.get_text() for words in figure.axes[0].get_legend().get_texts()]
+    assert ("walks at every ω" in entries) is not ends
+
+
+def test_speeds_of_two_trials_have_a_true_minus_sign(material):
+    back = Material(**{**vars(material), "motions": (waveform(0.63, -0.2), waveform(0.59, 0.02))})
+    assert "−20.0 cm/s (90 % of the time −20.0 to −20.0)" in motion.speeds(back, 85.0)[1]
 
 
 def test_motion_needs_two_trials(material):

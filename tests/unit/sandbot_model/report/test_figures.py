@@ -212,6 +212,24 @@ def test_points_of_a_locked_robot_lie_on_the_curve_and_others_do_not():
         assert np.allclose(points, 100 * lock.lock_curve(lift, 0.0355)[0], rtol=1e-6) == on_curve
 
 
+def test_the_lock_curve_is_smooth_where_it_is_upright():
+    """No chord of it turns by much from the one before."""
+    curve = lock.geometry_lock(made_up_cells(lift_m=np.full(NONE.shape, 0.006)))["data"][0]
+    x, y = (np.array(curve[key]) / curve[key][-1] for key in "xy")
+    turns = np.abs(np.diff(np.unwrap(np.arctan2(np.diff(y), np.diff(x)))))
+    assert turns.max() < np.radians(3)
+
+
+@pytest.mark.parametrize("panels", [1, 4, 7])
+@pytest.mark.parametrize("height", [190, 260])
+def test_titles_of_panels_have_their_room_below_a_legend_of_any_height(panels, height):
+    """A legend pushes the top of the paper down and no further: a title above it would stand in the legend."""
+    shown = figures.grid_of_panels(["title"] * panels, LIGHT, 4, height)["layout"]
+    paper = shown["height"] - shown["margin"]["t"] - shown["margin"]["b"]
+    tops = [one["domain"][1] for name, one in shown.items() if name.startswith("yaxis")]
+    assert (1 - max(tops)) * paper >= 1.3 * shown["annotations"][0]["font"]["size"]
+
+
 @pytest.fixture
 def fitted(drawn):
     """Steps of the simple model and of it with disturbed ground, on trials of the latter."""

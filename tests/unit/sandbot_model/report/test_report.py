@@ -16,17 +16,19 @@ from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.verdict import Verdict
+from sandbot_model.fitting.goodness import Fail
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import COLUMNS
-from sandbot_model.physics.typeset import mathml
+from sandbot_model.physics.typeset import mathml_lines, plain
 from sandbot_model.physics.walking import Inputs
 from sandbot_model.report import text, write_comparison, write_report
 from sandbot_model.report.curves import steps
-from sandbot_model.report.data_section import cells_csv
+from sandbot_model.report.data_section import cells_csv, data
 from sandbot_model.report.page import Page, Section, for_script, render
 from sandbot_model.report.provenance import limits, provenance
-from sandbot_model.report.table_sections import _formulas
+from sandbot_model.report.table_sections import _added, _formulas, failing
+from sandbot_model.report.view import Provenance, Step
 from sandbot_record.trials.table import Row, from_rows
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
@@ -97,12 +99,15 @@ def table(page, heading):
 
 
 def test_formulas_of_the_effects_are_typeset(page, fits, tmp_path, trials):
-    """One effect in the last step: one formula, that of the catalogue; the base model alone has none."""
-    (formula,) = re.findall(r"<td[^>]*>(<math>.*?</math>)</td>", page)
-    assert formula == mathml(EFFECTS["leg_slip"].formula)
-    ElementTree.fromstring(formula)
+    """One effect in the last step: the catalogue's statements, each on its line, and where they are seen; the base
+    model alone has none.
+    """
+    (block,) = re.findall(r"<td[^>]*>(<div.*?</div>)</td>", page)
+    lines = ["".join(line.itertext()) for line in ElementTree.fromstring(f"<td>{block}</td>")]
+    said = [ElementTree.fromstring(line) for line in mathml_lines(EFFECTS["leg_slip"].formula)]
+    assert lines == [*("".join(line.itertext()) for line in said), f"seen in: {plain(EFFECTS['leg_slip'].seen_in)}"]
     write_comparison(tmp_path / "base.html", fits[:1], trials, title="base model")
-    assert "<math>" not in without_plotly((tmp_path / "base.html").read_text(encoding="utf-8"))
+    assert "<math" not in without_plotly((tmp_path / "base.html").read_text(encoding="utf-8"))
 
 
 def test_words_of_a_users_own_effect_stay_words(fits):
@@ -183,9 +188,40 @@ def test_one_step_needs_no_slider(tmp_path, fits, trials):
 
 def test_parameters_have_units_and_errors(page, fits):
     words = table(page, "Parameters")
-    value, stderr = fits[0].parameters["delta_t_s"]
-    assert f"time in which the body is brought to leg speed s {text.with_error(value, stderr)}" in words
+    last, base = (text.with_error(*fit.parameters["delta_t_s"]) for fit in (fits[1], fits[0]))
+    assert f"time in which the body is brought to leg speed s {last} {base}" in words
+    assert "parameter unit + leg slip simple model" in words
     assert "k at φ = 0.600, stiffness of the ground under a leg N/m" in words
+
+
+def test_a_step_is_headed_by_what_it_adds_and_by_its_name_where_it_adds_to_none():
+    def heads(*sets):
+        fits = [SimpleNamespace(effects=names, model=SimpleNamespace(base="simple")) for names in sets]
+        return _added(tuple(Step(fit, np.array([]), np.array([])) for fit in fits))
+
+    assert heads((), ("a",), ("a", "b_c", "d")) == ["simple model", "+ a", "+ b c + d"]
+    assert heads((), ("a",), ("b",)) == ["simple model", "+ a", "+ b"]
+    assert heads((), ("a",), ("b", "c"), ("b", "c")) == ["simple model", "+ a", "+ b + c", "+ b + c"]
+    assert heads(("a", "b"), ("b", "c")) == ["+ a + b", "+ b + c"]
+
+
+def test_tables_call_a_cell_by_the_phi_of_its_level_as_figures_do(discovery):
+    """The cells of a level have means of their own, which may round to another number."""
+    step = steps(discovery.steps)[0]
+    cells = replace(step.fit.cells, phi=step.fit.cells.phi + 0.002)
+    missed = Fail("speed", float(cells.phi[1]), float(cells.omega[1]), -0.01, -5.0)
+    kept = {name: getattr(step.fit, name) for name in ("predicted", "residual_z", "effects", "model")}
+    fit = SimpleNamespace(cells=cells, fails=(missed,), **kept)
+    shown = (Step(fit, step.omega_rad_s, step.speed_m_s),)
+    levels = [f"{phi:.3f}" for phi in cells.level_phi[cells.level]]
+    assert failing(shown).tables[0].rows[0][1] == levels[1] == "0.600"
+    (all_cells,) = data(shown, Provenance(used=1), []).tables
+    assert [row[0] for row in all_cells.rows] == levels
+
+
+def test_numbers_have_a_true_minus_sign_and_zero_has_none():
+    assert text.number(-0.004, 2) == text.centi(-4e-5) == "0.00"
+    assert text.number(-0.006, 2) == text.centi(-6e-5) == "−0.01"
 
 
 def test_next_trials_and_frames_are_shown(page):

@@ -270,7 +270,8 @@ def _split(trials: Sequence[NextTrial], criteria: Criteria) -> str:
     if not telling:
         return "no trial within this range of φ and ω tells them apart by these observables: another kind is needed"
     best = telling[0]
-    return f"most telling: {best.observable} at {best.where} ({best.expected_gap_sd:.1f} standard deviations of one trial)"
+    gap = f"{best.expected_gap_sd:.1f} standard deviations of one trial"
+    return f"most telling: {best.observable} at {best.where} ({gap})"
 
 
 def _not_excluded(hidden: Sequence[Fit], trials: Sequence[NextTrial], criteria: Criteria) -> str:

@@ -23,7 +23,9 @@ GREEK = dict(zip(LETTERS[0].split(), LETTERS[1], strict=True))
 _STATEMENT = re.compile(
     r"(?P<left>[A-Za-z_]\w*(?:\(\w+\))?)\s*(?P<how>->|=)\s*(?P<right>[^[]+?)\s*(?:\[(?P<unit>[^]]*)\])?"
 )
-_SIGNS: dict[type[ast.AST], str] = {ast.Add: "+", ast.Sub: "−", ast.Mult: "\u2062", ast.Gt: "&gt;", ast.Lt: "&lt;"}
+_SIGNS: dict[type[ast.AST], str] = {ast.Add: "+", ast.Sub: "−", ast.Gt: "&gt;", ast.Lt: "&lt;"}
+_TIMES, _DOT = "\u2062", "·"
+"""Letters multiply by standing side by side; words and numbers would run together."""
 _RAISED = str.maketrans({"^": None, "2": "²", "3": "³"})
 _CHOICE, _SUM, _PRODUCT, _POWER, _ATOM = range(5)
 """How tightly an expression holds together."""
@@ -52,25 +54,32 @@ def statements(formula: str) -> tuple[tuple[Statement, ...], str]:
 
 def mathml(formula: str) -> str:
     """The formula as a ``<math>`` element."""
-    try:
-        lines, words = statements(formula)
-        words = plain(words)
-        shown = "<mtext>;&#160; </mtext>".join(map(_line, lines))
-    except (ValueError, SyntaxError):
-        shown, words = "", formula
-    separator = "<mtext>, </mtext>" if shown and words else ""
+    lines, words = _typeset(formula)
+    shown = "<mtext>;&#160; </mtext>".join(lines)
+    separator = "<mtext>,&#160;</mtext>" if shown and words else ""  # a plain space at an end is not shown
     return f"<math>{shown}{separator}{f'<mtext>{escape(words)}</mtext>' if words else ''}</math>"
 
 
 def mathml_in_pieces(formula: str) -> str:
     """The same as a ``<math>`` for each statement, between which a narrow column may break its lines."""
+    lines, words = _typeset(formula)
+    shown = "; ".join(f"<math>{line}</math>" for line in lines)
+    return ", ".join(filter(None, (shown, escape(words))))
+
+
+def mathml_lines(formula: str) -> tuple[str, ...]:
+    """The same as HTML for each statement, and one for the words, to stand below each other, fractions at full size."""
+    lines, words = _typeset(formula)
+    return (*(f'<math displaystyle="true">{line}</math>' for line in lines), *filter(None, [escape(words)]))
+
+
+def _typeset(formula: str) -> tuple[list[str], str]:
+    """The inside of each statement's ``<math>``, and the words; all is words where it does not read like a formula."""
     try:
         lines, words = statements(formula)
-        words = plain(words)
-        shown = [f"<math>{_line(line)}</math>" for line in lines]
+        return [_line(line) for line in lines], plain(words)
     except (ValueError, SyntaxError):
-        shown, words = [], formula
-    return ", ".join(["; ".join(shown)] * bool(shown) + [escape(words)] * bool(words))
+        return [], formula
 
 
 def plain(formula: str) -> str:
@@ -110,7 +119,8 @@ def _node(node: ast.expr) -> tuple[str, int]:
         case ast.BinOp(left=left, op=ast.Pow(), right=right):
             return f"<msup>{_held(left, _ATOM)}{_row(right)}</msup>", _POWER
         case ast.BinOp(left=left, op=ast.Mult(), right=right):
-            return f"<mrow>{_held(left, _PRODUCT)}<mo>{_SIGNS[ast.Mult]}</mo>{_held(right, _PRODUCT)}</mrow>", _PRODUCT
+            one, sign, other = _held(left, _PRODUCT), _times(left, right), _held(right, _PRODUCT)
+            return f"<mrow>{one}<mo>{sign}</mo>{other}</mrow>", _PRODUCT
         case ast.BinOp(left=left, op=ast.Add() | ast.Sub() as sign, right=right):
             after = _held(right, _PRODUCT if isinstance(sign, ast.Sub) else _SUM)
             return f"<mrow>{_held(left, _SUM)}<mo>{_SIGNS[type(sign)]}</mo>{after}</mrow>", _SUM
@@ -131,6 +141,24 @@ def _held(node: ast.expr, tightness: int) -> str:
     """With parentheses where it holds together less tightly than that."""
     shown, own = _node(node)
     return shown if own >= tightness else f"<mrow><mo>(</mo>{shown}<mo>)</mo></mrow>"
+
+
+def _times(left: ast.expr, right: ast.expr) -> str:
+    return _DOT if _is_word(left) or _is_word(right) or isinstance(right, ast.Constant) else _TIMES
+
+
+def _is_word(factor: ast.expr) -> bool:
+    """Whether it is, or is a product or power of, a name of several letters or a function's value."""
+    match factor:
+        case ast.Name(id=name):
+            return len(_letters(name).partition("_")[0]) > 1
+        case ast.Call(func=ast.Name(id=name)):
+            return name not in ("where", *_CALLS)  # a choice is in parentheses, a root has its own bounds
+        case ast.BinOp(left=left, op=ast.Mult(), right=right):
+            return _is_word(left) or _is_word(right)
+        case ast.BinOp(left=left, op=ast.Pow()):
+            return _is_word(left)
+    return False
 
 
 def _name(name: str) -> str:

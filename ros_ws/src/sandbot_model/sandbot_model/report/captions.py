@@ -17,7 +17,8 @@ HOW = {
     f"the chosen model, shaded ± {BAND_SDS:g} standard errors from its fitted parameters. Dashed grey, where drawn: "
     "the base model.",
     "residuals": "▲ the robot did more than the model says, ▼ less; the number is the residual in standard errors of "
-    "the mean. Cells without a mark agree with the model; – was not measured.",
+    "the mean. Cells without a mark agree with the model; – was not measured, or is not used (a peak that may belong "
+    "to either phase of the clock).",
     "ladder": "In sample: the model fitted to all trials. Out of sample: each condition predicted by a model fitted "
     "without it. Noise floor: scatter of replicates, which no model can beat.",
     "lock": "A leg of radius R that lifts its axle by Δz advances by s = 2√(Δz(2R − Δz)), whatever the "

@@ -10,6 +10,7 @@ import numpy as np
 
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.physics.observables import CM, Observable
+from sandbot_model.report import text
 from sandbot_model.report.page import Download, Section, Table, data_uri
 from sandbot_model.report.view import Provenance, Step, measured, residual_z, scatter
 
@@ -28,16 +29,17 @@ def _cell_table(steps: tuple[Step, ...]) -> Table:
     cells = steps[0].fit.cells
     head = ["φ", "ω (rad/s)", "trials"]
     trials = cells.n[:, Observable.speed]
-    columns = [[f"{p:.3f}" for p in cells.phi], [f"{w:.4g}" for w in cells.omega], [str(n) for n in trials]]
+    phi = cells.level_phi[cells.level]
+    columns = [[f"{p:.3f}" for p in phi], [f"{w:.4g}" for w in cells.omega], [str(n) for n in trials]]
     for name in cells.observables:
         head.append(Observable[name].heading)
         pairs = zip(CM * measured(cells, name), CM * scatter(cells, name), strict=True)
-        columns.append([f"{m:.2f} ± {s:.2f}" if np.isfinite(m) else "–" for m, s in pairs])
+        columns.append([f"{text.number(m, 2)} ± {text.number(s, 2)}" if np.isfinite(m) else "–" for m, s in pairs])
     for step in steps:
         head.append(f"speed, {step.label} (cm/s)")
-        columns.append([f"{CM * value:.2f}" for value in step.fit.predicted[:, Observable.speed]])
+        columns.append([text.centi(value) for value in step.fit.predicted[:, Observable.speed]])
     rows = list(zip(*columns, strict=True))
-    caption = "All cells: mean ± standard deviation of a single trial, and the modelled mean speed"
+    caption = "All cells, by the φ of their level: mean ± standard deviation of a single trial, and the modelled speed"
     return Table(caption, tuple(head), rows, (False,) * len(head), folded=True)
 
 

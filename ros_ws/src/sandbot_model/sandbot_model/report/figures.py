@@ -25,8 +25,9 @@ from sandbot_model.report.view import (
 )
 
 NARROW = 2
-LEGEND_PX = 48
-"""Panels in a row of a figure that stands beside another one, and the room its legend takes beyond a line."""
+LEGEND_PX, TITLE_PX = 48, 18
+"""Panels in a row of a figure that stands beside another one, the room its legend takes beyond a line, and that of a
+title above a panel."""
 DIGITS = 6
 """Significant digits of the largest number drawn: more than a screen shows, and half the bytes of them all."""
 
@@ -82,10 +83,13 @@ def panels(rows: Sequence[Band], theme: Theme, x: Spec, y: Spec, columns: int = 
 def grid_of_panels(titles: Sequence[str], theme: Theme, columns: int, height: int = 190) -> Spec:
     """An empty figure with a panel ``height`` px high below each title; its axes have places and nothing else."""
     lines = math.ceil(len(titles) / columns)
-    spec: Spec = {"data": [], "layout": layout(theme, 110 + height * lines, annotations=[])}
+    spec: Spec = {"data": [], "layout": layout(theme, 110 + TITLE_PX + height * lines, annotations=[])}
+    # Plotly keeps a legend of any number of lines above the paper, so titles have their room on it.
+    top = 1 - TITLE_PX / (TITLE_PX + height * lines)
     for i, title in enumerate(titles):
         key, (row, column) = _key(i), divmod(i, columns)
         across, up = _panel(row, column, lines, columns)
+        up = [top * end for end in up]
         spec["layout"][f"xaxis{key}"] = {"domain": across, "anchor": f"y{key}"}
         spec["layout"][f"yaxis{key}"] = {"domain": up, "anchor": f"x{key}"}
         above = note(title, across[1], up[1], xanchor="right", yanchor="bottom", font={"size": 13})

@@ -19,12 +19,14 @@ def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
     """Step length from speed, πv̄/ω, against body lift; on the curve the geometry alone explains the speed."""
     step_length, step_scatter = (CM * np.pi * f(cells, "speed") / cells.omega for f in (measured, scatter))
     lift, lift_scatter = (CM * f(cells, "lift") for f in (measured, scatter))
-    grid = np.linspace(0.0, max(finite_max(lift) / CM * 1.15, 1e-3), 121)
+    # s rises as √Δz, upright at the start: squares of even steps draw it smooth there.
+    grid = max(finite_max(lift) / CM * 1.15, 1e-3) * np.linspace(0.0, 1.0, 121) ** 2
     locked = lock_curve(grid, cells.robot.leg_radius_m)
     data: list[Spec] = [
         {
             "type": "scatter", "mode": "lines", "name": "s = 2√(Δz(2R − Δz)), nothing fitted", "hoverinfo": "skip",
-            "x": as_json(CM * grid), "y": as_json(CM * locked), "line": {"color": theme.ink, "width": 1.5},
+            "x": as_json(CM * grid), "y": as_json(CM * locked),
+            "line": {"color": theme.ink, "width": 1.5, "simplify": False},
         }
     ]  # fmt: skip
     walking = walks(cells)

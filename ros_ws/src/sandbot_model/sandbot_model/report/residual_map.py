@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.goodness import Fail
 from sandbot_model.report.figures import as_json, model_name
 from sandbot_model.report.map_text import words_on
 from sandbot_model.report.theme import LIGHT, Spec, Theme, category_axis, layout, note
@@ -101,9 +102,13 @@ def failing_cells(fit: Fit, observable: str) -> NDArray[np.bool_]:
     marked = np.zeros(len(fit.cells), dtype=bool)
     for fail in fit.fails:
         if fail.observable == observable:
-            near = np.abs(fit.cells.phi - fail.phi) + np.abs(fit.cells.omega - fail.omega_rad_s)
-            marked[int(np.argmin(near))] = True
+            marked[cell_of(fit.cells, fail)] = True
     return marked
+
+
+def cell_of(cells: Cells, fail: Fail) -> int:
+    """The cell that a failure tells of by its mean φ and ω."""
+    return int(np.argmin(np.abs(cells.phi - fail.phi) + np.abs(cells.omega - fail.omega_rad_s)))
 
 
 def _mark(z: float, failing: bool, with_number: bool) -> str:

@@ -1,16 +1,20 @@
 """The sections of the page that hold tables, and the video: what was tried, fitted, missed, and comes next."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.goodness import Fail
+from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.observables import CM, Observable
-from sandbot_model.physics.typeset import mathml, plain
+from sandbot_model.physics.typeset import mathml_lines, plain
 from sandbot_model.report import text
 from sandbot_model.report.page import Picture, Section, Table, data_uri
+from sandbot_model.report.residual_map import cell_of
 from sandbot_model.report.view import Step, observable_label, readable
 
 Frames = Sequence[tuple[bytes, str]]
@@ -66,28 +70,38 @@ def residual(discovery: Discovery) -> list[Section]:
     residual = discovery.residual
     if residual is None:
         return []
-    said = f"{residual.sentence[:1].upper()}{residual.sentence[1:]}."
+    said = f"{residual.sentence[:1].upper()}{residual.sentence[1:]}.".replace("(-", "(−")
     add = f"To add it: compare DATA {residual.options}"
     return [Section("residual", "What the catalogue does not explain", text=(said, add))]
 
 
 def parameters(steps: tuple[Step, ...]) -> Section:
-    """What was fitted in each step, and what the effects of the last one change."""
+    """What was fitted in each step, the last one first, and what its effects change."""
+    last, backwards = steps[-1], steps[::-1]
     names = list(dict.fromkeys(name for step in steps for name in step.fit.parameters))
-    rows = [(*text.described(name), *(_estimate(step.fit, name) for step in steps)) for name in names]
-    first = steps[0].fit
-    for i, phi in enumerate(first.level_phi):
-        values = (s.fit.said(float(s.fit.k_n_per_m[i]), float(s.fit.k_stderr_n_per_m[i])) for s in steps)
+    rows = [(*text.described(name), *(_estimate(step.fit, name) for step in backwards)) for name in names]
+    for i, phi in enumerate(last.fit.level_phi):
         words = ", stiffness of the ground under a leg" if i == 0 else ""
-        rows.append((f"k at φ = {phi:.3f}{words}", "N/m", *values))
-    beside = "" if steps[-1].fit.nuisances is None else f" {BESIDE.format(steps[-1].label)}"
+        rows.append((f"k at φ = {phi:.3f}{words}", "N/m", *(_stiffness(step.fit, i) for step in backwards)))
+    order = " The last step stands first; each is headed by what it adds." if len(steps) > 1 else ""
+    beside = "" if last.fit.nuisances is None else f" {BESIDE.format(last.label)}"
     table = Table(
-        f"Fitted value ± standard error; – where the model does not have the parameter.{beside}",
-        ("parameter", "unit", *(step.label for step in steps)),
+        f"Fitted value ± standard error; – where the model does not have the parameter.{order}{beside}",
+        ("parameter", "unit", *_added(steps)[::-1]),
         rows,
         (True, True, *(False for _ in steps)),
     )
-    return Section("parameters", "Parameters", tables=(table, *_correlations(steps[-1]), *_formulas(steps[-1].fit)))
+    return Section("parameters", "Parameters", tables=(table, *_correlations(last), *_formulas(last.fit)))
+
+
+def _added(steps: tuple[Step, ...]) -> list[str]:
+    """What each step adds to the one before; its whole name where it is not that one with something added."""
+    heads = [steps[0].label]
+    for last, step in pairwise(steps):
+        before, effects = set(last.fit.effects), step.fit.effects
+        added = [f"+ {readable(name)}" for name in effects if name not in before]
+        heads.append(" ".join(added) if added and before <= set(effects) else step.label)
+    return heads
 
 
 def _correlations(step: Step) -> list[Table]:
@@ -110,19 +124,26 @@ def _correlation(value: float) -> str:
 
 def _formulas(fit: Fit) -> list[Table]:
     """What each effect of the last step changes; nothing where there is no effect."""
-    rows = [
-        (readable(effect.identifier), effect.stage, Markup(mathml(effect.formula)), plain(effect.seen_in))
-        for effect in fit.model.effects
-    ]
+    rows = [(readable(effect.identifier), effect.stage, _formula(effect)) for effect in fit.model.effects]
     caption = "What the effects change: → in the chain from clock to speed, with the parameters above."
-    return [Table(caption, ("effect", "acts on", "formula", "seen in"), rows, (True,) * 4)] if rows else []
+    return [Table(caption, ("effect", "acts on", "formula, and where it is seen"), rows, (True,) * 3)] if rows else []
+
+
+def _formula(effect: Effect) -> Markup:
+    """Each statement on its own line, where the effect is seen below."""
+    lines = [*mathml_lines(effect.formula), escape(f"seen in: {plain(effect.seen_in)}")]
+    return Markup("").join(Markup(f'<div class="statement">{line}</div>') for line in lines)
 
 
 def _estimate(fit: Fit, name: str) -> str:
     if name not in fit.parameters:
         return "–"
     flag = " (at its bound)" if name in fit.at_bounds else " (implausible)" if name in fit.implausible else ""
-    return fit.said(*fit.parameters[name]) + flag
+    return fit.said(*fit.parameters[name]).replace("-", "−") + flag
+
+
+def _stiffness(fit: Fit, level: int) -> str:
+    return fit.said(float(fit.k_n_per_m[level]), float(fit.k_stderr_n_per_m[level]))
 
 
 def next_trials(discovery: Discovery) -> list[Section]:
@@ -153,7 +174,7 @@ def failing(steps: tuple[Step, ...]) -> Section:
         fails = sorted(step.fit.fails, key=lambda f: -abs(f.z))
         rows = [
             (
-                observable_label(f.observable), f"{f.phi:.3f}", f"{f.omega_rad_s:.4g}",
+                observable_label(f.observable), f"{_level_phi(step.fit, f):.3f}", f"{f.omega_rad_s:.4g}",
                 f"{text.number(CM * f.residual, 2)} {Observable[f.observable].readers_unit}", text.number(f.z),
             )
             for f in fails[:MAX_FAILING_ROWS]
@@ -163,6 +184,12 @@ def failing(steps: tuple[Step, ...]) -> Section:
         head = ("observable", "φ", "ω (rad/s)", "residual", "standard errors")
         tables.append(Table(caption, head, rows, (True, False, False, False, False), step=i, folded=len(rows) > 8))
     return Section("failing", "Failing cells", tables=tuple(tables))
+
+
+def _level_phi(fit: Fit, fail: Fail) -> float:
+    """The φ that figures call the cell by: its level's, not the mean of the cell's own trials."""
+    cells = fit.cells
+    return float(cells.level_phi[cells.level[cell_of(cells, fail)]])
 
 
 def video(frames: Frames) -> list[Section]:

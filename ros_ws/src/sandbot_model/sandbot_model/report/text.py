@@ -16,12 +16,12 @@ __all__ = ("centi", "cm_s", "counted", "described", "number", "probability", "sy
 
 def centi(value: float) -> str:
     """A length or speed in cm or cm/s, without its unit."""
-    return f"{CM * value:.2f}" if math.isfinite(value) else UNKNOWN
+    return number(CM * value, 2)
 
 
 def number(value: float, digits: int = 1) -> str:
-    """A plain number with a true minus sign."""
-    return f"{value:.{digits}f}".replace("-", "−") if math.isfinite(value) else UNKNOWN
+    """A plain number with a true minus sign, and none before what rounds to zero."""
+    return f"{value:z.{digits}f}".replace("-", "−") if math.isfinite(value) else UNKNOWN
 
 
 def counted(count: int, thing: str) -> str:

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sandbot_model.data.conditions import Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.geometry import depth_at
 from sandbot_model.physics.observables import CM
@@ -16,9 +17,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-HEADROOM = 1.2
+HEADROOM = 1.05
 JUMP = 0.02
 """Share of the force by which it changes within a step of the depth grid where it jumps."""
+APART = 0.04
+"""Share of the panel's height that names of lines are apart."""
 SHOWN_FROM = 0.65
 """Share of the deepest depth from which on forces are shown: legs that walk stand deeper."""
 
@@ -63,9 +66,10 @@ def _families(panel: "Axes", material: Material, fit: Fit, unit_n: float) -> str
     shown = slow.depth_m >= SHOWN_FROM * slow.depth_m[-1]
     panel.set_xlim(CM * slow.depth_m[shown][0], CM * slow.depth_m[-1])
     low = min(float(slow.given_n[:, shown].min()), float(slow.needed_n[:, shown].min()))
-    high = max(*(float(one.needed_n[-1, -1]) for one in found), float(slow.given_n.max()))
+    high = max(*(float(one.needed_n[-1, shown].max()) for one in found), float(slow.given_n.max()))
     panel.set_ylim(0.95 * low / unit_n, HEADROOM * high / unit_n)
-    key(panel, "", columns=4, **ABOVE)
+    _name_lines(panel, omegas, [float(one.needed_n[-1, shown][0]) / unit_n for one in found])
+    key(panel, "φ", columns=4, **ABOVE)
     deepest = {band.phi: [one.holds_m[i] for one in found] for i, band in enumerate(bands(material.cells))}
     last = max(deepest)
     held = [(omega, depth) for omega, depth in zip(omegas, deepest[last], strict=True) if np.isfinite(depth)]
@@ -75,6 +79,20 @@ def _families(panel: "Axes", material: Material, fit: Fit, unit_n: float) -> str
         f"At φ {last:.3f} the depth grows from {CM * held[0][1]:.2f} cm at {held[0][0]:g} rad/s to "
         f"{CM * held[-1][1]:.2f} cm at {held[-1][0]:g}; grey: s = R."
     )
+
+
+def _name_lines(panel: "Axes", omegas: Floats, heights: list[float]) -> None:
+    """Each line's ω at its left end, the fastest first; a line too near one that is named stands between names."""
+    low, high = panel.get_ylim()
+    last = high
+    for omega, height in sorted(zip(omegas, heights, strict=True), reverse=True):
+        if last - height < APART * (high - low):
+            continue
+        last = height
+        panel.annotate(
+            f"ω {omega:g}", (0.02, height), xycoords=("axes fraction", "data"), va="center", fontsize=5.5, color=INK,
+            bbox={"color": "white", "pad": 0.4},
+        )  # fmt: skip
 
 
 def _range(material: Material) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.atlas.material import Material, nearest
-from sandbot_model.report.atlas.style import ACCENT, FAINT, INK, MARKERS, phi_colours, sheet
+from sandbot_model.report.atlas.style import ABOVE, ACCENT, FAINT, INK, MARKERS, key, phi_colours, sheet
 from sandbot_model.report.mechanics import collapse, modelled_collapse
 from sandbot_model.report.view import bands, frequencies
 
@@ -26,7 +26,8 @@ def critical(material: Material, width_mm: float) -> "tuple[Figure, str]":
     half = 0.5 * (seen.first_swimming_rad_s - seen.last_walking_rad_s)
     left.errorbar(phis, middle, half, fmt="none", ecolor=INK, elinewidth=1.0, capsize=2.0, label="measured")
     never = np.isnan(seen.first_swimming_rad_s) & np.isfinite(seen.last_walking_rad_s)
-    left.plot(phis[never], seen.last_walking_rad_s[never], "^", color=INK, markersize=4, label="walks at every ω")
+    if never.any():
+        left.plot(phis[never], seen.last_walking_rad_s[never], "^", color=INK, markersize=4, label="walks at every ω")
     left.plot(phi, omega_c, color=ACCENT, label="model")
     right.plot(phis, CM * seen.peak_speed_m_s, "o", color=INK, markersize=3.5, label="measured")
     right.plot(phi, CM * best, color=ACCENT, label="model")
@@ -64,7 +65,7 @@ def step_over_radius(material: Material, width_mm: float) -> "tuple[Figure, str]
     panel.set_ylabel("step over leg radius s/R")
     panel.set_xticks(omegas, [f"{omega:g}" for omega in omegas])
     panel.set_ylim(bottom=0)
-    panel.legend(title="φ", title_fontsize=7, frameon=False, handletextpad=0.1, loc="upper right")
+    key(panel, "φ", columns=4, **ABOVE)
     return figure, "Step length over leg radius, s/R = πv̄/(ωR), of every trial; lines join the means. " + _last(
         material
     )

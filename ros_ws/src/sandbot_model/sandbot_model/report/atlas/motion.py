@@ -7,6 +7,7 @@ import numpy as np
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Floats
 from sandbot_model.physics.observables import CM
+from sandbot_model.report import text
 from sandbot_model.report.atlas.material import Material, Motion
 from sandbot_model.report.atlas.style import ABOVE, FAINT, key, sheet
 
@@ -62,8 +63,8 @@ def speeds(material: Material, width_mm: float) -> "tuple[Figure, str]":
         shown = (motion.time_s >= 0) & (motion.time_s <= end)
         panel.plot(motion.time_s[shown], CM * motion.speed_m_s[shown], color=colour, label=f"φ {motion.phi:.3f}")
         settled = CM * motion.speed_m_s[shown & (motion.time_s > end / PERIODS)]
-        low, high = np.nanpercentile(settled, [5, 95])
-        says.append(f"{np.nanmean(settled):.1f} cm/s (90 % of the time {low:.1f} to {high:.1f}) at φ {motion.phi:.3f}")
+        mean, low, high = map(text.number, (np.nanmean(settled), *np.nanpercentile(settled, [5, 95])))
+        says.append(f"{mean} cm/s (90 % of the time {low} to {high}) at φ {motion.phi:.3f}")
     panel.axhline(0, color=FAINT, linewidth=0.5)
     panel.set_xlabel("time (s)")
     panel.set_ylabel("forward speed v$_x$ (cm/s)")
