@@ -5,6 +5,7 @@ not the code's, and is added to each.
 """
 
 import contextlib
+import math
 import os
 import signal
 import subprocess
@@ -377,6 +378,52 @@ def test_a_node_that_is_to_end_says_so_in_the_middle_of_its_work(beside):
     finally:
         process.kill()
         process.communicate()
+
+
+def test_the_lab_stops_for_who_sends_nothing_that_can_be_meant(beside):
+    """His clock is ahead of the lab's, too: at the stop, time must rise all the same."""
+    states, told, ahead_ns, begun = [], [], 5 * 10**9, time.time_ns()
+    setpoints = node.publisher(beside.node, topics.LEG_SETPOINTS)
+    blower = node.publisher(beside.node, topics.BED_BLOWER)
+    node.subscription(beside.node, topics.LEG_STATES, states.append)
+    node.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.append(message.status[0]))
+    rate, level = [OMEGA], [1.0]
+
+    def send(rate):
+        now = time.time_ns()
+        angle = np.full(6, (now - begun) * 1e-9 * OMEGA)
+        setpoints.publish(messages.joint_state(now + ahead_ns, topics.LEGS, angle, np.full(6, rate), np.zeros(6)))
+
+    def command():
+        if states and not any(states[-1].velocity) and np.isfinite(rate[0]):
+            send(0.0)  # a busy machine has sent these late, and nothing goes on by itself
+        send(rate[0])
+
+    def blows(level):
+        return any(value.key == "blower" and value.value == level for value in told[-1].values)
+
+    with running("sandbot_lab.lab_node", "images:=false") as lab:
+        beside.until(lambda: setpoints.get_subscription_count() and blower.get_subscription_count() and told, 60.0)
+        walking = beside.node.create_timer(0.02, command)
+        beside.until(lambda: len(states) > 30 and any(states[-1].velocity))
+        for nonsense in (math.nan, 1e9):
+            rate[0] = nonsense
+            beside.until(lambda: not any(states[-1].velocity))
+            rate[0] = OMEGA
+            beside.until(lambda: any(states[-1].velocity))
+        walking.cancel()
+        blowing = beside.node.create_timer(0.02, lambda: blower.publish(messages.float64(level[0])))
+        beside.until(lambda: blows("1.0"))
+        level[0] = math.nan
+        beside.until(
+            lambda: any("air off: blower: nan is outside" in status.message for status in told) and blows("0.0")
+        )
+        level[0] = 1.0
+        heard = len(told)
+        beside.until(lambda: len(told) > heard + 1)
+        assert blows("0.0")  # nothing goes on by itself
+        blowing.cancel()
+        assert lab.poll() is None
 
 
 def test_the_lab_stops_legs_and_air_whose_commands_are_late(beside):

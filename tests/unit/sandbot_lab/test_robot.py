@@ -188,6 +188,14 @@ def test_legs_that_stand_move_nothing():
         ([0.0, 0.0], np.zeros((2, 6)), np.zeros((2, 6)), 0.6, "time must be finite and rise"),
         ([0.0, 1.0], np.zeros((2, 5)), np.zeros((2, 5)), 0.6, "expected (n,) and (n, 6)"),
         ([0.0, 1.0], np.full((2, 6), np.nan), np.zeros((2, 6)), 0.6, "not finite"),
+        (
+            [0.0, 0.01],
+            np.outer([0.0, 100.0], np.ones(6)),
+            np.zeros((2, 6)),
+            0.6,
+            "would turn at 1e+04 rad/s, at most 1000",
+        ),
+        ([0.0, 1.0], np.zeros((2, 6)), np.full((2, 6), -1e9), 0.6, "would turn at 1e+09 rad/s, at most 1000"),
         ([0.0, 1.0], np.zeros((2, 6)), np.zeros((2, 6)), 1.2, "phi: 1.2 is outside"),
         ([0.0, 1.0], np.zeros((2, 6)), np.zeros((2, 6)), float("nan"), "phi: nan is outside"),
     ],
@@ -219,3 +227,17 @@ def test_a_swimmer_that_once_walked_swims_like_one_that_never_did():
     seen = read(World(effects=effects).with_noise(0.0), 0.61, 22.0)
     assert seen.first_step_m > 0.02
     assert seen.speed_m_s == pytest.approx(0.45 / 22.0, rel=1e-3)
+
+
+def test_a_leg_that_jumps_half_a_turn_or_more_is_refused_or_followed_and_ends_nothing():
+    refused = 0
+    for angle in np.linspace(2.0, 1e3, 60):
+        robot = LabRobot(null_world(), 0.6, seed=0)
+        robot.advance(0.0, np.zeros(6), np.full(6, 8.0))
+        try:
+            robot.advance(0.01, np.full(6, angle), np.full(6, 8.0))
+            robot.advance(0.02, np.full(6, angle), np.full(6, 8.0))
+        except InputError:
+            refused += 1
+            robot.advance(0.03, np.zeros(6), np.zeros(6))
+    assert refused > 50

@@ -59,7 +59,7 @@ class LabNode(Node):
         self._bed, self._bed_ns = LabBed(current.seed), self._now_ns()
         self._trial: LiveTrial | None = None
         self._standing = True
-        self._held = np.zeros(len(self._order))
+        self._held, self._commanded_ns = np.zeros(len(self._order)), 0
         self._legs, self._air = Lease(current.legs_lease_s), Lease(current.air_lease_s)
         self._legs_lapsed, self._air_lapsed, self._blower = False, False, 0.0
         self._urgent = False
@@ -124,30 +124,31 @@ class LabNode(Node):
     def _on_setpoint(self, message: JointState) -> None:
         self._setpoints += 1
         self._stop_late_legs()
-        try:
-            self._obey(message)
-        finally:
+        if self._obey(message):
             # After the work: what this took is not the commander's silence.
             self._legs.renew(time.monotonic())
 
-    def _obey(self, message: JointState) -> None:
+    def _obey(self, message: JointState) -> bool:
+        """Whether legs do what they are told: who sends what is refused is as good as silent."""
         t_ns, angles, rates = messages.nanoseconds(message.header.stamp), *_legs(message, self._order)
         moving = bool(np.any(rates))
         if self._legs_lapsed:
             # Nothing goes on by itself: late commands of before the silence are no start.
             self._legs_lapsed = moving
             self._refused += moving
-            return
+            return not moving
         try:
             if moving and self._standing:
                 self._begin(t_ns)
             self._standing = not moving
             if self._trial is not None:
-                self._held = angles
                 self._advance(self._trial, t_ns, angles, rates)
+                self._held, self._commanded_ns = angles, t_ns
         except InputError as error:
             self._refused += 1
             self._health.level, self._health.text = 1, f"set-point refused: {error}"
+            return False
+        return True
 
     def _begin(self, t_ns: int) -> None:
         self._partners.begin(CLOCK)
@@ -189,7 +190,9 @@ class LabNode(Node):
         if not self._standing and (why := self._partners.lost(CLOCK, self._legs, "no set-point")):
             self._legs_lapsed = self._standing = True
             if self._trial is not None:
-                self._advance(self._trial, self._now_ns(), self._held, np.zeros_like(self._held))
+                # The commander's clock may be ahead of this one.
+                now_ns = max(self._now_ns(), self._commanded_ns + 1)
+                self._advance(self._trial, now_ns, self._held, np.zeros_like(self._held))
             self._alarm(f"legs stopped: {why}")
 
     def _alarm(self, text: str) -> None:
@@ -198,7 +201,6 @@ class LabNode(Node):
         self.get_logger().error(text)
 
     def _on_blower(self, message: Float64) -> None:
-        self._air.renew(time.monotonic())
         if self._air_lapsed and message.data > 0:
             return  # as with the legs: nothing goes on by itself
         self._air_lapsed = False
@@ -206,8 +208,17 @@ class LabNode(Node):
             self._partners.begin(BED)
         try:
             self._blow(message.data)
+            self._air.renew(time.monotonic())
         except InputError as error:
-            self._health.level, self._health.text = 1, str(error)
+            self._refuse_air(str(error))
+
+    def _refuse_air(self, why: str) -> None:
+        """Off: whoever sends no level that can be meant does not command any more."""
+        self._health.level, self._health.text = 1, why
+        if self._blower > 0:
+            self._air_lapsed = True
+            self._blow(0.0)
+            self._alarm(f"air off: {why}")
 
     def _blow(self, level: float) -> None:
         self._pass_time()
