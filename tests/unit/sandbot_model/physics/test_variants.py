@@ -7,8 +7,9 @@ import pytest
 
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
-from sandbot_model.physics.variants import VARIANTS, variants_of
+from sandbot_model.physics.variants import NEW, VARIANTS, variants_of
 from sandbot_model.physics.walking import Inputs, KCurve, Walker
+from sandbot_model.report.effect_facts import words
 
 PAIRS = [(effect, variant) for effect in CATALOGUE for variant in variants_of(effect)]
 OMEGA, K = (axis.ravel() for axis in np.meshgrid([4.0, 10.0, 16.0, 24.0], np.linspace(172.0, 220.0, 40)))
@@ -83,6 +84,19 @@ def test_at_the_usual_power_a_variant_is_its_family(family, variant):
     seen = Walker((variant,)).predict(Inputs(K, OMEGA, 0.4, 0.615), [start | {"power": power or 0.0}]).observables
     same = np.allclose(seen, predicted(family), rtol=1e-6)
     assert same is (power is not None)
+
+
+def test_a_time_or_a_length_is_never_searched_below_zero_and_an_exponent_may_be():
+    own = [one for family in CATALOGUE for variant in variants_of(family) for one in variant.parameters]
+    new = [one for one in own if one.doc == NEW]
+    assert {one.name for one in new if one.unit != "1"} >= {"tau_m_s", "reach_m", "d_0_m"}
+    assert all(one.search[0] > 0 for one in new if one.unit != "1")
+    assert any(one.search[0] < -2 for one in new if one.name == "power")
+
+
+def test_a_variant_is_told_in_its_familys_words():
+    [family] = [one for one in CATALOGUE if one.identifier == "stance_overlap"]
+    assert {words(variant) for variant in variants_of(family)} == {words(family)}
 
 
 def test_what_a_user_defines_has_no_variants():

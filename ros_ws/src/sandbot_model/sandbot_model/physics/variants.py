@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from sandbot_model.physics.chain import Chain
-from sandbot_model.physics.effect import Effect, Values
+from sandbot_model.physics.effect import Effect, Parameter, Values
 from sandbot_model.physics.formula import formula_effect
 
 _POWER = "; power [1] in {}..{}"
@@ -123,10 +123,16 @@ NEW = "the convention, as a number"
 """What is said of a parameter that a variant has beside its family's."""
 
 
+def _as_number(one: Parameter) -> Parameter:
+    """The convention as a parameter: an exponent may be any number, a time or a length is above zero."""
+    return replace(one, doc=NEW, hard_low=one.hard_low if one.unit == "1" else 0.1 * one.low)
+
+
 class Variant(Effect):
     """An effect under another convention; ``variant`` says which."""
 
     def __init__(self, family: Effect, variant: str, text: str) -> None:
+        self.family = family
         self.identifier, self.stage, self.variant = family.identifier, family.stage, variant
         self.source, self.seen_in, self.replaces = family.source, family.seen_in, family.replaces
         ranges = (f"{one.name} in {one.low}..{one.high}" for one in family.parameters)
@@ -134,7 +140,7 @@ class Variant(Effect):
         own = {one.name for one in family.parameters}
         self.parameters = (
             *family.parameters,
-            *(replace(one, doc=NEW) for one in self.acts.parameters if one.name not in own),
+            *(_as_number(one) for one in self.acts.parameters if one.name not in own),
         )
         self.formula, self.first_step_differs = self.acts.formula, self.acts.first_step_differs
 

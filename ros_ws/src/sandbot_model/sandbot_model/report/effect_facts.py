@@ -8,13 +8,17 @@ from sandbot_model.physics import effects
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.formula import GIVEN
 from sandbot_model.physics.observables import Observable
+from sandbot_model.physics.variants import Variant
 
 DESIGN = f"{TRIALS} trials in each of {len(PHI)} x {len(OMEGA_RAD_S)} conditions"
 ABSORBED = "k(φ), Δt and the swimming speed of the simple model follow it"
 
 
 def words(effect: Effect) -> str:
-    """An effect in plain words: what its file (a user's: its class) says of it, or the formula it was given as."""
+    """An effect in plain words: what its file (a user's: its class) says of it, or the formula it was given as; of
+    another convention what its family is."""
+    if isinstance(effect, Variant):
+        return words(effect.family)
     cls = type(effect)
     if effect.source == GIVEN:
         return effect.formula
