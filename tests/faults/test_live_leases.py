@@ -387,7 +387,7 @@ def test_the_lab_stops_for_who_sends_nothing_that_can_be_meant(beside):
     blower = node.publisher(beside.node, topics.BED_BLOWER)
     node.subscription(beside.node, topics.LEG_STATES, states.append)
     node.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.append(message.status[0]))
-    rate, level = [OMEGA], [1.0]
+    rate, level, blown = [OMEGA], [1.0], []
 
     def send(rate):
         now = time.time_ns()
@@ -398,6 +398,10 @@ def test_the_lab_stops_for_who_sends_nothing_that_can_be_meant(beside):
         if states and not any(states[-1].velocity) and np.isfinite(rate[0]):
             send(0.0)  # a busy machine has sent these late, and nothing goes on by itself
         send(rate[0])
+
+    def blow():
+        blown.append(level[0])
+        blower.publish(messages.float64(level[0]))
 
     def blows(level):
         return any(value.key == "blower" and value.value == level for value in told[-1].values)
@@ -412,16 +416,16 @@ def test_the_lab_stops_for_who_sends_nothing_that_can_be_meant(beside):
             rate[0] = OMEGA
             beside.until(lambda: any(states[-1].velocity))
         walking.cancel()
-        blowing = beside.node.create_timer(0.02, lambda: blower.publish(messages.float64(level[0])))
+        blowing = beside.node.create_timer(0.02, blow)
         beside.until(lambda: blows("1.0"))
         level[0] = math.nan
-        beside.until(
-            lambda: any("air off: blower: nan is outside" in status.message for status in told) and blows("0.0")
-        )
-        level[0] = 1.0
+        beside.until(lambda: any("air off: blower: nan is outside" in status.message for status in told))
+        for then in (math.nan, 1.0):  # nothing goes on by itself, and more of the same ends no lapse
+            level[0], before = then, len(blown)
+            beside.until(lambda before=before: len(blown) > before + 25)
         heard = len(told)
         beside.until(lambda: len(told) > heard + 1)
-        assert blows("0.0")  # nothing goes on by itself
+        assert blows("0.0")
         blowing.cancel()
         assert lab.poll() is None
 

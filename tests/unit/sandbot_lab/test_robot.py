@@ -229,6 +229,15 @@ def test_a_swimmer_that_once_walked_swims_like_one_that_never_did():
     assert seen.speed_m_s == pytest.approx(0.45 / 22.0, rel=1e-3)
 
 
+@pytest.mark.parametrize(("phi", "omega"), [(0.57, 16.0), (0.6, 30.0), (0.63, 8.0)])
+def test_tripods_in_step_swim_or_walk(phi, omega):
+    """Both pass their lowest point at once: there is no time between such strokes."""
+    t_s = np.arange(0.0, 2.0, 0.005)
+    x_m = simulate(null_world(), phi, t_s, np.outer(omega * t_s, np.ones(6)), np.full((t_s.size, 6), omega), seed=1).x_m
+    assert np.isfinite(x_m).all()
+    assert x_m[-1] > x_m[t_s.size // 2] > x_m[0]
+
+
 def test_a_leg_that_jumps_half_a_turn_or_more_is_refused_or_followed_and_ends_nothing():
     refused = 0
     for angle in np.linspace(2.0, 1e3, 60):

@@ -163,7 +163,9 @@ def pass_bottom(p: Any, s: Any, tripod: int) -> None:
     if s.mode == HOLD:  # the other tripod carries the body
         return
     mean_rate = 0.5 * (tripod_rate(p, s, 0) + tripod_rate(p, s, 1))
-    s.stroke_rate = pi / (s.t - s.bottom_t) if s.bottom_t > 0.0 else mean_rate
+    since = s.t - s.bottom_t
+    # Tripods in step pass it at once: nothing is between them.
+    s.stroke_rate = pi / since if s.bottom_t > 0.0 and since > ROUNDING_S else mean_rate
     s.bottom_t = s.t
     disturb(s, s.x, s.t)
     s.grip_t = s.t

@@ -179,9 +179,7 @@ class LabNode(Node):
         self._stop_late_legs()
         silence = f"nothing on {topics.BED_BLOWER.name}"
         if self._blower > 0 and (why := self._partners.lost(BED, self._air, silence)):
-            self._air_lapsed = True
-            self._blow(0.0)
-            self._alarm(f"air off: {why}")
+            self._end_air(why)
         if self._urgent != (commanded := not self._standing or self._blower > 0):
             self._urgent = commanded
             real_time_while(commanded, PRIORITY)
@@ -201,7 +199,7 @@ class LabNode(Node):
         self.get_logger().error(text)
 
     def _on_blower(self, message: Float64) -> None:
-        if self._air_lapsed and message.data > 0:
+        if self._air_lapsed and message.data != 0:
             return  # as with the legs: nothing goes on by itself
         self._air_lapsed = False
         if self._blower <= 0:
@@ -210,15 +208,15 @@ class LabNode(Node):
             self._blow(message.data)
             self._air.renew(time.monotonic())
         except InputError as error:
-            self._refuse_air(str(error))
+            # Who sends no level that can be meant is as good as silent.
+            self._health.level, self._health.text = 1, str(error)
+            if self._blower > 0:
+                self._end_air(str(error))
 
-    def _refuse_air(self, why: str) -> None:
-        """Off: whoever sends no level that can be meant does not command any more."""
-        self._health.level, self._health.text = 1, why
-        if self._blower > 0:
-            self._air_lapsed = True
-            self._blow(0.0)
-            self._alarm(f"air off: {why}")
+    def _end_air(self, why: str) -> None:
+        self._air_lapsed = True
+        self._blow(0.0)
+        self._alarm(f"air off: {why}")
 
     def _blow(self, level: float) -> None:
         self._pass_time()

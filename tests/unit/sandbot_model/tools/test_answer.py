@@ -79,6 +79,19 @@ def test_a_model_that_needs_a_number_nobody_believes_explains_but_does_not_hold(
     assert f"but only with {name} = {value:.4g} (plausible: " in told
 
 
+def test_what_a_file_defines_and_nobody_asked_to_fit_is_named(printed, tmp_path):
+    table, own = tmp_path / "t.csv", tmp_path / "boost.py"
+    table.write_text(ONE_CELL)
+    own.write_text(
+        "from sandbot_model import Effect\n\n\nclass Boost(Effect):\n"
+        '    identifier, stage, formula, source, seen_in = "boost", "strength", "k -> 2*k", "me", "v"\n\n'
+        "    def apply(self, chain, p):\n        chain.k = 2 * chain.k\n"
+    )
+    told = "not fitted: boost of --effects-from; --effects boost adds it"
+    assert told in printed(compare, table, "--effects-from", own)
+    assert "not fitted" not in printed(compare, table, "--effects-from", own, "--effects", "boost")
+
+
 @pytest.mark.slow
 def test_verbose_prints_all(printed, brief):
     less, all_of_it = brief[0], printed(discover_tool, EXAMPLE, *FEW, "--verbose")

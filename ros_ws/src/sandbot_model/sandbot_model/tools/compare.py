@@ -71,9 +71,10 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     print(answer.of_comparison(steps), end="\n\n")
     print(filled(tables.data_line(steps[0])), filled(robot_line), sep="\n")
     print(tables.notes(notes))
-    users = [name for name in effects if name not in catalogue(formulas=selection.formulas)]
-    if users and not set(users) & set(selection.effects):
-        print(filled(f"not fitted: {', '.join(users)} of --effects-from; --effects {users[0]} adds it"), end="\n\n")
+    if args.effects_from:
+        users = sorted(effects.keys() - catalogue(formulas=selection.formulas).keys())
+        if not set(users) & set(selection.effects):
+            print(filled(f"not fitted: {', '.join(users)} of --effects-from; --effects {users[0]} adds it"), end="\n\n")
     if selection.by_hand:
         print("last step held by hand:", ", ".join(f"{name} = {value:g}" for name, value in selection.by_hand), "\n")
     parts = [tables.ladder(steps), tables.parameters(steps[-1])]

@@ -43,7 +43,6 @@ _FACTORS = {
     **dict.fromkeys(("lift_m", "first_step_m"), _LENGTHS),
 }
 """Factors to the table's units of what stands in brackets behind a quantity."""
-_IN_BRACKETS = re.compile(r"(.+?)[ _]*[\[(](.+)[\])]")
 _OTHER_UNITS = {
     "speed_cm_s": "speed_m_s (values divided by 100)",
     "speed_mm_s": "speed_m_s (values divided by 1000)",
@@ -119,15 +118,17 @@ def _known_names(header: Sequence[str]) -> list[str]:
 
 def _unit_in_header(given: str) -> tuple[str, float]:
     """The table's name of a column such as ``omega [Hz]``, and the factor to its unit; others as they are."""
-    found, name = _IN_BRACKETS.fullmatch(given), _quantity(given)
-    factor = _FACTORS.get(name, {}).get(found[2].strip().lower()) if found else None
+    name, unit = _in_brackets(given)
+    factor = _FACTORS.get(name, {}).get(unit)
     return (given, 1.0) if factor is None else (name, factor)
 
 
-def _quantity(given: str) -> str:
-    """The table's name of what stands before a unit in brackets; empty if there is none."""
-    found = _IN_BRACKETS.fullmatch(given)
-    return _QUANTITIES.get(found[1].strip().lower().replace(" ", "_"), "") if found else ""
+def _in_brackets(given: str) -> tuple[str, str]:
+    """The table's name of a quantity with a unit in brackets behind it, and that unit; empty where there is none."""
+    found = re.fullmatch(r"(.+?)[ _]*[\[(](.+)[\])]", given)
+    if found is None:
+        return "", ""
+    return _QUANTITIES.get(found[1].strip().lower().replace(" ", "_"), ""), found[2].strip().lower()
 
 
 def _in_si(text: str, column: str) -> str:
@@ -151,7 +152,7 @@ def _hint(name: str, header: Iterable[str]) -> str:
     if sum(cell.count(";") for cell in header) > 1:
         return "; lines differ in how many semicolons they have"
     # With a unit of its own, a column is not misspelt but not understood.
-    if foreign := next((other for other in header if _quantity(other) == name), ""):
+    if foreign := next((other for other in header if _in_brackets(other)[0] == name), ""):
         return f"; {foreign!r} has a unit that is not known; {', '.join(_FACTORS[name])} are"
     strange = [other for other in header if other not in COLUMNS and not set(other) & set("[(")]
     close = near(name, strange)
