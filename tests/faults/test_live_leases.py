@@ -214,6 +214,80 @@ def test_whose_commander_is_gone_stops_though_the_lease_be_renewed(number, why, 
         commander.stopped(f"the beside is {why}")
 
 
+def test_a_lease_is_renewed_by_its_owner_alone(commander, beside):
+    with running("sandbot_clock.clock_node", f"omega_rad_s:={OMEGA}") as clock:
+        commander.command()
+        commander.walk()
+        another = node.publisher(beside.node, topics.OPERATOR_LEASE)
+        beside.until(another.get_subscription_count)
+        renewal = messages.header(time.time_ns(), "another")
+        beside.node.create_timer(0.02, lambda: another.publish(renewal))
+        beside.wait(lambda: not commander.moving, 0.6)
+        assert commander.moving  # whoever else renews takes nothing from its owner, either
+        busy = Busy(clock)
+        commander.renewing = False
+        rest_ns = commander.stopped("beside did not renew /operator/lease")
+        assert (rest_ns - commander.renewed_ns) * 1e-9 <= LEGS_S + busy.seconds
+        commander.walk()  # a new start is a new lease: of the one who renews
+
+
+HOLDER = """
+import sys
+import rclpy
+from sandbot_common import messages, node, topics
+
+rclpy.init()
+one = rclpy.create_node(sys.argv[1])
+node.Health(one, dict)
+lease = node.publisher(one, topics.OPERATOR_LEASE)
+one.create_timer(0.02, lambda: lease.publish(messages.header(one.get_clock().now().nanoseconds, one.get_name())))
+rclpy.spin(one)
+"""
+
+
+@contextlib.contextmanager
+def holding(name):
+    """A process that renews the lease under this name, until it is killed."""
+    process = subprocess.Popen([sys.executable, "-c", HOLDER, name])
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_who_resumes_at_once_after_a_kill_is_not_refused_for_the_dead_one(beside):
+    heard, told = [], []
+    node.subscription(beside.node, topics.OPERATOR_LEASE, heard.append)
+    node.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.append(message.status[0].name))
+
+    def appear(name):
+        heard.clear()
+        told.clear()
+        beside.until(lambda: name in told and any(one.frame_id == name for one in heard))
+
+    with running("sandbot_clock.clock_node", "lease_s:=1.0", "late_s:=0.25"):
+        with holding("campaign") as first:
+            appear("campaign")
+            beside.until(lambda: beside.call("/clock/start").success)  # once the clock has heard of him as well
+            first.kill()
+            first.wait()
+        with holding("campaign"):
+            appear("campaign")
+            assert beside.call("/clock/stop").success
+            beside.until(lambda: beside.call("/clock/start").success, 10.0)
+            assert beside.node.count_publishers(topics.OPERATOR_LEASE.name) == 2  # DDS has not forgotten the first one
+            assert beside.call("/clock/stop").success
+            with holding("another"):  # who lives is another matter
+                appear("another")
+
+                def refused():
+                    assert beside.call("/clock/stop").success
+                    return "another and campaign both command" in beside.call("/clock/start").message
+
+                beside.until(refused)  # once the clock has heard of him
+
+
 def test_a_run_by_hand_ends_by_itself(commander, beside):
     with running("sandbot_clock.clock_node", "max_run_s:=1.0") as clock:
         busy = Busy(clock)

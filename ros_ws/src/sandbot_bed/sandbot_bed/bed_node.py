@@ -5,12 +5,14 @@
 
 Interlock: a preparation is refused while legs move, and fails if they begin to. It fails, too, where whoever commands
 (a campaign) does not renew /operator/lease, and where the node itself was held up: air nobody watches is turned off.
+And it fails where whoever drives the blower has turned it off by himself: the bed had less air than it was told.
 """
 
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, Range
 from std_srvs.srv import Trigger
@@ -91,12 +93,16 @@ class BedNode(Node):
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoints)
         self._command = node.Command(self, settings.lease_s)
         self._health = node.Health(self, self._figures, sole=True)
+        # By node that drives a blower, and as it was when the preparation began.
+        self._air_stops: dict[str, str] = {}
+        self._air_stops_before: dict[str, str] = {}
+        node.subscription(self, topics.DIAGNOSTICS, self._on_diagnostics)
         self._legs_moved_s = self._status_s = -math.inf
         self._step_s = math.inf
         self._reported = ""
         self.create_service(Trigger, "bed/prepare", self._on_prepare)
         self.create_service(Trigger, "bed/abort", self._on_abort)
-        self.create_timer(1 / settings.rate_hz, self._step)
+        node.Timer(self, 1 / settings.rate_hz, self._step)
 
     def close(self) -> None:
         """Air off before the node goes."""
@@ -115,7 +121,21 @@ class BedNode(Node):
             return "legs began to move (/leg_setpoints) while the bed was being prepared"
         if (late_s := now_s - self._step_s) > self._settings.current.lease_s:
             return f"the bed node was held up for {late_s:.2g} s"
-        return self._command.lost()
+        return self._air_stopped or self._command.lost()
+
+    @property
+    def _air_stopped(self) -> str:
+        """Who drives the blower and has turned it off by himself since this preparation began: less air than told."""
+        for name, before in self._air_stops_before.items():
+            if self._air_stops[name] != before:
+                return f"{name} turned the air off by itself while the bed was being prepared"
+        return ""
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            for pair in status.values:
+                if pair.key == node.AIR_STOPS:
+                    self._air_stops[status.name] = pair.value
 
     def _obey(self, command: Command) -> None:
         # At every step, idle too: who starts later must learn that the air is off.
@@ -165,6 +185,7 @@ class BedNode(Node):
         if reason := self._command.begin(self._settings.current.lease_s):
             response.success, response.message = False, reason
             return response
+        self._air_stops_before = dict(self._air_stops)
         try:
             self._protocol.prepare(target_phi)
         except InputError as error:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
@@ -28,7 +28,7 @@ from sandbot_bringup.recorder_process import RecorderProcess
 from sandbot_bringup.supervision import SILENCE_S, camera_fault
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import Health, Stop, publisher, real_time
+from sandbot_common.node import Health, Stop, publisher, real_time, spin_once
 from sandbot_common.robot import Robot
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import add_metadata
@@ -54,6 +54,29 @@ def mark(bag: Path, exit_status: str) -> None:
     """Write into a closed bag how its trial ended, where only its judge could know."""
     with suppress(InputError, OSError):  # a full disk: trials.csv says it all the same
         add_metadata(bag, "trial", {**Bag.open(bag).provenance.get("trial", {}), "exit_status": exit_status})
+
+
+def judged(bag: Path) -> Row:
+    """The row of a closed bag; TrialFailed where it is not ok or can't be read, and its bag says so where it can."""
+    try:
+        row = row_from_bag(bag)
+    except (InputError, OSError) as error:
+        # A damaged disk, say: this trial is lost, the campaign is not, and the bag stays for `recover`.
+        why = f"unreadable: {str(error).removeprefix(f'{bag}: ')}"
+    else:
+        if row.status == OK:
+            return row
+        why = row.status
+    mark(bag, why)
+    raise TrialFailed(f"{why}; its bag is kept in {bag}")
+
+
+def _walk_of(plan: Plan, trial: PlannedTrial) -> dict[str, Any]:
+    """The clock's parameters for a trial; ``plan`` is the trial's own."""
+    walk = {"omega_rad_s": trial.omega_rad_s, "gait": plan.gait, "rate_hz": plan.setpoint_rate_hz}
+    if plan.gait == "CUSTOM":
+        walk |= {name: getattr(plan.clock_gait, name) for name in ("theta_s_rad", "theta_0_rad", "duty")}
+    return walk | {"max_run_s": plan.duration_s(trial.omega_rad_s) + CALL_S}
 
 
 class Operator(Node):
@@ -114,9 +137,7 @@ class Operator(Node):
         if recorder.code != 0:
             raise TrialFailed(f"the recorder ended with exit code {recorder.code}; its bag is {aside}")
         # The same judge as that of the table: what it would not call ok is no finished trial.
-        if (row := row_from_bag(aside)).status != OK:
-            mark(aside, row.status)
-            raise TrialFailed(f"{row.status}; its bag is kept in {aside}")
+        row = judged(aside)
         aside.rename(folder.bag(trial))
         return row
 
@@ -135,7 +156,7 @@ class Operator(Node):
             self.desk.enter("standing")
             self._wait(lambda: False, self._plan.standing_s)
             self.desk.enter("walking")
-            self._walk(self._plan.duration_s(trial.omega_rad_s))
+            self._walk(trial)
             ended = OK
         except (TrialFailed, CampaignEnds, Held) as error:
             ended = str(error)
@@ -152,12 +173,7 @@ class Operator(Node):
     def _set_up(self, trial: PlannedTrial) -> None:
         self._hearing.forget_trial()
         plan = self._plan.of(trial)
-        walk = {"omega_rad_s": trial.omega_rad_s, "gait": plan.gait, "rate_hz": plan.setpoint_rate_hz}
-        if plan.gait == "CUSTOM":
-            walk |= {name: getattr(plan.clock_gait, name) for name in ("theta_s_rad", "theta_0_rad", "duty")}
-        self._orders.set("clock", walk | {"max_run_s": plan.duration_s(trial.omega_rad_s) + CALL_S})
-        # After the trial before, the legs stand where they stopped; every trial starts from the same stance.
-        self._orders.call("/clock/home")
+        self._tell_gait(trial)
         # What the plan does not say of the bed stays as it was launched.
         protocol = {name: getattr(plan.bed_protocol, name) for name in plan.bed}
         self._orders.set("bed", protocol | {"target_phi": trial.phi})
@@ -165,6 +181,12 @@ class Operator(Node):
             occasion = {"batch_seed": trial.occasion.batch_seed, "progress": trial.occasion.progress}
             self._orders.set("lab", {"trial_seed": trial.seed} | occasion)
             self._orders.call("/lab/reset")
+
+    def _tell_gait(self, trial: PlannedTrial) -> None:
+        # After the trial before, the legs stand where they stopped; every trial starts from the same stance. First of
+        # all: a clock that runs for somebody else refuses, and its legs go on as he told them to.
+        self._orders.call("/clock/home")
+        self._orders.set("clock", _walk_of(self._plan.of(trial), trial))
 
     def _begin_recording(self, recorder: RecorderProcess, trial: PlannedTrial) -> None:
         if not self._wait(lambda: recorder.ready or recorder.ended, CLOSE_S) or recorder.ended:
@@ -199,8 +221,11 @@ class Operator(Node):
         if not done or bed.phi is None:
             raise TrialFailed(f"the bed was not prepared: {bed.bed_text or f'no end within {BED_S:g} s'}")
 
-    def _walk(self, duration_s: float) -> None:
+    def _walk(self, trial: PlannedTrial) -> None:
         legs, before = self._hearing, self._hearing.told["tracker"][2]
+        duration_s = self._plan.duration_s(trial.omega_rad_s)
+        # Once more: while the bed was prepared somebody may have set another ω, and the row tells the plan's.
+        self._tell_gait(trial)
         self._orders.call("/clock/start")
         if not self._wait(lambda: legs.motion_start_ns is not None, CALL_S):
             raise TrialFailed("the clock was started but no leg moved (/leg_states)")
@@ -287,10 +312,13 @@ class Operator(Node):
         """What spoils the trial under way; an empty string if nothing does, or none is."""
         if self._recorder is None:
             return ""
-        level, text, _ = self._hearing.told.get(RECORDER, (0, "", {}))
+        level, text, values = self._hearing.told.get(RECORDER, (0, "", {}))
         if level > 1:
             # A full disk, say: what the legs do from now on is lost, so they stop.
             return f"the recorder {text if text.startswith('ended: ') else f'failed: {text}'}"
+        if values.get("state", "recording") != "recording":
+            # By /recorder/pause or /recorder/stop: nobody walks on unrecorded.
+            return f"the recorder {text}"
         if self._recorder.ended:
             return f"the recorder ended: {self._recorder.why_ended}"
         if self._recorder.frozen:
@@ -305,7 +333,7 @@ class Operator(Node):
                 return False
             self._hearing.listen()
             self._renew(now_s)
-            self._executor.spin_once(timeout_sec=min(deadline - now_s, RENEW_S))
+            spin_once(self._executor, self, min(deadline - now_s, RENEW_S))
         return True
 
     def _renew(self, now_s: float) -> None:

@@ -23,7 +23,7 @@ from sandbot_bringup.queue import Queue
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
-from sandbot_common.node import publisher, subscription
+from sandbot_common.node import Timer, publisher, subscription
 
 T = TypeVar("T")
 
@@ -56,7 +56,7 @@ class Desk:
         subscription(node, topics.CAMPAIGN_COMMAND, self._on_command)
         for name, answer in (("stop", self._stop), ("pause", self._pause), ("go", self._go)):
             node.create_service(Trigger, f"campaign/{name}", _trigger(answer))
-        node.create_timer(STATUS_S, self.say)
+        Timer(node, STATUS_S, self.say)
         self.say()
 
     @property

@@ -20,6 +20,8 @@ DISCOVERY_S = 20.0
 """Nodes that just started need this long at most to be seen on a busy machine."""
 FREE_BYTES = 300 << 20
 """Room there must be before a trial; the recorder itself stops at 200 MiB."""
+FORGOTTEN_S = 30.0
+"""A process that was killed stays in DDS's graph for 20 s; one of another name is taken for a commander until then."""
 PACE_S = 0.5
 """How long rates are measured before a trial."""
 
@@ -68,7 +70,7 @@ class Gate:
             raise CampaignEnds(f"the {missing}; {_START_THEM}, then start the campaign again to go on")
         self._pace(plan)
         for topic in (topics.LEG_SETPOINTS, topics.BED_BLOWER, topics.OPERATOR_LEASE):
-            if not self._wait(partial(self._has_one_publisher, topic), DISCOVERY_S):
+            if not self._wait(partial(self._has_one_publisher, topic), FORGOTTEN_S):
                 names = " and ".join(self._who_publishes(topic)) or "nobody"
                 raise CampaignEnds(f"{names} publish {topic.name}: one commander is needed, and only one")
         if (free := shutil.disk_usage(folder.path).free) < FREE_BYTES:

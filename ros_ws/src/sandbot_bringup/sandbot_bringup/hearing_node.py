@@ -182,7 +182,8 @@ class Hearing:
 
     def _on_heartbeat(self, message: Any) -> None:
         self._heard(message.frame_id, topics.HEARTBEAT)
-        if (turned_ns := messages.nanoseconds(message.stamp)) > self._turned_ns.get(message.frame_id, 0):
+        # Another one, not a later one: its clock may have been set back.
+        if (turned_ns := messages.nanoseconds(message.stamp)) != self._turned_ns.get(message.frame_id, 0):
             self._turned_ns[message.frame_id] = turned_ns
             self._supervisor.heard(message.frame_id, LOOP, self.now_s)
 

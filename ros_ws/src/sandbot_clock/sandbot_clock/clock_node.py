@@ -68,7 +68,7 @@ class ClockNode(Node):
         self.create_service(Trigger, "clock/stop", self._on_stop)
         self.create_service(Trigger, "clock/home", self._on_home)
         if self._settings.current.autostart:
-            self._autostart = self.create_timer(_AUTOSTART_DELAY_S, self._start_once)
+            self._autostart = node.Timer(self, _AUTOSTART_DELAY_S, self._start_once)
 
     @property
     def running(self) -> bool:

@@ -47,6 +47,8 @@ END_WITH_PARENT = "TRACKWAY_END_WITH_PARENT"
 """Environment variable, set to 1 by a launch: its nodes end when it is gone, even killed."""
 _BEAT_PRIORITY = 5
 _SINCE = "since_ns"
+AIR_STOPS = "air_stops"
+"""Key of /diagnostics: how often whoever drives the blower has turned the air off himself, against his orders."""
 PROCESS = "process"
 """Key of /diagnostics: which process a node is, for those on its host (``process.Neighbour``)."""
 _LOOK_S = 0.05
@@ -86,6 +88,51 @@ def subscription(
     """
     delivery = qos(topic, best_effort=best_effort)
     return node.create_subscription(messages.message_class(topic.type), topic.relative, callback, delivery, raw=raw)
+
+
+class Timer:
+    """Calls back in the node's loop, by the time that has passed: for what commands, watches or tells that it lives.
+
+    ROS's own timers go by the system clock, or by /clock: where that is set back by a minute they stand still for one,
+    and with them the watchdog that turns the air off. Nor does a steady clock of ROS's help, for the wheels' executor
+    waits for its timers by the system clock whatever theirs is (decision 16). So a thread waits, as Python does it.
+    """
+
+    def __init__(self, node: Node, period_s: float, callback: Callable[[], None]) -> None:
+        self._node, self._period_s, self._callback = node, period_s, callback
+        self._due, self._ending = False, threading.Event()
+        threading.Thread(target=self._run, name="timer", daemon=True).start()
+
+    def cancel(self) -> None:
+        """Call no more."""
+        self._ending.set()
+
+    def _run(self) -> None:
+        due_s = time.monotonic() + self._period_s
+        while self._node.context.ok() and not self._ending.wait(max(due_s - time.monotonic(), 0.0)):
+            # A loop that is busy is not asked again, nor is what it missed caught up.
+            if not self._due and (executor := self._node.executor) is not None:
+                self._due = True
+                executor.create_task(self._call)
+            due_s = max(due_s + self._period_s, time.monotonic())
+
+    def _call(self) -> None:
+        self._due = False
+        if self._ending.is_set():
+            return
+        try:
+            self._callback()
+        except Exception as error:
+            # The executor of these wheels dies of a task that raises; ``spin_once`` has the node's loop raise it.
+            self._node.failed = error
+            self._ending.set()
+
+
+def spin_once(executor: EventsExecutor, node: Node, timeout_s: float) -> None:
+    """One turn of a node's loop; raises what a ``Timer`` of its own raised."""
+    executor.spin_once(timeout_sec=timeout_s)
+    if (error := getattr(node, "failed", None)) is not None:
+        raise error
 
 
 def reliabilities(node: Node, topic: topics.Topic) -> list[bool]:
@@ -193,23 +240,27 @@ class Partners:
 class Command:
     """The lease of whoever commands, as those see it who obey: asked before motion or air begins and at each step.
 
-    Where nobody publishes /operator/lease, a person commands by hand, and there is nothing to renew.
+    Where nobody publishes /operator/lease, a person commands by hand, and there is nothing to renew. A lease is his who
+    renewed it when motion or air began: nobody else can keep them going.
     """
 
     def __init__(self, node: Node, limit_s: float) -> None:
         self._node, self._lease, self._partners = node, Lease(limit_s), Partners(node)
         self._leased = False
-        self._holder = "somebody"
+        self._holder = self._heard_from = "somebody"
+        self._heard_s = -math.inf
         subscription(node, topics.OPERATOR_LEASE, self._on_renewal)
 
     def begin(self, limit_s: float) -> str:
         """Why nothing may begin; an empty string where it may, from now on under this lease or by hand."""
-        self._lease.limit_s = limit_s
-        self._partners.begin(self._holder)
+        self._holder, self._lease = self._heard_from, Lease(limit_s, self._heard_s)
         holders = names_of(self._node.get_publishers_info_by_topic(topics.OPERATOR_LEASE.relative))
         self._leased = bool(holders)
-        if len(holders) > 1:
-            return f"{' and '.join(holders)} both command the trackway (/operator/lease); one at a time"
+        # DDS forgets a killed one after 20 s; the system tells at once.
+        living = [name for name in holders if not self._partners.fault(name)]
+        self._partners.begin(self._holder)
+        if len(living) > 1:
+            return f"{' and '.join(living)} both command the trackway (/operator/lease); one at a time"
         if self._leased and self._lease.late(time.monotonic()):
             return f"{holders[0]} commands the trackway and does not renew /operator/lease; end it first"
         return ""
@@ -221,13 +272,17 @@ class Command:
         return self._partners.lost(self._holder, self._lease, f"{self._holder} did not renew /operator/lease")
 
     def _on_renewal(self, message: Any) -> None:
-        self._holder = message.frame_id or self._holder
-        self._lease.renew(time.monotonic())
+        self._heard_from, self._heard_s = message.frame_id or "somebody", time.monotonic()
+        if self._heard_from == self._holder:
+            self._lease.renew(self._heard_s)
 
 
 def names_of(endpoints: Sequence[Any]) -> list[str]:
-    """The names of the nodes behind publishers or subscriptions, each as often as it has one."""
-    return sorted(str(endpoint.node_name) for endpoint in endpoints)
+    """The names of the nodes behind publishers or subscriptions, each once.
+
+    Of two nodes of one name one has been killed, and DDS forgets it after 20 s, or is about to be refused (``Health``).
+    """
+    return sorted({str(endpoint.node_name) for endpoint in endpoints})
 
 
 class Health:
@@ -247,7 +302,7 @@ class Health:
         """Why the node ends: its last word, whatever its figures say of themselves."""
         self._since_ns, self._process = time.time_ns(), own_name()
         self._publisher = publisher(node, topics.DIAGNOSTICS)
-        node.create_timer(period_s, self.publish)
+        Timer(node, period_s, self.publish)
         node.health = self
         if sole:
             subscription(node, topics.DIAGNOSTICS, self._look_for_a_rival)
@@ -270,9 +325,18 @@ class Health:
 
     def _look_for_a_rival(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            since = next((pair.value for pair in status.values if pair.key == _SINCE), "")
-            if status.name == self._node.get_name() and since.isdigit() and int(since) < self._since_ns:
+            values = {pair.key: pair.value for pair in status.values}
+            if status.name == self._node.get_name() and self._is_older(values):
                 self.refused = f"another {status.name} is running already; one commander at a time, end it first"
+
+    def _is_older(self, values: Mapping[str, str]) -> bool:
+        """Whether another of this name lives longer. Processes are named by host, number and start (``own_name``)."""
+        ours, theirs = self._process.split(), values.get(PROCESS, "").split()
+        if len(ours) == len(theirs) == 3 and ours[0] == theirs[0] and ours[2] != theirs[2]:
+            # One host: since its boot, whatever its clock has been set to meanwhile.
+            return int(theirs[2]) < int(ours[2])
+        since = values.get(_SINCE, "")
+        return since.isdigit() and int(since) < self._since_ns
 
 
 def use_shared_memory(*, frames: bool) -> None:
@@ -392,7 +456,7 @@ def _spin(node: Node, stop: "Stop", turn: Callable[[], None]) -> None:
     parent = os.getppid() if os.environ.get(END_WITH_PARENT) == "1" else None
     with suppress(ExternalShutdownException):
         while rclpy.ok() and not stop.asked and not getattr(node, "done", False):
-            executor.spin_once(timeout_sec=_LOOK_S)
+            spin_once(executor, node, _LOOK_S)
             turn()
             if parent is not None and os.getppid() != parent:
                 stop.ask("the launch that started it is gone")

@@ -29,13 +29,14 @@ class SerialBed(Node):
     def __init__(self) -> None:
         super().__init__("serial_bed")
         self._given = node.Parameters(self, SerialBedParameters, fixed).current
-        self._lease, self._level, self._watchdog = Lease(self._given.air_lease_s), 0.0, 0
+        self._lease, self._level = Lease(self._given.air_lease_s), 0.0
+        self._watchdog = self._stops = 0
         self._partners, self._lapsed = node.Partners(self), False
         self._height = node.publisher(self, topics.BED_HEIGHT)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         self._port = Port(self._given.device, self._given.baud, self._heard)
         self._health = node.Health(self, self._figures, sole=True)
-        self.create_timer(WATCH_S, self._watch)
+        node.Timer(self, WATCH_S, self._watch)
 
     def close(self) -> None:
         """Air off before the node goes."""
@@ -61,7 +62,9 @@ class SerialBed(Node):
         silence = f"nothing on {topics.BED_BLOWER.name}"
         if self._level > 0.0 and (why := self._partners.lost(BED, self._lease, silence)):
             self._lapsed = True
+            self._stops += 1
             self._blow(0.0)
+            self._health.publish()  # at once: the bed goes by it
             self.get_logger().error(f"air off: {why}")
 
     def _heard(self, line: Line, received_ns: int) -> None:
@@ -77,6 +80,7 @@ class SerialBed(Node):
             "damaged": self._port.damaged,
             "opened": self._port.opened,
             "watchdog": self._watchdog,
+            node.AIR_STOPS: self._stops + self._watchdog,
         }
 
 

@@ -34,6 +34,7 @@ class SerialLegs(Node):
         given = node.Parameters(self, LegsParameters, fixed).current
         self._order = (read_robot(given.robot) if given.robot else SANDBOT).leg_order
         self._lease, self._moving, self._lapsed = Lease(given.legs_lease_s), False, False
+        self._commanded_ns = 0
         self._held, self._partners = [0.0] * len(self._order), node.Partners(self)
         self._device_clock = DeviceClock()
         self._states, self._led = node.publisher(self, topics.LEG_STATES), node.publisher(self, topics.SYNC_LED)
@@ -41,7 +42,7 @@ class SerialLegs(Node):
         self._sent = self._refused = self._watchdog = 0
         self._port = Port(given.device, given.baud, self._heard)
         self._health = node.Health(self, self._figures, sole=True)
-        self.create_timer(WATCH_S, self._watch)
+        node.Timer(self, WATCH_S, self._watch)
 
     def close(self) -> None:
         """Legs at rest before the node goes."""
@@ -67,7 +68,8 @@ class SerialLegs(Node):
             self._partners.begin(CLOCK)
         self._moving, self._lapsed, self._held = moving, False, angles
         self._lease.renew(time.monotonic())
-        self._sent += self._say(messages.nanoseconds(message.header.stamp), rates)
+        self._commanded_ns = messages.nanoseconds(message.header.stamp)
+        self._sent += self._say(self._commanded_ns, rates)
 
     def _watch(self) -> None:
         if self._moving and (why := self._partners.lost(CLOCK, self._lease, "no set-point")):
@@ -77,7 +79,9 @@ class SerialLegs(Node):
 
     def _rest(self) -> None:
         self._moving = False
-        self._say(self.get_clock().now().nanoseconds, [0.0] * len(self._order))
+        # By the commander's time: the system clock may have been set since.
+        silent_ns = round((time.monotonic() - self._lease.renewed_s) * 1e9)
+        self._say(self._commanded_ns + silent_ns, [0.0] * len(self._order))
 
     def _say(self, t_ns: int, rates: Sequence[float]) -> bool:
         return self._port.write(lines.encode("S", t_ns // 1000, *map(float, (*self._held, *rates))))

@@ -56,13 +56,13 @@ class LabNode(Node):
         self._sections = self._read_cameras(current.cameras)
         self._info = {name: camera_info(calibration(self._sections[name], name)) for name in CAMERAS}
         warm_up(self._sections)
-        self._bed, self._bed_ns = LabBed(current.seed), self._now_ns()
+        self._bed, self._bed_s = LabBed(current.seed), time.monotonic()
         self._trial: LiveTrial | None = None
         self._standing = True
         self._held, self._commanded_ns = np.zeros(len(self._order)), 0
         self._legs, self._air = Lease(current.legs_lease_s), Lease(current.air_lease_s)
         self._legs_lapsed, self._air_lapsed, self._blower = False, False, 0.0
-        self._urgent = False
+        self._urgent, self._air_stops = False, 0
         self._partners = node.Partners(self)
         self._idle = self._idle_cameras()
         self._setpoints = self._refused = self._trials = 0
@@ -76,9 +76,9 @@ class LabNode(Node):
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         node.subscription(self, topics.TRIAL, self._on_trial)
         self.create_service(Trigger, "lab/reset", self._on_reset)
-        self.create_timer(1.0 / HEIGHT_RATE_HZ, self._publish_height)
-        self.create_timer(1.0 / WATCH_RATE_HZ, self._watch)
-        self.create_timer(1.0 / IDLE_RATE_HZ, self._publish_idle)
+        node.Timer(self, 1.0 / HEIGHT_RATE_HZ, self._publish_height)
+        node.Timer(self, 1.0 / WATCH_RATE_HZ, self._watch)
+        node.Timer(self, 1.0 / IDLE_RATE_HZ, self._publish_idle)
         self._health = node.Health(self, self._figures, sole=True)
 
     def _check(self, new: LabParameters) -> None:
@@ -188,9 +188,9 @@ class LabNode(Node):
         if not self._standing and (why := self._partners.lost(CLOCK, self._legs, "no set-point")):
             self._legs_lapsed = self._standing = True
             if self._trial is not None:
-                # The commander's clock may be ahead of this one.
-                now_ns = max(self._now_ns(), self._commanded_ns + 1)
-                self._advance(self._trial, now_ns, self._held, np.zeros_like(self._held))
+                # By his time, for his clock may be ahead of this one, and this one may have been set meanwhile.
+                silent_ns = max(round((time.monotonic() - self._legs.renewed_s) * NANO), 1)
+                self._advance(self._trial, self._commanded_ns + silent_ns, self._held, np.zeros_like(self._held))
             self._alarm(f"legs stopped: {why}")
 
     def _alarm(self, text: str) -> None:
@@ -215,6 +215,7 @@ class LabNode(Node):
 
     def _end_air(self, why: str) -> None:
         self._air_lapsed = True
+        self._air_stops += 1
         self._blow(0.0)
         self._alarm(f"air off: {why}")
 
@@ -224,14 +225,13 @@ class LabNode(Node):
         self._blower = level
 
     def _pass_time(self) -> None:
-        now_ns = self._now_ns()
-        # Simulated time may be set back.
-        self._bed.advance(max(now_ns - self._bed_ns, 0) / NANO)
-        self._bed_ns = now_ns
+        # Air blows for as long as it does, wherever the system clock or simulated time is set.
+        before_s, self._bed_s = self._bed_s, time.monotonic()
+        self._bed.advance(self._bed_s - before_s)
 
     def _publish_height(self) -> None:
         self._pass_time()
-        self._height.publish(messages.range_(self._bed_ns, self._bed.read_height_m(), *SENSOR_RANGE_M, "bed"))
+        self._height.publish(messages.range_(self._now_ns(), self._bed.read_height_m(), *SENSOR_RANGE_M, "bed"))
 
     def _publish_idle(self) -> None:
         current = self._settings.current
@@ -255,6 +255,7 @@ class LabNode(Node):
         return {
             "legs": "standing" if self._standing else "moving",
             "blower": self._blower,
+            node.AIR_STOPS: self._air_stops,
             "trials": self._trials,
             "setpoints": self._setpoints,
             "refused": self._refused,

@@ -112,12 +112,15 @@ def test_a_full_queue_drops_and_counts(tmp_path):
 def test_paused_messages_are_neither_written_nor_lost(tmp_path):
     made = recording(tmp_path / "b")
     put(made, [1, 2])
-    made.paused = True
+    made.pause(True, 7)
     put(made, [3, 4])
-    made.paused = False
+    made.pause(False, 9)
+    made.pause(False, 10)  # no pause ends twice
     put(made, [5])
+    made.pause(True, 20)
     made.close()
     assert (made.written, made.lost) == (3, 0)
+    assert Bag.open(tmp_path / "b").provenance["recording"]["paused"] == "7 to 9, 20 to end"
 
 
 def test_paused_images_leave_the_rest_as_it_is(tmp_path):

@@ -4,6 +4,8 @@ import bags
 import numpy as np
 import pytest
 
+from sandbot_clock.gait import PRESETS, Gait
+from sandbot_clock.phase_clock import PhaseClock
 from sandbot_common import messages, topics
 from sandbot_record.bags.writer import add_metadata
 from sandbot_record.trials.from_bags import row_from_bag
@@ -114,3 +116,70 @@ def test_what_the_recorder_lost_is_told_where_a_row_is_made_of_it(tmp_path, topi
     bag = bags.trial_bag(tmp_path / "b", more=setpoints())
     add_metadata(bag, "recording", {"exit_status": "ok", topic.name: counts})
     assert row_from_bag(bag).status == said
+
+
+@pytest.mark.parametrize(
+    ("from_s", "to_s", "said"),
+    [
+        (2.0, None, "recorder: paused at t = 2.00 s"),  # the trial was cut off, and looks whole
+        (2.0, 2.5, "recorder: paused at t = 2.00 s"),
+        (2.0, END_S + 1, "recorder: paused at t = 2.00 s"),
+        (-0.2, 0.1, "recorder: paused at t = 0.00 s"),
+        (-0.2, -0.1, "ok"),  # before the legs began
+        (END_S + 0.1, None, "ok"),  # after their rest
+    ],
+)
+def test_a_pause_while_the_legs_moved_is_told(tmp_path, from_s, to_s, said):
+    def at(t_s):
+        return "end" if t_s is None else str(bags.T0 + 300_000_000 + round(t_s * 1e9))
+
+    cut = (lambda t_s: t_s > from_s) if to_s is None and from_s < END_S else (lambda t_s: False)
+    bag = bags.trial_bag(tmp_path / "b", more=setpoints(cut), kept=lambda topic, t_s: not cut(t_s))
+    add_metadata(bag, "recording", {"exit_status": "ok", "paused": f"{at(from_s)} to {at(to_s)}"})
+    assert row_from_bag(bag).status == said
+    if cut(END_S):  # what was judged before
+        whole = bags.trial_bag(tmp_path / "unsaid", more=setpoints(cut), kept=lambda topic, t_s: not cut(t_s))
+        assert row_from_bag(whole).status == "ok"
+
+
+def told_by_the_clock(
+    gait="SGCS", change=lambda clock, t_s: clock, at_s=2.0, kept=lambda index: True, omega=bags.OMEGA
+):
+    """Set-points as the clock sends them, with what was changed at ``at_s``."""
+    clock, sent = PhaseClock(PRESETS[gait], omega).started(0.0), []
+    for index in range(round(END_S * RATE_HZ) + 1):
+        t_s = index / RATE_HZ
+        if index == round(at_s * RATE_HZ):
+            clock = change(clock, t_s)
+        if index == round(END_S * RATE_HZ):
+            clock = clock.stopped(t_s)
+        stamp = bags.T0 + 300_000_000 + round(t_s * 1e9)
+        if kept(index):
+            told = messages.joint_state(stamp, topics.LEGS, *clock.at(t_s), np.zeros(6))
+            sent.append((topics.LEG_SETPOINTS, t_s, told))
+    return sent
+
+
+@pytest.mark.parametrize("gait", PRESETS)
+@pytest.mark.parametrize("kept", [lambda index: True, lambda index: index % 25 != 7, lambda index: not 60 < index < 70])
+def test_set_points_that_were_not_changed_are_ok(tmp_path, gait, kept):
+    assert status(tmp_path, more=told_by_the_clock(gait, kept=kept)) == "ok"
+
+
+@pytest.mark.parametrize(
+    ("change", "from_s", "to_s"),
+    [
+        (lambda clock, t_s: clock.with_omega(t_s, 1.5 * bags.OMEGA), 2.0, 2.1),
+        (lambda clock, t_s: clock.with_omega(t_s, 1.03 * bags.OMEGA), 2.0, 3.0),
+        (lambda clock, t_s: clock.with_gait(t_s, PRESETS["HGCS"]), 2.0, 2.8),
+        (lambda clock, t_s: clock.with_gait(t_s, Gait(1.1, -0.3, 0.45)), 2.0, 2.8),  # as fast as before, elsewhere
+    ],
+)
+def test_a_set_point_that_was_changed_while_the_legs_walked_is_told(tmp_path, change, from_s, to_s):
+    said = status(tmp_path, more=told_by_the_clock(change=change))
+    assert said.startswith("clock: ω or gait was changed, not 8 rad/s throughout, seen at t = ")
+    assert from_s <= float(said.split()[-2]) <= to_s
+
+
+def test_legs_that_walked_at_another_rate_than_planned_from_the_start_are_told(tmp_path):
+    assert status(tmp_path, more=told_by_the_clock(omega=1.1 * bags.OMEGA)).startswith("clock: ω or gait was changed")

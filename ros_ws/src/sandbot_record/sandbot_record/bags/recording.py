@@ -20,6 +20,8 @@ from sandbot_record.bags.video import VideoFile
 from sandbot_record.bags.writer import BagWriter
 
 SECOND_NS = 1_000_000_000
+PAUSED, PAUSED_TO_THE_END = "paused", "end"
+"""Key of the record ``recording``: when nothing was recorded, "FROM to TO, ..." in log times [ns]."""
 _BATCH_S = 0.01
 """Messages gather that long before they are written: waking up for each costs more than writing it."""
 
@@ -111,6 +113,8 @@ class Recording:
         self.reason = ""
         self.failed = False
         self.paused = False
+        self._pauses: list[str] = []
+        self._paused_ns = 0
         self.images_paused = images_paused
         self._closed = False
         self._check_free()
@@ -181,6 +185,14 @@ class Recording:
         self.reason, self.failed = self.reason or reason, True
         self.stopped.set()
 
+    def pause(self, paused: bool, now_ns: int) -> None:
+        """Record nothing until told otherwise; what the bag lacks for it is told in it, in log times."""
+        if self.paused and not paused:
+            self._pauses.append(f"{self._paused_ns} to {now_ns}")
+        elif paused and not self.paused:
+            self._paused_ns = now_ns
+        self.paused = paused
+
     def refuse(self, topic: str, why: str) -> None:
         """Note that a wanted topic can't be recorded; the rest is."""
         self.refused[topic] = why
@@ -225,6 +237,8 @@ class Recording:
         values = {"exit_status": self.reason or incomplete or "ok"}
         for name, tally in self.tallies.items():
             values[name] = f"written {tally.written}, lost {tally.lost}, dropped {tally.dropped}"
+        if pauses := [*self._pauses, *([f"{self._paused_ns} to {PAUSED_TO_THE_END}"] if self.paused else [])]:
+            values[PAUSED] = ", ".join(pauses)
         return values | {name: f"not recorded: {why}" for name, why in self.refused.items()}
 
     @property

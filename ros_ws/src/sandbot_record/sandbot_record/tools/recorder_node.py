@@ -28,7 +28,7 @@ from std_srvs.srv import SetBool, Trigger
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
-from sandbot_common.node import Health, run
+from sandbot_common.node import Health, Timer, run
 from sandbot_record.bags import frames, interfaces, metadata
 from sandbot_record.bags.mcap_writer import LIBRARY
 from sandbot_record.bags.recording import Received, Recording
@@ -175,7 +175,7 @@ class Recorder(Node):
         for name in (*selection.names, NOTE.name):
             if name in _KNOWN:
                 self._subscribe(name, _KNOWN[name].type, [])
-        self.create_timer(_LOOK_AROUND_S, self._look_around)
+        Timer(self, _LOOK_AROUND_S, self._look_around)
         recording.on_stop = self._heed_stop
         if selection.end_with_stdin:
             threading.Thread(target=self._heed_stdin, name="stdin", daemon=True).start()
@@ -306,23 +306,31 @@ class Recorder(Node):
         self._health.level, self._health.text = (2, recording.reason) if recording.failed else (0, "ok")
         if recording.lost and not recording.failed:
             self._health.level, self._health.text = 1, f"{recording.lost} messages lost"
-        counts = {"written": recording.written, "lost": recording.lost}
+        state = "stopped" if recording.stopped.is_set() else "paused" if recording.paused else "recording"
+        if state != "recording" and not recording.failed:
+            self._health.level, self._health.text = 1, f"{state}: nothing is recorded"
+        counts = {"state": state, "written": recording.written, "lost": recording.lost}
         return recording.summary() | counts | {"bytes": recording.size_bytes, "free_bytes": recording.free_bytes}
 
     def _on_start(self, _: Any, response: Any) -> Any:
-        self._recording.paused = False
+        self._pause(False)
         response.success, response.message = True, f"recording to {self._recording.path}"
         return response
 
     def _on_stop(self, _: Any, response: Any) -> Any:
         self._recording.stopped.set()
+        self._heed_stop()
         response.success, response.message = True, "closing the bag"
         return response
 
     def _on_pause(self, request: Any, response: Any) -> Any:
-        self._recording.paused = request.data
+        self._pause(request.data)
         response.success, response.message = True, "paused" if request.data else "recording"
         return response
+
+    def _pause(self, paused: bool) -> None:
+        self._recording.pause(paused, time.time_ns())
+        self._health.publish()  # at once: legs may be moving, and nobody records it
 
     def _on_pause_images(self, request: Any, response: Any) -> Any:
         self._recording.images_paused = request.data

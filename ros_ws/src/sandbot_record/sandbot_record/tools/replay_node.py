@@ -29,7 +29,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import names_of, run
+from sandbot_common.node import Timer, names_of, run
 from sandbot_record.bags.metadata import TopicInfo
 from sandbot_record.bags.playback import SECOND_NS, Player
 from sandbot_record.bags.reader import Message
@@ -87,7 +87,7 @@ class Replay(Node):
         self.add_on_set_parameters_callback(self._on_parameters)
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
         self._thread.start()
-        self.create_timer(0.05, self._look)
+        Timer(self, 0.05, self._look)
 
     def _refuse_live(self) -> None:
         """Raise InputError where commands would reach a running robot or bed, or compete with another commander."""

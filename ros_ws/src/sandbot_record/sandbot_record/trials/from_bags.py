@@ -97,7 +97,9 @@ def _read(path: Path) -> Measured:
         peak_speed_m_s=summary.peak_speed_m_s,
         first_step_m=summary.first_step_m,
     )
-    row = replace(row, status=_status(row, exit_status, judge.fault(bag, start_ns(bag)), summary.reason))
+    row = replace(
+        row, status=_status(row, exit_status, judge.fault(bag, start_ns(bag), row.omega_rad_s), summary.reason)
+    )
     return row, replace(setting, frame_rate_hz=frame_rate_hz)
 
 

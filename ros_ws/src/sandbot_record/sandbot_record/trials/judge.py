@@ -3,6 +3,7 @@
 What is judged is what was recorded, live or in batch, here or elsewhere; a topic the bag does not have is not judged.
 """
 
+import math
 import re
 from typing import NamedTuple
 
@@ -12,12 +13,15 @@ from numpy.typing import NDArray
 from sandbot_common import topics
 from sandbot_common.files import shared_yaml
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
+from sandbot_record.bags.recording import PAUSED, PAUSED_TO_THE_END
 
 CLOCK_GAP = 10
 """Periods that set-points may be apart: beyond, our clock lets the legs lag, and they meet the ground elsewhere."""
 LOST = 0.05
 """Part of the set-points that may be missing: the clock keeps the phase, but the legs turn less evenly. So of anything
 else that a row is made of, where the recorder counted what it did not get."""
+OFF_RAD = 0.05
+"""So far a leg may be told to be off where it was told to be a whole number of turns before."""
 ROBOT_GAP_S = 0.25
 FOLLOWED = 0.5
 """Part of the way told that the legs must turn; weak motors may fall behind, and that is physics."""
@@ -33,12 +37,16 @@ _OTHERS = (topics.LEG_SETPOINTS, topics.LEG_STATES, topics.SYNC_LED, topics.BED_
 _OF_A_ROW = (*_SEEN, *(topic.name for topic in _OTHERS))
 _COUNTS = re.compile(r"written (\d+), lost (\d+), dropped (\d+)")
 """As ``Recording.summary`` tells them."""
+_PAUSES = re.compile(rf"(\d+) to (\d+|{PAUSED_TO_THE_END})")
 
 Times = NDArray[np.int64]
 
 
-def fault(bag: Bag, start_ns: int) -> str:
-    """What went wrong between the start of the legs and their rest, in one phrase; an empty string if nothing did."""
+def fault(bag: Bag, start_ns: int, omega_rad_s: float = math.nan) -> str:
+    """What went wrong between the start of the legs and their rest, in one phrase; an empty string if nothing did.
+
+    ``omega_rad_s``: what the legs were to be told, says the plan; NaN: it does not.
+    """
     moving = _moving(bag, topics.LEG_SETPOINTS.name)
     if moving is None:
         moving = _moving(bag, topics.LEG_STATES.name)
@@ -46,12 +54,30 @@ def fault(bag: Bag, start_ns: int) -> str:
         return ""
     end_ns = int(moving[-1])
     return (
-        _commands(bag, moving)
+        _paused(bag, start_ns, _rest_ns(bag, end_ns))
+        or _commands(bag, moving)
+        or _rhythm(bag, moving, omega_rad_s)
         or _robot(bag, start_ns, end_ns)
         or _tracking(bag, start_ns, end_ns)
         or _bed(bag, start_ns, end_ns)
         or _recording(bag)
     )
+
+
+def _paused(bag: Bag, start_ns: int, rest_ns: float) -> str:
+    """Whether the recorder was told to pause while the legs moved: their rest may be what is missing."""
+    told = bag.provenance.get("recording", {}).get(PAUSED, "")
+    for begun, ended in _PAUSES.findall(told):
+        if int(begun) < rest_ns and (ended == PAUSED_TO_THE_END or int(ended) > start_ns):
+            return f"recorder: paused at t = {max(int(begun) - start_ns, 0) * 1e-9:.2f} s"
+    return ""
+
+
+def _rest_ns(bag: Bag, end_ns: int) -> float:
+    """When the bag first shows the legs at rest after their last motion [ns]; infinite where it does not."""
+    topic = next(one.name for one in (topics.LEG_SETPOINTS, topics.LEG_STATES) if _has(bag, one.name))
+    stamps = bag.columns(topic, *FIELD_STAMP).stamp_ns
+    return min(stamps[stamps > end_ns].tolist(), default=math.inf)
 
 
 def _recording(bag: Bag) -> str:
@@ -89,6 +115,29 @@ def _commands(bag: Bag, moving: Times) -> str:
     if lost > LOST * (len(moving) + lost):
         return f"clock: {lost} of {len(moving) + lost} set-points missing"
     return ""
+
+
+def _rhythm(bag: Bag, moving: Times, omega_rad_s: float) -> str:
+    """Whether set-points repeat themselves with the plan's period: ω or the gait may be changed while legs walk."""
+    if not (_has(bag, topics.LEG_SETPOINTS.name) and omega_rad_s > 0):
+        return ""
+    legs = bag.columns(topics.LEG_SETPOINTS.name, "position", *FIELD_STAMP)
+    stamps, first = np.unique(legs.stamp_ns, return_index=True)
+    walking = np.isin(stamps, moving)
+    t_s, angles = (stamps[walking] - moving[0]) * 1e-9, legs["position"][first][walking]
+    period_s = 2 * np.pi / omega_rad_s
+    shown = int(np.searchsorted(t_s, period_s)) + 1
+    if shown > len(t_s):
+        return ""
+    turns = np.floor(t_s / period_s)
+    pattern = np.unwrap(angles[:shown], axis=0)
+    again = np.column_stack([np.interp(t_s - turns * period_s, t_s[:shown], leg) for leg in pattern.T])
+    off = np.abs((angles - again + np.pi) % (2 * np.pi) - np.pi).max(axis=1)
+    # Between two of them a gait may bend.
+    allowed = OFF_RAD + np.abs(np.diff(pattern, axis=0)).max() / 2
+    if not (late := off > allowed).any():
+        return ""
+    return f"clock: ω or gait was changed, not {omega_rad_s:g} rad/s throughout, seen at t = {t_s[late][0]:.2f} s"
 
 
 def _robot(bag: Bag, start_ns: int, end_ns: int) -> str:

@@ -1,0 +1,47 @@
+"""A recorder that is paused or stopped while the robot walks: nobody walks on unrecorded, and the trial is not ok."""
+
+import json
+import sys
+import time
+
+import pytest
+from std_srvs.srv import SetBool, Trigger
+
+from sandbot_common import node, topics
+from sandbot_record.bags.reader import Bag
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(300)]
+NODES = ("sandbot_clock.clock_node", "sandbot_bed.bed_node", "sandbot_lab.lab_node", "sandbot_tracking.tracker_node")
+WALK_S = 30.0
+"""A trial so long that no busy machine ends it before it is stopped."""
+
+
+@pytest.mark.parametrize(
+    ("service", "kind", "request_", "said"),
+    [
+        ("/recorder/pause", SetBool, SetBool.Request(data=True), "the recorder paused: nothing is recorded"),
+        ("/recorder/stop", Trigger, Trigger.Request(), "the recorder stopped: nothing is recorded"),
+    ],
+)
+def test_legs_stop_with_their_recorder(service, kind, request_, said, tmp_path, start, plan_of_one, beside):
+    stages, states = [], []
+    node.subscription(
+        beside.node, topics.CAMPAIGN_STATUS, lambda status: stages.append(json.loads(status.data)["stage"])
+    )
+    node.subscription(beside.node, topics.LEG_STATES, states.append)
+    for module in NODES:
+        start(sys.executable, "-c", f"from {module} import main; raise SystemExit(main())")
+    plan = plan_of_one(min_duration_s=WALK_S, standing_s=0.5)
+    live = start("ros2", "run", "sandbot_bringup", "campaign", plan, "--silence", "5", "--out", tmp_path / "live")
+    beside.until(lambda: states and any(states[-1].velocity), 120.0)
+    halt = beside.node.create_client(kind, service)
+    beside.until(halt.service_is_ready)
+    halt.call_async(request_)
+    asked_s = time.monotonic()
+    beside.until(lambda: not any(states[-1].velocity), 20.0)
+    assert time.monotonic() - asked_s < WALK_S / 2
+    live.until(lambda line: line.endswith(f"failed: {said}"))
+    live.wait(60)
+    (aside,) = (tmp_path / "live" / "trials" / ".partial").iterdir()
+    assert Bag.open(aside).provenance["trial"]["exit_status"] != "ok"
+    assert not list((tmp_path / "live" / "trials").glob("phi*"))

@@ -1,0 +1,35 @@
+"""A campaign that was killed is started again at once: DDS still knows the dead one, for whose sake none is refused."""
+
+import os
+import signal
+import sys
+
+import pytest
+
+from sandbot_common import node, topics
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(300)]
+NODES = ("sandbot_clock.clock_node", "sandbot_bed.bed_node", "sandbot_lab.lab_node", "sandbot_tracking.tracker_node")
+
+
+def test_it_goes_on_at_once(tmp_path, start, plan_of_one, beside):
+    states = []
+    node.subscription(beside.node, topics.LEG_STATES, states.append)
+    for module in NODES:
+        start(sys.executable, "-c", f"from {module} import main; raise SystemExit(main())")
+    run = ("ros2", "run", "sandbot_bringup", "campaign", plan_of_one(), "--silence", "5", "--out", tmp_path / "live")
+
+    def walks():
+        return bool(states) and any(states[-1].velocity)
+
+    first = start(*run)
+    beside.until(walks, 120.0)
+    os.kill(first.pid, signal.SIGKILL)
+    first.wait(30)
+    again = start(*run)
+    beside.until(lambda: not walks())
+    # Killed and known no more for 20 s, of which none is waited for: the bed is prepared in three.
+    beside.until(lambda: walks() or any("failed" in line for line in again.lines) or again.ended, 120.0)
+    said = "\n".join(again.lines)
+    assert not any(refusal in said for refusal in ("both command", "one commander")), said
+    assert again.wait(120) in (0, 1), said  # 1: what a busy machine spoilt

@@ -1,0 +1,99 @@
+"""What a campaign asks for in which order, and what becomes of a bag it can't read: without a graph."""
+
+from dataclasses import replace
+
+import bags
+import pytest
+
+from sandbot_bringup.campaign_node import Operator
+from sandbot_bringup.endings import TrialFailed
+from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.plan import Plan, trials_of
+from sandbot_record.bags.reader import Bag
+
+PLAN = Plan(name="one", phi=(0.605,), omega_rad_s=(12.0,), gait="UNIFORM")
+(TRIAL,) = trials_of(replace(PLAN, replicates=1))
+
+
+class Orders:
+    """Keeps what was asked; refuses what is named."""
+
+    def __init__(self, refused=""):
+        self.asked, self.refused = [], refused
+
+    def call(self, name):
+        self.asked.append(name)
+        if name == self.refused:
+            raise TrialFailed(f"{name} refused: the clock is running; call /clock/stop first")
+
+    def set(self, node, values):
+        self.asked.append((node, values.get("omega_rad_s")))
+
+
+class Hearing:
+    """A trackway at rest."""
+
+    told = {"tracker": (0, "ok", {})}
+
+    def forget_trial(self):
+        pass
+
+
+def operator(refused=""):
+    one = object.__new__(Operator)
+    one._plan, one._orders, one._hearing = PLAN, Orders(refused), Hearing()
+    one._gate = type("Gate", (), {"has_lab": False, "before_trial": lambda *_: None})()
+    return one
+
+
+def test_omega_is_not_set_of_legs_that_somebody_else_runs():
+    one = operator(refused="/clock/home")
+    with pytest.raises(TrialFailed, match="the clock is running"):
+        one._set_up(TRIAL)
+    assert one._orders.asked == ["/clock/home"]
+
+
+def test_omega_is_set_of_legs_at_rest_and_again_before_they_start():
+    one = operator(refused="/clock/start")
+    one._set_up(TRIAL)
+    assert one._orders.asked[:2] == ["/clock/home", ("clock", 12.0)]
+    one._orders.asked.clear()
+    with pytest.raises(TrialFailed):
+        one._walk(TRIAL)
+    assert one._orders.asked == ["/clock/home", ("clock", 12.0), "/clock/start"]
+
+
+def run(tmp_path, damage):
+    """A trial of which only the bag is real, damaged as told."""
+    one, folder = operator(), CampaignFolder(tmp_path / "live")
+
+    def record(_trial, aside, _attachments):
+        aside.parent.mkdir(parents=True)
+        damage(bags.trial_bag(aside))
+        return type("Recorder", (), {"code": 0})()
+
+    one._set_up, one._run = lambda _: None, record
+    return one.run(TRIAL, folder, []), folder
+
+
+def test_a_bag_that_can_be_read_gives_its_row_and_its_place(tmp_path):
+    row, folder = run(tmp_path, lambda bag: None)
+    assert row.status == "ok"
+    assert Bag.open(folder.bag(TRIAL)).count
+
+
+def cut(bag):
+    """Leave the head of its file, as a disk does that lost the rest."""
+    (file,) = bag.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:40])
+    (bag / "metadata.yaml").write_text("not: [a bag")
+
+
+@pytest.mark.parametrize("damage", [cut, lambda bag: [file.unlink() for file in bag.iterdir()]])
+def test_a_bag_that_cannot_be_read_fails_its_trial_and_not_the_campaign(tmp_path, damage):
+    with pytest.raises(TrialFailed, match=r"unreadable: .*; its bag is kept in ") as failed:
+        run(tmp_path, damage)
+    folder = CampaignFolder(tmp_path / "live")
+    (aside,) = (folder.trials / ".partial").iterdir()
+    assert str(failed.value).endswith(f"kept in {aside}")
+    assert not folder.bag(TRIAL).exists()
