@@ -25,6 +25,10 @@ DECISION = re.compile(r"\bdecision\s+(?P<number>\d+)\b")
 LINK = re.compile(r"\]\((?!https?:|#|mailto:)(?P<path>[^)#\s]+)")
 MODULE = re.compile(r"\bsee ``(?P<name>[a-z_]+)``")
 
+CODE = re.compile(r"`(?:\w+\.)*(\w+)\.((?!(?:py|md|xml|yaml|csv|jsonl?)`)[A-Za-z]\w*)`")
+SOURCE = re.compile(r"(?<!\w)[a-z][a-z_/.]*\.py\b")
+OTHERS = {"mcap.writer"}
+"""Code that is not this repository's."""
 
 OWN = {"and", "in", "of"}
 """Words before a section of the page itself."""
@@ -45,6 +49,36 @@ def missing(text: str, path: Path, names: set[str]) -> list[str]:
         found += [one[0] for one in LINK.finditer(text) if not (path.parent / one["path"]).exists()]
     found += [one[0] for one in MODULE.finditer(text) if one["name"] not in names]
     return found
+
+
+def gone(text: str, sources: dict[str, str]) -> list[str]:
+    """The code a text names, ``module.name``, ``Class.name`` or a .py, that is not in the sources by path."""
+    found = [one[0] for one in SOURCE.finditer(text) if not any(path.endswith(f"/{one[0]}") for path in sources)]
+    names = (one for one in CODE.finditer(text) if one[0].strip("`") not in OTHERS)
+    return found + [one[0] for one in names if not any(defines(*one.groups(), *source) for source in sources.items())]
+
+
+def defines(of: str, name: str, path: str, source: str) -> bool:
+    """Whether a source is the module ``name`` of the package ``of``, or holds it as the module or the class ``of``."""
+    inside = path.endswith(f"/{of}.py") or f"\nclass {of}" in source
+    return (
+        f"/{of}/{name}.py" in path or f"/{of}/{name}/" in path or (inside and bool(re.search(rf"\b{name}\b", source)))
+    )
+
+
+@pytest.fixture(scope="module")
+def sources():
+    return {f"/{path.relative_to(ROOT)}": path.read_text(encoding="utf-8") for path in FILES if path.suffix == ".py"}
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "docs" / "decisions").glob("*.md")), ids=lambda path: path.stem)
+def test_the_code_a_decision_names_is_there(path, sources):
+    assert gone(path.read_text(encoding="utf-8"), sources) == []
+
+
+@pytest.mark.parametrize("text", ["`cells.ACCURACY`", "`sandbot_record.mcap_writer`", "`Cells.rabbit`", "terms.py"])
+def test_code_that_is_gone_is_noticed(text, sources):
+    assert gone(text, sources)
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandbot_model.data.clustering import phi_levels, same_within
+from sandbot_model.data.clustering import WIDEST_SCATTER, phi_levels, same_within
 
 
 def drawn(count, replicates, scatter, seed):
@@ -65,3 +65,12 @@ def test_what_is_far_apart_is_not_the_same_and_neighbours_are(values, tolerance)
     order = np.argsort(values)
     step, joined = np.diff(values[order]), np.diff(group[order]) == 0
     np.testing.assert_array_equal(joined, step <= tolerance * values[order][1:])
+
+
+@pytest.mark.parametrize("scatter", [3e-3, 6e-3])
+def test_levels_that_run_into_one_another_are_classes_no_wider_than_replicates_may_be(scatter):
+    """Seven targets met badly were one level of a scatter of 0.016, in which any model passes."""
+    phi, _ = drawn(7, 21, scatter, 0)
+    level = phi_levels(phi)
+    assert max(np.std(phi[level == one]) for one in range(level.max() + 1)) <= WIDEST_SCATTER
+    assert 7 < level.max() + 1 < 20

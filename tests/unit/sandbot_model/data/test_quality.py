@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sandbot_common.errors import InputError
+from sandbot_common.robot import Robot
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.week import Week
 from sandbot_lab.world import World, draw_world, null_world
@@ -71,7 +72,7 @@ def test_coarse_rounding_is_named():
 def test_a_continuous_phi_is_named():
     rng = np.random.default_rng(0)
     phi = np.where(CLEAN.phi < 0.6, rng.uniform(0.575, 0.605, len(CLEAN)), CLEAN.phi)
-    assert any("no replicates of one another" in note for note in checked(replace(CLEAN, phi=phi)))
+    assert any("no clear levels" in note for note in checked(replace(CLEAN, phi=phi)))
 
 
 def test_a_drift_is_named_and_none_is_seen_where_there_is_none():
@@ -90,6 +91,18 @@ def test_a_drift_is_named_and_none_is_seen_where_there_is_none():
     [
         (replace(CLEAN, omega_rad_s=CLEAN.omega_rad_s / (2 * np.pi)), "is omega in Hz"),
         (replace(CLEAN, speed_m_s=CLEAN.speed_m_s * 100), "the speed in cm/s"),
+        (
+            replace(CLEAN, first_step_m=CLEAN.first_step_m * 100),
+            r"reach 0.071 m at most \(2R\); is the first step in cm",
+        ),
+        (
+            replace(CLEAN, lift_m=CLEAN.lift_m * 100),
+            r"reach 0.046 m at most \(2R - h\); is the lift in cm \(divided by 100",
+        ),
+        (
+            replace(CLEAN, peak_speed_m_s=CLEAN.peak_speed_m_s * 10),
+            r"Rω at the fastest .* is omega .* the peak speed in",
+        ),
         (replace(CLEAN, phi=1 - CLEAN.phi), "is it the porosity"),
     ],
 )
@@ -97,6 +110,29 @@ def test_what_cannot_be_is_refused(odd, words):
     with pytest.raises(InputError, match=words) as refusal:
         checked(odd)
     assert "\n" not in str(refusal.value)
+
+
+def test_a_single_value_that_cannot_be_is_named_and_not_refused():
+    (note, *_) = checked(changed("first_step_m", 7, 4.0))
+    assert note.startswith(
+        f"1 of first_step_m can't be: first_step_m is 4 in {CLEAN.trial_id[7]}, where legs of 0.0355 m"
+    )
+
+
+def test_a_body_that_coasts_beyond_its_step_is_possible():
+    far = direct_trials(World(effects={"belly_coast": {"mu_b": 0.3}}), [0.633], [24.0, 30.0], replicates=3, seed=1)
+    coasting = from_rows([Row(**row) for row in far])
+    assert (coasting.speed_m_s > 1.25 * 2 * 0.0355 * coasting.omega_rad_s / np.pi).any()
+    assert not [note for note in checked(coasting) if "can't be" in note]
+
+
+def test_what_another_robot_can_do_is_named_and_not_refused():
+    # Legs 1.5 times as long: the table is right, the robot is not the one it was taken to be.
+    longer = {name: 1.5 * getattr(CLEAN, name) for name in ("lift_m", "speed_m_s", "peak_speed_m_s", "first_step_m")}
+    notes = checked(replace(CLEAN, **longer))
+    assert all("--robot FILE.yaml" in note for note in notes)
+    assert notes
+    assert checked(replace(CLEAN, robot=Robot(leg_radius_m=1.5 * 0.0355, axle_height_m=1.5 * 0.025), **longer)) == ()
 
 
 numbers = st.floats(-1, 1) | st.just(np.nan)

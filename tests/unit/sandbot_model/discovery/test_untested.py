@@ -99,7 +99,18 @@ def test_an_error_bar_of_phi_widens_that_of_the_speed():
 
 def test_the_accuracy_of_one_trial_is_no_pure_error():
     # A campaign's own rows say how well tracking measured each trial, not what trials scatter.
-    assert untested(cells_of(from_rows(rows(null_world()))), DEFAULT).status == "untested"
+    numbered = untested(cells_of(from_rows(rows(null_world()))), DEFAULT)
+    assert numbered.status == "untested"
+    assert "those of measuring a single trial, for their rows have a replicate number" in numbered.because
+    # Said of no table that has none.
+    without = from_rows([replace(row, speed_sd_m_s=np.nan) for row in rows(null_world())])
+    assert "no error bars are given" in untested(cells_of(without), DEFAULT).because
+
+
+@pytest.mark.parametrize(("found", "source"), [(rows(DISTURBED)[:2], "error bars"), (one_replicated(), "replicates")])
+def test_whatever_gives_too_few_degrees_of_freedom_is_named(found, source):
+    cells = cells_of(as_figure(found, 0.005) if source == "error bars" else from_rows(found))
+    assert untested(cells, DEFAULT).because.startswith(f"{source} give ")
 
 
 def test_where_speed_is_replicated_the_replicates_speak():

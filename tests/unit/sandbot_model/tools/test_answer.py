@@ -14,8 +14,10 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.explore.actions import can_adopt
+from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.text import counted, table, to_error, wrapped
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
 from sandbot_model.tools import answer, compare, tables
 from sandbot_model.tools import discover as discover_tool
 
@@ -77,6 +79,33 @@ def test_a_model_that_needs_a_number_nobody_believes_explains_but_does_not_hold(
     assert "fails" not in told
     assert f"{fit.name} explains the data (lack of fit p = {fit.lack_of_fit_p:.2g})" in told
     assert f"but only with {name} = {value:.4g} (plausible: " in told
+
+
+def test_what_is_held_by_hand_has_no_error(printed, tmp_path):
+    out = tmp_path / "c.json"
+    held = ("--effects", "stance_overlap", "--hold", "stance_overlap.eta=0.1", "--json", out)
+    told = printed(compare, EXAMPLE, *held)
+    (line,) = (line for line in told.splitlines() if line.startswith("stance_overlap.eta"))
+    assert line.split() == ["stance_overlap.eta", "0.1,", "held"]
+    assert "eta = " not in told.partition("held by hand")[0]
+    fitted, by_hand = (step["parameters"] for step in json.loads(out.read_text())["steps"][1:])
+    assert by_hand["stance_overlap.eta"] == {"value": 0.1, "stderr": None}
+    assert fitted["stance_overlap.eta"]["stderr"] > 0
+    assert by_hand["delta_t_s"]["stderr"] > 0
+
+
+def test_a_speed_of_swimming_that_nothing_depends_on_is_at_no_bound(drawn):
+    mixed = drawn((), levels=3, omega=(4, 8, 12, 30))
+    walking = mixed.select(mixed.lift_m > 4e-3)
+    told = [tables.parameters(fit(model_of("simple", (), {}), cells_of(trials))) for trials in (walking, mixed)]
+    assert ["no cell swims" in one for one in told] == [True, False]
+    assert "at its bound" not in told[0]
+
+
+@pytest.mark.parametrize("draws", ["0", "1", "-3"])
+def test_draws_that_tell_no_spread_are_refused_before_anything_is_read(draws, capsys):
+    assert compare.main(["nowhere.csv", "--bootstrap", draws]) == 2
+    assert f"--bootstrap {draws}: 2 or more draws are needed" in capsys.readouterr().err
 
 
 def test_what_a_file_defines_and_nobody_asked_to_fit_is_named(printed, tmp_path):

@@ -13,6 +13,7 @@ from sandbot_record.trials.read import read
 from sandbot_record.trials.table import COLUMNS, Row, from_rows
 
 GOOD = "phi,omega_rad_s,speed_m_s\n0.60,8,0.21\n0.62,8,0.25\n"
+LIFT = "phi,omega_rad_s,speed_m_s,{}\n.6,8,.2,.005\n"
 
 
 def write(tmp_path, text, name="t.csv"):
@@ -59,6 +60,10 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
             "phi,omega_rad_s,speed [km/h]\n0.6,8,0.2\n",
             r"speed_m_s is missing; 'speed \[km/h\]' has a unit that is not known; m/s, cm/s",
         ),
+        ("φ,omega_rad_s,speed_m_s\n.6,8,.2\n", "column phi is missing; φ would have to become phi"),
+        ("ϕ,omega_rad_s,speed_m_s\n.6,8,.2\n", "column phi is missing; ϕ would have to become phi"),
+        ("phi,ω,speed_m_s\n.6,8,.2\n", "column omega_rad_s is missing; ω would have to become omega_rad_s"),
+        (LIFT.format("lift_m,lift [mm]"), r"row 1: columns 'lift_m' and 'lift \[mm\]' are both lift_m; leave one out"),
         ("phi;omega_rad_s;speed_m_s\n0,6;8;0,2\n0,6;8\n", "lines differ in how many semicolons they have"),
         ("phi;omega_rad_s;speed_m_s\n0,6,1;8;0,2\n", "row 2, column phi: '0,6,1' is not a number"),
         ("phi,phi,omega_rad_s,speed_m_s\n", "row 1: column phi is there twice"),
@@ -87,6 +92,26 @@ def test_one_line_says_which_row_and_column(tmp_path, text, complaint):
         read(write(tmp_path, text))
     assert "\n" not in str(error.value)
     assert "t.csv" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("column", "told"),
+    [
+        ("lift_m", ()),
+        (
+            "lift [ft]",
+            (r"column lift [ft] is not read; 'lift [ft]' has a unit that is not known; m, cm, mm, μm, um are",),
+        ),
+        ("lift_mm", ("column lift_mm is not read; lift_mm would have to become lift_m (values divided by 1000)",)),
+        ("lift", ("column lift is not read; lift would have to become lift_m",)),
+        ("lft_m", ("column lft_m is not read, did you mean 'lift_m'?",)),
+        ("operator", ("columns that are not read: operator",)),
+        # What the table has under its own name, another column is not.
+        ("f [N]", ("columns that are not read: f [N]",)),
+    ],
+)
+def test_a_column_that_is_not_read_is_told(tmp_path, column, told):
+    assert read(write(tmp_path, LIFT.format(column))).unread == told
 
 
 def test_what_is_no_table(tmp_path):
@@ -238,6 +263,17 @@ def test_common_forms_are_read_in_si_units(tmp_path, text, encoding):
     np.testing.assert_allclose(table.phi, [0.60, 0.62])
     np.testing.assert_allclose(table.omega_rad_s, [8, 8])
     np.testing.assert_allclose(table.speed_m_s, [0.21, 0.25])
+
+
+@pytest.mark.parametrize("unit", ["\u00b5m", "\u03bcm", "um"])
+def test_micrometres_are_read_however_the_prefix_is_typed(tmp_path, unit):
+    table = read(write(tmp_path, f"phi,omega_rad_s,speed_m_s,lift [{unit}]\n.6,8,.2,5400\n"))
+    assert table.lift_m.tolist() == pytest.approx([5.4e-3])
+
+
+def test_a_symbol_that_is_another_quantitys_does_no_harm(tmp_path):
+    table = read(write(tmp_path, "phi,omega_rad_s,speed_m_s,f [N],v [V]\n.6,8,.2,4,12\n"))
+    assert (table.omega_rad_s.tolist(), table.speed_m_s.tolist()) == ([8.0], [0.2])
 
 
 def test_a_unit_that_is_not_known_is_not_guessed(tmp_path):

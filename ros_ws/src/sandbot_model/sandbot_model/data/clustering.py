@@ -9,6 +9,9 @@ Ints = NDArray[np.int64]
 MOST_LEVELS = 40
 SMALLEST_SCATTER = 2.5e-4
 """Scatter of φ [1] below which replicates count as one value."""
+WIDEST_SCATTER = 2e-3
+"""Scatter of φ beyond which trials are no replicates, whatever they were meant to be: a bed meets its target to 0.0005
+or 0.001, and over more the ground is another."""
 
 
 def phi_levels(phi: Floats) -> Ints:
@@ -16,7 +19,8 @@ def phi_levels(phi: Floats) -> Ints:
 
     Optimal one-dimensional k-means for each number of levels (dynamic programming on a histogram of 10⁻⁴), the number
     chosen by the Bayesian information criterion of a common scatter. A bed that missed its target a little, or levels
-    0.003 apart with a scatter of 0.0007, are told apart where a fixed gap would not.
+    0.003 apart with a scatter of 0.0007, are told apart where a fixed gap would not. No level is wider than
+    ``WIDEST_SCATTER``: where φ is met badly, or each trial has its own, levels are classes of it.
     """
     values, inverse, counts = np.unique(np.round(phi, 4), return_inverse=True, return_counts=True)
     most = min(MOST_LEVELS, len(values))
@@ -32,7 +36,9 @@ def phi_levels(phi: Floats) -> Ints:
         sums.append(best[-1])
     partitions = [_groups(back, last, len(values))[inverse] for last in range(most)]
     scores = [_criterion(total, groups) for total, groups in zip(sums, partitions, strict=True)]
-    return partitions[int(np.argmin(scores))]
+    narrow = np.array([_widest(phi, groups) <= WIDEST_SCATTER for groups in partitions])
+    narrow[-1] = True
+    return partitions[int(np.argmin(np.where(narrow, scores, np.inf)))]
 
 
 def same_within(values: Floats, tolerance: float) -> Ints:
@@ -49,6 +55,13 @@ def _criterion(squares: float, groups: Ints) -> float:
     n, counts = len(groups), np.bincount(groups)
     scatter = n * np.log(squares / n + SMALLEST_SCATTER**2)
     return float(scatter - 2 * np.sum(counts * np.log(counts / n)) + 3 * len(counts) * np.log(n))
+
+
+def _widest(phi: Floats, groups: Ints) -> float:
+    """Standard deviation of φ in the group where it is largest."""
+    count = np.bincount(groups)
+    apart = phi - (np.bincount(groups, phi) / count)[groups]
+    return float(np.sqrt((np.bincount(groups, apart**2) / count).max()))
 
 
 def _cost(values: Floats, weights: Floats) -> Floats:

@@ -17,7 +17,7 @@ from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error
 from sandbot_model.data.regime import peaks_seen, swum_at_once, walks
-from sandbot_model.data.stated_error import stated_variance, with_stated
+from sandbot_model.data.stated_error import of_single_trials, stated_variance, with_stated
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, Clock, clock
 from sandbot_model.physics.observables import NAMES, Observable, shared_variance, usual_noise
 from sandbot_record.trials.table import Trials
@@ -61,6 +61,8 @@ class Cells:
     """The robot that walked."""
     accuracy: Accuracy = USUAL
     """How well it was measured."""
+    bars_of_trials: bool = False
+    """Whether there are error bars that say nothing of pure error (see ``stated_error``)."""
     batch_share: Floats | None = field(
         default=None,
         metadata={"doc": "(n, batches), share of a cell's trials in each batch; None: at most one is told"},
@@ -125,7 +127,7 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     stated = np.stack([trials.replicate, trials.speed_sd_m_s, trials.phi_sd])[:, usable]
     batch, order = np.asarray(trials.batch)[usable], np.asarray(trials.run_order, dtype=float)[usable]
     cells = _gather(phi, omega, gait, values, stated, accuracy, batch, order, excluded=int((~usable).sum()))
-    cells = replace(cells, robot=robot, accuracy=accuracy)
+    cells = replace(cells, robot=robot, accuracy=accuracy, bars_of_trials=of_single_trials(stated))
     return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi))
 
 

@@ -11,6 +11,8 @@ from sandbot_common.robot import SANDBOT
 from sandbot_model.data.clustering import phi_levels, same_within
 from sandbot_model.data.distributions import t_sf
 from sandbot_model.data.regime import WALKING_LIFT_M, walks
+from sandbot_model.physics.gait import clock
+from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import Observable
 from sandbot_record.trials.table import Trials
 
@@ -19,8 +21,20 @@ Ints = NDArray[np.int64]
 
 PHI_LOW, PHI_HIGH = 0.5, 0.7
 """Volume fractions that a bed of grains at rest can have."""
-FAR_TOO_FAST = 3.0
-"""Times the farthest that legs can carry a body: not another robot, but another unit (Hz for rad/s is 2π)."""
+TOO_FAR = (2.0, 1.25, 1.25, 2.0)
+"""Times what legs can do, of each observable, from which trials are named. A slope of 2° adds 18 % to the pace; a body
+that coasts on at the pace of its legs till the next step gets π/2 times as far; nothing lifts it any higher.
+"""
+FAR_TOO_FAR = 3.0
+"""The same, from which a table is refused: another unit is 2π times at least (Hz for rad/s). What lies between may be
+another robot's, which a verdict doubts (``plausibility``).
+"""
+SLIPS = 0.1
+"""Share of such values up to which they are named as slips of single trials, and not refused as a column's unit."""
+AT_MOST = ("2Rω/π", "2R - h", "Rω at the fastest phase of the gait", "2R")
+"""What legs can do, of each observable. In a step a leg of radius R carries the body by its own chord, 2R, at most; two
+steps take a period 2π/ω. It lifts it from lying on its belly to standing on the legs; and a foot that stays where it is
+moves the body at the pace of the leg."""
 MANY = 64
 """Trials of a cell up to which all pairs are compared."""
 FAR_OUT = 8.0
@@ -29,7 +43,7 @@ CLEARLY = 4.0
 """Times the least lift of a walker from which no replicate of the same condition swims."""
 COARSE = 0.5
 """Step of rounding over scatter from which replicates show the rounding, not the noise."""
-WIDE = 0.002
+WIDE = 0.0015
 """Scatter of φ within a level beyond what a prepared bed misses its target by (it is 0.0005 to 0.001)."""
 TREND_P = 1e-3
 """p-value from which a trend along the run order is named: four observables, less than one clean campaign in 200."""
@@ -40,20 +54,22 @@ SAME_CONDITION = 5e-3
 def checked(trials: Trials) -> tuple[str, ...]:
     """The notes on the usable trials. Raises InputError where their numbers make no sense as what they are called."""
     used = trials.select(trials.usable)
-    _refuse(used)
-    values = np.stack([getattr(used, observable.column) for observable in Observable], axis=-1)
+    share, values = _beyond(used), _values(used)
+    _refuse(used, share)
     cell = _cells(used)
     return (
+        *trials.unread,
         *_copied(used, values),
+        *_too_far(used, share),
         *_zeros(values),
-        *_wide_levels(used),
+        *_classes(used),
         *_far_out(used, values, cell),
         *_coarse(values, cell),
         *_trends(used, values, cell),
     )
 
 
-def _refuse(used: Trials) -> None:
+def _refuse(used: Trials, share: Floats) -> None:
     outside = (used.phi < PHI_LOW) | (used.phi > PHI_HIGH)
     if outside.mean() > 0.5:
         porosity = "; is it the porosity? then phi = 1 - value" if ((1 - used.phi[outside]) > PHI_LOW).any() else ""
@@ -61,16 +77,36 @@ def _refuse(used: Trials) -> None:
             f"trials: phi is {used.phi[outside][0]:g} in {used.trial_id[outside][0]}: grains at rest fill "
             f"{PHI_LOW:g} to {PHI_HIGH:g} of the volume{porosity}"
         )
-    radius = (used.robot or SANDBOT).leg_radius_m
-    fastest = 2 * radius * used.omega_rad_s / np.pi
-    beyond = used.speed_m_s > FAR_TOO_FAST * fastest
-    if beyond.mean() > 0.5:
-        raise InputError(
-            f"trials: speed_m_s is {used.speed_m_s[beyond][0]:g} in {used.trial_id[beyond][0]}, where legs of "
-            f"{radius:g} m "
-            f"at {used.omega_rad_s[beyond][0]:g} rad/s carry no farther than {fastest[beyond][0]:.2g} m/s (2Rω/π); "
-            "is omega in Hz (times 2π) or the speed in cm/s (divided by 100)?"
-        )
+    for observable in Observable:
+        far = share[:, observable] > FAR_TOO_FAR
+        if far.sum() > SLIPS * np.isfinite(share[:, observable]).sum():
+            raise InputError(f"trials: {_impossible(used, observable, int(np.argmax(far)), share)}")
+
+
+def _values(used: Trials) -> Floats:
+    """The observables ``(trials, 4)``."""
+    return np.stack([getattr(used, observable.column) for observable in Observable], axis=-1)
+
+
+def _beyond(used: Trials) -> Floats:
+    """What was measured over the most that legs can do ``(trials, 4)``; NaN where it was not measured."""
+    robot = used.robot or SANDBOT
+    turns, pace, whole = clock([*used.gait]), robot.leg_radius_m * used.omega_rad_s, np.ones(len(used))
+    fastest = pace * np.maximum(turns.slow_ratio, turns.swing_ratio)
+    most = [2 * pace / np.pi, deepest_m(robot) * whole, fastest, 2 * robot.leg_radius_m * whole]
+    return np.asarray(np.abs(_values(used)) / np.stack(most, axis=-1))
+
+
+def _impossible(used: Trials, observable: Observable, row: int, share: Floats) -> str:
+    """One value, what there can be in its place, and what may have happened to it."""
+    value, radius = _values(used)[row, observable], (used.robot or SANDBOT).leg_radius_m
+    paced = "omega in Hz (times 2π), " if observable.unit == "m/s" else ""
+    return (
+        f"{observable.column} is {value:g} in {used.trial_id[row]}, where legs of {radius:g} m at "
+        f"{used.omega_rad_s[row]:g} rad/s reach {abs(value) / share[row, observable]:.2g} {observable.unit} at most "
+        f"({AT_MOST[observable]}); is {paced}the {observable.name.replace('_', ' ')} in {observable.readers_unit} "
+        "(divided by 100), or the robot another (--robot FILE.yaml)?"
+    )
 
 
 def _cells(used: Trials) -> Ints:
@@ -93,6 +129,16 @@ def _copied(used: Trials, values: Floats) -> list[str]:
     return [f"{len(twice)} trials are copies of others: {_some(twice)}"] if twice else []
 
 
+def _too_far(used: Trials, share: Floats) -> list[str]:
+    """Values that legs can't reach, where most of a column are such that they can."""
+    found = []
+    for observable in Observable:
+        if count := int((share[:, observable] > TOO_FAR[observable]).sum()):
+            worst = int(np.nanargmax(share[:, observable]))
+            found.append(f"{count} of {observable.column} can't be: {_impossible(used, observable, worst, share)}")
+    return found
+
+
 def _zeros(values: Floats) -> list[str]:
     found = []
     for observable in Observable:
@@ -105,15 +151,16 @@ def _zeros(values: Floats) -> list[str]:
     return found
 
 
-def _wide_levels(used: Trials) -> list[str]:
+def _classes(used: Trials) -> list[str]:
+    """Where φ has no clear levels."""
     level = phi_levels(used.phi)
-    spread = [float(np.std(used.phi[level == index])) for index in range(int(level.max()) + 1)]
-    widest = int(np.argmax(spread))
-    if spread[widest] <= WIDE:
+    count = int(level.max()) + 1
+    widest = max(float(np.std(used.phi[level == index])) for index in range(count))
+    if widest <= WIDE:
         return []
     return [
-        f"phi scatters by {spread[widest]:.4f} within the level at {used.phi[level == widest].mean():.4f}: its trials "
-        "are no replicates of one another, and what they scatter is not pure error"
+        f"phi has no clear levels: its trials are gathered into {count} classes within which it "
+        f"scatters by up to {widest:.4f}; each has a k of its own, and what φ does within one is taken out"
     ]
 
 

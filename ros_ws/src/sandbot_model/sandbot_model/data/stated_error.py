@@ -28,6 +28,12 @@ def stated_variance(stated_columns: Floats, slope: Floats) -> Floats:
     return np.where(stated, speed_sd**2 + (slope * np.nan_to_num(phi_sd)) ** 2, np.nan)
 
 
+def of_single_trials(stated_columns: Floats) -> bool:
+    """Whether any error bar is that of one trial, and so no pure error; columns as above."""
+    replicate, speed_sd, _ = stated_columns
+    return bool((np.isfinite(replicate) & (speed_sd > 0)).any())
+
+
 def with_stated(error: PureError, variance: Floats) -> PureError:
     """Pure error by the error bars of the cells ``(cells,)``; where speed was replicated, the replicates speak."""
     stated = np.isfinite(variance)

@@ -24,8 +24,10 @@ def steps_of(selection: Selection, cells: Cells, effects: Mapping[str, Effect]) 
     steps = compare(cells, effects, selection.effects, base=selection.model)
     if not selection.by_hand:
         return steps
-    model = model_of(selection.model, selection.effects, effects, cells.robot)
-    return Comparison((*steps, fitted_at(model, cells, point_of(steps[-1], dict(selection.by_hand)))))
+    held = dict(selection.by_hand)
+    point = point_of(steps[-1], held)
+    model = model_of(selection.model, selection.effects, effects, cells.robot, held)
+    return Comparison((*steps, fitted_at(model, cells, point)))
 
 
 def point_of(found: Fit, by_hand: Mapping[str, float] | None = None) -> Point:

@@ -19,14 +19,24 @@ def untested(cells: Cells, criteria: Criteria) -> Verdict | None:
     if known and (passing := unnoticed(known, criteria)) <= criteria.gross:
         return None
     what = (
-        f"replicates give {counted(known, 'degree')} of freedom of pure error, on which a model that misses every cell "
-        f"mean by {passing:.0f} standard errors would pass"
+        f"{'replicates' if (cells.n > 1).any() else 'error bars'} give {counted(known, 'degree')} of freedom of pure "
+        f"error, on which a model that misses every cell mean by {passing:.0f} standard errors would pass"
         if known
-        else "no cell has replicates and no error bars are given, so pure error is unknown and nothing can be tested"
+        else f"no cell has replicates and {_bars(cells)}, so pure error is unknown and nothing can be tested"
     )
     where = counted(min(CONDITIONS, len(cells)), "condition")
     more = f"{MORE} more trials at each of {where} would do (next trials)"
     return Verdict("untested", (), (), f"{what}; {more}")
+
+
+def _bars(cells: Cells) -> str:
+    """Why error bars do not tell pure error either."""
+    if not cells.bars_of_trials:
+        return "no error bars are given"
+    return (
+        "the error bars (speed_sd_m_s) are those of measuring a single trial, for their rows have a replicate number "
+        "(a row that is the mean of a condition has none)"
+    )
 
 
 def unnoticed(known: int, criteria: Criteria) -> float:

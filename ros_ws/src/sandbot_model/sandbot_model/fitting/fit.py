@@ -138,10 +138,15 @@ class Fit(Fitted):
         units = ["" if parameter.unit == "1" else parameter.unit for parameter in self.model.parameters]
         levels = zip(self.level_phi, self.k_n_per_m, self.k_stderr_n_per_m, strict=True)
         said = [
-            *((name, self.said(*one), unit) for (name, one), unit in zip(self.parameters.items(), units, strict=True)),
+            *((name, self.told(name), unit) for name, unit in zip(self.parameters, units, strict=True)),
             *((f"k at φ {phi:.3f}", self.said(k, stderr), "N/m") for phi, k, stderr in levels),
         ]
-        return [(name, told if told == UNDETERMINED else f"{told} {unit}".rstrip()) for name, told, unit in said]
+        return [(name, f"{told} {unit}".rstrip() if told[-1].isdigit() else told) for name, told, unit in said]
+
+    def told(self, name: str) -> str:
+        """A shared parameter ± standard error, or the value that it is held at."""
+        value, stderr = self.parameters[name]
+        return f"{value:.4g}, held" if name in self.model.held else self.said(value, stderr)
 
     def said(self, value: float, stderr: float) -> str:
         """One of its parameters ± standard error; not a number where there are no more means than unknowns."""
@@ -158,11 +163,13 @@ def fit(model: Model, cells: Cells, near: WarmStart | None = None) -> Fit:
 
 
 def fitted_at(model: Model, cells: Cells, point: Point, nuisances: Nuisances | None = None) -> Fit:
-    """The fit at a minimum found before, with its standard errors and tests."""
+    """The fit at a minimum found before, with its standard errors and tests; what is held has no error."""
     problem = Problem(model, cells, nuisances)
     state = state_at(problem, point)
     jacobian = full_jacobian(problem, state)[0]
-    stderr, covariance = standard_errors(jacobian)
+    free = np.ones(jacobian.shape[1])
+    free[: len(point.theta)] = [name not in model.held for name in model.names]
+    stderr, covariance = standard_errors(jacobian * free)
     own = len(point.theta) + len(point.ln_k)
     values = () if nuisances is None else (-state.shared[0] * nuisances.sd).tolist()
     return Fit(

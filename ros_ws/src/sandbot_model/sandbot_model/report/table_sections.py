@@ -139,7 +139,7 @@ def _estimate(fit: Fit, name: str) -> str:
     if name not in fit.parameters:
         return "–"
     flag = " (at its bound)" if name in fit.at_bounds else " (implausible)" if name in fit.implausible else ""
-    return fit.said(*fit.parameters[name]).replace("-", "−") + flag
+    return fit.told(name).replace("-", "−") + flag
 
 
 def _stiffness(fit: Fit, level: int) -> str:

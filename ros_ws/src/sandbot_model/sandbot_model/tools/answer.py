@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from sandbot_common.terminal import filled, styled
 from sandbot_model.data.conditions import noise_floor
 from sandbot_model.discovery.discover import Discovery
-from sandbot_model.discovery.verdict import leaves_nothing, odd, passes
+from sandbot_model.discovery.verdict import beyond, leaves_nothing, odd, passes
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.text import UNDETERMINED, counted, to_error
 from sandbot_model.physics.observables import CM
@@ -56,12 +56,7 @@ def _explains(fit: Fit) -> str:
     p = f"lack of fit p = {fit.lack_of_fit_p:.2g}"
     if not (strange := odd(fit)):
         return f"holds: replicates leave nothing to explain ({p})"
-    ranges = dict(zip(fit.model.names, fit.model.parameters, strict=True))
-    numbers = [
-        f"{name} = {fit.parameters[name].value:.4g} (plausible: {ranges[name].low:g} to {ranges[name].high:g})"
-        for name in dict.fromkeys(strange)
-    ]
-    return f"explains the data ({p}), but only with {' and '.join(numbers)}"
+    return f"explains the data ({p}), but only with {' and '.join(beyond(fit, strange))}"
 
 
 def _fails(fit: Fit) -> str:

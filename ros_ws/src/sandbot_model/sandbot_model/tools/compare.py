@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import writing
@@ -18,6 +20,7 @@ from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
     from sandbot_model.fitting.parallel import Map
+    from sandbot_model.physics.model import Model
 
 FEW = 5
 """Cell means missed that are listed."""
@@ -44,6 +47,8 @@ def _compare(argv: Sequence[str]) -> None:
     args = parser.parse_args(argv)
     args.typed = shlex.join(["ros2", "run", "sandbot_model", "compare", *argv])
     arguments.check_report(args)
+    if args.bootstrap is not None and args.bootstrap < 2:
+        raise InputError(f"--bootstrap {args.bootstrap}: 2 or more draws are needed, one tells no spread")
     fitters = arguments.fitters(args)
     if args.dask is not None and args.bootstrap is None:
         raise InputError("--dask: only the draws of --bootstrap N go to a cluster; give that too")
@@ -63,6 +68,7 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     from sandbot_model.tools import answer, tables
 
     effects = catalogue(args.effects_from, selection.formulas)
+    _check_held(selection, model_of(selection.model, selection.effects, effects))
     trials, robot_line = arguments.trials(args)
     readings = arguments.readings(args)
     notes = checked(trials)
@@ -101,6 +107,16 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
         with writing(args.html):
             title = args.title or args.data[0].stem
             write_comparison(args.html, steps, trials, title=title, frames=frames, data=args.data, command=args.typed)
+
+
+def _check_held(selection: Selection, model: "Model") -> None:
+    """Raises InputError for a value that a parameter can't have, whatever the data."""
+    known = dict(zip(model.names, model.parameters, strict=True))
+    for name, value in selection.by_hand:
+        one = known.get(name)
+        if one is not None and not one.hard_low <= value <= one.hard_high:
+            upper = f" and at most {one.hard_high:g}" if np.isfinite(one.hard_high) else ""
+            raise InputError(f"--hold {name}={value:g}: at least {one.hard_low:g}{upper} is needed")
 
 
 def _selection(args: argparse.Namespace) -> Selection:

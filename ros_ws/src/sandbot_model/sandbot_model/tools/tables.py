@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sandbot_common.terminal import filled
+from sandbot_model.data.regime import walks
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.text import counted, table
+from sandbot_model.fitting.text import UNDETERMINED, counted, table
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.gait import assumption
 from sandbot_model.physics.observables import CM, Observable
@@ -58,15 +59,17 @@ def parameters(fit: Fit) -> str:
         return f"{counted(means, 'cell mean')} can't determine {unknowns} parameters: none is given"
     rows = [["parameter", "value", ""]]
     for name, told in fit.estimates():
-        odd = (
-            "at its bound"
-            if name in fit.at_bounds
-            else "outside its plausible range"
-            if name in fit.implausible
-            else ""
-        )
-        rows.append([name, told, odd])
+        rows.append([name, told, _remark(fit, name, told)])
     return table(rows)
+
+
+def _remark(fit: Fit, name: str, told: str) -> str:
+    """What is odd about an estimate. Where nothing depends on it, a search leaves it anywhere, also at a bound."""
+    if name == "v_swim_m_s" and walks(fit.cells.mean).all():
+        return "no cell swims"
+    if told == UNDETERMINED:
+        return ""
+    return "at its bound" if name in fit.at_bounds else "outside its plausible range" if name in fit.implausible else ""
 
 
 def lock_line(ratio: Array) -> str:

@@ -5,7 +5,10 @@ import csv
 import io
 import math
 import re
+import unicodedata
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +38,7 @@ _QUANTITIES = {
     "speed_sd": "speed_sd_m_s",
 }
 _SPEEDS = {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001}
-_LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+_LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "μm": 1e-6, "um": 1e-6}
 _FACTORS = {
     "phi": {"1": 1.0, "-": 1.0, "%": 0.01},
     "omega_rad_s": {"rad/s": 1.0, "hz": 2 * math.pi, "rpm": math.pi / 30},
@@ -43,28 +46,29 @@ _FACTORS = {
     **dict.fromkeys(("lift_m", "first_step_m"), _LENGTHS),
 }
 """Factors to the table's units of what stands in brackets behind a quantity."""
-_OTHER_UNITS = {
+_OTHER_NAMES = {
+    **_QUANTITIES,
+    **dict.fromkeys(("frequency", "f"), "omega_rad_s (values times 2π where they are in Hz)"),
     "speed_cm_s": "speed_m_s (values divided by 100)",
     "speed_mm_s": "speed_m_s (values divided by 1000)",
     "v_cm_s": "speed_m_s (values divided by 100)",
-    "speed": "speed_m_s",
-    "omega": "omega_rad_s",
     "omega_hz": "omega_rad_s (values times 2π)",
     "frequency_hz": "omega_rad_s (values times 2π)",
     "omega_rpm": "omega_rad_s (values times π/30)",
     "phi_percent": "phi (values divided by 100)",
-    "volume_fraction": "phi",
     "lift_mm": "lift_m (values divided by 1000)",
     "lift_cm": "lift_m (values divided by 100)",
     "first_step_cm": "first_step_m (values divided by 100)",
     "first_step_mm": "first_step_m (values divided by 1000)",
     "peak_speed_cm_s": "peak_speed_m_s (values divided by 100)",
 }
+"""What a column that tells no unit, or another one, would have to become."""
 
 
 def read_csv(path: Path) -> Trials:
     """A trials table from a CSV file; only phi, omega_rad_s and speed_m_s are required. Raises InputError."""
-    return from_rows(csv_rows(path))
+    header, lines = files.read_csv(path, "a trials CSV, a bag or a campaign folder")
+    return replace(from_rows(rows_of(header, lines, str(path))), unread=unread(header))
 
 
 def write_csv(trials: Trials, path: Path) -> None:
@@ -87,17 +91,12 @@ def to_csv(trials: Trials) -> str:
     return text.getvalue()
 
 
-def csv_rows(path: Path) -> list[Row]:
-    """The rows of a CSV file. Raises InputError naming row, column and value of what can't be read."""
-    return rows_of(*files.read_csv(path, "a trials CSV, a bag or a campaign folder"), where=str(path))
-
-
 def rows_of(given: Sequence[str], lines: Iterable[tuple[int, Mapping[str, str]]], where: str) -> list[Row]:
     """The rows of a table given as text: (row number, cells by column). ``where`` opens every message (InputError)."""
     header = _known_names(given)
     if not any(header):
         raise InputError(f"{where}: empty; a header with {', '.join(REQUIRED)} and one row a trial are needed")
-    _check_header(where, header)
+    _check_header(where, header, given)
     rows, numbers = [], []
     for number, cells in lines:
         own = {name: _in_si(cells[original], original) for name, original in zip(header, given, strict=True)}
@@ -128,7 +127,12 @@ def _in_brackets(given: str) -> tuple[str, str]:
     found = re.fullmatch(r"(.+?)[ _]*[\[(](.+)[\])]", given)
     if found is None:
         return "", ""
-    return _QUANTITIES.get(found[1].strip().lower().replace(" ", "_"), ""), found[2].strip().lower()
+    return _QUANTITIES.get(_plain(found[1]).replace(" ", "_"), ""), _plain(found[2])
+
+
+def _plain(text: str) -> str:
+    """In small letters, and each by one code point: µ and ϕ are typed as a micro sign and a symbol, too."""
+    return unicodedata.normalize("NFKC", text).strip().lower()
 
 
 def _in_si(text: str, column: str) -> str:
@@ -138,17 +142,40 @@ def _in_si(text: str, column: str) -> str:
     return text
 
 
-def _check_header(where: str, header: Sequence[str]) -> None:
+def _check_header(where: str, header: Sequence[str], given: Sequence[str]) -> None:
     for name in REQUIRED:
         if name not in header:
             raise InputError(f"{where}: row 1: column {name} is missing{_hint(name, header)}")
+    for name, count in Counter(header).items():
+        if count > 1 and name in COLUMNS:
+            both = " and ".join(repr(own) for own, meant in zip(given, header, strict=True) if meant == name)
+            raise InputError(f"{where}: row 1: columns {both} are both {name}; leave one out")
+
+
+def unread(given: Sequence[str]) -> tuple[str, ...]:
+    """Columns that the table has no place for, and what they would have to become where that can be told."""
+    header = _known_names(given)
+    foreign = [column for column in header if column and column not in COLUMNS]
+    missing = [name for name in COLUMNS if name not in header]
+    found, others = [], []
+    for column in foreign:
+        # Where the quantity is there under its own name, another column may say what it likes: f [N] is a force.
+        meant = _in_brackets(column)[0] or _OTHER_NAMES.get(_plain(column), "").partition(" ")[0]
+        name = meant or near(column, missing)
+        if name in missing:
+            found.append(
+                f"column {column} is not read{_hint(name, [column]) if meant else f', did you mean {name!r}?'}"
+            )
+        else:
+            others.append(column)
+    return (*found, *([f"columns that are not read: {', '.join(others)}"] if others else []))
 
 
 def _hint(name: str, header: Iterable[str]) -> str:
     """What a foreign column should become, or what there is."""
     for other in header:
-        if _OTHER_UNITS.get(other.lower(), "").split(" ")[0] == name:
-            return f"; {other} would have to become {_OTHER_UNITS[other.lower()]}"
+        if _OTHER_NAMES.get(_plain(other), "").split(" ")[0] == name:
+            return f"; {other} would have to become {_OTHER_NAMES[_plain(other)]}"
     if sum(cell.count(";") for cell in header) > 1:
         return "; lines differ in how many semicolons they have"
     # With a unit of its own, a column is not misspelt but not understood.

@@ -1,8 +1,9 @@
 """The trials table from a pandas DataFrame; pandas is needed only by who has one."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from sandbot_record.trials.csv_table import rows_of
+from sandbot_record.trials.csv_table import rows_of, unread
 from sandbot_record.trials.order import by_the_clock
 from sandbot_record.trials.table import Trials, from_rows
 
@@ -26,7 +27,8 @@ def from_frame(frame: "DataFrame", where: str = "data") -> Trials:
         (number, dict(zip(header, map(_text, row), strict=True)))
         for number, row in enumerate(frame.itertuples(index=False, name=None), start=2)
     )
-    return from_rows(by_the_clock(rows_of(header, lines, where), joined=False))
+    rows = by_the_clock(rows_of(header, lines, where), joined=False)
+    return replace(from_rows(rows), unread=unread(header))
 
 
 def _text(value: Any) -> str:

@@ -42,7 +42,8 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
         Setting(str(path), table.robot, table.frame_rate_hz, table.accuracy)
         for path, table in zip(given, tables, strict=True)
     )
-    table = from_rows(rows, *setting.for_table)
+    unread = tuple(dict.fromkeys(clause for table in tables for clause in table.unread))
+    table = replace(from_rows(rows, *setting.for_table), unread=unread)
     if not table.usable.any():
         raise InputError(f"{where}: no usable trial among {len(rows)}: {_why_unusable(rows)}")
     return table

@@ -77,6 +77,8 @@ class Trials:
     """Frames a second of the cameras; NaN: the data do not tell."""
     accuracy: Accuracy | None = None
     """How well they measure; None: the data do not tell."""
+    unread: tuple[str, ...] = ()
+    """Columns of the file that the table has no place for, a clause each."""
 
     def __len__(self) -> int:
         return len(self.trial_id)
