@@ -102,6 +102,20 @@ def test_what_is_far_above_the_best_of_all_is_neither_refined_nor_jumped_from(
 
     monkeypatch.setattr(search, "fit_all", fit_all)
     monkeypatch.setattr(effect_search, "worth_jumps", lambda *_: True)
-    monkeypatch.setattr(effect_search, "fitted_at", lambda *_: SimpleNamespace(deviance=0.0))
+    monkeypatch.setattr(effect_search, "fitted_at", lambda *_: SimpleNamespace(deviance=0.0, effects=()))
     search.fit("singles", [(name,) for name in FEW], nearby=False)
     assert asked == {"solve_first": 2, "solve_further": refined, "solve_jumping": jumped}
+
+
+def test_a_response_time_that_nobody_believes_is_held_at_the_end_of_its_range(drawn):
+    """k that grows with ω pulls Δt to 1.75 s; beside an exponent of depth data hardly mind 1.2 s."""
+    few = {name: effect for name, effect in catalogue().items() if name == "depth_nonlinearity"}
+    growing = drawn(
+        seed=1, levels=7, replicates=4, formulas=["h: strength: k *= 1 + c*(omega - 4); c in 0.0065..0.0067"]
+    )
+    for trials, held in ((growing, {"delta_t_s": 1.2}), (drawn(seed=1), {})):
+        search = EffectSearch(cells_of(trials), few, "simple")
+        search.run(1)
+        fit = search.fits[("depth_nonlinearity",)]
+        assert dict(fit.model.held) == held
+        assert "delta_t_s" not in fit.at_bounds

@@ -12,12 +12,14 @@ from sandbot_model.discovery.verdict import claim, judge, passes, worth
 CELLS = 20
 
 
-def made(*effects, deviance, p=0.5, one_cell=0.0, at_bounds=(), each=None, replicates=10_000, delta_t=(0.4, 0.01)):
+def made(
+    *effects, deviance, p=0.5, one_cell=0.0, at_bounds=(), each=None, replicates=10_000, delta_t=(0.4, 0.01), held=False
+):
     """A fit whose cells miss alike, but for the first, which misses by ``one_cell`` more."""
     parts = np.full(CELLS, (deviance - one_cell) / CELLS)
     parts[0] += one_cell
     return SimpleNamespace(
-        model=SimpleNamespace(base="simple"),
+        model=SimpleNamespace(base="simple", held={"delta_t_s": delta_t[0]} if held else {}, names=(), parameters=()),
         effects=effects,
         deviance=deviance,
         bic=deviance + 5.0 * len(effects),
@@ -101,3 +103,13 @@ def test_with_few_replicates_a_claim_takes_more():
     many, few = (claim(made(deviance=60.0, replicates=n)) for n in (10_000, 2))
     assert many == pytest.approx(22.0, rel=1e-2)
     assert few > 2 * many
+
+
+def test_where_delta_t_had_to_be_held_what_fits_as_well_speaks_against_a_claim():
+    """Whatever it is: something else pulls at Δt."""
+    rival = made("b", deviance=61.0, at_bounds=("b.x",))
+    found = judged(BASE, made("a", deviance=60.0, held=True), rival)
+    assert found.status == "unexplained"
+    assert "b fits as well (ΔBIC 1), where b.x is at or beyond" in found.because
+    assert judged(BASE, made("a", deviance=60.0), rival).status == "identified"
+    assert judged(BASE, made("a", deviance=60.0, held=True), made("b", deviance=290.0, p=1e-8)).status == "identified"

@@ -118,7 +118,9 @@ def _near(search: EffectSearch, models: Sequence[Model], hopeless: float = np.in
         starts = (smaller.warm_start, usual.warm_start)[: 1 + gains]
         tasks.append((model, search.cells, starts, None, hopeless))
     points = search.fit_all(solve_below, tasks)
-    return [fitted_at(model, search.cells, point) for model, point in zip(models, points, strict=True)]
+    return search.believable(
+        [fitted_at(model, search.cells, point) for model, point in zip(models, points, strict=True)]
+    )
 
 
 def _deviance(fit: Fit) -> float:

@@ -19,7 +19,7 @@ from sandbot_model.discovery.candidates import Candidate, candidates
 from sandbot_model.discovery.conventions import against, conventions, other_conventions
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try
+from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try, outdone_by_a_formula
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.next_trials import NextTrial, excluding, next_trials
@@ -172,16 +172,21 @@ def discover(
     partial = None
     if found.verdict.status == "identified" and against(search, search.fits[found.verdict.effects], found.named):
         found = _concluded(search)
+    imitated = _imitated(search, found)
+    found = imitated or found
     # From one observable alone no convention can be told from another.
     if found.verdict.status == "unexplained" and not at_once and len(cells.observables) > 1:
         found, partial = _between(search, found)
+        found = imitated if imitated and found.verdict.status == "identified" else found
     search.fits, verdict, named = found.fits, found.verdict, found.named
     search.effects = {**effects, **named.model.catalogue}
     if strange := strange_k(search.fits[()]):
         verdict = replace(verdict, because=f"{verdict.because}; {strange}")
     # Those of the steps below are profiled meanwhile.
     below = fit_all(with_profiled_errors, search.ladder(verdict)[:-1])
-    named = deepest(anywhere(named))
+    lower = deepest(anywhere(named))
+    # Along a flat valley the lowest place may be where nobody believes it.
+    named = lower if sound(lower) or not sound(named) else named
     reported = averaged_over_scatter(named, criteria) if named.nuisances else with_profiled_errors(named)
     ladder = [*below, reported]
     floor = noise_floor(cells)
@@ -218,6 +223,17 @@ def discover(
         limits=tuple(limits(search, named)) if verdict.status in ("adequate", "identified") else (),
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
     )
+
+
+def _imitated(search: EffectSearch, found: Shared) -> Shared | None:
+    """The refusal of a claim of several effects, or of one that needs a bed that scatters, which a formula outdoes."""
+    several = len(found.verdict.effects) > 1
+    if found.verdict.status != "identified":
+        return None
+    if not several and judge(search.fits, search.criteria).status != "unexplained":
+        return None
+    refused = outdone_by_a_formula(search, found.verdict)
+    return None if refused is None else Shared(refused, dict(search.fits), search.fits[()])
 
 
 def _concluded(search: EffectSearch) -> Shared:

@@ -2,12 +2,15 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
+import numpy as np
+
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.verdict import Verdict, parts_of, passes, worth
+from sandbot_model.discovery.verdict import RESPONSE_TIME, Verdict, leaves_nothing, parts_of, passes, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import (
     HOPELESS,
@@ -117,10 +120,27 @@ class EffectSearch:
             if starts
             else self._each(stage, solve, [(model, self.cells, None) for model in models])
         )
-        for names, model, point in zip(sets, models, points, strict=True):
-            found = fitted_at(model, self.cells, point)
-            if names not in self.fits or found.deviance < self.fits[names].deviance:
-                self.fits[names] = found
+        found = [fitted_at(model, self.cells, point) for model, point in zip(models, points, strict=True)]
+        for names, fit in zip(sets, self.believable(found), strict=True):
+            if names not in self.fits or fit.deviance < self.fits[names].deviance:
+                self.fits[names] = fit
+
+    def believable(self, fits: Sequence[Fit]) -> list[Fit]:
+        """The same; where effects leave nothing to explain beside a Δt beyond its plausible range, that is held at its
+        end if data hardly mind: from a Δt that nobody believes, whatever its error, follow k and effects nobody should.
+        """
+        beyond = [at for at, fit in enumerate(fits) if fit.effects and leaves_nothing(fit, self.criteria)]
+        ends = {at: end for at in beyond if (end := _end_passed(fits[at])) is not None}
+        if not ends:
+            return list(fits)
+        models = [replace(fits[at].model, held={RESPONSE_TIME: end}) for at, end in ends.items()]
+        tasks = [(model, self.cells, (fits[at].warm_start,), None) for model, at in zip(models, ends, strict=True)]
+        found = list(fits)
+        for at, model, point in zip(ends, models, self.fit_all(solve_near, tasks), strict=True):
+            held = fitted_at(model, self.cells, point)
+            if held.deviance - fits[at].deviance < self.criteria.not_excluded:
+                found[at] = held
+        return found
 
     def _in_parts(
         self, stage: str, models: Sequence[Model], starts: Sequence[WarmStart], *, nearby: bool
@@ -216,6 +236,14 @@ class EffectSearch:
     def _sorted(self, names: Iterable[str]) -> Names:
         wanted = set(names)
         return tuple(name for name in self.effects if name in wanted)
+
+
+def _end_passed(fit: Fit) -> float | None:
+    """The end of Δt's plausible range that a fit lies beyond; None where it is inside."""
+    value = fit.parameters[RESPONSE_TIME].value
+    one = fit.model.parameters[fit.model.names.index(RESPONSE_TIME)]
+    inside = float(np.clip(value, one.low, one.high))
+    return inside if inside != value else None
 
 
 def _in_place(found: Sequence[Found], at: Sequence[int], better: Sequence[Found]) -> list[Found]:

@@ -4,14 +4,16 @@ import numpy as np
 
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.residual import SuggestedFormula, suggest_formula
-from sandbot_model.discovery.verdict import best_earned, claim, sound
+from sandbot_model.discovery.verdict import Verdict, best_earned, claim, overdispersion, sound
 from sandbot_model.fitting.fit import fitted_at
-from sandbot_model.fitting.global_minimum import solve
+from sandbot_model.fitting.global_minimum import far_above, solve
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.model import model_of
 
 NEARLY = 5.0
 """Deviance per degree of freedom up to which a formula may lack just one effect of the catalogue beside it."""
+TERMS = 500
+"""Terms that a formula is picked from, about."""
 
 
 def formula_to_try(search: EffectSearch) -> SuggestedFormula | None:
@@ -34,12 +36,37 @@ def formula_to_try(search: EffectSearch) -> SuggestedFormula | None:
     return more if more is not None and more.bic < best.bic else best
 
 
-def formula_on_top_of(search: EffectSearch, effects: Names) -> SuggestedFormula | None:
-    """The formula that repairs most of what a set misses."""
+def outdone_by_a_formula(search: EffectSearch, claim: Verdict) -> Verdict | None:
+    """Unexplained, where one formula on fewer effects, picked from many, fits clearly better than what is claimed.
+
+    Several effects together, or one beside a bed that scatters, can imitate what none of them is.
+    """
+    claimed = search.fits[claim.effects]
+    parts = [fit for names, fit in search.fits.items() if len(names) == 1 and set(names) < set(claim.effects)]
+    on_top = [(), *(fit.effects for fit in sorted(parts, key=lambda fit: fit.bic)[:1])]
+    lead = search.criteria.clearly * overdispersion(claimed) + 2 * np.log(TERMS)
+    for effects in on_top:
+        formula = formula_on_top_of(search, effects, far_above(claimed.deviance, 1.0))
+        if formula is not None and formula.bic < claimed.bic - lead:
+            because = (
+                f"{' + '.join(claim.effects)} leaves replicates little to explain, but one formula fits better (ΔBIC "
+                f"{formula.bic - claimed.bic:.0f}): {formula.sentence}"
+            )
+            return Verdict("unexplained", (), (), because)
+    return None
+
+
+def formula_on_top_of(search: EffectSearch, effects: Names, hopeless: float = np.inf) -> SuggestedFormula | None:
+    """The formula that repairs most of what a set misses; None where its first look stays above a deviance."""
     if effects not in search.fits:
         search.fit("formula, beside an effect", [effects], nearby=False)
     return suggest_formula(
-        search.fits[effects], search.effects, search.criteria, fit_all=search.fit_all, progress=search.progress
+        search.fits[effects],
+        search.effects,
+        search.criteria,
+        fit_all=search.fit_all,
+        progress=search.progress,
+        hopeless=hopeless,
     )
 
 

@@ -15,7 +15,7 @@ from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.scored_terms import Guess, guesses, unused_name
 from sandbot_model.discovery.term_library import terms
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import solve, solve_near
+from sandbot_model.fitting.global_minimum import far_above, solve, solve_near
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.formula import formula_effect
@@ -72,8 +72,10 @@ def suggest_formula(
     *,
     fit_all: Map = map,
     progress: Progress = lambda _stage, _done, _total: None,
+    hopeless: float = np.inf,
 ) -> SuggestedFormula | None:
-    """The formula that repairs most of what this fit misses; None if no term of the library gains enough."""
+    """The formula that repairs most of what this fit misses; None if no term of the library gains enough, or if none
+    that stands for itself comes near a deviance above which all is ``hopeless``."""
     library, name = terms(fit), unused_name(NAME, effects)
     best: _Tried | None = None
     rival: _Tried | None = None
@@ -85,6 +87,7 @@ def suggest_formula(
             effects,
             fit_all,
             partial(progress, f"formula, term {number}"),
+            hopeless,
         )
         if not tried or tried[0].score > _score(found, so_far) - criteria.term:
             break
@@ -118,8 +121,10 @@ def _tried(
     effects: Mapping[str, Effect],
     fit_all: Map,
     progress: Callable[[int, int], None],
+    hopeless: float = np.inf,
 ) -> list[_Tried]:
-    """All guesses fitted near this fit, the best of each lever once more anywhere; best first."""
+    """All guesses fitted near this fit, the best of each lever once more anywhere; best first. None where all of them
+    stay far above a deviance that is ``hopeless``."""
 
     def fitted(some: Sequence[Guess], *, nearby: bool) -> list[_Tried]:
         models = [
@@ -145,6 +150,8 @@ def _tried(
         return sorted(determined, key=lambda attempt: attempt.score)
 
     near = fitted(promising, nearby=True)
+    if near and min(attempt.fit.deviance for attempt in near) > far_above(hopeless):
+        return []
     best = {attempt.guess.lever: attempt.guess for attempt in reversed(near)}
     leading = [attempt.guess for attempt in near if best[attempt.guess.lever] is attempt.guess][:SEARCHED_GLOBALLY]
     leading += [attempt.guess for attempt in near if leading and attempt.guess.lever == leading[0].lever][1:]

@@ -1,6 +1,6 @@
 """Adequate, identified, ambiguous, unexplained or untested: the rules of a verdict, which is never forced."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -48,6 +48,15 @@ def odd(fit: Fit) -> list[str]:
     """Parameters of effects that are at a bound, or are not believable; an effect that needs such a Δt is none."""
     asked = RESPONSE_TIME if fit.effects and _known(*fit.parameters[RESPONSE_TIME]) else ""
     return [name for name in (*fit.at_bounds, *fit.implausible) if "." in name or name == asked]
+
+
+def beyond(fit: Fit, names: Iterable[str]) -> list[str]:
+    """Parameters that are not believable, and what would be: ``delta_t_s = 1.75 (plausible: 0.1 to 1.2)``."""
+    ranges = dict(zip(fit.model.names, fit.model.parameters, strict=True))
+    return [
+        f"{name} = {fit.parameters[name].value:.4g} (plausible: {ranges[name].low:g} to {ranges[name].high:g})"
+        for name in dict.fromkeys(names)
+    ]
 
 
 def _known(value: float, stderr: float) -> bool:
@@ -105,14 +114,18 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
             "adequate",
             (),
             (),
-            f"the {base.model.base} model misses the cell means by no more than replicates scatter {_p(base)}",
+            f"the {base.model.base} model misses the cell means by no more than replicates scatter {_p(base)}"
+            + "".join(f", but only with {one}" for one in beyond(base, base.implausible)),
         )
     good = [fit for key, fit in fits.items() if key and passes(fit, criteria) and _all_needed(fits, key, criteria)]
     if not good:
         return _unexplained(fits, criteria)
     best = min(good, key=lambda fit: fit.bic)
     apart = criteria.clearly * overdispersion(best)
-    better = [fit for fit in fits.values() if not set(best.effects) <= set(fit.effects) and fit.bic < best.bic - apart]
+    # Where Δt had to be held something else pulls at it: then what is as good speaks against a claim, too.
+    lead = apart if not best.model.held else -apart
+    better = [fit for fit in fits.values() if not set(best.effects) <= set(fit.effects) and fit.bic < best.bic - lead]
+    better = [fit for fit in better if fit not in good]
     if better:
         return _outdone(best, min(better, key=lambda fit: fit.bic))
     rivals = sorted((fit for fit in good if fit.bic - best.bic < apart and fit is not best), key=lambda fit: fit.bic)
@@ -162,9 +175,10 @@ def best_earned(fits: Sets, criteria: Criteria = DEFAULT) -> Fit:
 def _outdone(best: Fit, better: Fit) -> Verdict:
     """What would be claimed is not what fits best: that is not believed for its own sake, but speaks against it."""
     why = f"{odd(better)[0]} is at or beyond its bound" if odd(better) else "not all of it earns its place"
+    how = "better still" if better.bic < best.bic - 1.0 else "as well"
     because = (
         f"{_name(best.effects)} leaves replicates nothing to explain {_p(best)}, but {_name(better.effects)} fits "
-        f"better still (ΔBIC {better.bic - best.bic:.0f}), where {why}: neither is to be believed"
+        f"{how} (ΔBIC {better.bic - best.bic:.0f}), where {why}: neither is to be believed"
     )
     return Verdict("unexplained", (), (), because)
 

@@ -147,10 +147,10 @@ def p_of_readings(state: States) -> dict[str, float]:
 
 
 def at_bounds(problem: Problem, theta: Array) -> tuple[str, ...]:
-    """Shared parameters pressed against the end of their search range."""
+    """Shared parameters pressed against the end of their search range; none that is held."""
     low, high = bounds(problem)
     edge = AT_BOUND * (high - low)
-    pressed = (theta <= low + edge) | (theta >= high - edge)
+    pressed = ((theta <= low + edge) | (theta >= high - edge)) & (low < high)
     return tuple(name for name, at in zip(problem.model.names, pressed, strict=True) if at)
 
 

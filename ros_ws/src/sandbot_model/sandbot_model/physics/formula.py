@@ -64,8 +64,11 @@ _PLAIN = (
 )
 
 
-def formula_effect(text: str) -> Effect:
-    """The effect a line of text describes. Raises InputError where it is not of the form above."""
+def formula_effect(text: str, *, tried: bool = False) -> Effect:
+    """The effect a line of text describes. Raises InputError where it is not of the form above.
+
+    It is run once, so that a slip shows before any fit, unless it was ``tried`` before.
+    """
     head, *declared = text.split(";")
     parts = head.split(":", 2)
     if len(parts) != 3:
@@ -80,7 +83,8 @@ def formula_effect(text: str) -> Effect:
     targets, how, expression = assigned.groups("") if assigned else (MAIN[stage], "", body)
     expression = expression.translate(_AS_TYPED)
     sets = _Sets(tuple(name.strip() for name in targets.split(",")), how, expression, _parsed(expression, text))
-    return _checked(_Formula(name, stage, sets, parameters), text)
+    effect = _Formula(name, stage, sets, parameters)
+    return effect if tried else _checked(effect, text)
 
 
 class _Sets(NamedTuple):
@@ -229,7 +233,7 @@ def _plain(part: ast.AST) -> bool:
 
 
 def _checked(effect: _Formula, text: str) -> Effect:
-    """Run it once, so that a slip shows before any fit."""
+    """The same, run once. Raises InputError for what it can't name, set or give a number of."""
     for name in effect.sets.quantities:
         if name not in effect.readable:
             raise InputError(f"--effect {text!r}: {name!r} can't be set at stage {effect.stage}{_hint(name, effect)}")

@@ -136,7 +136,7 @@ class Variant(Effect):
         self.identifier, self.stage, self.variant = family.identifier, family.stage, variant
         self.source, self.seen_in, self.replaces = family.source, family.seen_in, family.replaces
         ranges = (f"{one.name} in {one.low}..{one.high}" for one in family.parameters)
-        self.acts = formula_effect("; ".join((f"{self.identifier}: {self.stage}: {text}", *ranges)))
+        self.acts = formula_effect("; ".join((f"{self.identifier}: {self.stage}: {text}", *ranges)), tried=True)
         own = {one.name for one in family.parameters}
         self.parameters = (
             *family.parameters,

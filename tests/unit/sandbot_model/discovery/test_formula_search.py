@@ -1,0 +1,33 @@
+"""A formula picked from many speaks against a claim where it fits clearly better, the picking paid for."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from sandbot_model.discovery import formula_search
+from sandbot_model.discovery.criteria import DEFAULT
+from sandbot_model.discovery.formula_search import outdone_by_a_formula
+from sandbot_model.discovery.verdict import Verdict
+
+CLAIM = Verdict("identified", ("a", "b"), (("a", "b"),), "")
+
+
+def fit(*effects, bic):
+    return SimpleNamespace(effects=effects, bic=bic, deviance=bic, goodness=SimpleNamespace(chi2=50.0, dof=60))
+
+
+@pytest.mark.parametrize(("bic", "refused"), [(70.0, True), (80.0, False), (150.0, False)])
+def test_a_claim_of_several_effects_that_a_formula_outdoes_is_refused(monkeypatch, bic, refused):
+    asked = []
+
+    def formula(_search, effects, _hopeless):
+        asked.append(effects)
+        return SimpleNamespace(bic=bic, sentence="so much") if effects else None
+
+    monkeypatch.setattr(formula_search, "formula_on_top_of", formula)
+    fits = [fit(bic=300.0), fit("a", bic=200.0), fit("b", bic=150.0), fit("c", bic=140.0), fit("a", "b", bic=100.0)]
+    search = SimpleNamespace(fits={one.effects: one for one in fits}, criteria=DEFAULT)
+    found = outdone_by_a_formula(search, CLAIM)
+    assert asked == [(), ("b",)]
+    assert (found is not None) == refused
+    assert found is None or (found.status == "unexplained" and "ΔBIC -30" in found.because)
