@@ -38,7 +38,7 @@ def parameters(*given):
     return ["--ros-args", *(word for one in given for word in ("-p", one))]
 
 
-@pytest.fixture(params=["lab", "serial_bed"])
+@pytest.fixture(params=[pytest.param("lab", marks=pytest.mark.whole), "serial_bed"])
 def driver(request, domain, tmp_path):
     """Who drives the blower, by name."""
     with contextlib.ExitStack() as stack:

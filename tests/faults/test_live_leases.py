@@ -275,7 +275,13 @@ def test_who_resumes_at_once_after_a_kill_is_not_refused_for_the_dead_one(beside
         with holding("campaign"):
             appear("campaign")
             assert beside.call("/clock/stop").success
-            beside.until(lambda: beside.call("/clock/start").success, 10.0)
+            said = []
+
+            def begun():
+                said.append(beside.call("/clock/start"))
+                return said[-1].success
+
+            assert beside.wait(begun, 15.0), [one.message for one in said]
             assert beside.node.count_publishers(topics.OPERATOR_LEASE.name) == 2  # DDS has not forgotten the first one
             assert beside.call("/clock/stop").success
             with holding("another"):  # who lives is another matter

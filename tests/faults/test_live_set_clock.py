@@ -25,7 +25,7 @@ pytestmark = [
 ]
 
 STEP_S = 15
-STEPS = [-STEP_S, STEP_S]
+STEPS = [-STEP_S, pytest.param(STEP_S, marks=pytest.mark.whole)]
 STOPS_S = 8.0
 """A lease is a fraction of this; the rest is what a busy machine may add."""
 OMEGA = 12.0

@@ -20,7 +20,10 @@ WALK_S = 30.0
     ("service", "kind", "request_", "said"),
     [
         ("/recorder/pause", SetBool, SetBool.Request(data=True), "the recorder paused: nothing is recorded"),
-        ("/recorder/stop", Trigger, Trigger.Request(), "the recorder stopped: nothing is recorded"),
+        pytest.param(
+            *("/recorder/stop", Trigger, Trigger.Request(), "the recorder stopped: nothing is recorded"),
+            marks=pytest.mark.whole,
+        ),
     ],
 )
 def test_legs_stop_with_their_recorder(service, kind, request_, said, tmp_path, start, plan_of_one, beside):

@@ -8,7 +8,8 @@ import pytest
 
 from sandbot_common import node, topics
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(300)]
+# Of this, which takes most of a minute, tests/faults/test_live_leases.py has the lease's part.
+pytestmark = [pytest.mark.ros, pytest.mark.whole, pytest.mark.timeout(300)]
 NODES = ("sandbot_clock.clock_node", "sandbot_bed.bed_node", "sandbot_lab.lab_node", "sandbot_tracking.tracker_node")
 
 

@@ -111,7 +111,10 @@ def excluding(base: Fit, unseen: Sequence[Fit]) -> list[NextTrial]:
     """What would show each of the effects that are not seen but not excluded: the best for each, then more."""
     predicted = Predicted.by(base)
     each = [between(predicted, Predicted.by(other)) for other in unseen]
-    best = _distinct([trials[0] for trials in each if trials])
+    best: list[NextTrial] = []
+    for trials in sorted(each, key=lambda trials: -trials[0].expected_gap_sd if trials else 0.0):
+        # Two effects may show best at one place: each has one of its own.
+        best += _distinct([trial for trial in trials if trial.condition not in {one.condition for one in best}])[:1]
     more = _distinct([*best, *(trial for trials in each for trial in trials[1:])])
     return [*best, *(trial for trial in more if trial not in best)][:MAX_TRIALS]
 
