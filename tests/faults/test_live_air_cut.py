@@ -9,6 +9,7 @@ import subprocess
 import sys
 
 import pytest
+from processes import ending, running
 
 from sandbot_common import node, topics
 
@@ -23,32 +24,17 @@ BED = (
 )
 
 
-@contextlib.contextmanager
-def process(*command):
-    one = subprocess.Popen([sys.executable, "-m", *map(str, command)], stdin=subprocess.PIPE)
-    try:
-        yield one
-    finally:
-        one.send_signal(signal.SIGCONT)
-        one.terminate()
-        one.communicate(timeout=60)
-
-
-def parameters(*given):
-    return ["--ros-args", *(word for one in given for word in ("-p", one))]
-
-
 @pytest.fixture(params=[pytest.param("lab", marks=pytest.mark.whole), "serial_bed"])
 def driver(request, domain, tmp_path):
     """Who drives the blower, by name."""
     with contextlib.ExitStack() as stack:
         if request.param == "lab":
-            given = parameters("images:=false", "air_lease_s:=2.0")
-            stack.enter_context(process("sandbot_lab.lab_node", *given))
+            stack.enter_context(running("sandbot_lab.lab_node", "images:=false", "air_lease_s:=2.0"))
         else:
-            stack.enter_context(process("sandbot_hardware.simulate_command", tmp_path / "dev"))
-            given = parameters(f"device:={tmp_path / 'dev' / 'bed'}", "air_lease_s:=2.0")
-            stack.enter_context(process("sandbot_hardware.serial_bed_node", *given))
+            device = [sys.executable, "-m", "sandbot_hardware.simulate_command", str(tmp_path / "dev")]
+            stack.enter_context(ending(subprocess.Popen(device, stdin=subprocess.PIPE)))
+            given = (f"device:={tmp_path / 'dev' / 'bed'}", "air_lease_s:=2.0")
+            stack.enter_context(running("sandbot_hardware.serial_bed_node", *given))
         yield request.param
 
 
@@ -75,7 +61,7 @@ def test_a_bed_that_had_less_air_than_told_is_not_prepared(driver, beside):
         stages.clear()
         beside.until(driven)
 
-    with process("sandbot_bed.bed_node", *parameters(*BED)) as bed:
+    with running("sandbot_bed.bed_node", *BED) as bed:
         beside.until(lambda: "bed" in told and driver in told and float(told["bed"]["height_m"]) > 0)
         prepare()
         bed.send_signal(signal.SIGSTOP)

@@ -14,6 +14,7 @@ import time
 
 import numpy as np
 import pytest
+from processes import running
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import LivelinessPolicy, QoSProfile
@@ -33,20 +34,6 @@ BUSY_S = 5.0
 ASK = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))"
 HURRIED = os.SCHED_OTHER if subprocess.call([sys.executable, "-c", ASK], stderr=subprocess.DEVNULL) else os.SCHED_FIFO
 """How a node runs that asks for real-time priority: as any other where this host grants none."""
-
-
-@contextlib.contextmanager
-def running(module, *given, **options):
-    """A node as a process; ended when the test ends, if it has not been before."""
-    parameters = [word for one in given for word in ("-p", one)]
-    command = [sys.executable, "-m", module, "--ros-args", *parameters]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, **options)
-    try:
-        yield process
-    finally:
-        process.send_signal(signal.SIGCONT)
-        process.terminate()
-        process.communicate(timeout=60)
 
 
 class Busy:

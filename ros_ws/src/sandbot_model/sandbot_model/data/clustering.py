@@ -36,7 +36,7 @@ def phi_levels(phi: Floats) -> Ints:
         sums.append(best[-1])
     partitions = [_groups(back, last, len(values))[inverse] for last in range(most)]
     scores = [_criterion(total, groups) for total, groups in zip(sums, partitions, strict=True)]
-    narrow = np.array([_widest(phi, groups) <= WIDEST_SCATTER for groups in partitions])
+    narrow = np.array([widest_scatter(phi, groups) <= WIDEST_SCATTER for groups in partitions])
     narrow[-1] = True
     return partitions[int(np.argmin(np.where(narrow, scores, np.inf)))]
 
@@ -57,7 +57,7 @@ def _criterion(squares: float, groups: Ints) -> float:
     return float(scatter - 2 * np.sum(counts * np.log(counts / n)) + 3 * len(counts) * np.log(n))
 
 
-def _widest(phi: Floats, groups: Ints) -> float:
+def widest_scatter(phi: Floats, groups: Ints) -> float:
     """Standard deviation of φ in the group where it is largest."""
     count = np.bincount(groups)
     apart = phi - (np.bincount(groups, phi) / count)[groups]

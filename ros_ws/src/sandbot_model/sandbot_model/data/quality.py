@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT
-from sandbot_model.data.clustering import phi_levels, same_within
+from sandbot_model.data.clustering import phi_levels, same_within, widest_scatter
 from sandbot_model.data.distributions import t_sf
 from sandbot_model.data.regime import WALKING_LIFT_M, walks
 from sandbot_model.physics.gait import clock
@@ -54,7 +54,8 @@ SAME_CONDITION = 5e-3
 def checked(trials: Trials) -> tuple[str, ...]:
     """The notes on the usable trials. Raises InputError where their numbers make no sense as what they are called."""
     used = trials.select(trials.usable)
-    share, values = _beyond(used), _values(used)
+    values = np.stack([getattr(used, observable.column) for observable in Observable], axis=-1)
+    share = _beyond(used, values)
     _refuse(used, share)
     cell = _cells(used)
     return (
@@ -83,23 +84,18 @@ def _refuse(used: Trials, share: Floats) -> None:
             raise InputError(f"trials: {_impossible(used, observable, int(np.argmax(far)), share)}")
 
 
-def _values(used: Trials) -> Floats:
-    """The observables ``(trials, 4)``."""
-    return np.stack([getattr(used, observable.column) for observable in Observable], axis=-1)
-
-
-def _beyond(used: Trials) -> Floats:
+def _beyond(used: Trials, values: Floats) -> Floats:
     """What was measured over the most that legs can do ``(trials, 4)``; NaN where it was not measured."""
     robot = used.robot or SANDBOT
     turns, pace, whole = clock([*used.gait]), robot.leg_radius_m * used.omega_rad_s, np.ones(len(used))
     fastest = pace * np.maximum(turns.slow_ratio, turns.swing_ratio)
     most = [2 * pace / np.pi, deepest_m(robot) * whole, fastest, 2 * robot.leg_radius_m * whole]
-    return np.asarray(np.abs(_values(used)) / np.stack(most, axis=-1))
+    return np.asarray(np.abs(values) / np.stack(most, axis=-1))
 
 
 def _impossible(used: Trials, observable: Observable, row: int, share: Floats) -> str:
     """One value, what there can be in its place, and what may have happened to it."""
-    value, radius = _values(used)[row, observable], (used.robot or SANDBOT).leg_radius_m
+    value, radius = getattr(used, observable.column)[row], (used.robot or SANDBOT).leg_radius_m
     paced = "omega in Hz (times 2π), " if observable.unit == "m/s" else ""
     return (
         f"{observable.column} is {value:g} in {used.trial_id[row]}, where legs of {radius:g} m at "
@@ -154,12 +150,11 @@ def _zeros(values: Floats) -> list[str]:
 def _classes(used: Trials) -> list[str]:
     """Where φ has no clear levels."""
     level = phi_levels(used.phi)
-    count = int(level.max()) + 1
-    widest = max(float(np.std(used.phi[level == index])) for index in range(count))
+    widest = widest_scatter(used.phi, level)
     if widest <= WIDE:
         return []
     return [
-        f"phi has no clear levels: its trials are gathered into {count} classes within which it "
+        f"phi has no clear levels: its trials are gathered into {level.max() + 1} classes within which it "
         f"scatters by up to {widest:.4f}; each has a k of its own, and what φ does within one is taken out"
     ]
 

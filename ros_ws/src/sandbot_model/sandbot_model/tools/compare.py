@@ -1,6 +1,7 @@
 """compare: fit a model, with effects added one by one, and show each step's error beside the noise floor."""
 
 import argparse
+import math
 import shlex
 import sys
 from collections.abc import Sequence
@@ -8,8 +9,6 @@ from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
@@ -115,7 +114,7 @@ def _check_held(selection: Selection, model: "Model") -> None:
     for name, value in selection.by_hand:
         one = known.get(name)
         if one is not None and not one.hard_low <= value <= one.hard_high:
-            upper = f" and at most {one.hard_high:g}" if np.isfinite(one.hard_high) else ""
+            upper = f" and at most {one.hard_high:g}" if math.isfinite(one.hard_high) else ""
             raise InputError(f"--hold {name}={value:g}: at least {one.hard_low:g}{upper} is needed")
 
 

@@ -54,7 +54,7 @@ def fault(bag: Bag, start_ns: int, omega_rad_s: float = math.nan) -> str:
         return ""
     end_ns = int(moving[-1])
     return (
-        _paused(bag, start_ns, _rest_ns(bag, end_ns))
+        _paused(bag, start_ns, end_ns)
         or _commands(bag, moving)
         or _rhythm(bag, moving, omega_rad_s)
         or _robot(bag, start_ns, end_ns)
@@ -64,10 +64,11 @@ def fault(bag: Bag, start_ns: int, omega_rad_s: float = math.nan) -> str:
     )
 
 
-def _paused(bag: Bag, start_ns: int, rest_ns: float) -> str:
+def _paused(bag: Bag, start_ns: int, end_ns: int) -> str:
     """Whether the recorder was told to pause while the legs moved: their rest may be what is missing."""
-    told = bag.provenance.get("recording", {}).get(PAUSED, "")
-    for begun, ended in _PAUSES.findall(told):
+    pauses = _PAUSES.findall(bag.provenance.get("recording", {}).get(PAUSED, ""))
+    rest_ns = _rest_ns(bag, end_ns) if pauses else math.inf
+    for begun, ended in pauses:
         if int(begun) < rest_ns and (ended == PAUSED_TO_THE_END or int(ended) > start_ns):
             return f"recorder: paused at t = {max(int(begun) - start_ns, 0) * 1e-9:.2f} s"
     return ""
