@@ -21,7 +21,6 @@ RECORDER = "recorder"
 
 _ROBOT, _ROBOTS = "robot", ("lab", "serial_legs")
 """Whoever reports the legs, and which of our nodes do."""
-_BED = Sign("bed", topics.BED_STATUS.name, 1.0)
 # Its first frame may take seconds where nothing is compiled yet; a dead one is missed sooner, as its node is silent.
 TRACKER = Sign("tracker", topics.SPEED.name, 5.0)
 WALKING = (
@@ -49,13 +48,14 @@ class Hearing:
         self._silence_s = silence_s
         self._supervisor, self._listening = Supervisor(), Listening(2 * turn_s)
         self._neighbours = Neighbours()
-        self._vital = [_BED]
+        self._bed = Sign("bed", topics.BED_STATUS.name, silence_s)
+        self._vital = [self._bed]
         self._turned_ns: dict[str, int] = {}
         subscription(node, topics.BED_PHI, self._on_phi)
-        subscription(node, topics.BED_STATUS, self._on_bed)
         subscription(node, topics.BED_HEIGHT, self._on_height, raw=True, best_effort=True)
         subscription(node, topics.LEG_STATES, self._on_legs)
-        # Only whether it comes is asked: a reliable reader would hear nothing until what was lost has been sent again.
+        # What is told anew all the time: a reliable reader would hear nothing until what was lost has been sent again.
+        subscription(node, topics.BED_STATUS, self._on_bed, best_effort=True)
         subscription(node, topics.LEG_SETPOINTS, self._on_setpoint, raw=True, best_effort=True)
         subscription(node, topics.SPEED, self._on_speed)
         subscription(node, topics.DIAGNOSTICS, self._on_diagnostics)
@@ -80,7 +80,7 @@ class Hearing:
 
     def require(self, names: Sequence[str]) -> None:
         """These nodes, and the bed's status, are vital to what comes."""
-        self._vital = [Sign(name, LOOP, self._silence_s) for name in names] + [_BED]
+        self._vital = [Sign(name, LOOP, self._silence_s) for name in names] + [self._bed]
 
     def expect_recorder(self) -> None:
         """A recorder has been started: what the one before it said is forgotten."""
