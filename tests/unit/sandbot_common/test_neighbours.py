@@ -64,3 +64,23 @@ def test_time_without_a_cpu_is_told_once_and_never_negative(hosts):
         lab.starved_s = starved_s
         told.append(here.look(float(n)).get("lab"))
     assert told == [0.0, 0.25, 0.0, 0.0, 0.5]
+
+
+def test_of_one_nobody_else_is_asked_and_he_not_too_often(hosts):
+    class Unasked(Process):
+        fault = property(lambda _: pytest.fail("asked"), lambda *_: None)
+
+    here, clock = Neighbours(), hosts.setdefault("a", Process())
+    hosts["b"] = Unasked()
+    here.meet("clock", "a")
+    here.meet("lab", "b")
+    assert here.fault_of("clock", 1.0) == ""
+    clock.fault = "is gone"
+    assert here.fault_of("clock", 1.0 + LOOK_S / 2) == ""
+    assert here.fault_of("clock", 1.0 + 2 * LOOK_S) == "is gone"
+    assert here.fault_of("bed", 2.0) == ""  # nobody knows him
+    hosts["c"] = Process()
+    here.meet("clock", "c")  # started anew
+    assert here.fault_of("clock", 1.0 + 2 * LOOK_S) == ""
+    here.forget("clock")
+    assert here.fault_of("clock", 2.0) == ""

@@ -19,6 +19,7 @@ class Neighbours:
     _names: dict[str, str] = field(default_factory=dict)
     _starved_s: dict[str, float] = field(default_factory=dict)
     _looked_s: float = -math.inf
+    _asked: dict[str, tuple[Neighbour, float, str]] = field(default_factory=dict)
 
     def __contains__(self, who: str) -> bool:
         return who in self._known
@@ -39,6 +40,16 @@ class Neighbours:
         """He has ended as he should; the next of that name is another."""
         self._known.pop(who, None)
         self.faults = {name: fault for name, fault in self.faults.items() if name != who}
+
+    def fault_of(self, who: str, now_s: float) -> str:
+        """What has become of one of them; the system is not asked of the others, as a clock does so at every step."""
+        if (one := self._known.get(who)) is None:
+            return ""
+        asked, asked_s, fault = self._asked.get(who, (None, -math.inf, ""))
+        if asked is not one or now_s - asked_s >= LOOK_S:
+            fault = one.fault
+            self._asked[who] = one, now_s, fault
+        return fault
 
     def look(self, now_s: float) -> Mapping[str, float]:
         """Ask the system, if it is time to; by name, for how long each waited for a CPU since it was asked last [s]."""

@@ -220,8 +220,7 @@ class Partners:
         """What has become of him, "the clock is gone"; an empty string while he runs, or nothing is known of him."""
         # Asked here and not by a timer: that would stand behind all that a busy node has not yet heard.
         with self._lock:
-            self._neighbours.look(time.monotonic())
-            fault = self._neighbours.faults.get(name)
+            fault = self._neighbours.fault_of(name, time.monotonic())
         return f"the {name} {fault}" if fault else ""
 
     def lost(self, name: str, lease: Lease, silence: str) -> str:

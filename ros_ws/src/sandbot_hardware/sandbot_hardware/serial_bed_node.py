@@ -49,7 +49,7 @@ class SerialBed(Node):
         level = message.data if 0.0 <= message.data <= 1.0 else 0.0
         # Nothing goes on by itself: air that was stopped comes on again when it has been told off.
         self._lapsed = self._lapsed and level > 0.0
-        if self._level <= 0.0:
+        if self._level <= 0.0 < level:
             self._partners.begin(BED)
         self._blow(0.0 if self._lapsed else level)
 

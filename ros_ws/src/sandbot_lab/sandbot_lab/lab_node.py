@@ -202,7 +202,7 @@ class LabNode(Node):
         if self._air_lapsed and message.data != 0:
             return  # as with the legs: nothing goes on by itself
         self._air_lapsed = False
-        if self._blower <= 0:
+        if self._blower <= 0 < message.data:
             self._partners.begin(BED)
         try:
             self._blow(message.data)

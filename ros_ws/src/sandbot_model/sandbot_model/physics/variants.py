@@ -22,12 +22,15 @@ _WIDTH = "; log_width [1] in -2..0"
 _RAMP = "clip(({reach} - {at})/10**log_width, 0, 1)*(1 - first)"
 _STEP = _RAMP.format(reach="{reach}", at="step*kept/R")
 _DISTURBED = _STEP.format(reach="s_c")
+_SMOOTH = "(1 - first)/(1 + exp((step*kept/R - s_c)/10**log_width)); log_width [1] in -2.5..-0.5"
 _USUAL = "clip((s_c*R - step*kept)/(0.1*R), 0, 1)*(1 - first)"
 _OVER_DEPTH = _RAMP.format(reach="s_c", at=f"step*kept/{_DEPTH}")
 _DILATED = "(K(phi + xi*(phi_c - phi)) - K(phi))"
 _CRATER = f"penetration = maximum(z - z_0_m*{{left}}*{_STEP.format(reach='1.2')}, 0){_WIDTH}"
 _SLIP = "step, peak_ratio *= clip(1 - sigma*{}, 0, 1)"
 _DRAG = "step, peak_ratio *= clip(1 - f_c_n/maximum(1.5*146e3*w*d_r**2, 1e-6)*{}, 0, 1)"
+_BORNE = "maximum(0.6*k*d, 1e-6)"
+"""Friction: the ground holds a leg along the track by a share of what it carries, 4 N as F_x where legs stand."""
 _SLOWER = f"(d_r/{_DEPTH})**2"
 _TOUCH_DOWN = "beta*omega*maximum(d + h - R, 0)"
 _LEGS = "R*omega*where(d + h > R, 1, 0)"
@@ -46,13 +49,16 @@ _SQUARE = f"s + {_DECAY_M}*log(1 + {_TOUCH_DOWN}*{{left}}/({_DECAY_M}))"
 VARIANTS: Mapping[str, Mapping[str, str]] = {
     "disturbed_ground": {
         "a ramp of another width": f"k - maximum(k - k_l_n_per_m, 0)*{_DISTURBED}{_WIDTH}",
+        "a smooth ramp": f"k - maximum(k - k_l_n_per_m, 0)*{_SMOOTH}",
         "a share of k": f"k - k*(1 - k_l_n_per_m/200)*{_DISTURBED}{_WIDTH}",
+        "a share of k, by a smooth ramp": f"k - k*(1 - k_l_n_per_m/200)*{_SMOOTH}",
         "a part of k beyond k_L": f"k - part*maximum(k - k_l_n_per_m, 0)*{_USUAL}; part [1] in 0.2..1",
         "by step over depth": f"k - maximum(k - k_l_n_per_m, 0)*{_OVER_DEPTH}{_WIDTH}",
     },
     "stance_overlap": {
         "the first step spared": "kept *= 1 - eta*(1 - first)",
         "by a power of ω": f"kept *= maximum(1 - eta*{_BY_OMEGA}, 0){_EITHER}",
+        "the first step spared, by a power of ω": f"kept *= maximum(1 - eta*{_BY_OMEGA}*(1 - first), 0){_EITHER}",
         "a length of each step": "kept *= maximum(1 - eta*R/maximum(step, 1e-6), 0)",
         "by a power of depth": f"kept *= maximum(1 - eta*({_DEPTH}/d_r)**power, 0){_POWER.format(-3, 3)}",
     },
@@ -85,6 +91,9 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     "inertial_drag": {
         "by another power of speed": f"extra_force += lambda_1*600*w*R*(R*16)**2*{_BY_OMEGA}{_POWER.format(0, 4)}",
         "by a power of depth": f"extra_force += lambda_1*600*w*R*({_DEPTH}/R)**power*(R*omega)**2{_POWER.format(0, 2)}",
+        "of the legs' way down, by a power of depth": (
+            f"extra_force += lambda_1*600*w*R*({_DEPTH}/R)**power*(omega*s_0/2)**2{_POWER.format(0, 2)}"
+        ),
     },
     "crater_refill": {
         "a ramp of another width": _CRATER.format(left="exp(-pi/(omega*tau_s))"),
@@ -98,6 +107,9 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
         "the first step spared": _DRAG.format(f"{_SLOWER}*(1 - first)"),
         # As much of a step of 46 mm on 200 N/m as F_x of 4 N lets the catalogue's formula take.
         "by the ground's stiffness, the peak spared": "step = maximum(s - 2.3*f_c_n/k, 0)",
+    },
+    "bed_slope": {
+        "by the load the ground bears, the peak spared": f"step *= maximum(1 - N*m*g*sin(chi_rad)/{_BORNE}, 0)",
     },
     "leg_slip": {
         "by another power of depth": f"{_SLIP.format(f'(d_r/{_DEPTH})**power')}{_POWER.format(0, 4)}",

@@ -41,7 +41,9 @@ def forces(fit: Fit, omega_rad_s: float) -> Forces:
         cells.clock[first],
         KCurve(fit.level_phi, fit.k_n_per_m),
     )
-    depth = np.linspace(0.0, deepest_m(fit.model.robot), DEPTH_POINTS)
+    # Closer together where the step, and with it the force needed, falls ever faster.
+    u = np.linspace(0.0, 1.0, DEPTH_POINTS)
+    depth = deepest_m(fit.model.robot) * u * (2 - u)
     chain = walker.chain(inputs, params, depth, first_step=False)
     given, needed = (
         np.broadcast_to(force, (len(first), len(depth))) for force in (chain.force + chain.extra_force, chain.load)
