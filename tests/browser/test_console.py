@@ -26,7 +26,8 @@ pytestmark = [pytest.mark.browser, pytest.mark.ros, pytest.mark.slow, pytest.mar
 
 BED = {"fluidise_s": 4.0, "ramp_s": 0.3, "settle_s": 0.4, "pulse_off_s": 0.3, "average_s": 0.2}
 PLAN = {"name": "watched", "cameras": "cameras.yaml", "seed": 5, "gait": "UNIFORM", "phi": [0.605],
-        "omega_rad_s": [6.0], "replicates": 3, "periods": 12.0, "images": "none", "bed": BED}  # fmt: skip
+        "omega_rad_s": [6.0], "replicates": 3, "periods": 8.0, "setpoint_rate_hz": 50.0, "images": "none",
+        "bed": BED}  # fmt: skip
 PATIENT = {"clock.lease_s": 1.0, "clock.robot_s": 1.0, "clock.late_s": 0.25, "lab.legs_lease_s": 1.0,
            "lab.air_lease_s": 2.0, "bed.lease_s": 2.0, "bed.bad_reading_s": 2.0}  # fmt: skip
 PATIENCE_S = 120
@@ -149,7 +150,8 @@ def address(folder, launch):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The plan and slow cameras: what is filmed at 100 Hz, beside a browser, is more than a busy machine tracks."""
+    """The plan and slow cameras: 100 frames and 200 set-points a second are more than a busy machine has for a browser
+    beside them, which gets what legs and air leave over."""
     folder = tmp_path_factory.mktemp("console")
     cameras = yaml.safe_load(table_path().with_name("cameras.yaml").read_text())
     for name in ("dorsal", "lateral"):
