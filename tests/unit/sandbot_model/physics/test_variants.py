@@ -59,11 +59,13 @@ def test_where_a_family_vanishes_its_variant_does(family, variant):
 USUAL = {
     ("stance_overlap", "by a power of ω"): 0,
     ("stance_overlap", "by a power of depth"): 0,
+    ("stance_overlap", "the first step spared, by a power of ω"): None,
     ("carried_momentum", "by a power of ω"): 0,
     ("swimming_thrust", "by a power of ω"): 1,
     ("exact_vertical_acceleration", "a power of the sine"): 1,
     ("inertial_drag", "by another power of speed"): 2,
     ("inertial_drag", "by a power of depth"): 0,
+    ("inertial_drag", "of the legs' way down, by a power of depth"): None,
     ("cable_drag", "by another power of depth"): 2,
     ("cable_drag", "by a power of ω"): 0,
     ("leg_slip", "by another power of depth"): 2,

@@ -9,12 +9,13 @@ So is an effect that leaves nothing, and no other comes near, but only with a nu
 formula may have another form here, or the range be too narrow.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sandbot_model.data.conditions import Cells
+from sandbot_model.discovery import conventions
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.verdict import Verdict, gains, leaves_nothing, odd, overdispersion, passes, sound, worth
@@ -23,6 +24,7 @@ from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.fitting.jacobian import project_out, tangent_basis
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.observables import CM, Observable
+from sandbot_model.physics.variants import NEW
 
 MOST = 0.5
 """Share of the excess deviance that an effect must remove at least, where one observable is at fault."""
@@ -87,7 +89,10 @@ def _said(search: EffectSearch, finds: Finds) -> tuple[Verdict, Partial] | None:
 def _with_a_rest(search: EffectSearch, observables: Sequence[Observable]) -> Found | None:
     """The effect that leaves nothing without one observable, or a small rest."""
     spared = {one: _without(search, one) for one in observables}
-    return _one_is_wrong(spared, search.criteria) or _all_but_a_rest(search, spared)
+    found = _one_is_wrong(spared, search.criteria)
+    if found is not None and not _another_does(search, found):
+        return found
+    return _all_but_a_rest(search, spared)
 
 
 def without(cells: Cells, observable: Observable) -> Cells:
@@ -100,11 +105,21 @@ def without(cells: Cells, observable: Observable) -> Cells:
 def _without(search: EffectSearch, observable: Observable) -> dict[Names, Fit]:
     """The base model and the most hopeful single effects with one observable left out."""
     cells = without(search.cells, observable)
-    missed = {names: _missed(fit, cells) for names, fit in search.fits.items() if len(names) == 1}
-    hopeful = sorted((names for names in missed if missed[names] < HOPELESS), key=lambda names: missed[names])
-    some = [search.fits[names] for names in ((), *hopeful[:TRIED])] if hopeful else []
-    points = search.fit_all(solve_near, [(fit.model, cells, (fit.warm_start,), None) for fit in some])
-    return {fit.effects: fitted_at(fit.model, cells, point) for fit, point in zip(some, points, strict=True)}
+    hopeful = _hopeful(cells, [fit for names, fit in search.fits.items() if len(names) == 1])
+    some = [search.fits[()], *hopeful] if hopeful else []
+    return {fit.effects: fit for fit in _fitted_to(search, cells, some)}
+
+
+def _hopeful(cells: Cells, fits: Iterable[Fit]) -> list[Fit]:
+    """Those that come nearest to other cells than they were made to."""
+    missed = [(_missed(fit, cells), at, fit) for at, fit in enumerate(fits)]
+    return [fit for miss, _, fit in sorted(missed)[:TRIED] if miss < HOPELESS]
+
+
+def _fitted_to(search: EffectSearch, cells: Cells, fits: Sequence[Fit]) -> list[Fit]:
+    """The same models, fitted to other cells."""
+    points = search.fit_all(solve_near, [(fit.model, cells, (fit.warm_start,), None) for fit in fits])
+    return [fitted_at(fit.model, cells, point) for fit, point in zip(fits, points, strict=True)]
 
 
 def _missed(fit: Fit, cells: Cells) -> float:
@@ -126,6 +141,16 @@ def _one_is_wrong(spared: Spared, criteria: Criteria) -> Found | None:
     return None if rivals else (spared[odd], best, [odd])
 
 
+def _another_does(search: EffectSearch, found: Found) -> bool:
+    """Whether another family under a convention of its own does better where one observable is left out; clearly so
+    where it does with a number that nobody believes."""
+    fits, names, (odd_one,) = found
+    others = [fit for fit in conventions.singles(search) if fit.effects != names]
+    cells = without(search.cells, odd_one)
+    rivals = [fit for fit in _fitted_to(search, cells, _hopeful(cells, others)) if leaves_nothing(fit, search.criteria)]
+    return any(fit.bic < fits[names].bic - (0.0 if sound(fit) else search.criteria.clearly) for fit in rivals)
+
+
 def _explains(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:
     earned = not names or (worth(dict(fits), names, (), criteria) and _share(fits, names) > MOST)
     return earned and passes(fits[names], criteria)
@@ -137,10 +162,15 @@ def _excess(fit: Fit) -> float:
 
 
 def _all_but_its_number(search: EffectSearch) -> Found | None:
-    """The effect that would be identified if the values of its own parameters were believable."""
+    """The effect that would be identified if the values of its own parameters were believable.
+
+    A convention's number is none of them: beyond its range it is a formula that nobody would write.
+    """
     singles, leader = _singles(search)
+    (effect,) = leader.model.effects
+    own = {f"{effect.identifier}.{one.name}" for one in effect.parameters if one.doc != NEW}
     beyond = odd(leader)
-    if not beyond or not all("." in name for name in beyond) or not leaves_nothing(leader, search.criteria):
+    if not beyond or not own.issuperset(beyond) or not leaves_nothing(leader, search.criteria):
         return None
     apart = search.criteria.clearly * overdispersion(leader)
     alone = all(fit.bic - leader.bic > apart for fit in singles.values() if fit is not leader)
