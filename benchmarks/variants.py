@@ -160,9 +160,9 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         "",
         f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × {REPLICATES}, drawn from the project's own chain "
         f"with a formula of forms.yaml in the place of a catalogue's effect; up to {MAX_EFFECTS} effects. The first "
-        "two labs, the fourth, fifth, sixth and seventh knew the catalogue's formulas and nothing else, the third what the "
-        "first two had written. What came out wrong of the first to sixth was looked at and has conventions of its kind, of "
-        "the seventh what was claimed in part. "
+        "two labs, the fourth, fifth, sixth and seventh knew the catalogue's formulas and nothing else, the third what "
+        "the first two had written. What came out wrong of the first to sixth was looked at and has conventions of its "
+        "kind, of the seventh what was claimed in part. "
         "`adequate`: the base model takes in what the form does, nothing is left to be told. `half`: the family, and "
         "another beside it. `same formula`: another family is named, whose own formula predicts what the form does, "
         f"all observables within {SAME:g} standard deviations of a trial: no data can tell the two apart. leg_slip, "

@@ -94,6 +94,7 @@ def test_what_leaves_nothing_comes_before_what_fails_in_one_observable(drawn, mo
     with pytest.raises(pytest.fail.Exception):
         partly(tried(drawn(formulas=(OVERLAP,), seed=5, levels=4)))
 
+
 FELT_BY_THE_PEAK = "o: speed: kept, peak_ratio *= 1 - 0.18*(1 - first)*omega/(omega + 15)"
 """An overlap as another lab wrote it. Without the mean speed a slow phase explains it, as does a motor whose droop is
 bent as nobody would write it; without the peak an overlap under another convention does."""
