@@ -1,6 +1,8 @@
 """The timer of all that commands or watches: it goes by the time that has passed, whatever ROS takes the time to be."""
 
+import math
 import time
+from types import SimpleNamespace
 
 import pytest
 import rclpy
@@ -63,3 +65,26 @@ def test_what_it_raises_ends_the_loop_and_what_is_cancelled_is_not_called(turn):
     with pytest.raises(ZeroDivisionError):
         turn(lambda: False)
     assert not called
+
+
+def test_of_a_node_that_ends_no_thread_is_left(turn):
+    for period_s in (0.02, 60.0):
+        node.Timer(turn.node, period_s, lambda: None)
+    node.end_timers(turn.node)
+    assert [timer._thread.is_alive() for timer in turn.node.waiting] == [False, False]
+
+
+def test_a_commander_whose_name_is_forgotten_is_no_second_one(turn, monkeypatch):
+    """DDS forgets of one that was killed first his name, then that he published."""
+    holders = ["_NODE_NAME_UNKNOWN_", "campaign"]
+    monkeypatch.setattr(node, "names_of", lambda _: holders)
+    command = node.Command(turn.node, 1.0)
+    command._on_renewal(SimpleNamespace(frame_id="campaign"))
+    assert command.begin(1.0) == ""
+    assert "did not renew" not in command.lost()
+    holders[:] = ["another", "campaign"]
+    assert "another and campaign both command" in command.begin(1.0)
+    # Nobody renews, and somebody of whom no more is known may: it is not as if a person commanded by hand.
+    holders[:] = ["_NODE_NAME_UNKNOWN_"]
+    command._heard_s = -math.inf
+    assert command.begin(1.0).startswith("somebody commands the trackway and does not renew")

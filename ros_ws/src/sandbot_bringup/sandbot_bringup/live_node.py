@@ -22,7 +22,7 @@ from sandbot_bringup.queue import Queue
 from sandbot_bringup.streak import Streak
 from sandbot_bringup.supervision import SILENCE_S
 from sandbot_bringup.until import Entry, decided, looks_of
-from sandbot_common.node import real_time, stop_signals, use_shared_memory
+from sandbot_common.node import end_timers, real_time, stop_signals, use_shared_memory
 from sandbot_common.workers import pool
 from sandbot_record.trials.table import Row
 
@@ -51,6 +51,7 @@ def run_live(
         # The threads that hear, too: what they hear late would be taken for silence.
         with real_time(PRIORITY, inherited=True):
             rclpy.init(args=[plan.name, *ros_arguments], signal_handler_options=SignalHandlerOptions.NO)
+        operator: Operator | None = None
         try:
             with real_time(PRIORITY, inherited=True):
                 operator = Operator(plan, robot_of(files), stop, silence_s)
@@ -63,6 +64,8 @@ def run_live(
                 if redo and campaign.repeat_failed():
                     campaign.run_all()
         finally:
+            if operator is not None:
+                end_timers(operator)
             rclpy.try_shutdown()
     return campaign.queue
 

@@ -51,6 +51,8 @@ AIR_STOPS = "air_stops"
 """Key of /diagnostics: how often whoever drives the blower has turned the air off himself, against his orders."""
 PROCESS = "process"
 """Key of /diagnostics: which process a node is, for those on its host (``process.Neighbour``)."""
+_NAMELESS = "_NODE_NAME_UNKNOWN_"
+"""What ROS calls the node of an endpoint that it knows no more of, or not yet. Who lives renews under his own name."""
 _LOOK_S = 0.05
 """How soon a node that idles sees that it is to end."""
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
@@ -101,11 +103,18 @@ class Timer:
     def __init__(self, node: Node, period_s: float, callback: Callable[[], None]) -> None:
         self._node, self._period_s, self._callback = node, period_s, callback
         self._due, self._ending = False, threading.Event()
-        threading.Thread(target=self._run, name="timer", daemon=True).start()
+        self._thread = threading.Thread(target=self._run, name="timer", daemon=True)
+        node.waiting = [*getattr(node, "waiting", ()), self]
+        self._thread.start()
 
     def cancel(self) -> None:
         """Call no more."""
         self._ending.set()
+
+    def end(self) -> None:
+        """The same, and no thread of it is left: it would ask a node that has been destroyed."""
+        self.cancel()
+        self._thread.join()
 
     def _run(self) -> None:
         due_s = time.monotonic() + self._period_s
@@ -126,6 +135,12 @@ class Timer:
             # The executor of these wheels dies of a task that raises; ``spin_once`` has the node's loop raise it.
             self._node.failed = error
             self._ending.set()
+
+
+def end_timers(node: Node) -> None:
+    """Before the node is destroyed, or its context shut down."""
+    for timer in getattr(node, "waiting", ()):
+        timer.end()
 
 
 def spin_once(executor: EventsExecutor, node: Node, timeout_s: float) -> None:
@@ -255,13 +270,14 @@ class Command:
         self._holder, self._lease = self._heard_from, Lease(limit_s, self._heard_s)
         holders = names_of(self._node.get_publishers_info_by_topic(topics.OPERATOR_LEASE.relative))
         self._leased = bool(holders)
-        # DDS forgets a killed one after 20 s; the system tells at once.
-        living = [name for name in holders if not self._partners.fault(name)]
+        # DDS forgets a killed one after 20 s, and his name before that; the system tells at once.
+        living = [name for name in holders if name != _NAMELESS and not self._partners.fault(name)]
         self._partners.begin(self._holder)
         if len(living) > 1:
             return f"{' and '.join(living)} both command the trackway (/operator/lease); one at a time"
         if self._leased and self._lease.late(time.monotonic()):
-            return f"{holders[0]} commands the trackway and does not renew /operator/lease; end it first"
+            who = next((name for name in holders if name != _NAMELESS), "somebody")
+            return f"{who} commands the trackway and does not renew /operator/lease; end it first"
         return ""
 
     def lost(self) -> str:
@@ -379,6 +395,7 @@ def run(
                     if stop.asked and isinstance(health, Health):
                         health.publish()
                     _let_all_hear(node)
+                    end_timers(node)
                     node.destroy_node()
                 rclpy.try_shutdown()
         return 0

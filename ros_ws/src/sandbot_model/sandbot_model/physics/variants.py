@@ -92,7 +92,8 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
         "by another power of speed": f"extra_force += lambda_1*600*w*R*(R*16)**2*{_BY_OMEGA}{_POWER.format(0, 4)}",
         "by a power of depth": f"extra_force += lambda_1*600*w*R*({_DEPTH}/R)**power*(R*omega)**2{_POWER.format(0, 2)}",
         "of the legs' way down, by a power of depth": (
-            f"extra_force += lambda_1*600*w*R*({_DEPTH}/R)**power*(omega*s_0/2)**2{_POWER.format(0, 2)}"
+            # As much as the catalogue's where legs stand, a chord of 1.1 R apart.
+            f"extra_force += lambda_1*600*w*R*({_DEPTH}/R)**power*(omega*s_0/2)**2/0.3{_POWER.format(0, 2)}"
         ),
     },
     "crater_refill": {

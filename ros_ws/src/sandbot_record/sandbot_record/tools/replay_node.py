@@ -140,7 +140,7 @@ class Replay(Node):
 
     def _look(self) -> None:
         if not self._thread.is_alive():
-            rclpy.try_shutdown(context=self.context)
+            self.done = True
 
     def _play(self) -> None:
         with contextlib.suppress(InputError):  # its block is loaded now
