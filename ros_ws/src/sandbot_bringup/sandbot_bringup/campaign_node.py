@@ -19,7 +19,7 @@ from sandbot_bringup.desk_node import Desk
 from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder, frames_kept
 from sandbot_bringup.gate_node import DISCOVERY_S, Gate
-from sandbot_bringup.hearing_node import RECORDER, TRACKER, WALKING, Hearing
+from sandbot_bringup.hearing_node import RECORDER, TRACKER, Hearing
 from sandbot_bringup.hold import Hold
 from sandbot_bringup.orders_node import CALL_S, Orders
 from sandbot_bringup.plan import Plan, PlannedTrial
@@ -230,7 +230,7 @@ class Operator(Node):
         if not self._wait(lambda: legs.motion_start_ns is not None, CALL_S):
             raise TrialFailed("the clock was started but no leg moved (/leg_states)")
         end_ns = (legs.motion_start_ns or 0) + int(duration_s * 1e9)
-        legs.watch(*WALKING)
+        legs.watch_walking()
 
         def over() -> bool:
             return (legs.leg_time_ns or 0) >= end_ns or not legs.moving

@@ -23,11 +23,8 @@ _ROBOT, _ROBOTS = "robot", ("lab", "serial_legs")
 """Whoever reports the legs, and which of our nodes do."""
 # Its first frame may take seconds where nothing is compiled yet; a dead one is missed sooner, as its node is silent.
 TRACKER = Sign("tracker", topics.SPEED.name, 5.0)
-WALKING = (
-    Sign("clock", topics.LEG_SETPOINTS.name, 0.5),
-    Sign(_ROBOT, topics.LEG_STATES.name, 0.5),
-    TRACKER,
-)
+STEADY_S = 0.5
+"""What comes all the time while legs walk stays away for so long at most, or for half of what --silence allows."""
 
 
 class Hearing:
@@ -103,6 +100,12 @@ class Hearing:
         # Those of other makers need not beat; the recorder is our own child, of which the system tells.
         beating = [beat for beat in beats if math.isfinite(self._age_s(beat))]
         self._supervisor.watch(*more, *self._vital, *beating, now_s=self.now_s)
+
+    def watch_walking(self) -> None:
+        """The same while legs walk: nor may set-points, the robot's reports or the tracker's speeds stay away."""
+        steady_s = max(STEADY_S, self._silence_s / 2)
+        steady = (("clock", topics.LEG_SETPOINTS), (_ROBOT, topics.LEG_STATES))
+        self.watch(*(Sign(who, topic.name, steady_s) for who, topic in steady), TRACKER)
 
     def watch_nobody(self) -> None:
         """Nothing is under way that anybody could spoil."""
