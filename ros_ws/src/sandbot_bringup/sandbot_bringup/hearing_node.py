@@ -24,7 +24,7 @@ _ROBOT, _ROBOTS = "robot", ("lab", "serial_legs")
 # Its first frame may take seconds where nothing is compiled yet; a dead one is missed sooner, as its node is silent.
 TRACKER = Sign("tracker", topics.SPEED.name, 5.0)
 STEADY_S = 0.5
-"""What comes all the time while legs walk stays away for so long at most, or for half of what --silence allows."""
+"""What comes all the time while legs walk may stay away for so long, or for half of --silence where that is longer."""
 
 
 class Hearing:

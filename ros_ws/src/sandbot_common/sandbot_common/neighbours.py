@@ -42,7 +42,7 @@ class Neighbours:
         self.faults = {name: fault for name, fault in self.faults.items() if name != who}
 
     def fault_of(self, who: str, now_s: float) -> str:
-        """What has become of one of them; the system is not asked of the others, as a clock does so at every step."""
+        """What has become of one of them. Of him alone the system is asked, for a clock wants to know at every step."""
         if (one := self._known.get(who)) is None:
             return ""
         asked, asked_s, fault = self._asked.get(who, (None, -math.inf, ""))

@@ -241,7 +241,7 @@ class EffectSearch:
 def _end_passed(fit: Fit) -> float | None:
     """The end of Δt's plausible range that a fit lies beyond; None where it is inside."""
     value = fit.parameters[RESPONSE_TIME].value
-    one = fit.model.parameters[fit.model.names.index(RESPONSE_TIME)]
+    one = fit.model.parameter(RESPONSE_TIME)
     inside = float(np.clip(value, one.low, one.high))
     return inside if inside != value else None
 

@@ -112,8 +112,8 @@ def _without(search: EffectSearch, observable: Observable) -> dict[Names, Fit]:
 
 def _hopeful(cells: Cells, fits: Iterable[Fit]) -> list[Fit]:
     """Those that come nearest to other cells than they were made to."""
-    missed = [(_missed(fit, cells), at, fit) for at, fit in enumerate(fits)]
-    return [fit for miss, _, fit in sorted(missed)[:TRIED] if miss < HOPELESS]
+    missed = sorted(((_missed(fit, cells), fit) for fit in fits), key=lambda one: one[0])
+    return [fit for miss, fit in missed[:TRIED] if miss < HOPELESS]
 
 
 def _fitted_to(search: EffectSearch, cells: Cells, fits: Sequence[Fit]) -> list[Fit]:
@@ -144,11 +144,11 @@ def _one_is_wrong(spared: Spared, criteria: Criteria) -> Found | None:
 def _another_does(search: EffectSearch, found: Found) -> bool:
     """Whether another family under a convention of its own does better where one observable is left out; clearly so
     where it does with a number that nobody believes."""
-    fits, names, (odd_one,) = found
-    others = [fit for fit in conventions.singles(search) if fit.effects != names]
-    cells = without(search.cells, odd_one)
-    rivals = [fit for fit in _fitted_to(search, cells, _hopeful(cells, others)) if leaves_nothing(fit, search.criteria)]
-    return any(fit.bic < fits[names].bic - (0.0 if sound(fit) else search.criteria.clearly) for fit in rivals)
+    fits, names, _ = found
+    named = fits[names]
+    others = _hopeful(named.cells, (fit for fit in conventions.singles(search) if fit.effects != names))
+    rivals = [fit for fit in _fitted_to(search, named.cells, others) if leaves_nothing(fit, search.criteria)]
+    return any(fit.bic < named.bic - (0.0 if sound(fit) else search.criteria.clearly) for fit in rivals)
 
 
 def _explains(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:
@@ -233,7 +233,7 @@ def _because(found: Partial, at: Fit) -> str:
 
 def _range(fit: Fit, name: str) -> str:
     """What is not believed of a parameter."""
-    parameter = dict(zip(fit.model.names, fit.model.parameters, strict=True))[name]
+    parameter = fit.model.parameter(name)
     unit = "" if parameter.unit == "1" else f" {parameter.unit}"
     value = f"{fit.parameters[name].value:.3g}{unit}"
     return f"{name} = {value} is at or beyond the end of {parameter.low:g} to {parameter.high:g}{unit}"

@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from sandbot_common.errors import InputError
-from sandbot_common.suggest import did_you_mean
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import Comparison, compare
@@ -34,8 +32,7 @@ def point_of(found: Fit, by_hand: Mapping[str, float] | None = None) -> Point:
     """Where a fit lies, with some shared parameters put elsewhere. Raises InputError for one it does not have."""
     values = {name: estimate.value for name, estimate in found.parameters.items()}
     for name, value in (by_hand or {}).items():
-        if name not in values:
-            raise InputError(f"the model has no parameter {name!r}{did_you_mean(name, values)}")
+        found.model.parameter(name)  # refused where the model has none of that name
         values[name] = value
     theta = np.array([values[name] for name in found.model.names])
     return replace(found.point, theta=theta)

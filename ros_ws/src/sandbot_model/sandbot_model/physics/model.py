@@ -69,6 +69,12 @@ class Model:
             for name, parameter in self._by_name.items()
         )
 
+    def parameter(self, name: str) -> Parameter:
+        """A shared parameter by its name. Raises InputError for one that the model does not have."""
+        if name not in self.names:
+            raise InputError(f"the model has no parameter {name!r}{did_you_mean(name, self.names)}")
+        return self.parameters[self.names.index(name)]
+
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """What a fit may search, ``(parameters,)`` each."""

@@ -234,7 +234,7 @@ class Walker:
 
     def depths(self, clock: Clock) -> Array:
         """Depths at which the margin is tried, among them both sides of its jumps."""
-        grid = _depth_grid(deepest_m(self.robot))
+        grid = depth_grid(self.robot)
         if not any(effect.clocked for effect in self.effects):
             return grid
         jumps = np.unique(self.slow_begin_m(clock)[clock.swing_ratio != clock.slow_ratio])
@@ -264,10 +264,10 @@ def observables(steady: Chain, virgin: Chain, walking: Bool, virgin_walking: Boo
     }
 
 
-def _depth_grid(deepest_m: float) -> Array:
+def depth_grid(robot: Robot, count: int = DEPTHS) -> Array:
     """Depths from the surface to 2R - h, closer together where the step shrinks fast."""
-    u = np.linspace(0.0, 1.0, DEPTHS)
-    return deepest_m * u * (2 - u)
+    u = np.linspace(0.0, 1.0, count)
+    return deepest_m(robot) * u * (2 - u)
 
 
 def _highest_peak(margin: Array, holds: Bool) -> Ints:

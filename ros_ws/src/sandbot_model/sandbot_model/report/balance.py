@@ -6,9 +6,8 @@ import numpy as np
 
 from sandbot_model.data.conditions import Floats
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import CM
-from sandbot_model.physics.walking import KCurve
+from sandbot_model.physics.walking import KCurve, depth_grid
 from sandbot_model.report.figures import as_json, in_panel, legend_entry, model_name, panels
 from sandbot_model.report.theme import LIGHT, Spec, Theme
 from sandbot_model.report.view import Step, bands
@@ -41,9 +40,7 @@ def forces(fit: Fit, omega_rad_s: float) -> Forces:
         cells.clock[first],
         KCurve(fit.level_phi, fit.k_n_per_m),
     )
-    # Closer together where the step, and with it the force needed, falls ever faster.
-    u = np.linspace(0.0, 1.0, DEPTH_POINTS)
-    depth = deepest_m(fit.model.robot) * u * (2 - u)
+    depth = depth_grid(fit.model.robot, DEPTH_POINTS)
     chain = walker.chain(inputs, params, depth, first_step=False)
     given, needed = (
         np.broadcast_to(force, (len(first), len(depth))) for force in (chain.force + chain.extra_force, chain.load)

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import writing
-from sandbot_common.suggest import did_you_mean
 from sandbot_common.terminal import filled
 from sandbot_model.discovery.choice import Selection, held_by_text, name_of, read_selection
 from sandbot_model.tools import arguments
@@ -111,11 +110,8 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
 
 def _check_held(selection: Selection, model: "Model") -> None:
     """Raises InputError for a parameter that the model does not have or a value that it can't, whatever the data."""
-    known = dict(zip(model.names, model.parameters, strict=True))
     for name, value in selection.by_hand:
-        if name not in known:
-            raise InputError(f"the model has no parameter {name!r}{did_you_mean(name, known)}")
-        one = known[name]
+        one = model.parameter(name)
         if not one.hard_low <= value <= one.hard_high:
             upper = f" and at most {one.hard_high:g}" if math.isfinite(one.hard_high) else ""
             raise InputError(f"--hold {name}={value:g}: at least {one.hard_low:g}{upper} is needed")
