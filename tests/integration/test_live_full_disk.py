@@ -10,11 +10,11 @@ from sandbot_record.bags.reader import FIELD_STAMP, Bag
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.timeout(600)]
 
 KIB = 900
-"""Room for a second or two of the trial."""
+"""Room for some seconds of the trial, more where a busy machine renders fewer frames: its walk is of 50 s."""
 
 
 def test_a_full_disk_stops_the_legs_and_says_why(tmp_path, start, plan_of_one, quick_bed):
-    plan = plan_of_one(omega_rad_s=[1.0])
+    plan = plan_of_one(omega_rad_s=[0.5])
     start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", *quick_bed)
     witness = start("ros2", "run", "sandbot_record", "record", "/leg_states", "--out", tmp_path / "witness")
     witness.until(lambda line: line.startswith("recording to"))
@@ -34,4 +34,4 @@ def test_a_full_disk_stops_the_legs_and_says_why(tmp_path, start, plan_of_one, q
     assert moving.any()
     assert not moving[-1]
     walked_s = (legs.stamp_ns[moving][-1] - legs.stamp_ns[moving][0]) * 1e-9
-    assert walked_s < 0.9 * read_plan(plan).duration_s(1.0)
+    assert walked_s < 0.9 * read_plan(plan).duration_s(0.5)
