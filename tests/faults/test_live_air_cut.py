@@ -24,6 +24,15 @@ BED = (
 )
 
 
+@contextlib.contextmanager
+def serial_bed(folder):
+    """A bed on a serial line and its driver; yields the simulated device's process."""
+    device = [sys.executable, "-m", "sandbot_hardware.simulate_command", str(folder)]
+    driver = running("sandbot_hardware.serial_bed_node", f"device:={folder / 'bed'}", "air_lease_s:=2.0")
+    with ending(subprocess.Popen(device, stdin=subprocess.PIPE, text=True)) as simulated, driver:
+        yield simulated
+
+
 @pytest.fixture(params=[pytest.param("lab", marks=pytest.mark.whole), "serial_bed"])
 def driver(request, domain, tmp_path):
     """Who drives the blower, by name."""
@@ -31,46 +40,69 @@ def driver(request, domain, tmp_path):
         if request.param == "lab":
             stack.enter_context(running("sandbot_lab.lab_node", "images:=false", "air_lease_s:=2.0"))
         else:
-            device = [sys.executable, "-m", "sandbot_hardware.simulate_command", str(tmp_path / "dev")]
-            stack.enter_context(ending(subprocess.Popen(device, stdin=subprocess.PIPE)))
-            given = (f"device:={tmp_path / 'dev' / 'bed'}", "air_lease_s:=2.0")
-            stack.enter_context(running("sandbot_hardware.serial_bed_node", *given))
+            stack.enter_context(serial_bed(tmp_path / "dev"))
         yield request.param
 
 
-def test_a_bed_that_had_less_air_than_told_is_not_prepared(driver, beside):
-    blown, told, stages = [], {}, []
+class Heard:
+    """What is said of a bed and its air while a test runs beside them."""
 
-    def on_diagnostics(message):
+    def __init__(self, beside):
+        self.beside, self.blown, self.told, self.stages = beside, [], {}, []
+        node.subscription(beside.node, topics.BED_BLOWER, lambda message: self.blown.append(message.data))
+        node.subscription(beside.node, topics.DIAGNOSTICS, self._on_diagnostics)
+        node.subscription(beside.node, topics.BED_STATUS, self._on_status)
+
+    def _on_diagnostics(self, message):
         for status in message.status:
-            told[status.name] = {pair.key: pair.value for pair in status.values}
+            self.told[status.name] = {pair.key: pair.value for pair in status.values}
 
-    def on_status(message):
+    def _on_status(self, message):
         values = {pair.key: pair.value for pair in message.status[0].values}
-        stages.append((values["stage"], message.status[0].message))
+        self.stages.append((values["stage"], message.status[0].message))
 
-    node.subscription(beside.node, topics.BED_BLOWER, lambda message: blown.append(message.data))
-    node.subscription(beside.node, topics.DIAGNOSTICS, on_diagnostics)
-    node.subscription(beside.node, topics.BED_STATUS, on_status)
+    def driven(self, driver):
+        return self.told.get(driver, {}).get("blower") == "1.0"
 
-    def driven():
-        return told.get(driver, {}).get("blower") == "1.0"
+    def prepare(self, driver):
+        self.beside.until(lambda: driver in self.told and float(self.told.get("bed", {}).get("height_m", "nan")) > 0)
+        assert self.beside.call("/bed/prepare").success
+        self.stages.clear()
+        self.beside.until(lambda: self.driven(driver))
 
-    def prepare():
-        assert beside.call("/bed/prepare").success
-        stages.clear()
-        beside.until(driven)
+    def ends(self):
+        """The stage in which a preparation ends, and what is said of it."""
+        self.beside.until(lambda: self.stages and self.stages[-1][0] in ("ready", "failed"))
+        return self.stages[-1]
 
+
+@pytest.fixture
+def heard(beside):
+    return Heard(beside)
+
+
+def test_a_bed_that_had_less_air_than_told_is_not_prepared(driver, heard):
     with running("sandbot_bed.bed_node", *BED) as bed:
-        beside.until(lambda: "bed" in told and driver in told and float(told["bed"]["height_m"]) > 0)
-        prepare()
+        heard.prepare(driver)
         bed.send_signal(signal.SIGSTOP)
-        beside.until(lambda: not driven())
+        heard.beside.until(lambda: not heard.driven(driver))
         bed.send_signal(signal.SIGCONT)
-        beside.until(lambda: stages and stages[-1][0] == "failed")
-        assert stages[-1][1] == f"{driver} turned the air off by itself while the bed was being prepared"
-        beside.until(lambda: blown[-1] == 0)
+        assert heard.ends() == ("failed", f"{driver} turned the air off by itself while the bed was being prepared")
+        heard.beside.until(lambda: heard.blown[-1] == 0)
 
-        prepare()  # once more, and nobody turns it off
-        beside.until(lambda: stages and stages[-1][0] in ("ready", "failed"))
-        assert stages[-1][0] == "ready"
+        heard.prepare(driver)  # once more, and nobody turns it off
+        assert heard.ends()[0] == "ready"
+
+
+def test_a_cable_that_was_out_for_a_moment_ends_the_air(heard, tmp_path):
+    """Its controller may have turned the air off meanwhile: the next level would turn it on again."""
+    with serial_bed(tmp_path / "dev") as simulated, running("sandbot_bed.bed_node", *BED):
+        heard.prepare("serial_bed")
+        simulated.stdin.write("pull bed\nplug bed\n")
+        simulated.stdin.flush()
+        assert heard.ends() == ("failed", "serial_bed turned the air off by itself while the bed was being prepared")
+        heard.beside.until(lambda: not heard.driven("serial_bed"))
+        heard.beside.until(lambda: int(heard.told["serial_bed"]["opened"]) == 2)
+
+        heard.prepare("serial_bed")
+        assert heard.ends()[0] == "ready"

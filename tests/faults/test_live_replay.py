@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+from processes import ending, running
 
 from sandbot_common import messages, node, topics
 from sandbot_common.serialization import to_cdr
@@ -12,9 +13,12 @@ from sandbot_record.bags.writer import BagWriter
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
 
 
+def command(*arguments, delay_s=3):
+    return [sys.executable, "-m", "sandbot_record.tools.replay", *map(str, arguments), "--delay", str(delay_s)]
+
+
 def replay(*arguments, delay_s=3):
-    command = [sys.executable, "-m", "sandbot_record.tools.replay", *map(str, arguments), "--delay", str(delay_s)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60)
+    return subprocess.run(command(*arguments, delay_s=delay_s), capture_output=True, text=True, timeout=60)
 
 
 def test_commands_are_not_replayed_into_a_live_trackway(tmp_path, beside):
@@ -43,3 +47,36 @@ def test_commands_are_not_replayed_into_a_live_trackway(tmp_path, beside):
         return beside.wait(lambda: len(blown) == 3, 5.0)
 
     assert any(insisted() for _ in range(5))
+
+
+def test_a_replay_ends_where_a_trackway_is_switched_on(tmp_path, beside):
+    bag, blown = tmp_path / "b", []
+    with BagWriter(bag) as writer:
+        for index in range(200):
+            writer.write(topics.BED_BLOWER, to_cdr(messages.float64(0.0)), 1_000_000_000 + index * 20_000_000)
+    node.subscription(beside.node, topics.BED_BLOWER, blown.append)
+    playing = subprocess.Popen(command(bag, "--loop", delay_s=0.5), stderr=subprocess.PIPE, text=True)
+    with ending(playing):
+        beside.until(lambda: len(blown) > 50)  # nobody is there who would obey
+        assert playing.poll() is None
+        node.publisher(beside.node, topics.BED_HEIGHT)
+        _, said = playing.communicate(timeout=60)
+        assert playing.returncode == 2
+        assert said.count("\n") == 1
+        assert "the trackway is live (/bed/height is published)" in said
+
+
+def test_what_a_bag_says_of_a_clock_is_no_second_one(beside):
+    told = []
+    node.subscription(
+        beside.node, topics.DIAGNOSTICS, lambda message: told.extend(s for s in message.status if s.name == "clock")
+    )
+    bag = node.publisher(beside.node, topics.DIAGNOSTICS)
+    with running("sandbot_clock.clock_node") as clock:
+        beside.until(lambda: told and bag.get_subscription_count() > 1)
+        recorded = messages.diagnostics(1, "clock", {"since_ns": 1, "process": "elsewhere/1 5 6"})
+        for _ in range(5):
+            bag.publish(recorded)
+            told.clear()
+            beside.until(lambda: sum(node.PROCESS in [p.key for p in s.values] for s in told) >= 2)  # it lives on
+        assert clock.poll() is None

@@ -186,7 +186,7 @@ def test_a_snapshot_is_json_without_nan():
     assert snapshot["pictures"] == {"dorsal": {"number": 1, "seen": ["com"]}}
 
 
-@pytest.mark.parametrize("text", ["by hand", "[1]", ""])
+@pytest.mark.parametrize("text", ["by hand", "[1]", "", '{"trial_id": "x", "phi_target": NaN}', '{"a": 1e999}'])
 def test_a_trial_that_is_not_json_is_shown_as_text(text):
     made = console()
     made.set_trial(text)

@@ -56,6 +56,16 @@ def test_one_campaign_at_a_time_runs_into_a_folder(tmp_path: Path, monkeypatch: 
         pass
 
 
+def test_who_is_refused_has_written_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(folders, "PATIENCE_S", 0.1)
+    folder, grown = CampaignFolder(tmp_path / "new" / "run"), dataclasses.replace(PLAN, extra_trials=(EXTRA,))
+    with folder.adopted(PLAN, {}), pytest.raises(InputError, match="is running"), folder.adopted(grown, {}):
+        pass
+    assert read_plan(folder.plan_file) == PLAN
+    with folder.adopted(grown, {}):
+        assert read_plan(folder.plan_file) == grown
+
+
 def test_missing_counts_only_closed_bags(tmp_path: Path) -> None:
     folder, trials = CampaignFolder(tmp_path), trials_of(PLAN)
     for trial in trials[:2]:

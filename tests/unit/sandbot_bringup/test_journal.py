@@ -1,3 +1,6 @@
+import resource
+import signal
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -30,6 +33,27 @@ def test_a_line_torn_by_a_kill_is_lost_alone(path):
     after.add("campaign", "end")
     assert [one["do"] for one in read_journal(path)] == ["begin", "end"]
     assert after.earlier[0]["at"] == "1970-01-01T00:00:00.000+00:00"
+
+
+@pytest.fixture
+def full_disk():
+    """Nothing can be written any more, as far as this process goes."""
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    signal.signal(signal.SIGXFSZ, before)
+
+
+def test_a_full_disk_costs_no_event_that_is_kept(path, request):
+    path.write_text('{"do": "begin"}\n{"do": "skip"}\n{"at": "2026')
+    request.getfixturevalue("full_disk")
+    journal = Journal(path, lambda: 1.0)
+    assert [one["do"] for one in journal.earlier] == ["begin", "skip"]
+    with pytest.raises(InputError, match=r"journal\.jsonl: can't be written: File too large"):
+        journal.add("campaign", "end")
+    assert path.read_text() == '{"do": "begin"}\n{"do": "skip"}\n'
 
 
 @pytest.mark.parametrize("line", ["no json", "[1]", '{"who": "me"}', '{"do": "dance"}'])

@@ -1,6 +1,7 @@
 """A serial line at a pseudo-terminal: what is a cable that is out, and what only a busy machine."""
 
 import contextlib
+import math
 import os
 import pty
 import time
@@ -86,3 +87,25 @@ def test_a_cable_that_is_pulled_is_said(device, opened):
     until(lambda: one.trouble)
     assert one.trouble.startswith(device[1])
     assert not one.write(LINE)
+
+
+def test_a_line_has_one_driver(device, opened):
+    """Two would take each other's bytes, and both command the same legs."""
+    one, _ = opened
+    other = Port(device[1], 921600, lambda line, _: None)
+    until(lambda: "another program has it open" in other.trouble)
+    assert not other.write(LINE)
+    assert one.write(LINE)
+    one.close()
+    until(lambda: other.write(LINE))
+    other.close()
+
+
+def test_a_line_that_checks_and_means_nothing_is_damaged(device):
+    heard = []
+    one = Port(device[1], 921600, lambda line, _: heard.append(int(line.values[0])))
+    until(lambda: not one.trouble)
+    os.write(device[0], lines.encode("E", math.nan) + lines.encode("E", math.inf) + lines.encode("E", 7))
+    until(lambda: heard)
+    assert (heard, one.damaged, one.health) == ([7], 2, (0, "ok"))
+    one.close()

@@ -191,6 +191,9 @@ class BedNode(Node):
         except InputError as error:
             response.success, response.message = False, str(error)
             return response
+        # What held the node up before is not of this preparation; and whoever waits for its end must see it begin.
+        self._step_s = time.monotonic()
+        self._step()
         response.success, response.message = True, f"preparing φ = {target_phi:g}"
         return response
 

@@ -4,6 +4,7 @@ Times are seconds of one steady clock, passed in. The node feeds it; ``snapshot`
 under way only: what the one before it measured goes when /trial tells of another.
 """
 
+import json
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -312,10 +313,13 @@ class Console:
 
 
 def _json(text: str, where: str) -> Any:
+    """What may go on to the page: JSON proper, for NaN would end its stream."""
     try:
-        return parse_json(text, where)
-    except InputError:
+        content = parse_json(text, where)
+        json.dumps(content, allow_nan=False)
+    except (InputError, ValueError):
         return None
+    return content
 
 
 def _number(text: object) -> float:

@@ -72,11 +72,8 @@ class CampaignFolder:
         begins = present.extra_trials[: len(plan.extra_trials)] == plan.extra_trials
         return dataclasses.replace(plan, extra_trials=present.extra_trials) if begins and _same(present, plan) else plan
 
-    def adopt(self, plan: Plan, files: Mapping[str, str]) -> None:
-        """Write the plan and the robot's and cameras' files, or check the plan against the one already there.
-
-        A campaign may grow by extra trials; anything else would mix two experiments in one folder (InputError).
-        """
+    def check(self, plan: Plan) -> None:
+        """Raise InputError where the folder holds anything but this campaign, or what it has grown from."""
         if self.plan_file.exists():
             present = read_plan(self.plan_file)
             grown = plan.extra_trials[: len(present.extra_trials)] == present.extra_trials
@@ -89,10 +86,27 @@ class CampaignFolder:
             raise InputError(f"{self.path}: {blocking} is a file; give another --out")
         elif self.path.exists() and any(self.path.iterdir()):
             raise InputError(f"{self.path}: exists, is not empty and holds no campaign.yaml; give another --out")
+
+    def adopt(self, plan: Plan, files: Mapping[str, str]) -> None:
+        """Write the plan and the robot's and cameras' files, or check the plan against the one already there.
+
+        A campaign may grow by extra trials; anything else would mix two experiments in one folder (InputError).
+        """
+        self.check(plan)
         with writing(self.path):
             for name, text in files.items():
                 write_text(self.path / name, text)
             write_text(self.plan_file, to_yaml(plan))
+
+    @contextmanager
+    def adopted(self, plan: Plan, files: Mapping[str, str]) -> Iterator[None]:
+        """The folder is this plan's, and nobody else's meanwhile: who is refused has written nothing."""
+        self.check(plan)
+        with writing(self.path):
+            self.path.mkdir(parents=True, exist_ok=True)
+        with self.alone():
+            self.adopt(plan, files)
+            yield
 
     @contextmanager
     def alone(self) -> Iterator[None]:

@@ -14,7 +14,7 @@ from sandbot_bringup.plan import Plan
 from sandbot_bringup.supervision import pace_fault
 from sandbot_common import topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import names_of
+from sandbot_common.node import NAMELESS, names_of
 
 DISCOVERY_S = 20.0
 """Nodes that just started need this long at most to be seen on a busy machine."""
@@ -28,7 +28,6 @@ PACE_S = 0.5
 _REQUIRED = ("clock", "bed", "tracker")
 _HEARD = ("dorsal_camera", "lateral_camera", *DRIVERS)
 """Required once they have been heard: a robot or camera of another maker need not tell its health."""
-_UNNAMED = "_NODE_NAME_UNKNOWN_"
 _START_THEM = "start the nodes with: ros2 launch sandbot_bringup trackway.launch.py"
 
 
@@ -53,7 +52,7 @@ class Gate:
             raise InputError(f"the bed node has no reading on {topics.BED_HEIGHT.name}; {_START_THEM}")
         # Whoever reports the legs is the robot: the virtual lab takes a seed and a reset, a real one is carried back.
         # A publisher can be seen before the name of its node is: guessing then would leave the seed unset.
-        if not self._wait(lambda: _UNNAMED not in self._who_publishes(topics.LEG_STATES), DISCOVERY_S):
+        if not self._wait(lambda: NAMELESS not in self._who_publishes(topics.LEG_STATES), DISCOVERY_S):
             raise InputError(f"the node that publishes {topics.LEG_STATES.name} does not tell its name; {_START_THEM}")
         self.has_lab = "lab" in self._who_publishes(topics.LEG_STATES)
         if self.has_lab and not self._wait(partial(self._orders.is_offered, "/lab/reset"), DISCOVERY_S):

@@ -1,12 +1,14 @@
 """``journal.jsonl`` of a campaign: what happened and who asked for it, one JSON object a line, only ever appended."""
 
 import json
+import os
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from sandbot_common.errors import InputError
+from sandbot_common.files import writing
 
 Event = Mapping[str, Any]
 """``at`` (ISO 8601, UTC), ``who`` (operator or campaign), ``do`` (of ``KINDS``), and what belongs to it."""
@@ -24,12 +26,12 @@ class Journal:
         self.events: list[Event] = []
 
     def add(self, who: str, do: str, **what: object) -> None:
-        """Write an event down. ValueError for one that ``read_journal`` would refuse."""
+        """Write an event down. ValueError for one that ``read_journal`` would refuse, InputError on a full disk."""
         if do not in KINDS:
             raise ValueError(f"{do!r} is no event; known: {', '.join(KINDS)}")
         at = datetime.fromtimestamp(self._now_s(), UTC).isoformat(timespec="milliseconds")
         event = {"at": at, "who": who, "do": do, **what}
-        with self._path.open("a", encoding="utf-8") as file:
+        with writing(self._path), self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(event, ensure_ascii=False, allow_nan=False) + "\n")
         self.events.append(event)
 
@@ -55,4 +57,6 @@ def read_journal(path: Path) -> list[Event]:
 def end_torn_line(path: Path) -> None:
     """Remove what a kill left of a file's last line: it would spoil the one that comes next."""
     if path.exists() and not (content := path.read_bytes()).endswith(b"\n"):
-        path.write_bytes(content[: content.rfind(b"\n") + 1])
+        # Cut, not written anew: on a full disk all that came before it would be lost.
+        with writing(path):
+            os.truncate(path, content.rfind(b"\n") + 1)

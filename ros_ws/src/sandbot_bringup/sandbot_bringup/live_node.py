@@ -1,8 +1,10 @@
 """A campaign over the real nodes: the queue, trial by trial, at the operator's word."""
 
 import math
+import multiprocessing
 import time
 from collections.abc import Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -17,11 +19,12 @@ from sandbot_bringup.desk_node import Desk
 from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.journal import Journal
-from sandbot_bringup.plan import Plan, PlannedTrial, trials_of
+from sandbot_bringup.plan import Plan, PlannedTrial, trials_of, with_block
 from sandbot_bringup.queue import Queue
 from sandbot_bringup.streak import Streak
 from sandbot_bringup.supervision import SILENCE_S
 from sandbot_bringup.until import Entry, decided, looks_of
+from sandbot_common.errors import InputError
 from sandbot_common.node import end_timers, real_time, stop_signals, use_shared_memory
 from sandbot_common.workers import pool
 from sandbot_record.trials.table import Row
@@ -56,9 +59,8 @@ def run_live(
             with real_time(PRIORITY, inherited=True):
                 operator = Operator(plan, robot_of(files), stop, silence_s)
             operator.find_nodes()
-            folder.adopt(plan, files)
             # One trackway has one campaign; here it is another one's, in another namespace or on another host.
-            with folder.alone():
+            with folder.adopted(plan, files):
                 campaign = _Campaign(operator, plan, folder, files)
                 campaign.run_all()
                 if redo and campaign.repeat_failed():
@@ -100,7 +102,7 @@ class _Campaign:
             reason = str(error)
             raise
         finally:
-            with suppress(OSError):  # a full disk, say
+            with suppress(OSError, InputError):  # a full disk, say
                 self._desk.note("end", reason=reason)
 
     def repeat_failed(self) -> bool:
@@ -127,23 +129,36 @@ class _Campaign:
 
     def _look(self, bar: Any) -> bool:
         """Nothing waits: until a verdict the next block is planned. Whether there is one."""
-        plan = self.queue.plan
-        if not plan.until or not self.queue.measured:
+        if not self.queue.plan.until or not self.queue.measured:
             return False
         self._desk.enter("looking at the trials so far")
-        # A process of its own: here the nodes must go on being heard.
-        with pool(1, "spawn") as looking:
-            future = looking.submit(decided, plan, self._folder, self.queue.skipped)
-            self._operator.wait_for(future.done)
-            plan, entry = future.result()
+        entry = self._looked()
         self._desk.look = _shown([entry])
         self._desk.note("look", **{key: entry[key] for key in ("look", "text", "stop")})
         bar.write(f"look {entry['look']}: {entry['text']}")
-        if not entry["next"]:
-            return False
-        self._folder.adopt(plan, self._files)
-        self.queue.grow(plan)
-        return True
+        if entry["next"]:
+            # On top of what the operator has added meanwhile, which is run in any case.
+            plan = with_block(self.queue.plan, entry["next"])
+            self._folder.adopt(plan, self._files)
+            self.queue.grow(plan)
+        return bool(self.queue.waiting)
+
+    def _looked(self) -> Entry:
+        """What a look at all trials so far finds, in a process of its own: here the nodes must go on being heard."""
+        with pool(1, "spawn") as looking:
+            future = looking.submit(decided, self.queue.plan, self._folder, self.queue.skipped)
+            try:
+                self._operator.wait_for(future.done)
+            except BaseException:
+                # Nobody waits for what he no longer wants to know.
+                for worker in multiprocessing.active_children():
+                    worker.terminate()
+                raise
+            try:
+                return future.result()[1]
+            except BrokenProcessPool:
+                why = "the process that looked at the trials was killed, for want of memory perhaps"
+                raise CampaignEnds(f"{why}; start the campaign again to go on") from None
 
     def _run(self, trial: PlannedTrial, bar: Any) -> None:
         name, begun_s = trial.trial_id, time.monotonic()

@@ -51,7 +51,7 @@ AIR_STOPS = "air_stops"
 """Key of /diagnostics: how often whoever drives the blower has turned the air off himself, against his orders."""
 PROCESS = "process"
 """Key of /diagnostics: which process a node is, for those on its host (``process.Neighbour``)."""
-_NAMELESS = "_NODE_NAME_UNKNOWN_"
+NAMELESS = "_NODE_NAME_UNKNOWN_"
 """What ROS calls the node of an endpoint that it knows no more of, or not yet. Who lives renews under his own name."""
 _LOOK_S = 0.05
 """How soon a node that idles sees that it is to end."""
@@ -271,12 +271,12 @@ class Command:
         holders = names_of(self._node.get_publishers_info_by_topic(topics.OPERATOR_LEASE.relative))
         self._leased = bool(holders)
         # DDS forgets a killed one after 20 s, and his name before that; the system tells at once.
-        living = [name for name in holders if name != _NAMELESS and not self._partners.fault(name)]
+        living = [name for name in holders if name != NAMELESS and not self._partners.fault(name)]
         self._partners.begin(self._holder)
         if len(living) > 1:
             return f"{' and '.join(living)} both command the trackway (/operator/lease); one at a time"
         if self._leased and self._lease.late(time.monotonic()):
-            who = next((name for name in holders if name != _NAMELESS), "somebody")
+            who = next((name for name in holders if name != NAMELESS), "somebody")
             return f"{who} commands the trackway and does not renew /operator/lease; end it first"
         return ""
 
@@ -341,8 +341,13 @@ class Health:
     def _look_for_a_rival(self, message: DiagnosticArray) -> None:
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
-            if status.name == self._node.get_name() and self._is_older(values):
+            if status.name == self._node.get_name() and self._is_older(values) and self._is_told_by_a_namesake():
                 self.refused = f"another {status.name} is running already; one commander at a time, end it first"
+
+    def _is_told_by_a_namesake(self) -> bool:
+        """Whether another node of this name publishes: what a bag said of one that was is told by ``replay``."""
+        found = self._node.get_publishers_info_by_topic(topics.DIAGNOSTICS.relative)
+        return sum(one.node_name == self._node.get_name() for one in found) > 1
 
     def _is_older(self, values: Mapping[str, str]) -> bool:
         """Whether another of this name lives longer. Processes are named by host, number and start (``own_name``)."""

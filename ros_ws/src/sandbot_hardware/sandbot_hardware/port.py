@@ -1,5 +1,6 @@
 """A serial line that is read in a thread of its own, and opened again when its cable is back."""
 
+import errno
 import os
 import select
 import threading
@@ -75,11 +76,19 @@ class Port:
                 continue
             received_ns = time.time_ns()
             for line in self._reader.feed(data):
-                self._heard(line, received_ns)
+                self._hear(line, received_ns)
+
+    def _hear(self, line: Line, received_ns: int) -> None:
+        try:
+            self._heard(line, received_ns)
+        except (ValueError, OverflowError):
+            # It checks and means nothing, a time that is no number say: as good as damaged, and the next one comes.
+            self._reader.damaged += 1
 
     def _open(self) -> serial.Serial | None:
         try:
-            device = serial.Serial(self._path, self._baud, timeout=_WAIT_S)
+            # Of two drivers on one line each would take the other's bytes, and both would command.
+            device = serial.Serial(self._path, self._baud, timeout=_WAIT_S, exclusive=True)
         except (OSError, ValueError) as error:
             self.trouble = f"{self._path}: {_said(error)}"
             return None
@@ -114,4 +123,6 @@ def fixed(_: object) -> None:
 
 
 def _said(error: Exception) -> str:
+    if getattr(error, "errno", None) == errno.EAGAIN:
+        return "another program has it open; one driver for each line"
     return getattr(error, "strerror", None) or "the cable is out"

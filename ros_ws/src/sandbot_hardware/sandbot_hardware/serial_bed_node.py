@@ -30,7 +30,7 @@ class SerialBed(Node):
         super().__init__("serial_bed")
         self._given = node.Parameters(self, SerialBedParameters, fixed).current
         self._lease, self._level = Lease(self._given.air_lease_s), 0.0
-        self._watchdog = self._stops = 0
+        self._watchdog = self._stops = self._blown_since = 0
         self._partners, self._lapsed = node.Partners(self), False
         self._height = node.publisher(self, topics.BED_HEIGHT)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
@@ -55,17 +55,25 @@ class SerialBed(Node):
 
     def _blow(self, level: float) -> None:
         # Every time, changed or not: the controller's watchdog wants to hear it.
+        if level > 0.0 >= self._level:
+            self._blown_since = self._port.opened
         self._level = level
         self._port.write(lines.encode("B", float(level)))
 
     def _watch(self) -> None:
-        silence = f"nothing on {topics.BED_BLOWER.name}"
-        if self._level > 0.0 and (why := self._partners.lost(BED, self._lease, silence)):
+        if self._level > 0.0 and (why := self._stopped()):
             self._lapsed = True
             self._stops += 1
             self._blow(0.0)
             self._health.publish()  # at once: the bed goes by it
             self.get_logger().error(f"air off: {why}")
+
+    def _stopped(self) -> str:
+        """Why air must not go on; an empty string while it may."""
+        # The controller turns it off by itself then, and can't say so: less air than told, even if the cable is back.
+        if self._port.trouble or self._port.opened != self._blown_since:
+            return self._port.trouble or "the line was lost for a moment"
+        return self._partners.lost(BED, self._lease, f"nothing on {topics.BED_BLOWER.name}")
 
     def _heard(self, line: Line, received_ns: int) -> None:
         self._watchdog += line.kind == "W"

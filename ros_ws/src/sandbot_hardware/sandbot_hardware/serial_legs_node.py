@@ -52,7 +52,8 @@ class SerialLegs(Node):
 
     def _on_setpoint(self, message: JointState) -> None:
         place = {name: index for index, name in enumerate(message.name)}
-        if any(name not in place for name in self._order):
+        whole = len(message.name) == len(message.position) == len(message.velocity)
+        if not whole or any(name not in place for name in self._order):
             self._refused += 1
             return
         angles, rates = (

@@ -3,8 +3,7 @@
 import argparse
 import dataclasses
 import functools
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from sandbot_bringup.config import config_folder, files_of, robot_of, shipped
@@ -50,6 +49,7 @@ def command(argv: Sequence[str]) -> int:
     if options.batch and ros_arguments:
         raise InputError("--ros-args: --batch runs without ROS; leave one of the two out")
     if options.redo:
+        folder.check(plan)
         _set_failed_aside(folder)
     if options.batch:
         trials, failures = _batch(plan, folder, files, options)
@@ -205,7 +205,7 @@ def _batch(
     from sandbot_bringup.until import decided
 
     world = batch.choose_world(folder, robot_of(files), options.world, options.hide)
-    with crew_of(options) as crew, _adopted(folder, plan, files):
+    with crew_of(options) as crew, folder.adopted(plan, files):
         crew.check(folder.path)
         folder.clear_torn()
         batch.seal(folder, world)
@@ -225,13 +225,6 @@ def _batch(
             if not entry["next"]:
                 return trials, list(failed.items())
             folder.adopt(plan, files)
-
-
-@contextmanager
-def _adopted(folder: CampaignFolder, plan: Plan, files: Mapping[str, str]) -> Iterator[None]:
-    folder.adopt(plan, files)
-    with folder.alone():
-        yield
 
 
 def _finish(folder: CampaignFolder, trials: Sequence[PlannedTrial], failures: Sequence[tuple[str, str]]) -> int:

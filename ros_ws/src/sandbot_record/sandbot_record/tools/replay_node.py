@@ -38,7 +38,7 @@ _CLOCK_PERIOD_NS = 10_000_000
 _SPIN_NS = 200_000
 """The last part of a wait is spent awake: a sleep ends late by about this much."""
 _MIN_DEPTH = 50
-_LOOK_S = 0.5
+_LOOK_S, _TURN_S = 0.5, 0.05
 _COMMANDS = (topics.LEG_SETPOINTS.name, topics.BED_BLOWER.name, topics.OPERATOR_LEASE.name)
 """What legs and air obey."""
 _REPORTS = (topics.LEG_STATES.name, topics.BED_HEIGHT.name)
@@ -72,8 +72,8 @@ class Replay(Node):
             name: self.create_publisher(_class(info), options.remap.get(name, topics.relative(name)), _qos(info))
             for name, info in player.timeline.topics.items()
         }
-        if not options.commands:
-            self._refuse_live()
+        self._watched = () if options.commands else self._of_whoever_obeys()
+        self._refuse_live()
         self._clock_outlet = self.create_publisher(Clock, "/clock", 10) if options.clock else None
         self._clock_due_ns = 0
         self._late_ns: list[int] = []
@@ -87,25 +87,34 @@ class Replay(Node):
         self.add_on_set_parameters_callback(self._on_parameters)
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
         self._thread.start()
-        Timer(self, 0.05, self._look)
+        Timer(self, _TURN_S, self._look)
+
+    def _of_whoever_obeys(self) -> tuple[str, ...]:
+        """The topics of a robot or bed that would obey the bag's commands, and of another commander; none without."""
+        # Of whatever trackway they command: /robot1/bed/blower is obeyed by the bed that reports /robot1/bed/height.
+        spaces = {name.removesuffix(one) for name in self._commands for one in _COMMANDS if name.endswith(one)}
+        return tuple(space + name for space in sorted(spaces) for name in (*_COMMANDS, *_REPORTS))
+
+    @property
+    def _commands(self) -> list[str]:
+        """The bag's topics that legs or air obey, as they are published here."""
+        names = [outlet.topic_name for outlet in self._outlets.values()]
+        return [name for name in names if name.endswith(_COMMANDS)]
 
     def _refuse_live(self) -> None:
         """Raise InputError where commands would reach a running robot or bed, or compete with another commander."""
-        names = [outlet.topic_name for outlet in self._outlets.values()]
-        commands = [name for name in names if name.endswith(_COMMANDS)]
-        # Of whatever trackway they command: /robot1/bed/blower is obeyed by the bed that reports /robot1/bed/height.
-        spaces = {name.removesuffix(command) for name in commands for command in _COMMANDS if name.endswith(command)}
-        watched = [space + name for space in sorted(spaces) for name in (*_COMMANDS, *_REPORTS)]
-        deadline = time.monotonic() + max(self._options.delay_s, _LOOK_S) if commands else 0.0
+        deadline = time.monotonic() + max(self._options.delay_s, _LOOK_S) if self._watched else 0.0
         while time.monotonic() < deadline:
-            for name in watched:
-                others = names_of(self.get_publishers_info_by_topic(name))
-                if any(other != self.get_name() for other in others):
-                    raise InputError(
-                        f"the trackway is live ({name} is published), and legs or air would obey the bag's "
-                        f"{' and '.join(commands)}; leave them out with --topics, or insist with --with-commands"
-                    )
-            self._stop.wait(0.05)
+            self._end_where_live()
+            self._stop.wait(_TURN_S)
+
+    def _end_where_live(self) -> None:
+        for name in self._watched:
+            if any(other != self.get_name() for other in names_of(self.get_publishers_info_by_topic(name))):
+                raise InputError(
+                    f"the trackway is live ({name} is published), and legs or air would obey the bag's "
+                    f"{' and '.join(self._commands)}; leave them out with --topics, or insist with --with-commands"
+                )
 
     def close(self) -> None:
         """Stop publishing."""
@@ -141,6 +150,8 @@ class Replay(Node):
     def _look(self) -> None:
         if not self._thread.is_alive():
             self.done = True
+        # Who is switched on while this plays would obey it without a lease.
+        self._end_where_live()
 
     def _play(self) -> None:
         with contextlib.suppress(InputError):  # its block is loaded now
