@@ -1,55 +1,104 @@
-"""The first step of a preparation, without a graph."""
+"""The bed node as a real process over DDS, with a stand-in for blower and height sensor."""
 
-import time
-from types import SimpleNamespace
+import subprocess
+import sys
 
+import numpy as np
 import pytest
 
-from sandbot_bed.bed_node import BedNode
-from sandbot_bed.bed_parameters import BedParameters
-from sandbot_bed.protocol import PulseProtocol
+from sandbot_common import messages, node, topics
 
-TRIGGER = SimpleNamespace(success=None, message="")
+pytestmark = pytest.mark.ros
+FAST = {"fluidise_s": 0.3, "ramp_s": 0.3, "settle_s": 0.3, "pulse_off_s": 0.2, "average_s": 0.1, "target_phi": 0.59}
 
 
-class Silent:
-    """Whom nobody hears, and who finds nothing wrong."""
+class StandIn:
+    """A bed that the first air of a preparation loosens and each pulse after it packs by 0.002, and walking legs.
 
-    current = BedParameters()
+    It goes by what the blower does and not by what the node says of itself: topics keep no order among each other.
+    """
 
-    def __getattr__(self, _):
-        return lambda *_: ""
+    def __init__(self, beside):
+        self.until, self.call = beside.until, beside.call
+        self.rng, self.phi, self.packs, self.legs_rate = np.random.default_rng(0), 0.6, False, 0.0
+        self.level, self.stages, self.final, self.text = None, [], [], ""
+        self.height = node.publisher(beside.node, topics.BED_HEIGHT)
+        self.setpoints = node.publisher(beside.node, topics.LEG_SETPOINTS)
+        node.subscription(beside.node, topics.BED_STATUS, self.on_status)
+        node.subscription(beside.node, topics.BED_PHI, lambda message: self.final.append(message.data))
+        # Last: the node meets subscriptions in their order, so once its blower is heard all else is as well.
+        node.subscription(beside.node, topics.BED_BLOWER, self.on_blower)
+        beside.node.create_timer(0.01, self.tick)
 
-    def read_height_m(self):
-        return 0.1
+    def prepare(self):
+        self.packs = False
+        return self.call("/bed/prepare")
+
+    def on_blower(self, message):
+        if self.level and message.data == 0:
+            self.phi = self.phi + 0.002 if self.packs else 0.58
+            self.packs = True
+        self.level = message.data
+
+    def on_status(self, message):
+        values = {pair.key: pair.value for pair in message.status[0].values}
+        self.stages.append(values["stage"])
+        self.text = message.status[0].message
+
+    def tick(self):
+        height_m = 79.75 / (1100 * 1.25 * self.phi) + 2e-5 * self.rng.standard_normal()
+        self.height.publish(messages.range_(0, height_m, 0.05, 0.2, "trackway"))
+        if self.legs_rate:
+            legs = np.zeros(6)
+            self.setpoints.publish(messages.joint_state(0, topics.LEGS, legs, legs + self.legs_rate, legs))
 
 
 @pytest.fixture
-def bed(monkeypatch):
-    """A bed's node at rest whose every stage is kept; it has been held up for ten seconds."""
-    one = object.__new__(BedNode)
-    stages = []
-    one._settings = one._command = one._phi = one._status = one._health = one._hardware = Silent()
-    one._protocol, one._air_stops, one._reported = PulseProtocol(BedParameters()), {}, ""
-    one._legs_moved_s = one._status_s = -float("inf")
-    one._step_s = time.monotonic() - 10.0
-    monkeypatch.setattr(BedNode, "_on_new_stage", lambda _, command: stages.append((command.stage, command.reason)))
-    monkeypatch.setattr(BedNode, "get_clock", lambda _: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=1)))
-    return one, stages
+def bed(beside):
+    given = [word for key, value in FAST.items() for word in ("-p", f"{key}:={value}")]
+    command = [sys.executable, "-m", "sandbot_bed.bed_node", "--ros-args", *given]
+    process = subprocess.Popen(command)
+    try:
+        stand_in = StandIn(beside)
+        stand_in.process = process
+        heard = (stand_in.height, stand_in.setpoints)
+        stand_in.until(lambda: stand_in.level == 0 and all(one.get_subscription_count() for one in heard))
+        yield stand_in
+    finally:
+        process.terminate()
+        assert process.wait(timeout=30) == 0
 
 
-def test_what_held_the_bed_up_before_a_preparation_does_not_end_it(bed):
-    """It failed in its first step, and a campaign that had not seen it begin waited ten minutes for its end."""
-    one, stages = bed
-    assert one._on_prepare(None, TRIGGER).success
-    assert stages == [("fluidise", "")]  # told before the answer
-    one._step()
-    assert one._protocol.command.stage == "fluidise"
+def test_prepares_refuses_beside_moving_legs_and_aborts(bed):
+    assert bed.prepare().success
+    again = bed.call("/bed/prepare")  # as whoever missed the answer does
+    assert (again.success, again.message) == (True, "φ = 0.59 was being prepared")
+    bed.until(lambda: bed.final)
+    assert bed.final[0] == pytest.approx(0.59, abs=0.0012)
+    bed.until(lambda: "pulse" in bed.stages and bed.stages[-1] == "ready")
+
+    assert bed.prepare().success
+    bed.until(lambda: bed.level > 0)
+    bed.legs_rate = 3.0
+    bed.until(lambda: bed.stages[-1] == "failed" and bed.level == 0)
+    assert "legs began to move" in bed.text
+
+    def refused():
+        answer = bed.call("/bed/prepare")
+        return not answer.success and "legs move" in answer.message
+
+    bed.until(refused)
+
+    bed.legs_rate = 0.0
+    bed.until(lambda: bed.prepare().success)
+    bed.until(lambda: bed.level > 0)
+    assert bed.call("/bed/abort").message == "aborted, air off"
+    bed.until(lambda: bed.level == 0)
 
 
-def test_what_holds_it_up_while_it_blows_does(bed):
-    one, stages = bed
-    one._on_prepare(None, TRIGGER)
-    one._step_s -= 10.0
-    one._step()
-    assert stages[-1] == ("failed", "the bed node was held up for 10 s")
+def test_the_air_goes_off_with_the_node(bed):
+    assert bed.prepare().success
+    bed.until(lambda: bed.level > 0)
+    bed.process.terminate()
+    bed.until(lambda: bed.level == 0)
+    assert bed.process.wait(timeout=30) == 0

@@ -1,0 +1,55 @@
+"""The first step of a preparation, without a graph."""
+
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from sandbot_bed.bed_node import BedNode
+from sandbot_bed.bed_parameters import BedParameters
+from sandbot_bed.protocol import PulseProtocol
+
+TRIGGER = SimpleNamespace(success=None, message="")
+
+
+class Silent:
+    """Whom nobody hears, and who finds nothing wrong."""
+
+    current = BedParameters()
+
+    def __getattr__(self, _):
+        return lambda *_: ""
+
+    def read_height_m(self):
+        return 0.1
+
+
+@pytest.fixture
+def bed(monkeypatch):
+    """A bed's node at rest whose every stage is kept; it has been held up for ten seconds."""
+    one = object.__new__(BedNode)
+    stages = []
+    one._settings = one._command = one._phi = one._status = one._health = one._hardware = Silent()
+    one._protocol, one._air_stops, one._reported = PulseProtocol(BedParameters()), {}, ""
+    one._legs_moved_s = one._status_s = -float("inf")
+    one._step_s = time.monotonic() - 10.0
+    monkeypatch.setattr(BedNode, "_on_new_stage", lambda _, command: stages.append((command.stage, command.reason)))
+    monkeypatch.setattr(BedNode, "get_clock", lambda _: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=1)))
+    return one, stages
+
+
+def test_what_held_the_bed_up_before_a_preparation_does_not_end_it(bed):
+    """It failed in its first step, and a campaign that had not seen it begin waited ten minutes for its end."""
+    one, stages = bed
+    assert one._on_prepare(None, TRIGGER).success
+    assert stages == [("fluidise", "")]  # told before the answer
+    one._step()
+    assert one._protocol.command.stage == "fluidise"
+
+
+def test_what_holds_it_up_while_it_blows_does(bed):
+    one, stages = bed
+    one._on_prepare(None, TRIGGER)
+    one._step_s -= 10.0
+    one._step()
+    assert stages[-1] == ("failed", "the bed node was held up for 10 s")
