@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from pictures import Film
 
 from sandbot_tracking.bed import LEAST, MOST, StillBed, learnt
-from sandbot_tracking.marker_tracker import BED_EVERY, MarkerTracker
+from sandbot_tracking.marker_tracker import LOOK_EVERY, MarkerTracker
 from sandbot_tracking.markers import NO_BED, Appearance, detect, follow
 
 pytestmark = pytest.mark.slow  # together seconds
@@ -181,12 +181,12 @@ def test_a_tracker_learns_the_bed_its_marker_walks_into():
     """The film itself is enough: after a while of standing, steps onto ground seen before are at the camera's bound."""
     rng, film = np.random.default_rng(8), Film(shape=(64, 240), grain=14.0)
     bed, tracker, off = film.bed(rng), MarkerTracker(("com",)), []
-    x = np.concatenate((np.full(BED_EVERY * LEAST + 4, 40.0), 40.0 + np.linspace(0, 150, 120)))
+    x = np.concatenate((np.full(LOOK_EVERY * LEAST + 4, 40.0), 40.0 + np.linspace(0, 150, 120)))
     for place in x:
         image = bed.copy()
         film.add(image, place, 32.0, RADIUS)
         off.append(tracker.update(film.expose(rng, image)).xy_px[0, 0] - place)
-    standing, walking = off[: BED_EVERY * LEAST], off[-100:]
+    standing, walking = off[: LOOK_EVERY * LEAST], off[-100:]
     assert abs(np.mean(standing)) < 0.08
     assert rms(walking) < 1.3 * BOUND_PX
     without = [off for place in x[-100:] for off in _alone(film, rng, bed, place)]

@@ -83,6 +83,71 @@ def test_calibrate_finds_the_camera_again(tmp_path, rng, capsys):
     assert yaml.safe_load(out.read_text())["dorsal"]["width"] == 640
 
 
+def table_of(camera, rng, path):
+    """A table of points as the camera sees them, and the words that calibrate it as the dorsal one."""
+    points = np.column_stack((rng.uniform(0.4, 0.9, 40), rng.uniform(-0.15, 0.15, 40), rng.uniform(0, 0.4, 40)))
+    table = np.column_stack((camera.to_pixels(points), points))
+    np.savetxt(path / "p.csv", table, delimiter=",", header=",".join(calibrate.COLUMNS), comments="")
+    return [str(path / "p.csv"), "--name", "dorsal", "--plane", "0.12", "--out", str(path / "c.yaml")]
+
+
+def test_calibrate_writes_the_frame_rate_it_is_told(tmp_path, rng, capsys):
+    words = table_of(camera_from_mapping(DORSAL, "dorsal"), rng, tmp_path)
+    assert calibrate.main(words) == 0
+    assert not read_cameras(tmp_path / "c.yaml")["dorsal"].rate_is_known
+    assert calibrate.main([*words, "--rate", "250"]) == 0
+    # It stays when the camera is calibrated again, and gives way to another.
+    assert calibrate.main(words) == 0
+    assert read_cameras(tmp_path / "c.yaml")["dorsal"].frame_rate_hz == 250.0
+    assert calibrate.main([*words, "--rate", "120"]) == 0
+    assert read_cameras(tmp_path / "c.yaml")["dorsal"].frame_rate_hz == 120.0
+    for bad in ("0", "nan", "20000"):
+        assert calibrate.main([*words, "--rate", bad]) == 2
+        assert f"--rate {float(bad)}: 0.1 to 10000 frames/s" in capsys.readouterr().err
+
+
+BIG = {**DORSAL, "width": 1280, "height": 960, "fx": 2000.0, "fy": 2000.0, "cx": 639.5, "cy": 479.5,
+       "distortion": [0.0] * 5}  # fmt: skip
+
+
+def photos(folder, rng):
+    """Pictures of a chessboard as the BIG camera takes them."""
+    folder.mkdir()
+    texture, camera = chessboard(), camera_from_mapping(BIG, "dorsal")
+    middle = np.array([texture.shape[1], texture.shape[0], 0.0]) / TEXTURE / 2
+    for number in range(6):
+        turn = cv2.Rodrigues(rng.uniform(-0.4, 0.4, 3))[0]
+        place = np.array([*rng.uniform(-0.02, 0.02, 2), rng.uniform(0.8, 0.9)]) - turn @ middle
+        plane = camera.matrix @ np.column_stack((turn[:, 0], turn[:, 1], place))
+        picture = cv2.warpPerspective(texture, plane @ np.diag((1 / TEXTURE, 1 / TEXTURE, 1)), (1280, 960))
+        cv2.imwrite(str(folder / f"{number}.png"), cv2.GaussianBlur(picture, (0, 0), 1.0))
+
+
+def test_the_pictures_of_the_board_say_the_size(tmp_path, rng, capsys):
+    photos(tmp_path / "board", rng)
+    words = table_of(camera_from_mapping(BIG, "dorsal"), rng, tmp_path)
+    words += ["--chessboard", str(tmp_path / "board"), "--square", str(SQUARE_M)]
+    assert calibrate.main([*words, "--size", "640", "480"]) == 2
+    assert "board: 1280x960 px, but --size says 640x480: leave --size out" in capsys.readouterr().err
+    assert not (tmp_path / "c.yaml").exists()
+    for size in ([], ["--size", "1280", "960"]):
+        assert calibrate.main([*words, *size]) == 0
+        found = read_cameras(tmp_path / "c.yaml")["dorsal"]
+        assert (found.width, found.height) == (1280, 960)
+        assert found.fx == pytest.approx(2000.0, rel=0.01)
+
+
+def test_a_kept_lens_says_the_size(tmp_path, rng, capsys):
+    (tmp_path / "known.yaml").write_text(yaml.safe_dump({"dorsal": BIG}))
+    words = table_of(camera_from_mapping(BIG, "dorsal"), rng, tmp_path)
+    words += ["--intrinsics", str(tmp_path / "known.yaml")]
+    assert calibrate.main([*words, "--size", "640", "480"]) == 2
+    assert "known.yaml: dorsal: 1280x960 px, but --size says 640x480" in capsys.readouterr().err
+    assert calibrate.main(words) == 0
+    found = read_cameras(tmp_path / "c.yaml")["dorsal"]
+    assert (found.width, found.height, found.fx) == (1280, 960, 2000.0)
+
+
 def test_calibrate_refuses_a_bad_row(tmp_path, capsys):
     table = tmp_path / "points.csv"
     table.write_text(",".join(calibrate.COLUMNS) + "\n" + "1,2,x,4,5\n" * 7)
@@ -153,10 +218,7 @@ def test_pictures_of_a_board_give_the_lens(option, texture, near_m, tmp_path, rn
     # The same from the command line, where points then tell where the camera stands.
     known = camera_from_mapping({**DORSAL, **entry(found, np.array(DORSAL["position_m"]), np.array(DORSAL["rotation"]),
                                                    (640, 480), DORSAL["plane"])}, "dorsal")  # fmt: skip
-    points = np.column_stack((rng.uniform(0.4, 0.9, 40), rng.uniform(-0.15, 0.15, 40), rng.uniform(0, 0.4, 40)))
-    table = np.column_stack((known.to_pixels(points), points))
-    np.savetxt(tmp_path / "p.csv", table, delimiter=",", header=",".join(calibrate.COLUMNS), comments="")
-    words = [str(tmp_path / "p.csv"), "--name", "dorsal", "--plane", "0.12", "--out", str(tmp_path / "c.yaml")]
+    words = table_of(known, rng, tmp_path)
     assert calibrate.main([*words, f"--{option}", str(tmp_path / "board"), "--square", str(SQUARE_M)]) == 0
     assert "reprojection error 0.0" in capsys.readouterr().out
     np.testing.assert_allclose(read_cameras(tmp_path / "c.yaml")["dorsal"].distortion, found.distortion, rtol=1e-6)

@@ -102,6 +102,41 @@ def test_compressed_images_are_pictures(suffix, off):
     np.testing.assert_array_equal(grey(colour), pixels)
 
 
+def compressed(encoding, pixels, suffix=".png"):
+    """What image_transport makes of an image."""
+    image = CompressedImage(format=f"{encoding}; {suffix[1:]} compressed")
+    image.data.frombytes(cv2.imencode(suffix, pixels)[1].tobytes())
+    return image
+
+
+@given(
+    SIZES, st.sampled_from(["mono8", "mono16", "bgr8", "bayer_rggb8", "bayer_gbrg16"]), st.sampled_from([8, 10, 12, 16])
+)
+def test_a_png_is_as_grey_as_the_same_image_sent_raw(size, encoding, bits):
+    height, width, _, seed = size
+    kind = np.uint16 if encoding.endswith("16") else np.uint8
+    # More than a mosaic's cell; a sensor that fills 12 bits of a message's 16.
+    shape = (height + 2, width + 2) + ((3,) if encoding == "bgr8" else ())
+    pixels = noise(shape, seed, kind) >> (16 - bits if kind is np.uint16 else 0)
+    np.testing.assert_array_equal(grey(compressed(encoding, pixels), bits), grey(message(encoding, pixels), bits))
+    if encoding == "mono16":
+        np.testing.assert_array_equal(grey(compressed(encoding, pixels), bits), pixels >> (bits - 8))
+        white = np.full((2, 2), 5000, np.uint16)
+        assert (grey(compressed(encoding, white), 12) == 255).all()
+
+
+def test_colours_made_of_a_mosaic_are_no_mosaic_and_sixteen_bits_have_colours_too():
+    bgr = np.tile(np.array([40, 100, 200], np.uint8), (6, 8, 1))
+    want = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
+    np.testing.assert_array_equal(grey(compressed("bayer_rggb8", bgr)), want)
+    np.testing.assert_array_equal(grey(compressed("rgb16", bgr.astype(np.uint16) << 4), 12), want)
+    # One channel of that format is a mosaic.
+    cells = np.tile(np.array([[200, 100], [100, 40]], np.uint8), (3, 4))
+    assert (grey(compressed("bayer_rggb8", cells)) != grey(compressed("mono8", cells))).any()
+    with pytest.raises(InputError, match="are not a picture"):
+        grey(compressed("32FC1", np.ones((2, 2), np.float32), ".tiff"))
+
+
 def test_what_cannot_be_read_is_refused_in_one_line():
     pixels = np.zeros((4, 6), np.uint8)
     with pytest.raises(InputError, match=r"'32FC1' can't be read; known: mono8"):

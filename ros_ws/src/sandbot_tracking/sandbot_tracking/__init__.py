@@ -6,11 +6,13 @@
 videos          track(): marker videos to landmarks, speed and observables
   offline       both cameras' frames to landmarks and speed, as live so in batch
   source        frames from a video file or a camera
+  film_rate     frames per second: the calibration's, or the film's own
   marker_tracker  named markers followed from frame to frame
   markers       one frame to marker centres with covariance
     search      patches of a marker's size in a whole frame
     disc        one disc measured to the camera's noise; rim: what its edge looks like
     bed         the grains behind the markers, learnt as frames come
+    bystanders  what stood there while the markers were seen, and so is none of them
   led           the sync LED in the frames
   pairing       frames of both cameras taken at the same instant
 calibration     pixels to metres and back: Camera, read_cameras

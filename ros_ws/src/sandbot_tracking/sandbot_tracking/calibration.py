@@ -9,7 +9,7 @@ axes). Lens model: OpenCV's (k1, k2, p1, p2, k3).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,8 @@ from sandbot_common.parameters import from_mapping, parameter
 Floats = NDArray[np.float64]
 
 NORMALS = {"x": 0, "y": 1, "z": 2}
+LOW_HZ, HIGH_HZ = 0.1, 10000.0
+"""Between which a frame rate is one."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +51,11 @@ class Camera:
     rotation: tuple[Any, ...] = parameter(doc="3 rows, trackway axes to camera axes")
     plane: Any = parameter(doc="plane of the markers: {normal, offset_m}")
     distortion: tuple[float, ...] = parameter((0.0,) * 5, doc="k1, k2, p1, p2, k3")
-    frame_rate_hz: float = parameter(100.0, unit="Hz", doc="frames per second", low=0.1, high=10000.0)
+    frame_rate_hz: float = parameter(100.0, unit="Hz", doc="frames per second", low=LOW_HZ, high=HIGH_HZ)
     exposure_s: float = parameter(0.001, unit="s", doc="exposure time", low=0.0, high=10.0)
     led_region: tuple[int, ...] | None = parameter(None, unit="px", doc="x, y, width, height of the sync LED", low=0)
+    rate_is_known: bool = True
+    """False where nobody gave ``frame_rate_hz``: then a film knows it better than the default."""
 
     def __post_init__(self) -> None:
         rotation = np.asarray(self.rotation, dtype=float)
@@ -155,7 +159,7 @@ def camera_from_mapping(mapping: Any, where: str) -> Camera:
             raise InputError(f"{where}: {key}: {value} has {len(value)} numbers, expected {lengths[-1]}")
     if isinstance(camera.get("distortion"), list) and len(camera["distortion"]) == 4:
         camera["distortion"] = [*camera["distortion"], 0.0]
-    return from_mapping(Camera, camera, where)
+    return replace(from_mapping(Camera, camera, where), rate_is_known="frame_rate_hz" in camera)
 
 
 def _matrix(rows: Any, where: str) -> tuple[tuple[float, ...], ...]:

@@ -106,6 +106,12 @@ def _frames(path: str) -> Iterator[Frame]:
         yield np.asarray(picture, np.uint8)
 
 
+def picture_size(path: str) -> tuple[int, int] | None:
+    """Width and height [px] of a video, or of the pictures of a folder; None where it has none. Raises InputError."""
+    first = next(_frames(path), None)
+    return None if first is None else (first.shape[1], first.shape[0])
+
+
 def place(pixels: Floats, points_m: Floats, lens: Lens) -> tuple[Floats, Floats]:
     """Camera centre (3,) [m] and rotation (3, 3) from points seen through a known lens. Raises InputError."""
     ok, turn, shift = cv2.solvePnP(points_m, pixels, lens.matrix, lens.distortion, flags=cv2.SOLVEPNP_SQPNP)

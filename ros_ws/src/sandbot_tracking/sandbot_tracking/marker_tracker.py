@@ -1,9 +1,10 @@
 """Frame after frame: follow named markers, lose them honestly, find them again, never swap them.
 
 Each marker is looked for where constant velocity puts it. One that is not there is missing (NaN, counted), then
-looked for in a wider gate, next to its still visible neighbour, and at last in the whole frame. Markers of one camera
-ride on a rigid body, so they keep their order along the image and nearly their distance: what breaks that is dropped
-and counted as ambiguous.
+looked for in a wider gate, next to its still visible neighbour, and at last in the whole frame, as far as it may have
+come meanwhile. A like disc farther off, say a reflection, is not it, even if it is the only one. What stood there while
+the marker was seen is never it (bystanders.py). Markers of one camera ride on a rigid body, so they keep their order
+along the image and nearly their distance: what breaks that is dropped and counted as ambiguous.
 """
 
 from collections.abc import Sequence
@@ -16,10 +17,11 @@ from numpy.typing import NDArray
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
 from sandbot_tracking.bed import StillBed
-from sandbot_tracking.markers import Appearance, Discs, Floats, Frame, detect, follow, is_marker
+from sandbot_tracking.bystanders import Bystanders
+from sandbot_tracking.markers import Appearance, Floats, Frame, detect, follow, is_marker
 
-BED_EVERY = 4
-"""Frames from one look at the bed to the next: grains change slowly, and a look costs ten times a marker."""
+LOOK_EVERY = 4
+"""Frames from one look at bed and bystanders to the next: they change slowly, and a look costs ten times a marker."""
 
 
 @dataclass(frozen=True)
@@ -82,9 +84,10 @@ class MarkerTracker:
         self._looks, self._gates = looks or Appearance(), gates or Gates()
         self._spacing, self._ignore = spacing_px, tuple(ignore_px)
         n = len(names)
-        self._bed = StillBed()
+        self._bed, self._bystanders = StillBed(), Bystanders()
         self._xy = np.full((n, 2), np.nan)
         self._velocity = np.zeros((n, 2))
+        self._fastest = np.zeros(n)
         self._radius = np.full(n, np.nan)
         self._missed = np.full(n, self._gates.patience, dtype=int)
         self._seen_before = np.zeros(n, dtype=bool)
@@ -99,9 +102,11 @@ class MarkerTracker:
             rows = self._acquire(frame, rows)
         rows = self._consistent(rows)
         self._learn(rows)
-        if self.counts.frames % BED_EVERY == 0:
-            self._bed.see(frame, self._xy, self._radius)
         found = np.isfinite(rows[:, 0])
+        if self.counts.frames % LOOK_EVERY == 0:
+            self._bed.see(frame, self._xy, self._radius)
+            if found.all():
+                self._bystanders.see(frame, self._xy)
         return Marks(rows[:, :2].copy(), rows[:, 2:4].copy(), found)
 
     def _look(self, frame: Frame) -> Floats:
@@ -112,7 +117,8 @@ class MarkerTracker:
         rows = follow(frame, where, self._radius, gates, self._bed.picture)
         for i, row in enumerate(rows):
             near = np.hypot(*(row[:2] - where[i])) <= gates[i] + 1.0
-            if not (near and self._same(row, i)) or self._ignored(row):
+            other = self._missed[i] > 0 and self._bystanders.among(row[None])[0]
+            if not (near and self._same(row, i)) or self._ignored(row) or other:
                 rows[i] = np.nan
         return rows
 
@@ -128,27 +134,27 @@ class MarkerTracker:
     def _acquire(self, frame: Frame, rows: Floats) -> Floats:
         """Fill missing markers from the whole frame, if there is one way only to do it."""
         candidates = self._candidates(frame)
-        choices = [choice for choice in combinations(candidates, len(rows)) if self._fits(choice, rows)]
+        alike = [choice for choice in combinations(candidates, len(rows)) if self._fits(choice, rows)]
+        choices = [choice for choice in alike if self._within_reach(choice, rows)]
         if len(choices) == 1:
             return np.array(choices[0])
-        if len(choices) > 1:
+        if choices:
             best = self._clearly_best(choices)
-            if best is not None:
-                return np.array(best)
-            self.counts.ambiguous += int(np.isnan(rows[:, 0]).sum())
-            return rows
-        return self._acquire_one(rows, candidates)
+            answer = rows if best is None else np.array(best)
+        else:
+            answer = self._acquire_one(rows, candidates)
+        if alike:
+            self.counts.ambiguous += int(np.isnan(answer[:, 0]).sum())
+        return answer
 
     def _candidates(self, frame: Frame) -> list[Floats]:
         """Marker-like discs of the frame as rows, by increasing x; at most eight of the brightest."""
-        discs: Discs = detect(frame, self._looks, self._bed.picture)
-        rows = [
-            np.array([*xy, *var, radius, contrast, 1.0])
-            for xy, var, radius, contrast in zip(
-                discs.xy_px, discs.var_px2, discs.radius_px, discs.contrast, strict=True
-            )
-        ]
-        return sorted((row for row in rows[:8] if not self._ignored(row)), key=lambda row: float(row[0]))
+        discs = detect(frame, self._looks, self._bed.picture)
+        table = np.column_stack(
+            (discs.xy_px, discs.var_px2, discs.radius_px, discs.contrast, np.ones(len(discs.radius_px)))
+        )
+        rows = [row for row in table[~self._bystanders.among(table)] if not self._ignored(row)]
+        return sorted(rows[:8], key=lambda row: float(row[0]))
 
     def _fits(self, choice: tuple[Floats, ...], rows: Floats) -> bool:
         """Whether candidates (ordered along x) can be the markers: those in sight stay, look and distance are right."""
@@ -159,6 +165,15 @@ class MarkerTracker:
             if np.isfinite(rows[i, 0]) and np.hypot(*(row[:2] - rows[i, :2])) > 1.0:
                 return False
         return self._spaced(table)
+
+    def _within_reach(self, choice: tuple[Floats, ...], rows: Floats) -> bool:
+        """Whether those that are missing may have come so far from where they were last."""
+        away = np.hypot(*(np.array(choice)[:, :2] - self._xy).T)
+        return bool((np.isfinite(rows[:, 0]) | ~self._seen_before | (away <= self._reach())).all())
+
+    def _reach(self) -> Floats:
+        """How far each marker may be from where it was expected, (n,) [px]: a frame takes it no farther than ever."""
+        return np.asarray(self._gates.gate_px + np.maximum(self._gates.growth_px, self._fastest) * self._missed)
 
     def _spaced(self, table: Floats) -> bool:
         if len(table) < 2 or self._spacing is None:
@@ -199,7 +214,7 @@ class MarkerTracker:
         disc = candidates[0]
         distance = np.hypot(*(self._xy - disc[:2]).T)
         nearest, answer = int(np.argmin(distance)), rows.copy()
-        reach = 3 * self._gates.gate_px + self._gates.growth_px * self._missed[nearest]
+        reach = self._reach()[nearest]
         others = np.delete(distance, nearest)
         if distance[nearest] < reach and (others > 2 * reach).all() and self._same(disc, nearest):
             answer[nearest] = disc
@@ -229,6 +244,7 @@ class MarkerTracker:
 
         # The last step alone is the velocity: a leg catches within one frame, an average would lag behind it.
         step = np.where(held[:, None], rows[:, :2] - self._xy, 0.0)
+        self._fastest = np.maximum(self._fastest, np.hypot(*step.T))
         self._velocity = np.where(found[:, None], step, self._velocity * 0.5)
         drift = self._xy + np.where(self._missed[:, None] < self._gates.patience, self._velocity, 0.0)
         self._xy = np.where(found[:, None], rows[:, :2], drift)

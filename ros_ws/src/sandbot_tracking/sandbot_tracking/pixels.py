@@ -52,6 +52,8 @@ _LAYOUTS: Mapping[str, _Layout] = MappingProxyType(
         **_bayer("grbg", cv2.COLOR_BayerGRBG2GRAY),
     }
 )
+_DECODED = {(): _LAYOUTS["mono8"], (3,): _LAYOUTS["bgr8"], (4,): _LAYOUTS["bgra8"]}
+"""What a decoded picture holds, by the channels that follow its height and width."""
 ENCODINGS = tuple(_LAYOUTS)
 """Encodings of raw images that can be read."""
 
@@ -62,20 +64,20 @@ def grey(image: Any, bits: int = 16) -> Frame:
     ``bits``: how many of a 16-bit channel's bits the sensor fills (12-bit sensors often leave the upper four empty).
     mono8 is a view on the message's bytes. Raises InputError for an encoding or a size that can't be read.
     """
-    return _compressed(image) if hasattr(image, "format") else _raw(image, bits)
+    rows = _compressed(image) if hasattr(image, "format") else _raw(image)
+    if rows.dtype == np.uint8:
+        return np.asarray(rows, dtype=np.uint8)
+    # Saturated, not wrapped: a sensor that fills more bits than it was said to is white, not dark again.
+    return np.asarray(np.minimum(rows >> (bits - 8), 255), dtype=np.uint8)
 
 
-def _raw(image: Any, bits: int) -> Frame:
+def _raw(image: Any) -> NDArray[Any]:
     layout = _LAYOUTS.get(image.encoding)
     if layout is None:
         raise InputError(
             f"image encoding {image.encoding!r} can't be read; known: {', '.join(ENCODINGS)}, or compressed"
         )
-    rows = _to_grey(_rows(image, layout), layout)
-    if layout.depth == 8:
-        return np.asarray(rows, dtype=np.uint8)
-    # Saturated, not wrapped: a sensor that fills more bits than it was said to is white, not dark again.
-    return np.asarray(np.minimum(rows >> (bits - 8), 255), dtype=np.uint8)
+    return _to_grey(_rows(image, layout), layout)
 
 
 def _rows(image: Any, layout: _Layout) -> NDArray[Any]:
@@ -101,12 +103,15 @@ def _to_grey(rows: NDArray[Any], layout: _Layout) -> NDArray[Any]:
     return np.asarray(cv2.cvtColor(np.ascontiguousarray(rows), layout.code))
 
 
-def _compressed(image: Any) -> Frame:
+def _compressed(image: Any) -> NDArray[Any]:
     """JPEG or PNG, as image_transport sends them; its format tells a Bayer mosaic that was compressed as it was."""
     data = np.frombuffer(image.data, dtype=np.uint8)
-    pixels = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
-    if pixels is None:
+    # Unchanged: asked for grey, OpenCV would cut 16 bits to their upper eight, and it turns pictures as EXIF says.
+    pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    decoded = None if pixels is None else _DECODED.get(pixels.shape[2:])
+    if pixels is None or decoded is None or pixels.dtype not in (np.uint8, np.uint16):
         raise InputError(f"compressed image of format {image.format!r}: {data.size} bytes are not a picture")
     encoding = image.format.partition(";")[0].strip()
-    mosaic = _LAYOUTS.get(encoding) if encoding.startswith("bayer") else None
-    return np.asarray(_to_grey(pixels, mosaic) if mosaic else pixels, dtype=np.uint8)
+    # Three colours are no mosaic, whatever the format says: the driver has made them of it.
+    mosaic = encoding.startswith("bayer") and encoding in _LAYOUTS and pixels.ndim == 2
+    return _to_grey(pixels, _LAYOUTS[encoding] if mosaic else decoded)

@@ -13,7 +13,7 @@ Frame = NDArray[np.uint8]
 
 
 class Source:
-    """An open video: ``rate_hz``, ``width``, ``height``, ``is_device`` and its frames. Use it in ``with``."""
+    """An open video: ``name``, ``rate_hz``, ``width``, ``height``, ``is_device`` and its frames. Use it in ``with``."""
 
     def __init__(self, video: str) -> None:
         """Open a file, or a device by number or /dev/video*. Raises InputError if it gives no frame."""
@@ -23,13 +23,13 @@ class Source:
             raise InputError(f"{video}: no such video file or device")
         if device is None and Path(video).is_dir():
             raise InputError(f"{video}: is a folder, expected a video file")
-        self._name = f"camera device {video}" if device is not None else video
+        self.name = f"camera device {video}" if device is not None else video
         self._capture = _quietly_open(video if device is None else device)
         ok, first = self._capture.read() if self._capture.isOpened() else (False, None)
         if not ok or first is None:
             self._capture.release()
-            raise InputError(f"{self._name}: not a readable video (no frame could be decoded)")
-        self._first: Frame | None = mono8(first, self._name)
+            raise InputError(f"{self.name}: not a readable video (no frame could be decoded)")
+        self._first: Frame | None = mono8(first, self.name)
         self.height, self.width = self._first.shape
         self.rate_hz = float(self._capture.get(cv2.CAP_PROP_FPS))
 
@@ -49,7 +49,7 @@ class Source:
             first, self._first = self._first, None
             return first
         ok, frame = self._capture.read()
-        return mono8(frame, self._name) if ok and frame is not None else None
+        return mono8(frame, self.name) if ok and frame is not None else None
 
     def close(self) -> None:
         """Release the file or device."""

@@ -1,6 +1,7 @@
 """Marker videos to landmarks, forward speed and the trial's observables, in one call."""
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
@@ -13,6 +14,7 @@ from sandbot_common.data_frame import data_frame
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot, read_robot
 from sandbot_tracking.calibration import Camera, read_cameras
+from sandbot_tracking.film_rate import film_rate
 from sandbot_tracking.led import LedEdge
 from sandbot_tracking.offline import OfflineTracker
 from sandbot_tracking.smooth import smooth
@@ -45,10 +47,13 @@ class Track:
     """When the legs started."""
     summary: TrialSummary | None
     """The trial's observables; None if ``omega_rad_s`` was not given."""
+    timing: str = ""
+    """Whose frame rate timed the frames, where calibration and film do not say the same."""
 
     def __repr__(self) -> str:
         missing = int(np.isnan(self.com_m[:, 0]).sum())
         first = f"Track of {self.t_s.size} frames, {missing} without the centre of mass, start at {self.start_s:.3f} s"
+        first += f"; {self.timing}" if self.timing else ""
         return first if self.summary is None else f"{first}\n{self.summary}"
 
     def columns(self) -> dict[str, Floats]:
@@ -81,9 +86,10 @@ def track(
 ) -> Track:
     """Follow the markers of a dorsal ``video`` (and a ``lateral`` one, frame by frame in step) to their end.
 
-    ``calibration``: a cameras.yaml, or its cameras by name (``dorsal``, ``lateral``). With ``omega_rad_s``, the rate at
-    which the legs turn from ``start_s`` on (default: when the sync LED goes on, else 0), the result holds the trial's
-    observables, too. ``robot``: a robot.yaml, or what is in it. Raises InputError, naming the argument or file.
+    ``calibration``: a cameras.yaml, or its cameras by name (``dorsal``, ``lateral``); where it gives no frame rate, the
+    film's own times the frames. With ``omega_rad_s``, the rate at which the legs turn from ``start_s`` on (default:
+    when the sync LED goes on, else 0), the result holds the trial's observables, too. ``robot``: a robot.yaml, or what
+    is in it. Raises InputError, naming the argument or file.
 
     >>> import sandbot_tracking
     >>> found = sandbot_tracking.track("dorsal.avi", "cameras.yaml", lateral="lateral.avi", omega_rad_s=12.0)
@@ -99,7 +105,7 @@ def track(
     cameras = _cameras(calibration, ("dorsal",) if lateral is None else ("dorsal", "lateral"))
     walker = robot if isinstance(robot, Robot) else read_robot(robot)
     tracker = OfflineTracker(cameras, walker, omega_rad_s=omega_rad_s)
-    led_s = _follow(tracker, cameras["dorsal"], str(video), None if lateral is None else str(lateral))
+    led_s, timing = _follow(tracker, cameras, str(video), None if lateral is None else str(lateral))
     marks = tracker.landmarks()
     try:
         speed = smooth(marks.t_s, marks.com[:, 0])
@@ -107,7 +113,8 @@ def track(
         raise InputError(f"{video}: centre-of-mass marker: {error}") from None
     start = start_s if start_s is not None else led_s if led_s is not None else 0.0
     summary = None if omega_rad_s is None else observables(tracker, omega_rad_s, start, walker)
-    return Track(marks.t_s, marks.com, marks.front_axle, marks.rear_axle, speed.v, np.sqrt(speed.var), start, summary)
+    seen = marks.t_s, marks.com, marks.front_axle, marks.rear_axle
+    return Track(*seen, speed.v, np.sqrt(speed.var), start, summary, timing)
 
 
 def _cameras(calibration: str | Path | Mapping[str, Camera], wanted: tuple[str, ...]) -> dict[str, Camera]:
@@ -119,22 +126,21 @@ def _cameras(calibration: str | Path | Mapping[str, Camera], wanted: tuple[str, 
     return {name: cameras[name] for name in wanted}
 
 
-def _follow(tracker: OfflineTracker, camera: Camera, dorsal: str, lateral: str | None) -> float | None:
-    """Track the videos to their ends; when the LED of the dorsal ``camera`` goes on [s], None if it is not seen to."""
-    region = camera.led_region
+def _follow(
+    tracker: OfflineTracker, cameras: Mapping[str, Camera], dorsal: str, lateral: str | None
+) -> tuple[float | None, str]:
+    """Track the videos to their ends; when the LED of the dorsal camera goes on [s], None if it is not seen to, and
+    whose frame rate that is by."""
+    region = cameras["dorsal"].led_region
     led, edge_s = LedEdge(region) if region else None, None
-    with Source(dorsal) as top:
-        side = Source(lateral) if lateral else None
-        try:
-            for n, (above, beside) in enumerate(zip_longest(top, side or ())):
-                t_s = n / camera.frame_rate_hz
-                tracker.update(t_s, above, beside)
-                if led is not None and above is not None and led.update(above) and edge_s is None:
-                    edge_s = t_s
-        finally:
-            if side is not None:
-                side.close()
-    return edge_s
+    with Source(dorsal) as top, Source(lateral) if lateral else nullcontext() as side:
+        rate_hz, timing = film_rate(cameras, {film.name: film.rate_hz for film in (top, side) if film is not None})
+        for n, (above, beside) in enumerate(zip_longest(top, side or ())):
+            t_s = n / rate_hz
+            tracker.update(t_s, above, beside)
+            if led is not None and above is not None and led.update(above) and edge_s is None:
+                edge_s = t_s
+    return edge_s, timing
 
 
 def observables(tracker: OfflineTracker, omega_rad_s: float, start_s: float, robot: Robot = SANDBOT) -> TrialSummary:

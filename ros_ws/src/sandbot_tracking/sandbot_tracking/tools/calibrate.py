@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_csv, read_yaml, write_text, writing
-from sandbot_tracking.calibration import camera_from_mapping, read_cameras
+from sandbot_tracking.calibration import HIGH_HZ, LOW_HZ, Camera, camera_from_mapping, read_cameras
 
 if TYPE_CHECKING:
     from sandbot_tracking.lens import Lens
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 DICTIONARIES = ("4X4_50", "4X4_250", "5X5_100", "6X6_250", "APRILTAG_36h11")
+USUAL_SIZE = (640, 480)
 COLUMNS = ("u_px", "v_px", "x_m", "y_m", "z_m")
 
 
@@ -56,7 +57,11 @@ def command(argv: Sequence[str]) -> int:
     parser = cli.Parser("calibrate", description=__doc__)
     parser.add_argument("table", type=Path, help=f"CSV of {', '.join(COLUMNS)}")
     parser.add_argument("--name", required=True, choices=("dorsal", "lateral"), help="which camera this is")
-    parser.add_argument("--size", type=int, nargs=2, default=(640, 480), metavar=("WIDTH", "HEIGHT"))
+    parser.add_argument(
+        "--size", type=int, nargs=2, metavar=("WIDTH", "HEIGHT"),
+        help="of its frames [px] (default: that of what gives the lens, else 640 480)",
+    )  # fmt: skip
+    parser.add_argument("--rate", type=float, help="its frames per second (default: not said, a film goes by its own)")
     parser.add_argument("--plane", type=float, required=True, help="z (dorsal) or y (lateral) of its markers [m]")
     parser.add_argument("--chessboard", metavar="PATH", help="video or folder of images of a chessboard, for the lens")
     parser.add_argument("--charuco", metavar="PATH", help="the same of a ChArUco board, which may be partly in view")
@@ -74,17 +79,18 @@ def command(argv: Sequence[str]) -> int:
     ways = [f"--{name}" for name in ("chessboard", "charuco", "intrinsics") if getattr(given, name)]
     if len(ways) > 1:
         raise InputError(f"{' and '.join(ways)} both give the lens: choose one")
-    size = (int(given.size[0]), int(given.size[1]))
-    _check(given, size)
+    _check(given)
     # Imported now that the options are understood: --help and a slip in them are answered at once.
     from sandbot_tracking.lens import entry, place, reprojection_px
 
     content = _entries(given.out)
     pixels, points = read_table(given.table)
+    size = _size(given)
     lens = _lens(given, pixels, points, size)
     position, rotation = place(pixels, points, lens)
     plane = {"normal": "z" if given.name == "dorsal" else "y", "offset_m": given.plane}
     found = entry(lens, position, rotation, size, plane)
+    found |= {"frame_rate_hz": given.rate} if given.rate is not None else {}
     camera = camera_from_mapping(found, str(given.table))
     kept = {key: value for key, value in content.get(given.name, {}).items() if key not in found}
     with writing(given.out):
@@ -93,9 +99,11 @@ def command(argv: Sequence[str]) -> int:
     return 0
 
 
-def _check(given: Any, size: tuple[int, int]) -> None:
-    if min(size) < 1:
-        raise InputError(f"--size {size[0]} {size[1]}: width and height are 1 or more pixels")
+def _check(given: Any) -> None:
+    if given.size is not None and min(given.size) < 1:
+        raise InputError(f"--size {given.size[0]} {given.size[1]}: width and height are 1 or more pixels")
+    if given.rate is not None and not LOW_HZ <= given.rate <= HIGH_HZ:
+        raise InputError(f"--rate {given.rate}: {LOW_HZ:g} to {HIGH_HZ:g} frames/s")
     if min(given.pattern) < 3:
         raise InputError(f"--pattern {given.pattern[0]} {given.pattern[1]}: 3 or more inner corners each way")
     if not 0 < given.square < 10:
@@ -113,6 +121,37 @@ def _entries(path: Path) -> dict[str, Any]:
     return content
 
 
+def _size(given: Any) -> tuple[int, int]:
+    """Width and height of the frames [px], which must be those of what gives the lens: it holds at no other size."""
+    source, seen = _seen_size(given)
+    size = tuple(given.size or seen or USUAL_SIZE)
+    if seen not in (None, size):
+        raise InputError(
+            f"{source}: {seen[0]}x{seen[1]} px, but --size says {size[0]}x{size[1]}: leave --size out if the camera "
+            "films like that, else take the lens at the size it films"
+        )
+    return size
+
+
+def _seen_size(given: Any) -> tuple[str, tuple[int, int] | None]:
+    """What gives the lens, and its size [px]; None where that is the table alone, or a folder without a picture."""
+    from sandbot_tracking.lens import picture_size
+
+    if given.intrinsics is not None:
+        known = _known_camera(given)
+        return f"{given.intrinsics}: {given.name}", (known.width, known.height)
+    pictures = given.chessboard or given.charuco
+    return pictures, picture_size(pictures) if pictures else None
+
+
+def _known_camera(given: Any) -> Camera:
+    """The camera of --intrinsics."""
+    cameras = read_cameras(given.intrinsics)
+    if given.name not in cameras:
+        raise InputError(f"{given.intrinsics}: no {given.name!r} camera in it")
+    return cameras[given.name]
+
+
 def _lens(given: Any, pixels: Floats, points: Floats, size: tuple[int, int]) -> "Lens":
     from sandbot_tracking.lens import Board, Lens, lens_from_board, lens_from_points
 
@@ -122,10 +161,7 @@ def _lens(given: Any, pixels: Floats, points: Floats, size: tuple[int, int]) -> 
         return lens_from_board(given.charuco, Board(tuple(given.pattern), given.square, given.dictionary, given.marker))
     if given.intrinsics is None:
         return lens_from_points(pixels, points, size)
-    cameras = read_cameras(given.intrinsics)
-    if given.name not in cameras:
-        raise InputError(f"{given.intrinsics}: no {given.name!r} camera in it")
-    known = cameras[given.name]
+    known = _known_camera(given)
     return Lens(known.matrix, np.array(known.distortion))
 
 
