@@ -1,4 +1,5 @@
 import contextlib
+import csv
 import os
 import stat
 
@@ -133,6 +134,87 @@ def test_refuses_a_csv_whose_rows_do_not_fit(tmp_path, text, complaint):
     path.write_text(text)
     with pytest.raises(InputError, match=complaint):
         list(read_csv(path)[1])
+
+
+def rows_of(path, text):
+    path.write_text(text, encoding="utf-8", newline="")
+    header, rows = read_csv(path)
+    return header, [(number, list(cells.values())) for number, cells in rows]
+
+
+@pytest.mark.parametrize(
+    ("text", "header", "rows"),
+    [
+        # What is quoted separates nothing, and breaks no line.
+        ('a;b\n1;"x; y"\n', ["a", "b"], [(2, ["1", "x; y"])]),
+        ('a;"b, c"\n1,5;x\n', ["a", "b, c"], [(2, ["1.5", "x"])]),
+        ('a;"b\r\n[m]"\r\n1,5;2\r\n', ["a", "b [m]"], [(2, ["1.5", "2"])]),
+        # Commas between the values, and other signs in each note.
+        ("a,b\n1,x; y; z\n2,u; v; w\n", ["a", "b"], [(2, ["1", "x; y; z"]), (3, ["2", "u; v; w"])]),
+        ("title\na,b\n1,x; y; z\n", ["a", "b"], [(3, ["1", "x; y; z"])]),
+        ('a,b\n1,"x\ty"\n', ["a", "b"], [(2, ["1", "x\ty"])]),
+        # A column of words keeps its points.
+        ("a;b\n1,5;1.2\n2,5;two\n", ["a", "b"], [(2, ["1.5", "1.2"]), (3, ["2.5", "two"])]),
+        ("a;b\n1.5;nan\n", ["a", "b"], [(2, ["1.5", "nan"])]),
+    ],
+)
+def test_the_sign_that_gives_each_row_as_many_cells_separates(tmp_path, text, header, rows):
+    assert rows_of(tmp_path / "t.csv", text) == (header, rows)
+
+
+@pytest.mark.parametrize("first", ["sep=|", '"sep=|"', "SEP=|", "sep=|||"])
+def test_a_first_line_may_name_the_sign(tmp_path, first):
+    text = f"{first}\na,x|b\n1,5|2\n"
+    assert rows_of(tmp_path / "t.csv", text) == (["a,x", "b"], [(3, ["1.5", "2"])])
+    # Control: without it, or where it names none, the comma separates.
+    assert rows_of(tmp_path / "t.csv", "a,x|b\n1,5|2\n")[0] == ["a", "x|b"]
+    assert rows_of(tmp_path / "t.csv", "sep=a,b\n1,2\n")[0] == ["sep=a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("text", "header"),
+    [
+        ("# a,b\n1,2\n", ["a", "b"]),
+        ("# by hand\n#a, b\n\n1,2\n", ["a", "b"]),
+        ("# on Monday, by hand\na,b\n1,2\n", ["a", "b"]),  # controls: another header, another width, no names
+        ("# a,b,c\n1,2\n", ["1", "2"]),
+        ("# 3,4\n1,2\n", ["1", "2"]),
+        ("# a,b\n", []),
+    ],
+)
+def test_a_remark_is_the_header_only_where_no_other_is(tmp_path, text, header):
+    assert rows_of(tmp_path / "t.csv", text)[0] == header
+
+
+@pytest.mark.parametrize("sign", ";\t")
+def test_numbers_with_a_comma_and_with_a_point_are_refused_together(tmp_path, sign):
+    path = tmp_path / "t.csv"
+    complaint = r"row 3, column b: '1,200' has a comma, but row 2, column a: '0\.5' has a point"
+    with pytest.raises(InputError, match=complaint):
+        rows_of(path, "a;b\n0.5;7\n1;1,200\n".replace(";", sign))
+    # Control: each alone is read.
+    assert rows_of(path, "a;b\n0.5;7\n1;1.2\n".replace(";", sign))[1] == [(2, ["0.5", "7"]), (3, ["1", "1.2"])]
+    assert rows_of(path, "a;b\n0,5;7\n1;1,2\n".replace(";", sign))[1] == [(2, ["0.5", "7"]), (3, ["1", "1.2"])]
+
+
+@given(
+    table=st.lists(
+        st.tuples(st.floats(-1e3, 1e3), st.text('abc;,\t"\n .1', max_size=6).map(str.strip)), min_size=1, max_size=4
+    ),
+    sign=st.sampled_from(",;\t"),
+    comma=st.booleans(),
+)
+def test_what_a_spreadsheet_writes_is_read_as_it_was(tmp_path_factory, table, sign, comma):
+    path = tmp_path_factory.getbasetemp() / "sheet.csv"
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file, delimiter=sign)
+        writer.writerow(["speed [m/s]", "remark, if any", "told"])
+        for number, text in table:
+            writer.writerow([str(number).replace(".", "," if comma and sign != "," else "."), text, "yes"])
+    header, rows = read_csv(path)
+    assert header == ["speed [m/s]", "remark, if any", "told"]
+    cells = [list(row.values()) for _, row in rows]
+    assert [(float(number), told) for number, _, told in cells] == [(number, "yes") for number, _ in table]
 
 
 @given(content=st.binary(max_size=60))

@@ -12,8 +12,8 @@ import re
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import lru_cache
-from itertools import dropwhile
 from pathlib import Path
 from typing import Any
 
@@ -142,55 +142,115 @@ def read_json(path: Path, remedy: str = "") -> Any:
 def read_csv(path: Path, needed: str = "a CSV file") -> tuple[list[str], Iterator[tuple[int, dict[str, str]]]]:
     """Column names of a CSV file, and its rows: (number in the file, text by column), stripped; empty rows left out.
 
-    Tabs or semicolons may stand for the commas, and then a comma in a number for its point; a title or lines with # may
-    stand on top.
+    Tabs or semicolons may stand for the commas, or what a first line such as ``sep=;`` names, and then a comma in a
+    number for its point. A title or lines with # may stand on top; the last of these is the header where none follows.
     """
+    text = read_text(path, needed)
     try:
-        text = read_text(path, needed)
-        separator = next((sign for sign in "\t;" if _separates(sign, text)), ",")
-        reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True, skipinitialspace=True)
-        lines = list(reader)
+        table = _table(text)
     except csv.Error as error:
         raise InputError(f"{path}: not a CSV: {error}") from None
-    if separator != ",":
-        lines = [[_with_point(cell) for cell in line] for line in lines]
-    above = _above_the_header(lines)
-    lines = lines[above:]
-    header = [" ".join(name.split()) for name in lines[0]] if lines else []
+    header = [" ".join(name.split()) for name in table.header]
     if repeated := [name for index, name in enumerate(header) if name and name in header[:index]]:
         raise InputError(f"{path}: row 1: column {repeated[0]} is there twice")
-    return header, _csv_rows(path, header, lines, above)
+    rows = table.rows if table.separator == "," else _with_points(path, header, table.rows)
+    return header, _csv_rows(path, header, rows)
 
 
-def _separates(sign: str, text: str) -> bool:
-    """Whether a sign stands between the values: no comma does, or a header has none and each line as many signs."""
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    table = list(dropwhile(lambda line: sign not in line, lines))
-    if not table or "," not in text:
-        return bool(table)
-    return "," not in table[0] and len({line.count(sign) for line in table}) == 1
+_SEP_LINE = re.compile(r""""?sep=([^\w"'.+-])\1*"?(?=\n|$)""", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?(\d+\.?|\d*[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
+_NUMBER_OR_NONE = re.compile(rf"({_NUMBER.pattern}|nan)?", re.IGNORECASE)
+_Rows = list[tuple[int, list[str]]]
 
 
-def _with_point(cell: str) -> str:
-    return cell.replace(",", ".") if re.fullmatch(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*", cell) else cell
+@dataclass(frozen=True)
+class _Table:
+    """A text as one separator splits it: its header, and the rows below with their numbers, empty ones left out."""
+
+    separator: str
+    header: list[str]
+    rows: _Rows
+
+    @property
+    def fit(self) -> tuple[bool, bool, int, int]:
+        """The larger, the likelier this is the separator: rows as long as the header, names in it (no numbers, nothing
+        that was cut inside its quotes), few lines above it, many columns.
+        """
+        width = len(self.header)
+        even = width > 1 and {len(cells) for _, cells in self.rows} == {width}
+        first = self.rows[0][0] if self.rows else 0
+        names = not any(_NUMBER.fullmatch(cell) or '"' in cell for cell in self.header)
+        return even, names, -first, width
 
 
-def _above_the_header(lines: list[list[str]]) -> int:
-    """How many lines are a title or remarks: with a # in front, or a single cell above a line of several."""
-    wide = any(sum(map(bool, line)) > 1 for line in lines)
+def _table(text: str) -> _Table:
+    """The table by the separator that the first line names, or that fits best. Raises csv.Error if none does."""
+    if named := _SEP_LINE.match(text):
+        # An empty line in its place: the rows keep their numbers.
+        return _split(text[named.end() :], named[1])
+    found, errors = [], []
+    for separator in [sign for sign in ",\t;" if sign in text] or [","]:
+        try:
+            found.append(_split(text, separator))
+        except csv.Error as error:
+            errors.append(error)
+    if not found:
+        raise errors[0]
+    return max(found, key=lambda table: table.fit)
+
+
+def _split(text: str, separator: str) -> _Table:
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True, skipinitialspace=True)
+    lines = [[cell.strip() for cell in line] for line in reader]
+    header, first = _header(lines)
+    rows = [(number, cells) for number, cells in enumerate(lines[first:], start=first + 1) if any(cells)]
+    return _Table(separator, header, rows)
+
+
+def _header(lines: list[list[str]]) -> tuple[list[str], int]:
+    """The header, and which line is the first below it. Lines with a # in front, and a single cell above several, are
+    above the header; but where numbers follow at once, the last remark of as many cells is it, as numpy writes it.
+    """
+    wide = any(sum(map(bool, line)) > 1 for line in lines if not _remark(line))
     for number, line in enumerate(lines):
-        remark = bool(line) and line[0].lstrip().startswith("#")
-        if not remark and not (wide and sum(map(bool, line)) < 2):
-            return number
-    return 0
+        if not any(line) or _remark(line) or (wide and sum(map(bool, line)) < 2):
+            continue
+        if any(map(_NUMBER.fullmatch, line)):
+            for names in map(_remark, reversed(lines[:number])):
+                if len(names) == len(line) and not any(map(_NUMBER.fullmatch, names)):
+                    return names, number
+        return line, number + 1
+    return [], len(lines)
 
 
-def _csv_rows(
-    path: Path, header: list[str], lines: list[list[str]], above: int
-) -> Iterator[tuple[int, dict[str, str]]]:
-    for number, line in enumerate(lines[1:], start=above + 2):
-        cells = [cell.strip() for cell in line]
-        if len(cells) != len(header) and any(cells):
+def _remark(line: list[str]) -> list[str]:
+    """The cells of a line with a # in front, without it; none of another line."""
+    return [line[0].lstrip("# \t"), *line[1:]] if line and line[0].startswith("#") else []
+
+
+def _with_points(path: Path, header: list[str], rows: _Rows) -> _Rows:
+    """The rows with a point for the comma in numbers. Raises InputError if there are numbers with a point, too: one of
+    the signs would stand between thousands, and nobody could tell which. Columns with words in them do not count.
+    """
+    words = {place for _, cells in rows for place, cell in enumerate(cells) if not _NUMBER_OR_NONE.fullmatch(cell)}
+    places: dict[str, str] = {}
+    for number, cells in rows:
+        for place, (name, cell) in enumerate(zip(header, cells, strict=False)):
+            for sign in {",", "."}.intersection(cell) if place not in words else ():
+                places.setdefault(sign, f"row {number}, column {name}: {cell!r}")
+    if len(places) > 1:
+        raise InputError(
+            f"{path}: {places[',']} has a comma, but {places['.']} has a point: write the decimals of all numbers with "
+            "the one or all with the other, and thousands with neither"
+        )
+    return [
+        (number, [cell.replace(",", ".") if _NUMBER.fullmatch(cell) else cell for cell in cells])
+        for number, cells in rows
+    ]
+
+
+def _csv_rows(path: Path, header: list[str], rows: _Rows) -> Iterator[tuple[int, dict[str, str]]]:
+    for number, cells in rows:
+        if len(cells) != len(header):
             raise InputError(f"{path}: row {number}: {len(cells)} values for {len(header)} columns")
-        if any(cells):
-            yield number, dict(zip(header, cells, strict=True))
+        yield number, dict(zip(header, cells, strict=True))

@@ -43,6 +43,15 @@ def test_a_trial_marked_so_is_judged_so(tmp_path):
     assert row_from_bag(path).status == "tracking lost"
 
 
+def test_a_copy_that_lies_beside_it_is_left_alone(tmp_path):
+    path = bags.legs_bag(tmp_path / "b")
+    copy = path / "backup.mcap"
+    copy.write_bytes((path / "b_0.mcap").read_bytes())  # the younger one
+    add_metadata(path, "trial", {"exit_status": "no legs"})
+    assert Bag.open(path).provenance["trial"] == {"exit_status": "no legs"}
+    assert not Bag.open(copy).provenance
+
+
 def test_a_torn_bag_and_none_are_refused_untouched(tmp_path):
     path = bags.legs_bag(tmp_path / "b")
     (file,) = path.glob("*.mcap")

@@ -15,8 +15,8 @@ from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.serialization import to_cdr
 from sandbot_record.bags import interfaces
-from sandbot_record.bags.reader import FIELD_STAMP, Bag
-from sandbot_record.bags.writer import BagWriter
+from sandbot_record.bags.reader import FIELD_STAMP, Bag, is_bag
+from sandbot_record.bags.writer import BagWriter, Split
 
 TYPE = "sensor_msgs/msg/JointState"
 
@@ -217,6 +217,56 @@ def test_no_bag(tmp_path):
     (tmp_path / "x.db3").write_bytes(b"not sqlite")
     with pytest.raises(InputError, match=r"rosbags can't read x.db3"):
         Bag.open(tmp_path / "x.db3")
+
+
+def folder_of(folder, *names):
+    """A file of 300 joint states under each name, without metadata.yaml."""
+    folder.mkdir()
+    for name in names:
+        fill_mcap(folder / name)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("names", "count"),
+    [
+        (["b_0.mcap", "b_1.mcap", "b_10.mcap", "._b_0.mcap"], 900),
+        (["b_1.mcap"], 300),
+        (["monday.mcap", "tuesday.mcap"], None),
+        (["t0001.mcap", "t0002.mcap"], None),
+        (["a_0.mcap", "b_0.mcap"], None),
+        (["b_0.mcap", "copy.mcap"], None),
+        # Splits are numbered from 0: these are trials.
+        (["trial_1.mcap", "trial_2.mcap"], None),
+    ],
+)
+def test_files_without_metadata_yaml_are_one_bag_only_as_its_splits(tmp_path, names, count):
+    folder = folder_of(tmp_path / "f", *names)
+    assert is_bag(folder) == (count is not None)
+    if count:
+        assert Bag.open(folder).count == count
+        return
+    with pytest.raises(InputError, match=r"not one bag but a folder of several, .*\.mcap and .*\.mcap"):
+        Bag.open(folder)
+    assert Bag.open(folder / names[0]).count == 300
+
+
+@pytest.mark.parametrize("name", ["backup.mcap", "b_7.mcap", "other_1.mcap"])
+def test_a_file_that_a_complete_bag_does_not_name_is_none_of_its(tmp_path, name):
+    bag = bags.legs_bag(tmp_path / "b", 500, split=Split(size=50_000), chunk_size=5000)
+    shutil.copy(bag / "b_0.mcap", bag / name)
+    assert Bag.open(bag).count == 500
+
+
+@pytest.mark.parametrize(("name", "taken"), [("b_1.mcap", True), ("b_0 copy.mcap", False), ("c_1.mcap", False)])
+def test_a_recording_that_was_cut_off_has_its_later_splits(tmp_path, name, taken):
+    """Those its last metadata.yaml does not name yet; no other file."""
+    writer = BagWriter(tmp_path / "b", whole=False)
+    writer.write(topics.COM, to_cdr(messages.point(1, (0, 0, 0))), 1)
+    writer.flush()
+    writer.abandon()
+    fill_mcap(tmp_path / "b" / name)
+    assert Bag.open(tmp_path / "b", strict=False).count == (301 if taken else 1)
 
 
 def test_metadata_yaml_that_names_a_missing_file(tmp_path):

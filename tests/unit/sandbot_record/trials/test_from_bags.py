@@ -190,6 +190,36 @@ def test_a_table_that_is_interrupted_goes_on_from_what_was_kept(tmp_path, monkey
     assert table.campaign(folder).cached == 2
 
 
+def files_of_trials(folder, *names):
+    """Trials recorded into a file each, without metadata.yaml."""
+    folder.mkdir(parents=True)
+    for index, name in enumerate(names):
+        bag = bags.trial_bag(folder.parent / "own", speed=0.2 - 0.02 * index, plan=bags.PLAN | {"trial_id": name})
+        shutil.move(bag / "own_0.mcap", folder / f"{name}.mcap")
+        shutil.rmtree(bag)
+    return folder
+
+
+def test_a_folder_of_files_is_a_trial_each(tmp_path):
+    folder = files_of_trials(tmp_path / "days", "monday", "tuesday", "trial_1")
+    table = read(folder)
+    assert dict(zip(table.trial_id, table.speed_m_s.round(3), strict=True)) == {
+        "monday": 0.2, "tuesday": 0.18, "trial_1": 0.16
+    }  # fmt: skip
+    assert table_tool.main([str(folder)]) == 0
+    assert len(read_csv(folder / "trials.csv")) == 3
+    # Control: a single one in its folder is a bag.
+    single = files_of_trials(tmp_path / "single", "monday")
+    assert read(single).trial_id.tolist() == ["monday"]
+
+
+def test_files_that_are_no_one_bag_are_told_where_a_campaign_has_them(tmp_path):
+    folder = campaign(tmp_path)
+    files_of_trials(folder / "trials" / "t9", "monday", "tuesday")
+    (line,) = table.campaign(folder).skipped
+    assert "t9: not one bag but a folder of several" in line
+
+
 def test_a_changed_bag_is_read_again(tmp_path):
     folder = campaign(tmp_path)
     table.make(folder)

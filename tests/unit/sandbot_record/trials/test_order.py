@@ -30,6 +30,15 @@ def test_zones_are_minded():
     assert orders(by_the_clock(some, joined=False)) == [2, 3, 1]
 
 
+@given(st.permutations([4, 4, 5, 5, 5, 6]))
+def test_trials_of_a_day_whose_hour_nobody_tells_share_their_place(days):
+    """In the order of a table's rows they would drift with whatever it is sorted by."""
+    place = {4: 1.5, 5: 4.0, 6: 6.0}
+    assert orders(by_the_clock(rows(*(f"2026-05-0{day}" for day in days)), joined=False)) == [
+        place[day] for day in days
+    ]
+
+
 def test_numbers_stand_unless_several_tables_count_alike():
     some = rows("2026-11-25T10:02:00", "2026-11-25T10:01:00", run_order=5.0)
     assert orders(by_the_clock(some, joined=False)) == [5, 5]

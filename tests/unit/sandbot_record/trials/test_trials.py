@@ -64,7 +64,7 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
         ("ϕ,omega_rad_s,speed_m_s\n.6,8,.2\n", "column phi is missing; ϕ would have to become phi"),
         ("phi,ω,speed_m_s\n.6,8,.2\n", "column omega_rad_s is missing; ω would have to become omega_rad_s"),
         (LIFT.format("lift_m,lift [mm]"), r"row 1: columns 'lift_m' and 'lift \[mm\]' are both lift_m; leave one out"),
-        ("phi;omega_rad_s;speed_m_s\n0,6;8;0,2\n0,6;8\n", "lines differ in how many semicolons they have"),
+        ("phi;omega_rad_s;speed_m_s\n0,6;8;0,2\n0,6;8\n", "row 3: 2 values for 3 columns"),
         ("phi;omega_rad_s;speed_m_s\n0,6,1;8;0,2\n", "row 2, column phi: '0,6,1' is not a number"),
         ("phi,phi,omega_rad_s,speed_m_s\n", "row 1: column phi is there twice"),
         (GOOD + "0.6,8\n", "row 4: 2 values for 3 columns"),
@@ -254,6 +254,13 @@ def test_gait_and_status_are_known_however_they_are_written(tmp_path):
         "phi [1],omega [rad/s],speed [cm/s]\n0.60,8,21\n0.62,8,25\n",
         "phi (%),omega (rpm),v (mm/s)\n60,76.39437268,210\n62,76.39437268,250\n",
         "volume fraction [-],frequency [Hz],mean speed [m/s]\n.6,1.2732395447,.21\n.62,1.2732395447,.25\n",
+        # As spreadsheets and numpy write them.
+        "sep=;\nphi;omega_rad_s;speed_m_s\n0,60;8;0,21\n0,62;8;0,25\n",
+        'phi;omega_rad_s;speed_m_s;note\n0,60;8;0,21;"slow; wet"\n0,62;8;0,25;dry\n',
+        'phi;omega_rad_s;speed_m_s;"note, who"\n0,60;8;0,21;a\n0,62;8;0,25;b\n',
+        'phi;"omega\n[rad/s]";speed_m_s\n0,60;8;0,21\n0,62;8;0,25\n',
+        "# phi,omega_rad_s,speed_m_s\n0.60,8,0.21\n0.62,8,0.25\n",
+        "# made on Monday, by hand\n# phi; omega_rad_s; speed_m_s\n0,60;8;0,21\n0,62;8;0,25\n",
     ],
 )
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
@@ -263,6 +270,26 @@ def test_common_forms_are_read_in_si_units(tmp_path, text, encoding):
     np.testing.assert_allclose(table.phi, [0.60, 0.62])
     np.testing.assert_allclose(table.omega_rad_s, [8, 8])
     np.testing.assert_allclose(table.speed_m_s, [0.21, 0.25])
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        (
+            "phi;omega [Hz];speed [mm/s]\n0.61;2;1,200\n0.62;2;900\n",
+            r"row 2, column speed \[mm/s\]: '1,200' has a comma, but row 2, column phi: '0.61' has a point: write the",
+        ),
+        (
+            "phi;omega [Hz];speed [mm/s]\n0,61;2;800\n0,62;2;1.200\n",
+            r"row 2, column phi: '0,61' has a comma, but row 3, column speed \[mm/s\]: '1.200' has a point",
+        ),
+        ("phi\tomega [rpm]\tspeed_m_s\n0.61\t1,200\t.2\n", r"column omega \[rpm\]: '1,200' has a comma"),
+    ],
+)
+def test_thousands_are_not_taken_for_decimals(tmp_path, text, complaint):
+    with pytest.raises(InputError, match=complaint) as error:
+        read(write(tmp_path, text))
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("unit", ["\u00b5m", "\u03bcm", "um"])

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
+from rosbags.typesys.store import Typestore
 
 from sandbot_common.errors import InputError
-from sandbot_record.bags import interfaces
+from sandbot_record.bags.interfaces import Interface
 
 Bytes = NDArray[np.uint8]
 _MAX_GROUPS = 64
-_TYPES = {
+DTYPES = {
     "bool": "u1", "byte": "u1", "char": "u1", "octet": "u1", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
     "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "float32": "f4", "float64": "f8",
 }  # fmt: skip
@@ -43,16 +44,17 @@ class Layout:
     structure: NDArray[np.int64]
 
 
-def layout_of(cdr: bytes | memoryview, type_name: str) -> Layout:
+def layout_of(cdr: bytes | memoryview, interface: Interface) -> Layout:
     """The layout of one message. Raises InputError if the bytes are not such a message."""
+    types = interface.types
     if len(cdr) < 4 or cdr[0] or cdr[1] > 1:
-        raise InputError(f"{len(cdr)} bytes are not a {type_name}: no plain CDR header")
-    walker = _Walker(cdr, "<" if cdr[1] else ">")
-    walker.message(type_name, "")
+        raise InputError(f"{len(cdr)} bytes are not a {interface.type}: no plain CDR header")
+    walker = _Walker(cdr, "<" if cdr[1] else ">", types)
+    walker.message(interface.type, "")
     return Layout(walker.found, np.array(walker.structure, dtype=np.int64))
 
 
-def gather(rows: Bytes, type_name: str, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
+def gather(rows: Bytes, interface: Interface, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
     """The named fields of messages of equal length, ``rows`` (n, length): arrays (n,) or, for array fields, (n, k).
 
     Raises InputError if a message is not of this type, has no such field or another number of values than the first.
@@ -60,7 +62,7 @@ def gather(rows: Bytes, type_name: str, names: tuple[str, ...]) -> dict[str, NDA
     result: dict[str, NDArray[Any]] = {}
     unread, groups = np.arange(len(rows)), 0
     while len(unread):
-        layout = layout_of(rows[unread[0]].tobytes(), type_name)
+        layout = layout_of(rows[unread[0]].tobytes(), interface)
         if groups < _MAX_GROUPS:
             structure = rows[unread[:, None], layout.structure] if groups else rows[:, layout.structure]
             alike = (structure == structure[0]).all(axis=1)
@@ -93,14 +95,14 @@ def _take(
 class _Walker:
     """Walks one message along its type's definition and notes where the numbers are."""
 
-    def __init__(self, cdr: bytes | memoryview, order: str) -> None:
-        self._cdr, self._order, self._at = cdr, order, 4
+    def __init__(self, cdr: bytes | memoryview, order: str, types: Typestore) -> None:
+        self._cdr, self._order, self._types, self._at = cdr, order, types, 4
         self._endian = "little" if order == "<" else "big"
         self.found: dict[str, Field] = {}
         self.structure: list[int] = [0, 1]
 
     def message(self, type_name: str, prefix: str) -> None:
-        for name, description in interfaces.store().fielddefs[type_name][1]:
+        for name, description in self._types.fielddefs[type_name][1]:
             self._field(prefix + name, description)
 
     def _field(self, name: str, description: Any) -> None:
@@ -131,9 +133,9 @@ class _Walker:
             self._skip(length)
             self.structure += range(start, self._at)
             return
-        if base not in _TYPES:
+        if base not in DTYPES:
             raise InputError(f"field {name}: type {base} is not supported")
-        dtype = np.dtype(self._order + _TYPES[base])
+        dtype = np.dtype(self._order + DTYPES[base])
         if count != 0:
             self._align(dtype.itemsize)
         self.found[name] = Field(self._at, dtype, 1 if count is None else count, count is None)

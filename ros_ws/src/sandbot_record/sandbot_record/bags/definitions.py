@@ -1,33 +1,44 @@
-"""Which channel of a storage file is which topic, and the definition text of each type."""
+"""Which channel of a storage file is which topic, and how its messages are written."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from mcap.records import Channel, Schema
 
 from sandbot_record.bags import metadata
+from sandbot_record.bags.interfaces import JAZZY, Interface
 
 
 @dataclass
 class Definitions:
-    """Of one file: topics and schemas by their ids."""
+    """Of one file: topics and schemas by their ids; the ``release`` defines the types the file does not."""
 
+    release: str = JAZZY
     topics: dict[int, metadata.TopicInfo] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
-    encodings: dict[int, str] = field(default_factory=dict)
 
     def learn(self, record: Schema | Channel) -> None:
         """Take a schema or channel record; the first of an id is kept."""
         if isinstance(record, Schema):
             self.schemas.setdefault(record.id, record)
-        elif record.id not in self.topics:
-            schema = self.schemas.get(record.schema_id)
-            self.encodings[record.id] = record.message_encoding
-            self.topics[record.id] = metadata.TopicInfo(
-                name=record.topic,
-                type=_full_name(schema.name) if schema else "",
-                hash=record.metadata.get("topic_type_hash", ""),
-                qos=metadata.qos_from_text(record.metadata.get("offered_qos_profiles", "")),
-            )
+            return
+        schema = self.schemas.get(record.schema_id)
+        if schema is None and record.schema_id:
+            return  # a summary may repeat channels without their schemas: the type is known further on
+        topic = self.topics.setdefault(record.id, self._topic(record, schema))
+        # One that metadata.yaml has told lacks the definition.
+        if topic.interface.schema is None and schema is not None and _full_name(schema.name) == topic.type:
+            self.topics[record.id] = replace(topic, interface=replace(topic.interface, schema=schema))
+
+    def _topic(self, record: Channel, schema: Schema | None) -> metadata.TopicInfo:
+        interface = Interface(
+            _full_name(schema.name) if schema else "",
+            hash=record.metadata.get("topic_type_hash", ""),
+            encoding=record.message_encoding,
+            schema=schema,
+            release=self.release,
+        )
+        qos = metadata.qos_from_text(record.metadata.get("offered_qos_profiles", ""))
+        return metadata.TopicInfo(record.topic, interface, qos)
 
 
 def _full_name(name: str) -> str:

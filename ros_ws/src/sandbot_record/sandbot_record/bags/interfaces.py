@@ -1,18 +1,40 @@
-"""Message types without ROS: definition text, type hash and decoding, from rosbags' type store for ROS 2 Jazzy."""
+"""Message types without ROS: definition text, type hash and decoding, from rosbags' type stores.
 
-from functools import cache
+A bag is read by its own definitions (``Interface``): sensor_msgs/Range, for one, has a field more since Iron. Where a
+file carries none, those of the release that wrote it count; what is written here is ROS 2 Jazzy's.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, lru_cache
 from typing import Any
 
-from rosbags.typesys import Stores, get_typestore
+from mcap.records import Schema
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from sandbot_common.errors import InputError
 
+CDR, ROS2MSG, ROS2IDL = "cdr", "ros2msg", "ros2idl"
+JAZZY = "jazzy"
+_IDL_PART = "=" * 80 + "\nIDL: "
+_IDL_INCLUDE = re.compile(r"^#include .*", re.MULTILINE)
+
+
+def store(release: str = JAZZY) -> Typestore:
+    """The type store of a ROS 2 release (loaded once, 0.2 s); Jazzy's for a release that rosbags does not know."""
+    return _store(release if has_release(release) else JAZZY)
+
+
+def has_release(name: str) -> bool:
+    """Whether rosbags knows the types of a ROS 2 release such as ``humble``."""
+    return f"ros2_{name}" in {one.value for one in Stores}
+
 
 @cache
-def store() -> Typestore:
-    """The type store (loaded once, 0.2 s)."""
-    return get_typestore(Stores.ROS2_JAZZY)
+def _store(release: str) -> Typestore:
+    return get_typestore(Stores(f"ros2_{release}"))
 
 
 def known(type_name: str) -> bool:
@@ -23,40 +45,131 @@ def known(type_name: str) -> bool:
 @cache
 def definition(type_name: str) -> str:
     """The ros2msg definition with all dependent definitions. Raises InputError if the type is unknown."""
-    _check(type_name)
-    return store().generate_msgdef(type_name, ros_version=2)[0]
+    return str(_standard(type_name).types.generate_msgdef(type_name, ros_version=2)[0])
 
 
 @cache
 def type_hash(type_name: str) -> str:
     """The RIHS01 hash of a type. Raises InputError if the type is unknown."""
-    _check(type_name)
-    return store().hash_rihs01(type_name)
+    return _standard(type_name).types.hash_rihs01(type_name)
 
 
 def decode(cdr: bytes | memoryview, type_name: str) -> Any:
-    """The message in ``cdr``; any fault in the bytes is an InputError."""
-    little, big, make = _decoders(type_name)
-    try:
-        order = cdr[1]
-        if cdr[0] or order > 1:
-            raise ValueError
-        message, end = (little if order else big)(cdr[4:], 0, make, store())
-        if end + 7 < len(cdr):
-            raise ValueError
-    except Exception as error:  # rosbags raises whatever numpy, struct or its generated code stumbles over
-        raise InputError(f"{len(cdr)} bytes are not a {type_name} ({type(error).__name__})") from None
-    return message
+    """The message in ``cdr`` by Jazzy's definition; any fault in the bytes is an InputError."""
+    return _standard(type_name).decode(cdr)
+
+
+@dataclass(frozen=True)
+class Interface:
+    """How messages are written in one bag: ``encoding`` of their bytes, and the ``schema`` the file carries of their
+    type (None if it has none; then the definition of the ``release`` counts).
+    """
+
+    type: str
+    hash: str = ""
+    encoding: str = CDR
+    schema: Schema | None = None
+    release: str = JAZZY
+
+    def check_cdr(self) -> None:
+        """Raise InputError if the messages are not CDR, the one encoding that is understood here."""
+        if self.encoding != CDR:
+            raise InputError(f"messages are encoded as {self.encoding!r}; only {CDR} can be decoded")
+
+    @property
+    def known(self) -> bool:
+        """Whether its messages can be decoded."""
+        return self.encoding == CDR and self._types is not None
+
+    @property
+    def types(self) -> Typestore:
+        """The store in which the type is defined as here. Raises InputError if its messages can't be decoded."""
+        self.check_cdr()
+        if self._types is None:
+            raise InputError(f"message type {self.type!r} is not one of ROS 2 Jazzy's standard types")
+        return self._types
+
+    @cached_property
+    def _types(self) -> Typestore | None:
+        # A hash is made of the definition: where it is Jazzy's, a schema that a flipped bit has changed is not asked.
+        if self.hash and known(self.type) and self.hash == type_hash(self.type):
+            return store()
+        own = _defined_by(self.type, self.schema.encoding, self.schema.data) if self.schema else None
+        types = own or store(self.release)
+        return types if self.type in types.fielddefs else None
+
+    def decode(self, cdr: bytes | memoryview) -> Any:
+        """The message in ``cdr``. Any fault in the bytes is an InputError, and so is a type or encoding not known."""
+        little, big, make, types = self._decoders
+        try:
+            order = cdr[1]
+            if cdr[0] or order > 1:
+                raise ValueError
+            message, end = (little if order else big)(cdr[4:], 0, make, types)
+            if end + 7 < len(cdr):
+                raise ValueError
+        except Exception as error:  # rosbags raises whatever numpy, struct or its generated code stumbles over
+            raise InputError(f"{len(cdr)} bytes are not a {self.type} ({type(error).__name__})") from None
+        return message
+
+    @cached_property
+    def _decoders(self) -> tuple[Callable[..., Any], Callable[..., Any], Any, Typestore]:
+        """rosbags' generated functions for both byte orders and the message's class: found once, not once a message."""
+        found = self.types.get_msgdef(self.type)
+        return found.deserialize_cdr_le, found.deserialize_cdr_be, found.cls, self.types
+
+    def described(self) -> "Interface":
+        """The same, to be written into another file: with its schema as it was, or one made where there is no sound
+        one. Of what can't be decoded nothing is changed.
+        """
+        if not self.known:
+            return self
+        types, schema = self.types, self.schema
+        if schema is None or _defined_by(self.type, schema.encoding, schema.data) is not types:
+            text = types.generate_msgdef(self.type, ros_version=2)[0]
+            schema = Schema(id=0, name=self.type, encoding=ROS2MSG, data=text.encode())
+        return replace(self, schema=schema, hash=types.hash_rihs01(self.type))
 
 
 @cache
-def _decoders(type_name: str) -> tuple[Any, Any, type]:
-    """rosbags' generated functions for both byte orders and the message's class: found once, not once a message."""
-    _check(type_name)
-    definition = store().get_msgdef(type_name)
-    return definition.deserialize_cdr_le, definition.deserialize_cdr_be, definition.cls
+def _standard(type_name: str) -> Interface:
+    """A type as Jazzy defines it."""
+    return Interface(type_name)
 
 
-def _check(type_name: str) -> None:
-    if not known(type_name):
-        raise InputError(f"message type {type_name!r} is not one of ROS 2 Jazzy's standard types")
+@lru_cache(maxsize=512)
+def _defined_by(type_name: str, encoding: str, text: bytes) -> Typestore | None:
+    """A store with the types that a schema's text defines: Jazzy's where they are no other; None if it is no such text.
+
+    What the text leaves out is taken from Jazzy.
+    """
+    standard = store()
+    if known(type_name) and text == definition(type_name).encode():  # as every bag of ours has it
+        return standard
+    if not text.strip():
+        return None
+    own = Typestore()
+    try:
+        own.register(_parsed(type_name, encoding, text.decode()))
+        if all(_fields(own, name) == _fields(standard, name) for name in own.fielddefs):
+            return standard
+        own.fielddefs = standard.fielddefs | own.fielddefs
+        own.types = standard.types | own.types
+        own.get_msgdef(type_name), own.hash_rihs01(type_name)
+    except Exception:  # rosbags' parsers and generators raise whatever a text makes them stumble over
+        return None
+    return own
+
+
+def _parsed(type_name: str, encoding: str, text: str) -> dict[str, Any]:
+    if encoding == ROS2MSG:
+        return get_types_from_msg(text, type_name)
+    if encoding != ROS2IDL:
+        raise ValueError(encoding)
+    # Each part begins with a line that names its type; what it includes is a part, too.
+    parts = [part.partition("\n")[2] for part in _IDL_INCLUDE.sub("", text).split(_IDL_PART)[1:]] or [text]
+    return {name: found for part in parts for name, found in get_types_from_idl(part).items()}
+
+
+def _fields(types: Typestore, name: str) -> list[Any] | None:
+    return list(types.fielddefs[name][1]) if name in types.fielddefs else None

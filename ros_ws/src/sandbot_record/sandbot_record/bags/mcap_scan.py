@@ -115,16 +115,32 @@ def finished(data: memoryview) -> bool:
     return footer == struct.pack("<BQ", Opcode.FOOTER, 20)
 
 
-def summary(data: memoryview) -> list[Definition] | None:
-    """The summary's schemas and channels; None if there is no summary or its CRC is wrong."""
+def _summary_records(data: memoryview) -> Iterator[tuple[int, int, int]] | None:
+    """The summary's records as ``_records`` gives them; None if there is no summary or its CRC is wrong."""
     if not finished(data):
         return None
     footer_at = len(data) - len(MAGIC) - _FOOTER_BYTES
     start, _, crc = struct.unpack_from("<QQI", data, footer_at + 9)
     if not 0 < start <= footer_at or (crc and zlib.crc32(data[start : footer_at + 25]) != crc):
         return None
+    return _records(data, start, footer_at)
+
+
+def stated_count(data: memoryview) -> int | None:
+    """How many messages the summary says the file holds; None if it does not say, or is damaged."""
+    for opcode, at, length in _summary_records(data) or ():
+        if opcode == Opcode.STATISTICS and length >= 8:
+            return int.from_bytes(data[at : at + 8], "little")
+    return None
+
+
+def summary(data: memoryview) -> list[Definition] | None:
+    """The summary's schemas and channels; None if there is no summary or its CRC is wrong."""
+    records = _summary_records(data)
+    if records is None:
+        return None
     found: list[Definition] = []
-    for opcode, at, length in _records(data, start, footer_at):
+    for opcode, at, length in records:
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             record = _parse(opcode, data[at : at + length])
             if not isinstance(record, Schema | Channel):

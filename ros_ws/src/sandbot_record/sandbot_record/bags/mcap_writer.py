@@ -11,6 +11,7 @@ import struct
 import zlib
 from collections import defaultdict
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import lz4.frame
@@ -36,6 +37,8 @@ from mcap.records import (
 
 MAGIC = b"\x89MCAP0\r\n"
 COMPRESSIONS = ("none", "lz4", "zstd")
+ROS2 = "ros2"
+"""The profile of a file that keeps to what ROS 2 asks of one."""
 LIBRARY = "sandbot_record 0.1"
 _MESSAGE_HEADER = struct.Struct("<BQHIQQ")
 _INDEX_ENTRY = struct.Struct("<QQ")
@@ -48,9 +51,11 @@ _MAX_PARTS = 512
 class McapWriter:
     """Writes one file. Every method may raise OSError when the disk is full; the file then ends in a torn record."""
 
-    def __init__(self, path: Path, *, compression: str = "none", chunk_size: int = 1 << 20) -> None:
+    def __init__(
+        self, path: Path, *, compression: str = "none", chunk_size: int = 1 << 20, profile: str = ROS2
+    ) -> None:
         self._begin(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666), compression, chunk_size)
-        self._write([MAGIC, _record(Header(profile="ros2", library=LIBRARY))])
+        self._write([MAGIC, _record(Header(profile=profile, library=LIBRARY))])
 
     @classmethod
     def reopened(cls, path: Path) -> "McapWriter":
@@ -131,28 +136,27 @@ class McapWriter:
         """Bytes in the file and in the open chunk."""
         return self._offset + self._chunk_bytes
 
-    def add_channel(
-        self, topic: str, type_name: str, definition: str, metadata: Mapping[str, str], encoding: str = "ros2msg"
-    ) -> int:
-        """Register a CDR channel; its id."""
-        schema = next(
-            (schema for schema in self._schemas if schema.name == type_name and schema.data == definition.encode()),
-            None,
-        )
-        if schema is None:
-            schema = Schema(id=len(self._schemas) + 1, name=type_name, encoding=encoding, data=definition.encode())
-            self._schemas.append(schema)
-            self._write([_record(schema)])
+    def add_channel(self, topic: str, encoding: str, schema: Schema | None, metadata: Mapping[str, str]) -> int:
+        """Register a channel of messages in an encoding, with a schema (its id is given here) or none; its id."""
         channel = Channel(
             id=len(self._channels) + 1,
             topic=topic,
-            message_encoding="cdr",
+            message_encoding=encoding,
             metadata=dict(metadata),
-            schema_id=schema.id,
+            schema_id=0 if schema is None else self._schema_id(schema),
         )
         self._channels.append(channel)
         self._write([_record(channel)])
         return len(self._channels)
+
+    def _schema_id(self, wanted: Schema) -> int:
+        """The id of a schema, which is written where it is new; 0 stands for none."""
+        for number, known in enumerate(self._schemas, start=1):
+            if replace(wanted, id=number) == known:
+                return number
+        self._schemas.append(replace(wanted, id=len(self._schemas) + 1))
+        self._write([_record(self._schemas[-1])])
+        return len(self._schemas)
 
     def add_message(
         self, channel: int, log_time_ns: int, publish_time_ns: int, data: bytes | memoryview, sequence: int = 0

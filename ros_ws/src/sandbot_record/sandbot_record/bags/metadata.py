@@ -16,9 +16,13 @@ from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
 
 from sandbot_common import files
 from sandbot_common.errors import InputError
+from sandbot_record.bags.interfaces import CDR, JAZZY, Interface, has_release
 
 NAME = "metadata.yaml"
 RECORDING, COMPLETE = "recording", "complete"
+_VERSION = 9
+_NEWEST_VERSIONS = {"humble": 6, "iron": 8}
+"""Of metadata.yaml, as these releases write it; Foxy and Galactic write older ones, and define types as Humble does."""
 INFINITE = QosTime(9223372036, 854775807)
 
 
@@ -56,10 +60,14 @@ class TopicInfo:
     """One topic of a bag."""
 
     name: str
-    type: str
-    hash: str = ""
+    interface: Interface
     qos: tuple[Qos, ...] = ()
     count: int = 0
+
+    @property
+    def type(self) -> str:
+        """Name of its messages' type."""
+        return self.interface.type
 
 
 @dataclass
@@ -81,7 +89,17 @@ class BagInfo:
     custom: dict[str, str] = field(default_factory=dict)
     storage: str = "mcap"
     compression: str = ""
-    distro: str = "jazzy"
+    distro: str = JAZZY
+    version: int = _VERSION
+
+    @property
+    def release(self) -> str:
+        """The ROS 2 release whose types are meant where a file defines none: the one that wrote the bag, told by the
+        version of its metadata.yaml where its name is not (before version 8, or by others than ROS).
+        """
+        if has_release(self.distro):
+            return self.distro
+        return next((name for name, newest in _NEWEST_VERSIONS.items() if self.version <= newest), JAZZY)
 
     @property
     def count(self) -> int:
@@ -95,7 +113,7 @@ def write(folder: Path, info: BagInfo) -> None:
     start, end = (min(s for s, _ in spans), max(e for _, e in spans)) if spans else (0, 0)
     content = {
         "rosbag2_bagfile_information": {
-            "version": 9,
+            "version": _VERSION,
             "storage_identifier": info.storage,
             "duration": {"nanoseconds": end - start},
             "starting_time": {"nanoseconds_since_epoch": start},
@@ -135,25 +153,30 @@ def read(folder: Path) -> BagInfo | None:
 
 
 def _parse(content: Mapping[str, Any]) -> BagInfo:
-    topics = [
-        TopicInfo(
-            name=str(entry["topic_metadata"]["name"]),
-            type=str(entry["topic_metadata"]["type"]),
-            hash=str(entry["topic_metadata"].get("type_description_hash", "")),
-            qos=_qos(entry["topic_metadata"].get("offered_qos_profiles", [])),
-            count=int(entry["message_count"]),
-        )
-        for entry in content["topics_with_message_count"]
-    ]
     paths = [str(path) for path in content["relative_file_paths"]]
     given = {str(entry["path"]): _file(entry) for entry in content.get("files") or []}
-    return BagInfo(
-        topics=topics,
+    info = BagInfo(
         files=[given.get(path, FileInfo(path)) for path in paths],
         custom={str(key): str(value) for key, value in (content.get("custom_data") or {}).items()},
         storage=str(content["storage_identifier"]),
         compression=str(content.get("compression_mode") or "").lower().replace("none", ""),
         distro=str(content.get("ros_distro", "")),
+        version=int(content.get("version", _VERSION)),
+    )
+    info.topics = [_topic_of(entry, info.release) for entry in content["topics_with_message_count"]]
+    return info
+
+
+def _topic_of(entry: Mapping[str, Any], release: str) -> TopicInfo:
+    topic = entry["topic_metadata"]
+    interface = Interface(
+        str(topic["type"]),
+        hash=str(topic.get("type_description_hash", "")),
+        encoding=str(topic.get("serialization_format", CDR)),
+        release=release,
+    )
+    return TopicInfo(
+        str(topic["name"]), interface, _qos(topic.get("offered_qos_profiles", [])), int(entry["message_count"])
     )
 
 
@@ -177,9 +200,9 @@ def _topic(topic: TopicInfo) -> dict[str, object]:
         "topic_metadata": {
             "name": topic.name,
             "type": topic.type,
-            "serialization_format": "cdr",
+            "serialization_format": topic.interface.encoding,
             "offered_qos_profiles": dump_qos_v9(list(topic.qos)),
-            "type_description_hash": topic.hash,
+            "type_description_hash": topic.interface.hash,
         },
         "message_count": topic.count,
     }

@@ -1,9 +1,10 @@
 """The replay without ROS: a bag's messages in order of log time, and when each is due on the player's own clock."""
 
 from bisect import bisect_left
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,10 @@ from rosbags.interfaces import QosDurability
 
 from sandbot_common.errors import InputError
 from sandbot_record.bags import foreign, frames, mcap_scan, metadata, reader, video
+from sandbot_record.bags.interfaces import Interface
 from sandbot_record.bags.mcap_scan import Batch
 from sandbot_record.bags.reader import Bag, Message
+from sandbot_record.bags.translate import to_jazzy
 from sandbot_record.bags.video import VideoFrames
 
 SECOND_NS = 1_000_000_000
@@ -32,6 +35,7 @@ class Timeline:
         if topics is not None and (unknown := [name for name in topics if name not in there]):
             raise InputError(f"{bag.path}: no topic {unknown[0]}; there are: {', '.join(there)}")
         wanted = {name: info for name, info in shown.items() if topics is None or info.name in topics}
+        _check_all_cdr(bag.path, wanted.values())
         self.topics = {info.name: info for info in wanted.values()}
         self._names = list(wanted)
         self._shown = list(wanted.values())
@@ -65,9 +69,11 @@ class Timeline:
             data = memoryview(frames.to_image(place.header, film.frame(place)))
         elif topic.name != self._names[self._topic[index]]:
             data = memoryview(frames.from_jpeg(data))
+        else:
+            data = to_jazzy(data, topic.interface)
         return Message(
             topic.name,
-            topic.type,
+            topic.interface,
             int(fields["log_time_ns"]),
             int(fields["publish_time_ns"]),
             int(fields["sequence"]),
@@ -106,6 +112,14 @@ class Timeline:
         return tuple(np.concatenate(column) for column in columns)
 
 
+def _check_all_cdr(path: Path, topics: Iterable[metadata.TopicInfo]) -> None:
+    for topic in topics:
+        try:
+            topic.interface.check_cdr()
+        except InputError as error:
+            raise InputError(f"{path}: topic {topic.name}: {error}; leave it out with --topics") from None
+
+
 def _is_latched(info: metadata.TopicInfo) -> bool:
     return bool(info.qos) and all(profile.durability == QosDurability.TRANSIENT_LOCAL for profile in info.qos)
 
@@ -113,7 +127,7 @@ def _is_latched(info: metadata.TopicInfo) -> bool:
 def _shown(info: metadata.TopicInfo, *, decode_jpeg: bool) -> metadata.TopicInfo:
     """The topic as it is played: the image topic for the index of its video, and for its JPEG if asked."""
     image = video.image_topic(info) or (frames.raw_name(info.name, info.type) if decode_jpeg else None)
-    return info if image is None else replace(info, name=image, type=frames.RAW, hash="")
+    return info if image is None else replace(info, name=image, interface=Interface(frames.RAW))
 
 
 @dataclass

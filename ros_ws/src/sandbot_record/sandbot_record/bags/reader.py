@@ -7,8 +7,8 @@ for message in bag.messages(["/trial"]): message.decode()
 """
 
 import mmap
-from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,9 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
-from sandbot_record.bags import columns, foreign, interfaces, mcap_scan, metadata, video
+from sandbot_record.bags import columns, foreign, mcap_scan, metadata, video
 from sandbot_record.bags.definitions import Definitions
+from sandbot_record.bags.interfaces import JAZZY, Interface
 from sandbot_record.bags.mcap_scan import Batch, Damage
 
 Part = tuple[Batch, NDArray[np.int64]]
@@ -26,6 +27,7 @@ Part = tuple[Batch, NDArray[np.int64]]
 _KEEP_BYTES = 32 << 20
 """Bags up to this size (uncompressed) stay in memory once scanned; larger ones are scanned again each time."""
 
+_STORAGE = (".mcap", ".db3")
 FIELD_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
 
@@ -34,15 +36,20 @@ class Message:
     """One message as it was recorded."""
 
     topic: str
-    type: str
+    interface: Interface = field(repr=False)
     log_time_ns: int
     publish_time_ns: int
     sequence: int
     data: memoryview = field(repr=False)
 
+    @property
+    def type(self) -> str:
+        """Name of its type, such as ``sensor_msgs/msg/JointState``."""
+        return self.interface.type
+
     def decode(self) -> Any:
-        """The message with its fields."""
-        return interfaces.decode(bytes(self.data), self.type)
+        """The message with its fields. Raises InputError if the bytes are no such message, or not CDR."""
+        return self.interface.decode(bytes(self.data))
 
 
 @dataclass(frozen=True)
@@ -65,7 +72,10 @@ class Columns:
 
 @dataclass
 class Bag:
-    """A bag; make one with ``Bag.open``. ``complete``: closed properly; ``problems``: one line each, empty if none."""
+    """A bag; make one with ``Bag.open``. ``complete``: closed properly; ``problems``: one line each, empty if none.
+
+    ``miscounts`` are those of them where messages are missing (or too many) without any damage that says why.
+    """
 
     path: Path
     files: list[Path]
@@ -78,6 +88,7 @@ class Bag:
     attachments: dict[str, bytes]
     problems: list[str]
     strict: bool
+    miscounts: list[str] = field(default_factory=list)
     _kept: list[tuple[int, mcap_scan.Item, Definitions]] | None = None
     _places: dict[str, list[Part]] | None = None
 
@@ -115,7 +126,8 @@ class Bag:
             rows = zip(*fields, batch.at.tolist(), batch.length.tolist(), strict=True)
             for channel, log_time, publish_time, sequence, at, length in rows:
                 if (topic := names.get(channel)) is not None:
-                    yield Message(topic.name, topic.type, log_time, publish_time, sequence, view[at : at + length])
+                    data = view[at : at + length]
+                    yield Message(topic.name, topic.interface, log_time, publish_time, sequence, data)
 
     def check_topic(self, topic: str) -> None:
         """Raise InputError if there is no such topic."""
@@ -125,14 +137,13 @@ class Bag:
     def columns(self, topic: str, *names: str) -> Columns:
         """Numeric fields of all messages of a topic. Raises InputError if the topic or a field is not there."""
         self.check_topic(topic)
-        type_name = self.topics[topic].type
         parts = self._parts(topic)
         log, publish = (
             np.concatenate([np.empty(0, np.int64), *(batch.rows[name][rows] for batch, rows in parts)])
             for name in ("log_time_ns", "publish_time_ns")
         )
         try:
-            values = _fields(parts, type_name, names)
+            values = _fields(parts, self.topics[topic].interface, names)
         except InputError as error:
             raise InputError(f"{self.path}: topic {topic}: {error}") from None
         order = np.argsort(log, kind="stable")
@@ -172,7 +183,8 @@ class Bag:
         if self._kept is not None:
             yield from self._kept
         elif foreign.is_foreign(self.files[0], self.info):
-            yield from ((0, batch, definitions) for batch, definitions in foreign.items(self.path, self.files))
+            found = foreign.items(self.path, self.files, Definitions(_release(self.info)))
+            yield from ((0, batch, definitions) for batch, definitions in found)
         else:
             for file, path in enumerate(self.files):
                 yield from ((file, item, definitions) for item, definitions in _file_items(path, self.info))
@@ -182,24 +194,31 @@ class Bag:
         ends: list[int] = []
         counts: dict[str, int] = {}
         seen: dict[str, metadata.TopicInfo] = {}
+        found = dict.fromkeys(range(len(self.files)), 0)
         self._kept = self._small()
-        for _, item, definitions in self.items():
+        for file, item, definitions in self.items():
             self._note(item)
-            if isinstance(item, Batch) and len(item.rows):
+            if isinstance(item, Damage):
+                found.pop(file, None)  # damage says why messages are missing
+            elif isinstance(item, Batch) and len(item.rows):
+                if file in found:
+                    found[file] += len(item.rows)
                 starts.append(int(item.rows["log_time_ns"].min()))
                 ends.append(int(item.rows["log_time_ns"].max()))
                 self._count(item, definitions, counts)
             for topic in definitions.topics.values():
-                seen.setdefault(topic.name, topic)
+                if topic.name not in seen or seen[topic.name].interface.schema is None:
+                    seen[topic.name] = topic
         known = {topic.name: topic for topic in self.info.topics} if self.info else {}
         for name, topic in (known | seen).items():
             whole = known.get(name, topic)
-            self.topics[name] = metadata.TopicInfo(
-                name, topic.type or whole.type, whole.hash or topic.hash, whole.qos or topic.qos, counts.get(name, 0)
-            )
+            own, listed = topic.interface, whole.interface
+            interface = own if own.type else replace(own, type=listed.type, hash=listed.hash)
+            self.topics[name] = metadata.TopicInfo(name, interface, whole.qos or topic.qos, counts.get(name, 0))
         if starts:
             self.start_ns, self.end_ns = min(starts), max(ends)
         self._check_complete()
+        self._check_counts(found)
         self.problems += [
             f"{file.name} is missing, the frames of {name}"
             for name, file in self.videos.items()
@@ -238,13 +257,23 @@ class Bag:
             if path.suffix == ".mcap" and not mcap_scan.finished(mapped(path)):
                 self.complete = False
                 self.problems.insert(0, f"{path.name} is unfinished, its recording was cut off")
-        if self.info is None:
-            return
-        if self.complete and self.info.custom.get("state") == metadata.RECORDING:
+        if self.info is not None and self.complete and self.info.custom.get("state") == metadata.RECORDING:
             self.complete = False
             self.problems.insert(0, "metadata.yaml is unfinished, the recording was cut off")
-        elif self.complete and not self.problems and self.info.count != self.count:
-            self.problems.append(f"metadata.yaml says {self.info.count} messages, the files hold {self.count}")
+
+    def _check_counts(self, found: Mapping[int, int]) -> None:
+        """A flipped bit can make a message a record of another kind, which only its missing tells; ``found`` is how
+        many messages each file holds that has no other damage.
+        """
+        if self.info is not None and not self.problems and self.info.count != self.count:
+            self.miscounts.append(f"metadata.yaml says {self.info.count} messages, the files hold {self.count}")
+        if not foreign.is_foreign(self.files[0], self.info):
+            for file, number in found.items():
+                stated = mcap_scan.stated_count(mapped(self.files[file]))
+                if stated not in (None, number):
+                    name = self.files[file].name
+                    self.miscounts.append(f"{name}: its summary says {stated} messages, it holds {number}")
+        self.problems += self.miscounts
 
 
 def read(bag: Path | str, *topics: str) -> Iterator[tuple[int, Message]]:
@@ -266,13 +295,13 @@ def read(bag: Path | str, *topics: str) -> Iterator[tuple[int, Message]]:
 
 def locate(path: Path) -> tuple[Path, list[Path], metadata.BagInfo | None]:
     """The folder (or file), storage files in order and metadata of a bag. Raises InputError if it is not one."""
-    if path.is_file() and path.suffix in (".mcap", ".db3"):
+    if path.is_file() and path.suffix in _STORAGE:
         return path, [path], None
     if not path.exists():
         raise InputError(f"{path}: no such bag")
     if not path.is_dir():
         raise InputError(f"{path}: not a bag: neither a folder nor a .mcap or .db3 file")
-    found = sorted(path.glob("*.mcap"), key=_number) or sorted(path.glob("*.db3"), key=_number)
+    found = storage_files(path)
     try:
         info = metadata.read(path)
     except InputError:
@@ -283,23 +312,51 @@ def locate(path: Path) -> tuple[Path, list[Path], metadata.BagInfo | None]:
         named = [path / Path(file.path).name for file in info.files]
         if missing := [file.name for file in named if not file.is_file()]:
             raise InputError(f"{path}: {missing[0]}, named in metadata.yaml, is missing")
-        # A split that the last metadata.yaml of a torn bag does not know yet belongs to it too.
-        found = named + [file for file in found if file not in named and info.storage == "mcap"]
+        return path, named + _later_splits(path, named, found, info), info
     if not found:
         raise InputError(f"{path}: not a bag: no metadata.yaml and no .mcap or .db3 file in it")
-    return path, found, info
+    if not _of_one_bag(found):
+        raise InputError(
+            f"{path}: not one bag but a folder of several, {found[0].name} and {found[1].name}: give one of them"
+        )
+    # Of a bag that was converted in place, what it was converted to.
+    return path, [file for file in found if file.suffix == ".mcap"] or found, None
 
 
 def is_bag(path: Path) -> bool:
     """Whether the path looks like a bag."""
     if path.is_file():
-        return path.suffix in (".mcap", ".db3")
-    return (path / metadata.NAME).is_file() or any(path.glob("*.mcap")) or any(path.glob("*.db3"))
+        return path.suffix in _STORAGE
+    return (path / metadata.NAME).is_file() or _of_one_bag(storage_files(path))
 
 
-def _number(path: Path) -> tuple[int, str]:
-    tail = path.stem.rpartition("_")[2]
-    return (int(tail) if tail.isdecimal() else -1, path.name)
+def storage_files(folder: Path) -> list[Path]:
+    """The storage files in a folder, splits in their order; without hidden ones, such as macOS keeps beside each."""
+    found = [file for file in folder.glob("[!.]*") if file.suffix in _STORAGE and file.is_file()]
+    return sorted(found, key=lambda file: (_split(file)[1], file.name))
+
+
+def _split(file: Path) -> tuple[str, int]:
+    """Name of the bag and number of the split of a file such as ``NAME_0.mcap``; -1 where it has no number."""
+    name, _, number = file.stem.rpartition("_")
+    return (name, int(number)) if name and number.isdecimal() else (file.stem, -1)
+
+
+def _of_one_bag(files: Sequence[Path]) -> bool:
+    """Whether storage files without metadata.yaml are one bag: a single file, or splits of one name from 0 on.
+
+    All others are a bag each, such as a folder of trials that were recorded into a file each.
+    """
+    names = {_split(file)[0] for file in files}
+    return len(names) == 1 and (len({file.stem for file in files}) == 1 or _split(files[0])[1] == 0)
+
+
+def _later_splits(folder: Path, named: Sequence[Path], found: Sequence[Path], info: metadata.BagInfo) -> list[Path]:
+    """Splits that metadata.yaml does not name: only where the recording was cut off before it was written again."""
+    if info.custom.get("state") != metadata.RECORDING:
+        return []
+    name, last = _split(named[-1]) if named else (folder.name, -1)
+    return [file for file in found if file.suffix == ".mcap" and _split(file)[0] == name and _split(file)[1] > last]
 
 
 def mapped(path: Path) -> memoryview:
@@ -327,7 +384,7 @@ def _file_items(path: Path, info: metadata.BagInfo | None) -> Iterator[tuple[mca
 
 def _trusted(data: memoryview, info: metadata.BagInfo | None) -> Definitions:
     """Definitions from the most trustworthy place there is: the summary (it has a CRC), else our metadata.yaml."""
-    definitions = Definitions()
+    definitions = Definitions(_release(info))
     records = mcap_scan.summary(data) or []
     for kind in (Schema, Channel):
         for record in records:
@@ -336,8 +393,11 @@ def _trusted(data: memoryview, info: metadata.BagInfo | None) -> Definitions:
     if not definitions.topics and info is not None and "state" in info.custom:
         # Our writer numbers the channels of every file in the order of metadata.yaml.
         definitions.topics.update(enumerate(info.topics, start=1))
-        definitions.encodings.update(dict.fromkeys(definitions.topics, "cdr"))
     return definitions
+
+
+def _release(info: metadata.BagInfo | None) -> str:
+    return info.release if info is not None else JAZZY
 
 
 def _by_topic(batches: Iterable[tuple[Batch, Definitions]]) -> dict[str, list[Part]]:
@@ -358,17 +418,15 @@ def _rows(batch: Batch, definitions: Definitions, topic: str) -> NDArray[np.int6
     return np.flatnonzero(channels == some[0] if len(some) == 1 else np.isin(channels, some))
 
 
-def _fields(parts: list[Part], type_name: str, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
+def _fields(parts: list[Part], interface: Interface, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
     """The fields of all messages: at once where their lengths are equal, else each length in turn."""
     if not parts or not names:
         return {name: np.empty(0) for name in names}
-    if not interfaces.known(type_name):
-        raise InputError(f"message type {type_name!r} is not one of ROS 2 Jazzy's standard types")
     lengths = np.concatenate([batch.length[rows] for batch, rows in parts])
     result: dict[str, NDArray[Any]] = {}
     for length in np.unique(lengths).tolist():
         where = np.flatnonzero(lengths == length)
-        for name, values in columns.gather(_stacked(parts, length), type_name, names).items():
+        for name, values in columns.gather(_stacked(parts, length), interface, names).items():
             if name not in result:
                 result[name] = np.empty((len(lengths), *values.shape[1:]), values.dtype)
             if result[name].shape[1:] != values.shape[1:]:

@@ -9,9 +9,11 @@ from pathlib import Path
 from mcap.records import Attachment, Metadata
 
 from sandbot_common.errors import InputError
-from sandbot_record.bags import interfaces, mcap_scan
+from sandbot_record.bags import mcap_scan
 from sandbot_record.bags.definitions import Definitions
+from sandbot_record.bags.interfaces import CDR
 from sandbot_record.bags.mcap_scan import Batch, Damage
+from sandbot_record.bags.mcap_writer import ROS2
 from sandbot_record.bags.metadata import TopicInfo
 from sandbot_record.bags.reader import Bag, mapped
 from sandbot_record.bags.video import Transfer
@@ -69,7 +71,9 @@ def recover(source: Path, target: Path) -> Recovery:
         reason = bag.problems[0] if bag.problems else "it is empty"
         raise InputError(f"{source}: no message can be brought back: {reason}")
     result = Recovery()
-    with BagWriter(target) as writer:
+    # What ROS 2 asks of its files holds for CDR only.
+    all_cdr = all(topic.interface.encoding == CDR for topic in bag.topics.values())
+    with BagWriter(target, profile=ROS2 if all_cdr else "") as writer:
         films = {name: Transfer(file, writer.folder) for name, file in bag.videos.items()}
         last_ns = bag.start_ns
         for file, item, definitions in bag.items():
@@ -85,11 +89,12 @@ def recover(source: Path, target: Path) -> Recovery:
         for film in films.values():
             film.close()
         for topic in bag.topics.values():
-            _add(topic, None, bag, writer)
+            _add(topic, bag, writer)
         result.counts = writer.counts
         if not result.counts or not sum(result.counts.values()):
             raise InputError(f"{source}: no message can be brought back: none is of a type that is known")
         _note_cut(bag, result)
+        result.notes += bag.miscounts
         writer.metadata(
             RECORD, {"source": source.name, "lost": "\n".join(result.lines()[len(result.counts) :]) or "nothing"}
         )
@@ -109,7 +114,7 @@ def _copy(
         channel, log_time = int(fields["channel"]), int(fields["log_time_ns"])
         if channel not in topics:
             known = definitions.topics.get(channel)
-            topics[channel] = known if known and _add(known, definitions, bag, writer) else None
+            topics[channel] = known if known and _add(known, bag, writer) else None
         topic = topics[channel]
         if topic is None:
             result.losses[f"channel {channel} (topic or type not known)"].add(1, log_time, log_time)
@@ -131,39 +136,23 @@ def _taken_over(data: memoryview, film: Transfer | None) -> bytes | memoryview |
         return None
 
 
-def _add(topic: TopicInfo, definitions: Definitions | None, bag: Bag, writer: BagWriter) -> bool:
-    """Register a topic; False if neither its type nor its definition is known."""
+def _add(topic: TopicInfo, bag: Bag, writer: BagWriter) -> bool:
+    """Register a topic as it is; False if nobody knows what its messages are."""
     if topic.name in writer.counts:
         return True
-    listed = bag.topics.get(topic.name, topic)
-    if interfaces.known(topic.type):
-        writer.add_topic(topic.name, topic.type, qos=topic.qos or listed.qos)
-        return True
-    schema = (
-        next((schema for schema in definitions.schemas.values() if schema.name == topic.type), None)
-        if definitions
-        else None
-    )
-    if schema is None:
+    interface = topic.interface.described()
+    if interface.encoding == CDR and interface.schema is None:
         return False
-    text = schema.data.decode(errors="replace")
-    writer.add_topic(
-        topic.name,
-        topic.type,
-        qos=topic.qos or listed.qos,
-        definition=text,
-        type_hash=topic.hash,
-        encoding=schema.encoding,
-    )
+    writer.add_interface(topic.name, interface, topic.qos or bag.topics[topic.name].qos)
     return True
 
 
 def _decodes(batch: Batch, row: int, topic: TopicInfo) -> bool:
     """Whether a message no CRC vouches for is at least one of its type."""
-    if not interfaces.known(topic.type):
+    if not topic.interface.known:
         return True
     try:
-        interfaces.decode(bytes(batch.payload(row)), topic.type)
+        topic.interface.decode(bytes(batch.payload(row)))
     except InputError:
         return False
     return True

@@ -12,14 +12,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from mcap.exceptions import McapError
+from mcap.records import Schema
 from rosbags.interfaces import Qos
 
 from sandbot_common.errors import InputError
 from sandbot_common.topics import Topic
 from sandbot_record.bags import interfaces, metadata
-from sandbot_record.bags.mcap_writer import COMPRESSIONS, McapWriter
+from sandbot_record.bags.interfaces import ROS2MSG, Interface
+from sandbot_record.bags.mcap_writer import COMPRESSIONS, ROS2, McapWriter
 
 SECOND_NS = 1_000_000_000
 
@@ -34,11 +37,9 @@ class Split:
 
 @dataclass
 class _Channel:
-    """A topic as it is written: its entry in metadata.yaml, its definition and its id in the current file."""
+    """A topic as it is written: its entry in metadata.yaml and its id in the current file."""
 
     info: metadata.TopicInfo
-    definition: str
-    encoding: str
     id: int = 0
 
 
@@ -47,7 +48,8 @@ def add_metadata(bag: Path, name: str, values: Mapping[str, str]) -> None:
 
     Raises InputError if it is no complete bag of ours, OSError if the disk is full (it is for `recover` then).
     """
-    files = sorted(bag.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
+    info = metadata.read(bag)
+    files = [file for one in info.files if (file := bag / one.path).is_file()] if info else []
     if not files:
         raise InputError(f"{bag}: no bag")
     try:
@@ -79,6 +81,7 @@ class BagWriter:
         split: Split = Split(),
         whole: bool = True,
         on_split: Callable[[str], None] | None = None,
+        profile: str = ROS2,
     ) -> None:
         if compression not in COMPRESSIONS:
             raise InputError(f"{path}: compression {compression!r} is not one of {', '.join(COMPRESSIONS)}")
@@ -86,7 +89,8 @@ class BagWriter:
             raise InputError(f"{path}: exists already, not overwriting")
         self.path = path
         self._final = path
-        self._compression, self._chunk_size, self._split, self._on_split = compression, chunk_size, split, on_split
+        self._split, self._on_split = split, on_split
+        self._storage: dict[str, Any] = {"compression": compression, "chunk_size": chunk_size, "profile": profile}
         self._flush_ns, self._fsync = int(flush_period_s * SECOND_NS), fsync
         self._flushed_ns: int | None = None
         self._channels: dict[str, _Channel] = {}
@@ -129,9 +133,8 @@ class BagWriter:
         qos: Sequence[Qos] = (),
         definition: str | None = None,
         type_hash: str | None = None,
-        encoding: str = "ros2msg",
     ) -> None:
-        """Register a topic before its first message; no effect if it is there already with this type.
+        """Register a topic of CDR messages before the first; no effect if it is there already with this type.
 
         ``definition`` and ``type_hash`` are for types that are not ROS 2 Jazzy's standard ones.
         Raises InputError if the type is unknown or another one.
@@ -140,16 +143,20 @@ class BagWriter:
             if known.info.type != type_name:
                 raise InputError(f"{self._final}: topic {name} has type {known.info.type}, not {type_name}")
             return
-        channel = _Channel(
-            info=metadata.TopicInfo(
-                name=name,
-                type=type_name,
+        text = interfaces.definition(type_name) if definition is None else definition
+        self.add_interface(
+            name,
+            Interface(
+                type_name,
                 hash=interfaces.type_hash(type_name) if type_hash is None else type_hash,
-                qos=tuple(qos),
+                schema=Schema(id=0, name=type_name, encoding=ROS2MSG, data=text.encode()),
             ),
-            definition=interfaces.definition(type_name) if definition is None else definition,
-            encoding=encoding,
+            qos,
         )
+
+    def add_interface(self, name: str, interface: Interface, qos: Sequence[Qos] = ()) -> None:
+        """Register a new topic whose messages are written as in the bag they come from."""
+        channel = _Channel(metadata.TopicInfo(name, interface, tuple(qos)))
         self._register(channel)
         self._channels[name] = channel
         self.info.topics.append(channel.info)
@@ -272,7 +279,7 @@ class BagWriter:
     def _open_file(self) -> None:
         name = f"{self._final.name}_{len(self.info.files)}.mcap"
         try:
-            self._file = McapWriter(self._folder / name, compression=self._compression, chunk_size=self._chunk_size)
+            self._file = McapWriter(self._folder / name, **self._storage)
             self.info.files.append(metadata.FileInfo(name))
             for channel in self._channels.values():
                 self._register(channel)
@@ -290,10 +297,6 @@ class BagWriter:
             metadata.write(self._folder, self.info)
 
     def _register(self, channel: _Channel) -> None:
-        channel.id = self._file.add_channel(
-            channel.info.name,
-            channel.info.type,
-            channel.definition,
-            {"offered_qos_profiles": metadata.qos_text(channel.info.qos), "topic_type_hash": channel.info.hash},
-            channel.encoding,
-        )
+        info, interface = channel.info, channel.info.interface
+        about = {"offered_qos_profiles": metadata.qos_text(info.qos), "topic_type_hash": interface.hash}
+        channel.id = self._file.add_channel(info.name, interface.encoding, interface.schema, about)

@@ -39,7 +39,8 @@ def describe(bag: Bag) -> str:
         f"Messages:          {bag.count}",
     ]
     topics = [
-        f"Topic: {topic.name} | Type: {topic.type} | Count: {topic.count} | Serialization Format: cdr"
+        f"Topic: {topic.name} | Type: {topic.type} | Count: {topic.count} | "
+        f"Serialization Format: {topic.interface.encoding}"
         for topic in bag.topics.values()
     ]
     lines += [f"Topic information: {topics[0] if topics else 'none'}", *(f"{'':19}{line}" for line in topics[1:])]

@@ -176,8 +176,6 @@ def _hint(name: str, header: Iterable[str]) -> str:
     for other in header:
         if _OTHER_NAMES.get(_plain(other), "").split(" ")[0] == name:
             return f"; {other} would have to become {_OTHER_NAMES[_plain(other)]}"
-    if sum(cell.count(";") for cell in header) > 1:
-        return "; lines differ in how many semicolons they have"
     # With a unit of its own, a column is not misspelt but not understood.
     if foreign := next((other for other in header if _in_brackets(other)[0] == name), ""):
         return f"; {foreign!r} has a unit that is not known; {', '.join(_FACTORS[name])} are"

@@ -169,7 +169,8 @@ def bags_in(folder: Path) -> list[Path]:
     inside = trials if trials.is_dir() else folder
     if not inside.is_dir():
         return []
-    return sorted(path for path in inside.iterdir() if not path.name.startswith(".") and reader.is_bag(path))
+    # Files in a folder that are no one bag are told when they are read, not passed over.
+    return sorted(path for path in inside.glob("[!.]*") if reader.is_bag(path) or reader.storage_files(path))
 
 
 def _table_is_newer(folder: Path, bags: Sequence[Path]) -> bool:

@@ -1,7 +1,8 @@
 """In which order trials were run, where the clock tells it and nobody has numbered them."""
 
 import math
-from collections.abc import Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 
@@ -19,8 +20,14 @@ def by_the_clock(rows: Sequence[Row], *, joined: bool) -> list[Row]:
     when = {row.trial_id: began for row in rows if (began := _began(row.started)) is not None}
     if len({began.tzinfo is None for began in when.values()}) != 1 or any(row.trial_id not in when for row in counted):
         return list(rows)
-    place = {trial_id: index for index, trial_id in enumerate(sorted(when, key=when.__getitem__), start=1)}
-    return [replace(row, run_order=float(place.get(row.trial_id, math.nan))) for row in rows]
+    place = _places(when)
+    return [replace(row, run_order=place.get(row.trial_id, math.nan)) for row in rows]
+
+
+def _places(when: Mapping[str, datetime]) -> dict[str, float]:
+    """From 1; trials of one time, of which a day alone may be told, share the mean of their places."""
+    times = sorted(when.values())
+    return {name: 0.5 * (bisect_left(times, began) + 1 + bisect_right(times, began)) for name, began in when.items()}
 
 
 def _began(started: str) -> datetime | None:
