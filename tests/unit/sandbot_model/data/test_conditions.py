@@ -81,3 +81,16 @@ def test_without_a_cell_everything_over_cells_is_one_shorter():
         for name in set(over_cells) - {"gait", "clock"}:
             if getattr(cells, name) is not None:
                 np.testing.assert_array_equal(getattr(fewer, name), getattr(cells, name)[kept])
+
+
+def test_a_trial_that_names_no_batch_shares_one_with_those_of_its_condition_alone():
+    def shares(*batches):
+        rows = [
+            Row(f"{w}{i}", 0.6, 0.0, w, "UNIFORM", i, 0.1, batch=batches[(w == 8.0) * 2 + i])
+            for w in (4.0, 8.0) for i in (0, 1)
+        ]  # fmt: skip
+        return cells_of(from_rows(rows)).batch_share
+
+    np.testing.assert_array_equal(shares("mon", "", "", ""), [[0.5, 0.0, 0.5], [0.0, 1.0, 0.0]])
+    np.testing.assert_array_equal(shares("mon", "tue", "mon", "tue"), [[0.5, 0.5], [0.5, 0.5]])
+    assert shares("", "", "", "") is None

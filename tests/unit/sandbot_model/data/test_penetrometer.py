@@ -1,20 +1,27 @@
 """Penetrometer readings: reading the file, what they do to a fit, and what they show that trials can't."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sandbot_common.errors import InputError
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.data.penetrometer import D_R, Readings, at_levels, read_readings
+from sandbot_model.data.penetrometer import Readings, at_levels, read_readings
 from sandbot_model.discovery.verdict import passes
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.jacobian import readings_jacobian
+from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 
 EFFECTS = catalogue()
+D_R = 0.039
+"""SandBot's depth of a stiffness [m]."""
+SMALL = Robot(leg_radius_m=0.012, axle_height_m=0.008, mass_per_leg_kg=0.02, leg_width_m=0.004, stiffness_depth_m=0.013)
 PHI = np.repeat(np.linspace(0.58, 0.633, 5), 4)
 DEPTH = np.tile([0.015, 0.025, 0.035, 0.044], 5)
 K = np.interp(PHI, [0.58, 0.6, 0.633], [170.0, 205.0, 220.0])
@@ -72,14 +79,37 @@ def test_the_slope_of_the_readings_is_that_of_their_difference(drawn):
         assert slopes[:, at.theta.shape[1] + level] == pytest.approx(change, rel=1e-3, abs=1e-4)
 
 
-def test_a_file_of_forces_and_one_of_stiffness_say_the_same(tmp_path):
+@pytest.mark.parametrize(("robot", "depth_m"), [(SANDBOT, D_R), (SMALL, 0.013)])
+def test_a_file_of_forces_and_one_of_stiffness_say_the_same(tmp_path, robot, depth_m):
     forces, stiffness = tmp_path / "forces.csv", tmp_path / "k.csv"
-    forces.write_text(f"phi,depth_m,force_n,force_sd_n\n0.6,{D_R},7.8,0.1\n")
+    forces.write_text(f"phi,depth_m,force_n,force_sd_n\n0.6,{depth_m},{200 * depth_m},{2.5641 * depth_m}\n")
     stiffness.write_text("phi, k_n_per_m, k_sd_n_per_m\n0.6, 200, 2.5641\n")
-    one, other = read_readings(forces), read_readings(stiffness)
-    assert one.force_n == pytest.approx(other.force_n)
-    assert one.force_sd_n == pytest.approx(other.force_sd_n, rel=1e-4)
-    assert one.depth_m == pytest.approx(other.depth_m)
+    one, other = (at_levels(read_readings(path), np.array([0.6]), robot) for path in (forces, stiffness))
+    for name in ("depth", "force", "sd"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-12)
+
+
+def test_a_force_is_at_its_own_depth_whoever_walked(tmp_path):
+    path = tmp_path / "forces.csv"
+    path.write_text("phi,depth_m,force_n\n0.6,0.02,4\n0.6,0.03,6\n")
+    one, other = (at_levels(read_readings(path), np.array([0.6]), robot) for robot in (SANDBOT, SMALL))
+    for found in (one, other):
+        assert found.depth.tolist() == [0.02, 0.03]
+        assert found.force.tolist() == [4.0, 6.0]
+        assert found.sd == pytest.approx([0.08, 0.12])
+
+
+@pytest.mark.parametrize("robot", [SANDBOT, SMALL])
+def test_a_stiffness_is_pressed_at_the_depth_of_the_robot_that_walked(drawn, robot):
+    """Of readings k, a leg of this robot pressed to its d_r meets k d_r, whatever the exponent of the force is."""
+    unknown = np.full(len(PHI), np.nan)
+    told = Readings(PHI, unknown, unknown, unknown, stiffness=(K, 0.02 * K))
+    cells = cells_of(dataclasses.replace(drawn(levels=5), robot=robot), told)
+    assert set(cells.pressed.depth.tolist()) == {robot.stiffness_depth_m}
+    problem = Problem(model_of("simple", ("depth_nonlinearity",), EFFECTS, robot), cells)
+    theta = np.array([{"depth_nonlinearity.n": 1.4, "delta_t_s": 0.4}.get(name, 0.02) for name in problem.model.names])
+    missed = problem.pressed(theta[None], np.log(K[::4])[None], np.zeros((1, 5)))
+    np.testing.assert_allclose(missed, 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -114,13 +144,13 @@ def test_any_bytes_give_readings_or_one_line(tmp_path_factory, content):
         message = str(error)
     else:
         message = ""
-        assert np.isfinite(found.force_n).all()
+        assert np.isfinite(found.of(SANDBOT).force_n).all()
     assert "\n" not in message
 
 
 def test_readings_elsewhere_are_refused_and_strays_left_out():
     levels = np.array([0.59, 0.61])
     table = Readings(*(np.array(column) for column in ([0.591, 0.63], [0.02, 0.02], [4.0, 4.0], [0.1, 0.1])))
-    assert len(at_levels(table, levels)) == 1
+    assert len(at_levels(table, levels, SANDBOT)) == 1
     with pytest.raises(InputError, match=r"0\.591-0\.630"):
-        at_levels(table, np.array([0.55]))
+        at_levels(table, np.array([0.55]), SANDBOT)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sandbot_model.data.pure_error import FLOOR, pure_error
+from sandbot_model.data.pure_error import FLOOR, PRIOR, pure_error
 
 SCALE = np.array([5e-3, 5e-4, 1e-2, 1.5e-3])
 
@@ -28,6 +28,7 @@ def scattered(cells=40, replicates=4, seed=0, correlation=0.0, omega=None):
         np.full((cells, 4), replicates),
         np.ones(cells, dtype=bool),
         omega,
+        SCALE,
     )
 
 
@@ -51,8 +52,8 @@ def test_observables_that_move_together_are_seen_to():
 
 @given(st.floats(1e-3, 1e3))
 def test_the_unit_does_not_matter(unit):
-    residual, *rest = scattered()
-    here, there = pure_error(residual, *rest), pure_error(residual * unit, *rest)
+    residual, *rest, usual = scattered()
+    here, there = pure_error(residual, *rest, usual), pure_error(residual * unit, *rest, usual * unit)
     if (SCALE * unit > 100 * FLOOR).all():
         np.testing.assert_allclose(there.sd, here.sd * unit, rtol=1e-6)
         np.testing.assert_array_equal(there.own, here.own)
@@ -60,16 +61,21 @@ def test_the_unit_does_not_matter(unit):
 
 @given(st.permutations(range(40)))
 def test_the_order_of_cells_does_not_matter(order):
-    residual, cell, count, walking, omega = scattered()
+    residual, cell, count, walking, omega, _ = scattered()
     place = np.argsort(order)
-    moved = pure_error(residual, place[cell], count, walking, omega)
-    here = pure_error(residual, cell, count, walking, omega)
+    moved = pure_error(residual, place[cell], count, walking, omega, SCALE)
+    here = pure_error(residual, cell, count, walking, omega, SCALE)
     np.testing.assert_allclose(moved.covariance[place], here.covariance, rtol=1e-9)
 
 
 def test_no_replicates_no_error():
     error = pure_error(
-        np.zeros((5, 4)), np.arange(5), np.ones((5, 4), dtype=int), np.ones(5, dtype=bool), np.arange(1.0, 6)
+        np.zeros((5, 4)),
+        np.arange(5),
+        np.ones((5, 4), dtype=int),
+        np.ones(5, dtype=bool),
+        np.arange(1.0, 6),
+        SCALE,
     )
     assert np.isnan(error.sd).all()
     assert (error.dof == 0).all()
@@ -77,14 +83,38 @@ def test_no_replicates_no_error():
 
 def test_replicates_that_agree_to_the_last_bit_prove_nothing():
     residual, *rest = scattered()
-    assert (pure_error(0 * residual, *rest).sd == FLOOR).all()
+    for factor in (0.0, 1e-3 * FLOOR):
+        error = pure_error(factor * residual, *rest)
+        assert np.isnan(error.sd).all()
+        assert (error.dof == 0).all()
+    one = pure_error(residual * [0.0, 1.0, 1.0, 1.0], *rest)
+    np.testing.assert_array_equal(one.dof, [0, 120, 120, 120])
+    assert np.isfinite(one.covariance[:, 1:, 1:]).all()
+    np.testing.assert_allclose(one.covariance[:, 1:, 1:], pure_error(residual, *rest).covariance[:, 1:, 1:])
+
+
+@pytest.mark.parametrize("pairs", [1, 2, 6])
+def test_a_usual_lab_counts_beside_few_replicates_and_not_beside_many(pairs):
+    """One pair that agrees by chance is no precise instrument."""
+    cell = np.concatenate([np.repeat(np.arange(pairs), 2), np.arange(pairs, 40)])
+    count = np.where(np.arange(40) < pairs, 2, 1)[:, None] * np.ones((1, 4), dtype=int)
+    residual = np.zeros((len(cell), 4))
+    residual[: 2 * pairs : 2], residual[1 : 2 * pairs : 2] = 1e-3 * SCALE, -1e-3 * SCALE
+    error = pure_error(residual, cell, count, np.ones(40, dtype=bool), np.full(40, 8.0), SCALE)
+    least = np.sqrt(PRIOR / (pairs + PRIOR)) * SCALE
+    assert (np.sqrt(np.diagonal(error.covariance[0])) >= 0.99 * least).all()
+    assert (error.sd < 0.01 * SCALE).all()  # what is told of the replicates is their own
+
+    many, *rest, _ = scattered()
+    here, there = (pure_error(many, *rest, usual * SCALE).covariance for usual in (1.0, 100.0))
+    np.testing.assert_array_equal(here, there)
 
 
 def test_walking_and_swimming_are_pooled_apart():
-    residual, cell, count, walking, omega = scattered()
+    residual, cell, count, walking, omega, _ = scattered()
     walking[20:] = False
     residual[cell >= 20] *= 0.1
-    error = pure_error(residual, cell, count, walking, omega)
+    error = pure_error(residual, cell, count, walking, omega, SCALE)
     assert np.sqrt(error.covariance[:20, 0, 0].mean()) == pytest.approx(5e-3, rel=0.3)
     # A little of the common scatter counts in each regime.
     assert 4e-4 < np.sqrt(error.covariance[20:, 0, 0].mean()) < 1e-3
@@ -97,7 +127,7 @@ def test_a_cell_that_flips_stands_on_its_own_scatter():
     residual = rng.normal(0, 0.005, (cells * replicates, 4))
     residual[:3] = [[0.08] * 4, [-0.04] * 4, [-0.04] * 4]
     count = np.full((cells, 4), replicates)
-    error = pure_error(residual, cell, count, np.ones(cells, dtype=bool), np.full(cells, 8.0))
+    error = pure_error(residual, cell, count, np.ones(cells, dtype=bool), np.full(cells, 8.0), SCALE)
     assert error.own[0]
     assert error.own.sum() <= 2
     assert error.sd[0] == pytest.approx(0.005 * np.sqrt(2 / 3), rel=0.5)
@@ -115,7 +145,7 @@ def test_few_cells_that_flip_are_no_scatter_of_all(cells, replicates, flips, pow
         values = rng.normal(size=(len(cell), 4)) * (omega[cell] ** power)[:, None]
         values[np.arange(flips) * replicates] += 40 * omega[:flips, None] ** power
         count, walking = np.full((cells, 4), replicates), np.ones(cells, dtype=bool)
-        error = pure_error(about_means(values, cell, replicates), cell, count, walking, omega)
+        error = pure_error(about_means(values, cell, replicates), cell, count, walking, omega, np.ones(4))
         apart.append(error.own[:flips].all() and error.own[flips:].mean() < 0.2)
         found.append(np.median(np.sqrt(error.covariance[flips:, 0, 0]) / omega[flips:] ** power))
     assert np.mean(apart) > 0.95
@@ -127,7 +157,7 @@ def test_scatter_that_follows_frequency_is_followed():
     omega = np.repeat([4.0, 8.0, 16.0, 30.0], 10)
     cell = np.repeat(np.arange(40), 3)
     residual = about_means(rng.normal(size=(120, 4)) * (1e-3 * omega[cell])[:, None], cell, 3)
-    error = pure_error(residual, cell, np.full((40, 4), 3), np.ones(40, dtype=bool), omega)
+    error = pure_error(residual, cell, np.full((40, 4), 3), np.ones(40, dtype=bool), omega, SCALE)
     found = np.sqrt(error.covariance[:, 0, 0])
     np.testing.assert_allclose(found / (1e-3 * omega), 1.0, atol=0.45)
 

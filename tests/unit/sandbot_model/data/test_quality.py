@@ -57,6 +57,25 @@ def test_copies_are_named():
     assert f"{CLEAN.trial_id[4]} = {CLEAN.trial_id[3]}" in note
 
 
+def test_trials_without_a_batch_among_others_are_named():
+    (note,) = checked(changed("batch", [3, 4], ""))
+    assert note.startswith("2 trials name no batch")
+    assert CLEAN.trial_id[3] in note
+    assert checked(changed("batch", slice(None), "")) == ()
+
+
+def test_an_order_that_is_not_told_of_all_is_named():
+    (note,) = checked(changed("run_order", [5], np.nan))
+    assert note == f"the run order is not used, for 1 of {len(CLEAN)} trials have none: {CLEAN.trial_id[5]}"
+    nobody = changed("run_order", slice(None), np.nan)
+    assert checked(nobody) == ()
+    told = replace(nobody, started=np.full(len(CLEAN), "04.05.2026 08:10", dtype=object))
+    (note,) = checked(told)
+    assert note.startswith(
+        f"started tells no order: '04.05.2026 08:10' in {CLEAN.trial_id[0]} is not as 2026-05-04T08:10"
+    )
+
+
 def test_zeros_for_not_measured_are_named():
     assert any("first_step_m are exactly 0" in note for note in checked(changed("first_step_m", slice(0, 40), 0.0)))
 

@@ -30,6 +30,10 @@ def test_each_step_names_what_it_adds_and_the_floor_is_last(steps, cells):
     assert float(rows[-1][1]) == pytest.approx(100 * noise_floor(cells)["speed"], abs=0.005)
 
 
+def test_a_step_that_adds_nothing_is_held_by_hand(steps):
+    assert [row[0] for row in ladder_rows([*steps, steps[-1]])][4] == "the same,\nheld by hand"
+
+
 def test_without_replicates_there_is_no_floor(drawn):
     trials = drawn(levels=2, omega=(8, 14))
     once = trials.select(trials.replicate == trials.replicate.min())

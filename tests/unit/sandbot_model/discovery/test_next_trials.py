@@ -1,12 +1,23 @@
 """What to measure next: what tells the surviving sets apart, and nothing where nothing does."""
 
-import numpy as np
+import dataclasses
 
+import numpy as np
+import pytest
+
+import _drawn
+from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery import next_trials as module
 from sandbot_model.discovery.compare import compare
-from sandbot_model.discovery.next_trials import NextTrial, next_trials
+from sandbot_model.discovery.next_trials import PENETRATION, NextTrial, Predicted, between, depths_m, next_trials
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.walking import Walker
+
+HALF = Robot(
+    leg_radius_m=0.01775, axle_height_m=0.0125, leg_width_m=0.006, mass_per_leg_kg=0.3835, stiffness_depth_m=0.0195
+)
+"""SandBot at half its size: its legs reach 2.3 cm deep."""
 
 
 def test_next_trials_split_what_is_left(drawn):
@@ -43,3 +54,33 @@ def test_what_is_told_apart_already_is_worth_two_trials_and_no_more(monkeypatch)
     found = {trial.omega_rad_s: (trial.separates, trial.replicates) for trial in next_trials(["a", "b", "c"])}
     assert found == {9.0: (("a", "b"), 2), 12.0: (("b", "c"), 70)}
     assert [trial.omega_rad_s for trial in next_trials(["a", "b"])] == [9.0]
+
+
+@pytest.mark.parametrize(
+    ("robot", "depth_m", "where"),
+    [(SANDBOT, 0.044, "4.4 cm deep"), (HALF, 0.022, "2.2 cm deep")],
+    ids=["SandBot", "half"],
+)
+def test_a_reading_is_proposed_where_the_legs_reach(robot, depth_m, where):
+    trials = _drawn.drawn(Walker((), robot), [], np.linspace(0.58, 0.633, 4), (4, 8, 12, 16), 3, seed=6)
+    fit = compare(cells_of(dataclasses.replace(trials, robot=robot)), catalogue()).fit
+    first = Predicted.by(fit)
+    other = dataclasses.replace(first, name="stiffer below", force=first.force * [1.0, 1.0, 1.0, 1.5])
+    found = between(first, other)
+    assert {trial.observable for trial in found} == {PENETRATION}
+    assert {trial.depth_m for trial in found} == {depth_m}
+    assert found[0].where == f"φ {found[0].phi:.3f}, {where}"
+    np.testing.assert_allclose(first.force[0], fit.press(np.full(4, fit.level_phi[0]), first.depth_m)[0])
+
+
+def test_depths_are_sandbots_own_and_a_share_of_what_others_reach():
+    assert depths_m(SANDBOT).tolist() == [0.01, 0.02, 0.03, 0.044]
+    assert depths_m(HALF).tolist() == [0.005, 0.01, 0.015, 0.022]
+    for radius in (0.005, 0.012, 0.0549, 0.5):
+        robot = Robot(leg_radius_m=radius, axle_height_m=0.7 * radius, leg_width_m=radius / 3)
+        assert (np.diff([0.0, *depths_m(robot), 1.3 * radius]) > 0).all()
+
+
+def test_depths_below_a_millimetre_apart_are_told_apart():
+    trial = NextTrial(0.6, float("nan"), PENETRATION, ("a", "b"), 3.0, 2, 0.00348)
+    assert trial.where == "φ 0.600, 0.35 cm deep"

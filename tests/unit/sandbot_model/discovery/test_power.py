@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.data.penetrometer import Readings
+from sandbot_model.discovery import error_rates as module
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.error_rates import Rate, error_rates, simulated
+from sandbot_model.discovery.error_rates import Rate, error_rates, pressed_anew, simulated
 from sandbot_model.discovery.power import Detectable, detectable, expected, in_words
 from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.catalogue import catalogue
@@ -17,6 +19,24 @@ from sandbot_model.physics.observables import Observable
 
 EFFECTS = catalogue()
 OVERLAP = {"stance_overlap": EFFECTS["stance_overlap"]}
+DEEPER = {"depth_nonlinearity": EFFECTS["depth_nonlinearity"]}
+EXPONENT, D_R = 1.3, 0.039
+PRESSED_PHI = np.repeat(np.linspace(0.58, 0.633, 4), 4)
+PRESSED_M = np.tile([0.015, 0.025, 0.035, 0.044], 4)
+
+
+def pressed(exponent=EXPONENT, sd=0.02, seed=1):
+    """Readings of the ground of ``drawn``, four depths a level."""
+    k = np.interp(PRESSED_PHI, [0.58, 0.6, 0.633], [170.0, 205.0, 220.0])
+    force = k * D_R * (PRESSED_M / D_R) ** exponent
+    noise = np.random.default_rng(seed).normal(size=len(force))
+    return Readings(PRESSED_PHI, PRESSED_M, force * (1 + sd * noise), sd * force)
+
+
+@pytest.fixture
+def harder_below(drawn):
+    """Trials in which nothing but a penetrometer shows the law of force."""
+    return drawn(("depth_nonlinearity",), levels=4, values={"depth_nonlinearity": {"n": EXPONENT}})
 
 
 def weakest(trials, effects=OVERLAP):
@@ -44,6 +64,17 @@ def test_at_that_strength_it_is_claimed_in_most_campaigns_and_far_below_in_none(
             claimed[strength] += gain > search.criteria.claim
     assert claimed[0.2] == 0
     assert claimed[1.5] >= 7
+
+
+def test_readings_show_weaker_exponents_the_more_precise_they_are(drawn):
+    """Of 2 % and of 0.2 %; what they say nothing of they leave as it was."""
+    trials, found = drawn(levels=4), {}
+    for sd in (0.02, 0.002):
+        base = fit(model_of("simple", (), DEEPER | OVERLAP), cells_of(trials, pressed(1.0, sd)))
+        search = EffectSearch(base.cells, DEEPER | OVERLAP, "simple")
+        found[sd] = {one.effect: abs(one.value - (one.effect in DEEPER)) for one in detectable(search, base)}
+    assert found[0.002]["depth_nonlinearity"] < 0.5 * found[0.02]["depth_nonlinearity"]
+    assert found[0.002]["stance_overlap"] == pytest.approx(found[0.02]["stance_overlap"], rel=0.3)
 
 
 def test_what_does_not_show_at_any_usual_strength_is_said():
@@ -90,3 +121,56 @@ def test_verdicts_on_simulated_campaigns_are_counted(drawn):
     assert hidden.statuses == {"identified": 2}
     assert str(hidden).startswith("with stance_overlap hidden: named in 2 of 2")
     assert hidden.to_dict()["named"] == {"count": 2, "of": 2, "at_95": pytest.approx((0.15811, 1.0), abs=1e-5)}
+
+
+def test_readings_are_drawn_anew_from_the_truth_as_uncertain_as_they_were(harder_below):
+    truth = fit(model_of("simple", ("depth_nonlinearity",), DEEPER), cells_of(harder_below, pressed()))
+    first, again, other = (pressed_anew(truth, np.random.default_rng(seed)) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first.force_n, again.force_n)
+    assert np.abs(first.force_n - other.force_n).min() > 0
+    np.testing.assert_array_equal(first.phi, PRESSED_PHI)
+    np.testing.assert_array_equal(first.depth_m, PRESSED_M)
+    np.testing.assert_array_equal(first.force_sd_n, pressed().force_sd_n)
+    many = np.array([pressed_anew(truth, np.random.default_rng(seed)).force_n for seed in range(400)])
+    said, _ = truth.press(first.phi, first.depth_m)
+    z = (many - said) / first.force_sd_n
+    assert np.abs(z.mean(axis=0)).max() < 0.3
+    assert z.std() == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_campaign_without_readings_has_none_drawn(drawn):
+    truth = fit(model_of("simple", (), OVERLAP), cells_of(drawn(levels=4)))
+    assert pressed_anew(truth, np.random.default_rng(0)) is None
+
+
+def test_simulated_campaigns_are_judged_with_readings_of_their_own(harder_below, monkeypatch):
+    judged = []
+
+    def discover(cells, *_args, **_options):
+        judged.append(cells)
+        raise StopIteration
+
+    monkeypatch.setattr(module, "discover", discover)
+    trials = harder_below
+    plain, with_readings = (
+        fit(model_of("simple", (), DEEPER), cells_of(trials, readings)) for readings in (None, pressed())
+    )
+    for truth in (plain, with_readings):
+        with pytest.raises(StopIteration):
+            error_rates(trials, truth, DEEPER, campaigns=1)
+    assert judged[0].pressed is None
+    assert judged[1].pressed.depth.tolist() == PRESSED_M.tolist()
+    assert judged[1].pressed.level.tolist() == np.repeat(range(4), 4).tolist()
+    assert np.abs(judged[1].pressed.force - pressed().force_n).min() > 0
+
+
+@pytest.mark.slow
+def test_what_readings_alone_show_is_found_in_simulated_campaigns(harder_below):
+    cells = cells_of(harder_below, pressed())
+    nothing, hidden = (
+        error_rates(harder_below, fit(model_of("simple", names, DEEPER), cells), DEEPER, campaigns=2, max_effects=1)
+        for names in ((), ("depth_nonlinearity",))
+    )
+    assert nothing.statuses == {"adequate": 2}
+    assert hidden.statuses == {"identified": 2}
+    assert hidden.named.count == 2

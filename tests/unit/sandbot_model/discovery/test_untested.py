@@ -48,6 +48,14 @@ def of_the_base_model(cells):
     return judge({(): fit(model_of("simple", (), {}), cells)}).status
 
 
+def test_copies_test_nothing():
+    """A computation without noise, three times: no model of it is right to 0.1 µm/s."""
+    alike = [replace(row, trial_id=f"{row.trial_id}{n}", replicate=n) for row in rows(null_world()) for n in (1.0, 2.0)]
+    verdict = untested(cells_of(from_rows(alike)), DEFAULT)
+    assert verdict.status == "untested"
+    assert verdict.because.startswith("replicates agree to the last digit, as copies do or a computation without noise")
+
+
 @pytest.mark.parametrize("found", [one_replicated(), rows(DISTURBED)], ids=["one condition", "none"])
 def test_a_gross_miss_is_not_called_adequate(found):
     cells = cells_of(from_rows(found))

@@ -1,17 +1,24 @@
 """Errors and tests of a fit: against what they are by definition, and where there is nothing to test."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from sandbot_lab.direct import direct_trials
+from sandbot_lab.world import null_world
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.fitting import goodness
+from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
+from sandbot_record.trials.table import Row, from_rows
 
 MODEL = model_of("simple", ("leg_slip",), catalogue())
+PHI, OMEGA = np.linspace(0.58, 0.633, 7).tolist(), [4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 30.0]
 
 
 def test_the_rms_over_trials_is_that_of_the_trials_themselves(drawn):
@@ -40,6 +47,34 @@ def test_p_is_even_under_the_null_and_not_known_without_replicates():
     assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.015)
     assert goodness.joint_p(200.0, dof, cells) < 1e-4
     assert np.isnan(goodness.joint_p(200.0, dof, SimpleNamespace(pure_error_dof=np.array([0]))))
+
+
+@pytest.fixture
+def lift_twice_in():
+    """Lack of fit of the base model to worlds in which nothing is hidden, where lift is measured twice so often."""
+
+    def p(cells, seed, off_m=0.0):
+        rows = [Row(**row) for row in direct_trials(null_world(), PHI, OMEGA, seed=seed)]
+        twice = set(np.random.default_rng(seed).choice(len(PHI) * len(OMEGA), cells, replace=False).tolist())
+        kept = []
+        for index, row in enumerate(sorted(rows, key=lambda row: row.trial_id)):
+            measured = row.replicate == 0 or (row.replicate == 1 and index // 3 in twice)
+            odd = off_m * (-1) ** (index // 3)
+            kept.append(replace(row, lift_m=max(row.lift_m + odd, 0.0) if measured else np.nan))
+        return fit(model_of("simple", (), {}), cells_of(from_rows(kept))).lack_of_fit_p
+
+    return p
+
+
+@pytest.mark.parametrize("cells", [0, 1, 2, 4])
+def test_a_scatter_known_from_few_replicates_refuses_no_true_model(lift_twice_in, cells):
+    """Nine of fifteen were refused where one pair of lifts had agreed by chance."""
+    assert sum(lift_twice_in(cells, seed) < DEFAULT.lack_of_fit for seed in range(12)) == 0
+
+
+@pytest.mark.parametrize(("cells", "off_m"), [(4, 0.02), (40, 0.002)])
+def test_and_still_refuses_what_is_far_off(lift_twice_in, cells, off_m):
+    assert lift_twice_in(cells, 1, off_m) < DEFAULT.lack_of_fit
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """The catalogue: effects of the project and of users' files, and what is refused as one."""
 
+import pickle
+
 import pytest
 
 from sandbot_common.errors import InputError
@@ -51,6 +53,17 @@ def test_a_file_of_any_release_adds_an_effect(tmp_path, where):
     path = tmp_path / "mine.py"
     path.write_text(OWN.replace("sandbot_model.physics.effect import Effect, Parameter", where))
     assert [one.identifier for one in effects_in(path)] == ["boost"]
+
+
+def test_files_of_one_name_and_names_with_dots_reach_workers(tmp_path):
+    """Workers find an effect's class by its module: two files of one name took each other's place, and all hung."""
+    paths = [tmp_path / "a" / "mine.py", tmp_path / "b" / "mine.py", tmp_path / "v1.2.py"]
+    for number, path in enumerate(paths):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(OWN.replace('"boost"', f'"boost_{number}"'))
+    effects = catalogue(paths)
+    for number in range(3):
+        assert pickle.loads(pickle.dumps(effects[f"boost_{number}"])).identifier == f"boost_{number}"
 
 
 def test_an_import_that_never_was_is_refused(tmp_path):

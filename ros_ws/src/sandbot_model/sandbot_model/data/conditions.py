@@ -128,7 +128,7 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     batch, order = np.asarray(trials.batch)[usable], np.asarray(trials.run_order, dtype=float)[usable]
     cells = _gather(phi, omega, gait, values, stated, accuracy, batch, order, excluded=int((~usable).sum()))
     cells = replace(cells, robot=robot, accuracy=accuracy, bars_of_trials=of_single_trials(stated))
-    return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi))
+    return cells if readings is None else replace(cells, pressed=at_levels(readings, cells.level_phi, robot))
 
 
 def cell_of(trials: Trials, cells: Cells) -> Ints:
@@ -193,10 +193,11 @@ def _gather(
     walking = walks(cells.means(values))
     values, rho = _at_level_phi(values, phi - level_phi[level], phi - cell_phi[cell], cells, keys, level_phi)
     mean, count = cells.means(values), cells.measured(values)
-    error = pure_error(values - mean[cell], cell, count, walking, cells.mean(omega))
+    usual = usual_noise(accuracy)
+    error = pure_error(values - mean[cell], cell, count, walking, cells.mean(omega), usual)
     slope = local_slope(mean, keys, level_phi, walking)[cell, Observable.speed]
     error = with_stated(error, cells.mean(stated_variance(stated, slope)))
-    covariance = _of_the_mean(error.covariance, count, usual_noise(accuracy)) + _accuracy(mean, accuracy)
+    covariance = _of_the_mean(error.covariance, count, usual) + _accuracy(mean, accuracy)
     names = tuple(str(gaits[index]) for index in keys[1])
     share, by_batch = _by_batch(batch, values, cells)
     return Cells(
@@ -226,9 +227,11 @@ def _gather(
 
 def _by_batch(batch: NDArray[np.str_], values: Floats, cells: _Groups) -> tuple[Floats, Floats] | tuple[None, None]:
     """``batch_share`` and ``batch_mean``; none where at most one batch is told."""
-    names, index = np.unique(batch, return_inverse=True)
-    if len(names) < 2:
+    if len(np.unique(batch)) < 2:
         return None, None
+    # Of a trial that names none nothing is known but its condition, as where no trial names any.
+    own_condition = np.char.add("\0", cells.index.astype(str))
+    names, index = np.unique(np.where(batch == "", own_condition, batch), return_inverse=True)
     own = index[:, None] == np.arange(len(names))
     means = [cells.means(np.where(of[:, None], values, np.nan)) for of in own.T]
     return cells.means(own.astype(float)), np.stack(means, axis=1)

@@ -4,7 +4,10 @@ They give what trials can't: the stiffness of undisturbed ground (a prior on k(�
 proportion to depth. A file has one reading a row, with columns
 
     phi, depth_m, force_n [, force_sd_n]        a force at a depth, or
-    phi, k_n_per_m [, k_sd_n_per_m]             a stiffness: the force at d_r = 3.9 cm over d_r
+    phi, k_n_per_m [, k_sd_n_per_m]             a stiffness: the force at d_r over d_r
+
+where d_r is the robot's ``stiffness_depth_m`` (SandBot's: 3.9 cm). A file does not say whose legs are meant: depth and
+force of a stiffness are known once the trials' robot is.
 """
 
 from dataclasses import dataclass, field
@@ -15,12 +18,11 @@ from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_csv
+from sandbot_common.robot import Robot
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-D_R = 0.039
-"""Depth [m] at which a stiffness is the force over depth (physics §6)."""
 USUAL_SD = 0.02
 """Relative standard deviation of a reading that comes without one."""
 NEAR = 4e-3
@@ -31,12 +33,23 @@ LIMITS = {"phi": (0.4, 0.8), "depth_m": (1e-3, 0.2), "force_n": (0.0, 1e3), "k_n
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """Forces on one leg ``(n,)`` each."""
+    """Forces on one leg ``(n,)`` each, or its stiffness, whose depth is a robot's."""
 
     phi: Floats
     depth_m: Floats = field(metadata={"unit": "m"})
     force_n: Floats = field(metadata={"unit": "N"})
     force_sd_n: Floats = field(metadata={"unit": "N"})
+    stiffness: tuple[Floats, Floats] | None = field(
+        default=None, metadata={"unit": "N/m", "doc": "k and its sd, where those were read; all but φ is then NaN"}
+    )
+
+    def of(self, robot: Robot) -> "Readings":
+        """The same as forces at depths: a stiffness k is F = k d_r at d_r of this robot."""
+        if self.stiffness is None:
+            return self
+        k, sd = self.stiffness
+        depth = np.full_like(k, robot.stiffness_depth_m)
+        return Readings(self.phi, depth, k * depth, sd * depth)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,16 +76,17 @@ def read_readings(path: Path) -> Readings:
         raise InputError(f"{path}: columns phi, depth_m, force_n or phi, k_n_per_m and a row a reading are needed")
     values = {name: _column(path, rows, name) for name in ("phi", *kind)}
     sd_name = kind[-1].replace("force_n", "force_sd_n").replace("k_n", "k_sd_n")
-    relative = np.full(len(rows), USUAL_SD)
-    if sd_name in columns:
-        relative = _column(path, rows, sd_name, (0.0, np.inf)) / values[kind[-1]]
-    depth = values.get("depth_m", np.full(len(rows), D_R))
-    force = values["force_n"] if "force_n" in values else values["k_n_per_m"] * D_R
-    return Readings(values["phi"], depth, force, relative * force)
+    read = values[kind[-1]]
+    sd = _column(path, rows, sd_name, (0.0, np.inf)) if sd_name in columns else USUAL_SD * read
+    if "depth_m" in values:
+        return Readings(values["phi"], values["depth_m"], read, sd)
+    unknown = np.full(len(rows), np.nan)
+    return Readings(values["phi"], unknown, unknown, unknown, stiffness=(read, sd))
 
 
-def at_levels(readings: Readings, level_phi: Floats) -> Pressed:
-    """The readings that belong to φ levels ``(levels,)``. Raises InputError if there is none."""
+def at_levels(readings: Readings, level_phi: Floats, robot: Robot) -> Pressed:
+    """The readings that belong to φ levels ``(levels,)`` of this robot's trials. Raises InputError if there is none."""
+    readings = readings.of(robot)
     gap = np.abs(readings.phi[:, None] - level_phi)
     level, near = gap.argmin(axis=1), gap.min(axis=1) <= NEAR
     if not near.any():

@@ -20,14 +20,16 @@ EXCESS = 1e-3
 walking and swimming a set-point error flips single replicates, and that must not pass as precision."""
 LEAST_DOF = 3
 """Degrees of freedom below which a regime's scatter is taken from both regimes together."""
-LEAST_FOR_TREND = 12
-"""Degrees of freedom from which a trend of scatter with ω is looked for."""
+FEW_REPLICATES = LEAST_FOR_TREND = 12
+"""Degrees of freedom below which a usual lab counts beside them, and from which scatter may have a trend with ω."""
 FEW = 20
 """Degrees of freedom at which an estimated correlation is shrunk by half."""
 PRIOR = 2.0
-"""Degrees of freedom with which the scatter of both regimes together counts in each."""
+"""Degrees of freedom with which the scatter of both regimes together counts in each, and that of a usual lab where all
+replicates are few."""
 FLOOR = 1e-7
-"""Smallest standard deviation [m or m/s] taken seriously: replicates that agree to the last bit prove nothing."""
+"""Smallest standard deviation [m or m/s] taken seriously: replicates that agree to the last bit prove nothing, and
+have no degrees of freedom."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +43,11 @@ class PureError:
     """Cells ``(n,)`` taken at their own scatter."""
 
 
-def pure_error(residual: Floats, cell: Ints, count: Ints, walking: Bools, omega: Floats) -> PureError:
+def pure_error(residual: Floats, cell: Ints, count: Ints, walking: Bools, omega: Floats, usual: Floats) -> PureError:
     """Pool residuals ``(trials, 4)`` about their cell's mean.
 
-    ``count (cells, 4)`` are the replicates measured, ``walking (cells,)`` the regime, ``omega (cells,)`` [rad/s].
+    ``count (cells, 4)`` are the replicates measured, ``walking (cells,)`` the regime, ``omega (cells,)`` [rad/s] and
+    ``usual (4,)`` the standard deviations of a usual lab: one pair of replicates that happen to agree knows less.
     """
     cells, observables = count.shape
     square = np.zeros((cells, observables, observables))
@@ -55,11 +58,22 @@ def pure_error(residual: Floats, cell: Ints, count: Ints, walking: Bools, omega:
     for regime in (walking, ~walking):
         keep[regime] = _consistent(variance[regime], dof[regime], omega[regime])
     overall = _constant(variance[keep], dof[keep])
+    copies = overall <= FLOOR**2
+    overall[copies], dof[:, copies] = np.nan, 0
+    known = (dof * keep[:, None]).sum(axis=0)
+    # NaN stays where nothing is known.
+    prior = np.where((known > 0) & (known < FEW_REPLICATES), usual**2, overall)
     covariance = np.zeros_like(square)
     for regime in (walking, ~walking):
         if regime.any():
-            covariance[regime] = _pool(square[regime], dof[regime], omega[regime], keep[regime], overall)
-    return PureError(covariance, np.sqrt(overall), (dof * keep[:, None]).sum(axis=0), ~keep)
+            together = (known * overall + PRIOR * prior) / (known + PRIOR)
+            covariance[regime] = _pool(square[regime], dof[regime], omega[regime], keep[regime], together, prior)
+    return PureError(covariance, np.sqrt(overall), known, ~keep)
+
+
+def freedom_known(dof: Ints) -> Floats:
+    """Degrees of freedom ``(4,)`` on which a scatter is known that is taken from few replicates and a usual lab."""
+    return np.asarray(dof + np.where(dof < FEW_REPLICATES, PRIOR, 0.0))
 
 
 def _consistent(sums: Floats, dof: Ints, omega: Floats) -> Bools:
@@ -75,7 +89,7 @@ def _consistent(sums: Floats, dof: Ints, omega: Floats) -> Bools:
         ratio = np.divide(sums, dof * pooled, out=np.zeros_like(sums), where=known)
         tail = np.where(known, f_sf(ratio, np.maximum(dof, 1), np.maximum(freedom, 1)), 1.0)
         before, keep = keep, ~(tail < EXCESS / sums.shape[1]).any(axis=1)
-        pooled = _trend(sums, dof * keep[:, None], omega, usual)
+        pooled = _trend(sums, dof * keep[:, None], omega, usual, usual)
         freedom = (dof * keep[:, None]).sum(axis=0) - dof * keep[:, None]
         if (before == keep).all():
             break
@@ -93,13 +107,13 @@ def _median(sums: Floats, dof: Ints) -> Floats:
     return found
 
 
-def _pool(square: Floats, dof: Ints, omega: Floats, keep: Bools, overall: Floats) -> Floats:
+def _pool(square: Floats, dof: Ints, omega: Floats, keep: Bools, together: Floats, prior: Floats) -> Floats:
     """Covariance of one trial in each cell of a regime, those that are not kept at their own scatter.
 
-    ``overall (4,)`` is the variance of all cells of both regimes together.
+    ``together (4,)`` is the variance of all cells of both regimes, ``prior (4,)`` what counts beside a regime's own.
     """
     sums = np.diagonal(square, axis1=1, axis2=2)
-    pooled = _trend(sums, dof * keep[:, None], omega, overall)
+    pooled = _trend(sums, dof * keep[:, None], omega, together, prior)
     scaled = square / np.sqrt(pooled[:, :, None] * pooled[:, None, :])
     correlation = _correlation(scaled[keep], dof[keep])
     # Where a cell scatters beyond the pool it is taken at its own, never at less.
@@ -115,7 +129,7 @@ def _constant(sums: Floats, dof: Ints) -> Floats:
     return np.asarray(np.maximum(pooled, FLOOR**2))
 
 
-def _trend(sums: Floats, dof: Ints, omega: Floats, overall: Floats) -> Floats:
+def _trend(sums: Floats, dof: Ints, omega: Floats, together: Floats, prior: Floats) -> Floats:
     """Variance of one trial ``(cells, 4)``, a power law in ω fitted by maximum likelihood to the cells' scatter.
 
     A step takes π/ω and a body on faster legs shakes more, so scatter follows ω; s² is a scaled χ² with few degrees of
@@ -127,11 +141,11 @@ def _trend(sums: Floats, dof: Ints, omega: Floats, overall: Floats) -> Floats:
     for column in range(sums.shape[1]):
         total, weight = dof[:, column].sum(), dof[:, column].astype(float)
         if total < LEAST_DOF:
-            found[:, column] = overall[column]
+            found[:, column] = together[column]
             continue
         centre = np.average(x, weights=weight)
-        # A handful of replicates is not trusted by itself: a prior of the overall scatter counts beside it.
-        mean = (sums[weight > 0, column].sum() + PRIOR * overall[column]) / (total + PRIOR)
+        # A handful of replicates is not trusted by itself.
+        mean = (sums[weight > 0, column].sum() + PRIOR * prior[column]) / (total + PRIOR)
         mean = np.maximum(mean, FLOOR**2)
         level, slope = np.log(mean), 0.0
         shape = np.average((x - centre) ** 2, weights=weight)

@@ -67,6 +67,8 @@ def checked(trials: Trials) -> tuple[str, ...]:
         *_far_out(used, values, cell),
         *_coarse(values, cell),
         *_trends(used, values, cell),
+        *_nameless(used),
+        *_unordered(used),
     )
 
 
@@ -260,6 +262,28 @@ def _trends(used: Trials, values: Floats, cell: Ints) -> list[str]:
                 f"(p = {p:.1g})"
             )
     return found
+
+
+def _nameless(used: Trials) -> list[str]:
+    """Trials of no batch among those of some."""
+    none = [*used.trial_id[used.batch == ""]]
+    if not none or len(none) == len(used):
+        return []
+    return [f"{len(none)} trials name no batch, each is taken with those of its condition alone: {_some(none)}"]
+
+
+def _unordered(used: Trials) -> list[str]:
+    """Where something of order or time is told, and not enough for an order."""
+    numbered = np.isfinite(used.run_order)
+    if numbered.all():
+        return []
+    if numbered.any():
+        missing = [*used.trial_id[~numbered]]
+        return [f"the run order is not used, for {len(missing)} of {len(used)} trials have none: {_some(missing)}"]
+    told = [f"{one!r} in {name}" for name, one in zip(used.trial_id, used.started, strict=True) if one]
+    return (
+        [f"started tells no order: {told[0]} is not as 2026-05-04T08:10, always or never with a zone"] if told else []
+    )
 
 
 def _some(names: list[str]) -> str:

@@ -2,7 +2,7 @@
 
 A simulated campaign has the trials of the real one, each at its φ and ω, with the scatter of its replicates and with
 nuisances of its own: offsets of k by batch where the fit has them, its drift, and a zero of the lift and a speed scale
-drawn from their priors.
+drawn from their priors. A penetrometer's readings are drawn anew, too.
 """
 
 from collections import Counter
@@ -14,6 +14,7 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells, cell_of, cells_of
 from sandbot_model.data.distributions import beta_ppf
+from sandbot_model.data.penetrometer import Readings
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.nuisances_about import ALONG, LIFT_ZERO, SPEED_SCALE
@@ -90,7 +91,8 @@ def error_rates(
     hidden, statuses = frozenset(truth.effects), Counter[str]()
     named = claimed = 0
     for done, child in enumerate(np.random.SeedSequence(seed).spawn(campaigns), start=1):
-        cells = cells_of(simulated(trials, truth, np.random.default_rng(child)))
+        rng = np.random.default_rng(child)
+        cells = cells_of(simulated(trials, truth, rng), pressed_anew(truth, rng))
         verdict = discover(
             cells, effects, base=truth.model.base, max_effects=max_effects, criteria=criteria, fit_all=fit_all
         ).verdict
@@ -112,6 +114,19 @@ def simulated(trials: Trials, truth: Fit, rng: np.random.Generator) -> Trials:
     drawn[~np.isfinite(measured)] = np.nan
     columns: dict[str, Any] = {column: drawn[:, index] for index, column in enumerate(COLUMNS)}
     return replace(trials, **columns)
+
+
+def pressed_anew(truth: Fit, rng: np.random.Generator) -> Readings | None:
+    """Readings of a fit's ground, at the φ and depths of those it was fitted to and as uncertain; None without any.
+
+    As in the fit a reading scatters by its own standard deviation; what batches of trials share is not in it.
+    """
+    real = truth.cells.pressed
+    if real is None:
+        return None
+    force = real.force - real.sd * truth.state.pressed[0]
+    drawn = force + real.sd * rng.standard_normal(len(real))
+    return Readings(truth.level_phi[real.level] + real.away, real.depth, drawn, real.sd)
 
 
 def _observed(trials: Trials, cell: Array, truth: Fit, rng: np.random.Generator) -> Array:

@@ -17,10 +17,12 @@ def ladder_rows(steps: Sequence[Fit]) -> Rows:
     heads = (f"{observable.name.replace('_', chr(10))}\n[{observable.readers_unit}]" for observable in measured)
     floor = noise_floor(cells)
     known = {one.name: _known_to(floor[one.name], int(cells.pure_error_dof[one])) for one in measured}
-    added = [steps[0].effects, *(_added(step, last) for last, step in pairwise(steps))]
+    names = [_label(steps[0].effects) or steps[0].model.base]
+    # A step that adds nothing is the one before it with parameters held by hand.
+    names += [_label(_added(step, last)) or "the same,\nheld by hand" for last, step in pairwise(steps)]
     rows = [
         ["model", *heads, "speed\nout of\nsample", "lack\nof fit\np", "cells\nmissed"],
-        *(_row(step, names, known) for step, names in zip(steps, added, strict=True)),
+        *(_row(step, name, known) for step, name in zip(steps, names, strict=True)),
     ]
     if any(map(math.isfinite, floor.values())):
         floors = [to_error(CM * floor[name], error) for name, error in known.items()]
@@ -37,10 +39,14 @@ def _added(step: Fit, last: Fit) -> Sequence[str]:
     return [name for name in step.effects if name not in last.effects]
 
 
-def _row(step: Fit, added: Sequence[str], known: Mapping[str, float]) -> Sequence[str]:
+def _label(added: Sequence[str]) -> str:
+    return "\n+ ".join(["", *added])[1:]
+
+
+def _row(step: Fit, name: str, known: Mapping[str, float]) -> Sequence[str]:
     failing = len({(fail.phi, fail.omega_rad_s) for fail in step.fails})
     return [
-        "\n+ ".join(["", *added])[1:] if added else step.model.base,
+        name,
         *(to_error(CM * step.goodness.rmse[name], error) for name, error in known.items()),
         to_error(CM * step.cv_rmse_m_s, known["speed"]),
         f"{step.lack_of_fit_p:.2g}" if math.isfinite(step.lack_of_fit_p) else "–",

@@ -6,9 +6,11 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
+from sandbot_common.robot import Robot
 from sandbot_model.data.penetrometer import USUAL_SD
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import NAMES, usual_noise
 
 MAX_TRIALS = 6
@@ -22,8 +24,8 @@ FINER = 3
 """Frequencies tried between neighbouring ones."""
 PENETRATION = "penetration_force"
 """The force on a leg pressed into the ground: not a trial, but a measurement of what trials can't show."""
-DEPTHS_M = (0.01, 0.02, 0.03, 0.044)
-"""Depths at which it is proposed."""
+DEPTHS = (0.01 / 0.046, 0.02 / 0.046, 0.03 / 0.046, 0.044 / 0.046)
+"""Depths at which it is proposed, over the deepest that legs reach: 1 to 4.4 of SandBot's 4.6 cm."""
 SETTLED_SD = 5.0
 """Gap in standard errors at which a pair of sets counts as told apart."""
 LEAST_REPLICATES = 2
@@ -59,7 +61,7 @@ class NextTrial:
     def where(self) -> str:
         """The condition for a reader."""
         if self.observable == PENETRATION:
-            return f"φ {self.phi:.3f}, {100 * self.depth_m:.1f} cm deep"
+            return f"φ {self.phi:.3f}, {round(100 * self.depth_m, 2)} cm deep"
         return f"φ {self.phi:.3f}, ω {self.omega_rad_s:.3g} rad/s"
 
 
@@ -132,6 +134,7 @@ class Predicted:
     """Observables ``(φ, ω, 4)``."""
     variance: Array
     """Of those, from not knowing the parameters and from the bed missing φ, ``(φ, ω, 4)``."""
+    depth_m: Array
     force: Array
     """Force of the penetrometer ``(φ, depths)``."""
     force_sd: Array
@@ -142,7 +145,7 @@ class Predicted:
         cells = fit.cells
         phi, omega = cells.level_phi[:, None], _finer(np.unique(np.round(cells.omega, 3)))[None, :]
         sides = [fit.predict(phi + sign * cells.phi_scatter, omega).observables for sign in (-1.0, 1.0)]
-        at_phi, at_depth = np.meshgrid(cells.level_phi, DEPTHS_M, indexing="ij")
+        at_phi, at_depth = np.meshgrid(cells.level_phi, depths_m(cells.robot), indexing="ij")
         force, force_sd = fit.press(at_phi.ravel(), at_depth.ravel())
         return cls(
             name=" + ".join(fit.effects) or "base",
@@ -151,9 +154,15 @@ class Predicted:
             noise=np.where(np.isfinite(cells.noise), cells.noise, usual_noise(cells.accuracy)),
             trials=fit.predict(phi, omega).observables,
             variance=fit.uncertainty(phi, omega) ** 2 + (0.5 * (sides[1] - sides[0])) ** 2,
+            depth_m=at_depth[0],
             force=force.reshape(at_phi.shape),
             force_sd=np.broadcast_to(force_sd, force.shape).reshape(at_phi.shape),
         )
+
+
+def depths_m(robot: Robot) -> Array:
+    """Depths at which readings are proposed ``(depths,)``, to three digits."""
+    return np.array([float(f"{share * deepest_m(robot):.3g}") for share in DEPTHS])
 
 
 def between(first: Predicted, second: Predicted) -> list[NextTrial]:
@@ -189,7 +198,7 @@ def _readings_between(first: Predicted, second: Predicted) -> list[NextTrial]:
     best, names = gap.argmax(axis=1), (first.name, second.name)
     found = []
     for level in np.flatnonzero(gap.max(axis=1) > LEAST_SD):
-        size, depth = float(gap[level].max()), DEPTHS_M[best[level]]
+        size, depth = float(gap[level].max()), float(first.depth_m[best[level]])
         at = (float(first.phi[level]), float("nan"))
         found.append(NextTrial(*at, PENETRATION, names, size, _replicates(size), depth))
     return found

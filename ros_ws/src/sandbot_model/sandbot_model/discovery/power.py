@@ -1,8 +1,8 @@
 """How strong an effect must be to show in a design: before a campaign, or beside a verdict.
 
-To first order about a fit an effect of strength p moves the cell means by Δy(p); what the fit's own parameters and the
-nuisances can't absorb gains λ = |P Δy/σ|² in deviance, with a scatter of 2√λ. It is claimed with probability Φ(z) where
-√λ = √claim + z.
+To first order about a fit an effect of strength p moves the cell means, and a penetrometer's readings, by Δy(p); what
+the fit's own parameters and the nuisances can't absorb gains λ = |P Δy/σ|² in deviance, with a scatter of 2√λ. It is
+claimed with probability Φ(z) where √λ = √claim + z.
 """
 
 from dataclasses import dataclass, replace
@@ -110,5 +110,7 @@ def _gap(problem: Problem, base: Fit, index: int, strengths: Array) -> Array:
     states = problem.states(theta, base.state.ln_k[rows], base.state.slope[rows], shared)
     moved = np.where(problem.measured, states.predicted - states.predicted[0], 0.0)
     gap = np.zeros((len(base.state.all_residuals[0]), len(strengths)))
+    pressed = states.pressed[0] - states.pressed
     gap[: moved[0].size] = np.einsum("cij,rcj->rci", base.state.whiten[0], moved).reshape(len(strengths), -1).T
+    gap[moved[0].size : moved[0].size + pressed.shape[1]] = pressed.T
     return np.asarray(np.linalg.norm(project_out(gap, tangent_basis(base.problem, base.state)), axis=0))

@@ -22,11 +22,17 @@ def untested(cells: Cells, criteria: Criteria) -> Verdict | None:
         f"{'replicates' if (cells.n > 1).any() else 'error bars'} give {counted(known, 'degree')} of freedom of pure "
         f"error, on which a model that misses every cell mean by {passing:.0f} standard errors would pass"
         if known
-        else f"no cell has replicates and {_bars(cells)}, so pure error is unknown and nothing can be tested"
+        else f"{_no_replicates(cells)}, so pure error is unknown and nothing can be tested"
     )
     where = counted(min(CONDITIONS, len(cells)), "condition")
     more = f"{MORE} more trials at each of {where} would do (next trials)"
     return Verdict("untested", (), (), f"{what}; {more}")
+
+
+def _no_replicates(cells: Cells) -> str:
+    if (cells.n > 1).any():
+        return "replicates agree to the last digit, as copies do or a computation without noise"
+    return f"no cell has replicates and {_bars(cells)}"
 
 
 def _bars(cells: Cells) -> str:

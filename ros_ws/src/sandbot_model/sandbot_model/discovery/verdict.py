@@ -197,12 +197,11 @@ def _unexplained(fits: Sets, criteria: Criteria) -> Verdict:
         worst_stage = min(tests, key=lambda test: test.p)
         where += f"; in the chain, {worst_stage.stage} ({worst_stage.connects}) fails most, p = {worst_stage.p:.1g}"
     named = f"the best set, {_name(best.effects)}," if best.effects else "the base model"
-    return Verdict(
-        "unexplained",
-        (),
-        (),
-        f"no set of catalogue effects passes the lack-of-fit test: {named} still fails {_p(best)}{where}",
-    )
+    tried = "no set of catalogue effects passes the lack-of-fit test" if len(fits) > 1 else _NONE_TRIED
+    return Verdict("unexplained", (), (), f"{tried}: {named} still fails {_p(best)}{where}")
+
+
+_NONE_TRIED = "no effect was tried (--max-effects 0)"
 
 
 def _name(effects: tuple[str, ...]) -> str:

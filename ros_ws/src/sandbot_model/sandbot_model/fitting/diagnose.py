@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sandbot_model.data.conditions import Cells
-from sandbot_model.data.distributions import chi2_sf
+from sandbot_model.data.distributions import f_sf
+from sandbot_model.data.pure_error import freedom_known
 from sandbot_model.data.regime import WALKING_LIFT_M, walks
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array, Bool
@@ -41,11 +42,12 @@ def stage_tests(fit: Fit) -> tuple[StageTest, ...]:
     """The four tests, without those that have no data."""
     cells = fit.cells
     z = np.where(_clearly_lifted(cells)[:, None], fit.residual_z, np.nan)
+    lift, speed, first_step, peak = Observable.lift, Observable.speed, Observable.first_step, Observable.peak_speed
     tests = (
-        _test("balance", "lift and model", cells, z[:, Observable.lift]),
-        _test("speed", "mean speed and step from lift", cells, locked_z(fit, Observable.speed)),
-        _test("memory", "first step and step from lift", cells, locked_z(fit, Observable.first_step)),
-        _test("clock", "peak speed and model", cells, z[:, Observable.peak_speed]),
+        _test("balance", "lift and model", cells, z[:, lift], lift),
+        _test("speed", "mean speed and step from lift", cells, locked_z(fit, speed), speed, lift),
+        _test("memory", "first step and step from lift", cells, locked_z(fit, first_step), first_step, lift),
+        _test("clock", "peak speed and model", cells, z[:, peak], peak),
     )
     return tuple(test for test in tests if test.cells)
 
@@ -72,10 +74,13 @@ def _clearly_lifted(cells: Cells) -> Bool:
     return np.isfinite(cells.mean[:, Observable.lift]) & walks(cells.mean, LOCK_LIFT_M)
 
 
-def _test(stage: str, connects: str, cells: Cells, z: Array) -> StageTest:
+def _test(stage: str, connects: str, cells: Cells, z: Array, *measures: Observable) -> StageTest:
+    """``measures``: whose replicates z goes by; it is as sure as the scatter that is known least."""
     measured = np.isfinite(z)
     total = float(np.sum(z[measured] ** 2))
     missed = measured & (np.abs(np.nan_to_num(z)) > MISSED)
     where = tuple((float(phi), float(omega)) for phi, omega in zip(cells.phi[missed], cells.omega[missed], strict=True))
-    count = int(measured.sum())
-    return StageTest(stage, connects, count, total, float(chi2_sf(total, count)) if count else float("nan"), where)
+    count, freedom = int(measured.sum()), freedom_known(cells.pure_error_dof)[[*measures]].min()
+    return StageTest(
+        stage, connects, count, total, float(f_sf(total / count, count, freedom)) if count else float("nan"), where
+    )

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sandbot_model.data.conditions import Cells
-from sandbot_model.data.distributions import chi2_sf, f_sf
+from sandbot_model.data.distributions import chi2_sf, f_isf, f_sf
+from sandbot_model.data.pure_error import FEW_REPLICATES, freedom_known
 from sandbot_model.fitting.levenberg_marquardt import bounds
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import effective
@@ -55,16 +56,15 @@ def goodness(problem: Problem, state: States, jacobian: Array) -> Goodness:
     unknowns = state.theta.shape[1] + state.ln_k.shape[1]
     gap, chi2, deviance = residual(problem, state), float(np.sum(state.all_residuals**2)), float(state.deviance[0])
     clear = problem.away_from_switch(problem.widening(state.covariance[0]))
-    dof = values - unknowns
+    dof, z = values - unknowns, residual_z(problem, state)
     return Goodness(
         rmse=rms(problem.cells, np.where(clear[:, None], gap, np.nan)),
         chi2=chi2,
         deviance=deviance,
         dof=dof,
         bic=deviance + unknowns * float(np.log(values)),
-        lack_of_fit_p=joint_p(chi2, dof, problem.cells),
-        lack_of_fit=p_by_observable(residual_z(problem, state), problem, unknowns + _shared_unknowns(problem, jacobian))
-        | p_of_readings(state),
+        lack_of_fit_p=joint_p(chi2 - unsure(z, problem.cells), dof, problem.cells),
+        lack_of_fit=p_by_observable(z, problem, unknowns + _shared_unknowns(problem, jacobian)) | p_of_readings(state),
     )
 
 
@@ -116,6 +116,22 @@ def joint_p(chi2: float, dof: int, cells: Cells) -> float:
     if dof < 1 or error_dof < 1:
         return float("nan")
     return float(f_sf(chi2 / dof, dof, error_dof))
+
+
+def unsure(z: Array, cells: Cells) -> float:
+    """What of χ² may come of a scatter that few replicates tell: one that is far too small by chance.
+
+    Of each such observable χ² is brought to what has the same p on the degrees of freedom of the best known.
+    """
+    freedom = freedom_known(cells.pure_error_dof)
+    found = 0.0
+    for observable in np.flatnonzero(cells.pure_error_dof < FEW_REPLICATES):
+        own = z[np.isfinite(z[:, observable]), observable]
+        if own.size and freedom[observable] < freedom.max():
+            chi2 = float(own @ own)
+            p = float(f_sf(chi2 / own.size, own.size, freedom[observable]))
+            found += max(chi2 - own.size * f_isf(p, own.size, freedom.max()), 0.0)
+    return found
 
 
 def _shared_unknowns(problem: Problem, jacobian: Array) -> float:

@@ -1,7 +1,9 @@
 """Which effects there are: those of the project, those of installed packages, a user's file, a formula."""
 
 import importlib.util
+import re
 import sys
+import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -38,7 +40,7 @@ def effects_in(path: Path) -> list[Effect]:
     """One instance of each Effect subclass defined in a Python file."""
     if not path.is_file():
         raise InputError(f"{path}: {'is a folder, a Python file is needed' if path.is_dir() else 'no such file'}")
-    spec = importlib.util.spec_from_file_location(f"{USER_MODULE}{path.stem}", path)
+    spec = importlib.util.spec_from_file_location(_module_name(path), path)
     if spec is None or spec.loader is None:
         raise InputError(f"{path}: not a Python file")
     module = importlib.util.module_from_spec(spec)
@@ -59,6 +61,12 @@ def effects_in(path: Path) -> list[Effect]:
     if not found:
         raise InputError(f"{path}: no subclass of sandbot_model.Effect in it")
     return found
+
+
+def _module_name(path: Path) -> str:
+    """A name of the file's own: workers find its classes by it, and other folders may have files of its name."""
+    stem, folder = re.sub(r"\W", "_", path.stem), zlib.crc32(str(path.resolve()).encode())
+    return f"{USER_MODULE}{stem}_{folder:08x}"
 
 
 def _made(cls: object, where: str) -> Effect:
