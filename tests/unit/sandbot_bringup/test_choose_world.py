@@ -4,6 +4,8 @@ import pytest
 
 from sandbot_bringup.batch import choose_world
 from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.plan import Plan
+from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT
 from sandbot_lab.world import World, draw_beside, draw_world, null_world, write_world
 
@@ -23,3 +25,11 @@ def test_a_seed_hides_an_effect_in_the_null_world_or_in_that_of_a_file(tmp_path,
     assert choose_world(folder, SANDBOT, file, None) == GIVEN
     assert choose_world(folder, SANDBOT, file, 7) == draw_beside(GIVEN, 7)
     assert len(draw_beside(GIVEN, 7).effects) == 2
+
+
+def test_a_campaign_without_a_truth_is_of_another_ground(tmp_path):
+    """A real bed's, say: simulated bags among the measured ones are no campaign."""
+    folder = CampaignFolder(tmp_path / "live")
+    folder.adopt(Plan(name="live", phi=(0.6,), omega_rad_s=(8.0,)), {})
+    with pytest.raises(InputError, match=r"has a campaign and no truth/world\.yaml"):
+        choose_world(folder, SANDBOT, None, None)

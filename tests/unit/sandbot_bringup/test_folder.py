@@ -66,6 +66,37 @@ def test_who_is_refused_has_written_nothing(tmp_path: Path, monkeypatch: pytest.
         assert read_plan(folder.plan_file) == grown
 
 
+def test_what_comes_first_is_there_before_the_plan(tmp_path: Path) -> None:
+    """A truth that is sealed after it could be missing for ever, and the campaign go on in another world."""
+    folder = CampaignFolder(tmp_path / "run")
+
+    def killed() -> None:
+        folder.truth.parent.mkdir()
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), folder.adopted(PLAN, {}, killed):
+        pass
+    assert not folder.plan_file.exists()
+    with folder.adopted(PLAN, {}):
+        assert read_plan(folder.plan_file) == PLAN
+
+
+def test_only_bags_that_never_got_their_name_are_cleared(tmp_path: Path) -> None:
+    folder = CampaignFolder(tmp_path)
+    torn = folder.trials / ".phi0.6000_w08.000_r01.x1y2"
+    kept = [folder.trials / ".ipynb_checkpoints", folder.trials / ".partial", folder.trials / ".DS_Store"]
+    for one in (torn, *kept[:2]):
+        one.mkdir(parents=True)
+    kept[2].touch()
+    folder.clear_torn()
+    assert not torn.exists()
+    assert all(one.exists() for one in kept)
+
+
+def test_a_bag_is_set_aside_where_nothing_has_been_before(tmp_path: Path) -> None:
+    assert CampaignFolder(tmp_path).aside("phi0.6000_w08.000_r01").parent.is_dir()
+
+
 def test_missing_counts_only_closed_bags(tmp_path: Path) -> None:
     folder, trials = CampaignFolder(tmp_path), trials_of(PLAN)
     for trial in trials[:2]:

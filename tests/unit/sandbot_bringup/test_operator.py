@@ -68,7 +68,6 @@ def run(tmp_path, damage):
     one, folder = operator(), CampaignFolder(tmp_path / "live")
 
     def record(_trial, aside, _attachments):
-        aside.parent.mkdir(parents=True)
         damage(bags.trial_bag(aside))
         return type("Recorder", (), {"code": 0})()
 

@@ -5,7 +5,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandbot_bringup.plan import plan_of, read_plan, to_yaml, trials_of, with_next_trials
+from sandbot_bringup.plan import Plan, check_bed, plan_of, read_plan, to_yaml, trials_of, with_next_trials
 from sandbot_common.errors import InputError
 
 GOOD = {"name": "a", "phi": [0.58, 0.6], "omega_rad_s": [4, 16], "replicates": 2, "gait": "UNIFORM"}
@@ -108,3 +108,31 @@ def test_yaml_that_is_a_list_is_refused(tmp_path):
     path.write_text(yaml.safe_dump([1, 2]))
     with pytest.raises(InputError, match="expected a mapping"):
         read_plan(path)
+
+
+def test_conditions_that_share_a_name_are_one_and_count_on():
+    """A proposed φ of 0.58332 took the name of a trial at 0.58333, and counted as run."""
+    plan = Plan(
+        name="h", phi=(0.58333,), omega_rad_s=(16.0,), replicates=1,
+        extra_trials=({"phi": 0.58332, "omega_rad_s": 16.0001, "replicates": 2},),
+    )  # fmt: skip
+    names = [trial.trial_id for trial in trials_of(plan)]
+    assert names == [f"phi0.5833_w16.000_r0{number}" for number in (1, 2, 3)]
+    assert [trial.phi for trial in trials_of(plan)] == [0.58333, 0.58332, 0.58332]
+
+
+@pytest.mark.parametrize(
+    ("key", "values"), [("phi", [0.60001, 0.60002]), ("omega_rad_s", [8.0, 8.0001]), ("phi", [0.6, 0.6])]
+)
+def test_values_that_names_can_not_tell_apart_are_refused(key, values):
+    with pytest.raises(InputError, match=f"{key}: .* is listed twice"):
+        plan_of({**GOOD, key: values}, "plan")
+    apart = {"phi": [0.6001, 0.6002], "omega_rad_s": [8.0, 8.001]}[key]
+    assert plan_of({**GOOD, key: apart}, "plan")
+
+
+def test_the_virtual_labs_bed_is_asked_for_every_phi():
+    check_bed(plan_of({**GOOD, "phi": [0.59, 0.63]}, "plan"))
+    for odd in ({"phi": [0.59, 0.575]}, {"extra_trials": [{"phi": 0.575, "omega_rad_s": 8.0}]}):
+        with pytest.raises(InputError, match=r"phi: bed: target_phi 0.575 can't be reached"):
+            check_bed(plan_of({**GOOD, **odd}, "plan"))

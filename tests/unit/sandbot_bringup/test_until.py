@@ -1,6 +1,7 @@
 """A campaign until a verdict, but for the looks themselves (tests/unit/sandbot_model/design, tests/integration)."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -101,6 +102,36 @@ def test_what_was_measured_since_is_looked_at(tmp_path, monkeypatch):
     assert until.decided(begun, folder)[1]["look"] == 2
 
 
+def test_what_stopped_for_its_budget_goes_on_with_a_larger_one(tmp_path, monkeypatch):
+    looks = []
+    spent = "the budget of 16 trials is used up"
+    monkeypatch.setattr(until, "_look", lambda *_: looks.append(1) or {"text": spent, "stop": spent, "next": []})
+    folder, begun = CampaignFolder(tmp_path), until.begun(plan(budget=16))
+    assert until.decided(begun, folder)[1]["look"] == until.decided(begun, folder)[1]["look"] == 1
+    monkeypatch.setattr(until, "_look", lambda *_: {"text": "on", "stop": "", "next": [ASKED]})
+    grown, entry = until.decided(replace(begun, budget=30), folder)
+    assert (entry["look"], len(trials_of(grown))) == (2, 17)
+    assert until.decided(replace(begun, budget=30), folder)[1] == entry
+
+
+def test_a_trial_that_is_ok_since_is_looked_at(tmp_path, monkeypatch):
+    """It had failed, and was run again: there are no more bags than before."""
+    ok = [3]
+    monkeypatch.setattr(until, "_ok", lambda *_: ok[0])
+    monkeypatch.setattr(until, "_look", lambda *_: {"text": "so far", "stop": "enough", "next": []})
+    folder, begun = CampaignFolder(tmp_path), until.begun(plan())
+    assert [until.decided(begun, folder)[1]["look"] for _ in range(2)] == [1, 1]
+    ok[0] = 4
+    assert until.decided(begun, folder)[1]["look"] == 2
+
+
+def test_the_budget_holds_for_all_that_is_run(tmp_path):
+    pinned = [{"phi": 0.61, "omega_rad_s": 12, "replicates": 4}]
+    with pytest.raises(InputError, match="budget: 18 trials are fewer than the 20 that it starts with"):
+        until.begun(plan(budget=18, extra_trials=pinned))
+    assert len(trials_of(until.begun(plan(budget=20, extra_trials=pinned)))) == 20
+
+
 def test_a_look_obeys_what_the_plan_says_of_the_bed(tmp_path, monkeypatch):
     class AskedError(Exception):
         pass
@@ -111,6 +142,7 @@ def test_a_look_obeys_what_the_plan_says_of_the_bed(tmp_path, monkeypatch):
     monkeypatch.setattr("sandbot_model.design.look.look", look)
     monkeypatch.setattr("sandbot_model.data.conditions.cells_of", lambda _: None)
     monkeypatch.setattr("sandbot_record.trials.from_bags.campaign", lambda *_: SimpleNamespace(trials=None))
+    monkeypatch.setattr(until, "_ok", lambda *_: 0)
     begun = until.begun(plan(alpha=0.05, bed_scatter=0.003, bed_drift=0.01))
     with pytest.raises(AskedError) as asked:
         until.decided(begun, CampaignFolder(tmp_path))

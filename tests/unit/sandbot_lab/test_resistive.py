@@ -126,3 +126,15 @@ def test_what_would_be_ignored_is_refused(content, said):
 def test_there_is_no_penetrometer_for_it():
     with pytest.raises(InputError, match="creeps"):
         press(WORLD, [0.6])
+
+
+@pytest.mark.parametrize("given", [False, 0, [], "no"])
+def test_no_is_not_the_ground_with_all_its_defaults(given):
+    with pytest.raises(InputError, match="resistive"):
+        world_from_mapping({"resistive": given}, "world.yaml")
+    with pytest.raises(InputError, match="effects"):
+        world_from_mapping({"effects": given}, "world.yaml")
+    with pytest.raises(InputError, match="noise"):
+        world_from_mapping({"resistive": None, "noise": 3}, "world.yaml")
+    assert world_from_mapping({"resistive": None}, "world.yaml").resistive is not None
+    assert world_from_mapping({"effects": None}, "world.yaml").effects == {}

@@ -65,6 +65,11 @@ def choose_world(folder: CampaignFolder, robot: Robot, path: Path | None, hide: 
     if hide is not None:
         asked = draw_world(hide) if asked is None else draw_beside(asked, hide)
     if not folder.truth.exists():
+        if folder.plan_file.exists():
+            raise InputError(
+                f"{folder.path}: has a campaign and no {folder.truth.relative_to(folder.path)}, so its trials are not "
+                "of --batch but of another ground; give another --out"
+            )
         return asked or null_world()
     sealed = read_world(folder.truth)
     if asked is not None and asked.walked_by(robot) != sealed.walked_by(robot):

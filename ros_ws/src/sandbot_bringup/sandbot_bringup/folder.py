@@ -5,7 +5,7 @@ import fcntl
 import os
 import shutil
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,6 +57,7 @@ class CampaignFolder:
     def aside(self, trial_id: str) -> Path:
         """Where the bag of a trial goes that is not finished, or failed; one that is there makes room, and is kept."""
         path = self.trials / PARTIAL / trial_id
+        path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists():
             number = 1
             while (kept := path.with_name(f"{path.name}.interrupted{number}")).exists():
@@ -84,7 +85,7 @@ class CampaignFolder:
                 )
         elif blocking := next((one for one in (self.path, *self.path.parents) if one.is_file()), None):
             raise InputError(f"{self.path}: {blocking} is a file; give another --out")
-        elif self.path.exists() and any(self.path.iterdir()):
+        elif self.path.exists() and any(one != self.truth.parent for one in self.path.iterdir()):
             raise InputError(f"{self.path}: exists, is not empty and holds no campaign.yaml; give another --out")
 
     def adopt(self, plan: Plan, files: Mapping[str, str]) -> None:
@@ -99,12 +100,17 @@ class CampaignFolder:
             write_text(self.plan_file, to_yaml(plan))
 
     @contextmanager
-    def adopted(self, plan: Plan, files: Mapping[str, str]) -> Iterator[None]:
-        """The folder is this plan's, and nobody else's meanwhile: who is refused has written nothing."""
+    def adopted(self, plan: Plan, files: Mapping[str, str], first: Callable[[], None] = lambda: None) -> Iterator[None]:
+        """The folder is this plan's, and nobody else's meanwhile: who is refused has written nothing.
+
+        ``first`` is done before the plan is there, so that no kill leaves the plan without it.
+        """
         self.check(plan)
         with writing(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
         with self.alone():
+            self.check(plan)
+            first()
             self.adopt(plan, files)
             yield
 
@@ -126,9 +132,9 @@ class CampaignFolder:
             os.close(handle)
 
     def clear_torn(self) -> None:
-        """Remove what a killed batch run left behind: bags that never got their name."""
-        for path in self.trials.glob(".*") if self.trials.is_dir() else ():
-            if path.name != PARTIAL:
+        """Remove what a killed batch run left behind: bags that never got their name. What else is there stays."""
+        for path in self.trials.glob(".phi*") if self.trials.is_dir() else ():
+            if path.is_dir():
                 shutil.rmtree(path)
 
     def missing(self, trials: Iterable[PlannedTrial]) -> list[PlannedTrial]:

@@ -32,6 +32,8 @@ from sandbot_model.discovery.criteria import DEFAULT, WIDEST
 
 PHI_LOW, PHI_HIGH = 0.57, 0.64
 VERDICT = "verdict"
+DIGITS = {"phi": "%.4f", "omega_rad_s": "%06.3f"}
+"""To which conditions are told apart, in the names of their trials."""
 OMEGA_HIGH = 60.0
 
 
@@ -156,9 +158,7 @@ def plan_of(mapping: Mapping[str, Any], where: str) -> Plan:
         values = getattr(plan, key)
         if not values:
             raise InputError(f"{where}: {key}: the list is empty; at least one value is needed")
-        if len(set(values)) != len(values):
-            twice = next(value for value in values if values.count(value) > 1)
-            raise InputError(f"{where}: {key}: {twice:g} is listed twice; use replicates for repeats")
+        _refuse_twice(key, values, where)
     if plan.gait_parameters and plan.gait != "CUSTOM":
         raise InputError(f"{where}: gait_parameters are given but gait is {plan.gait}; set gait: CUSTOM")
     for index, extra in enumerate(plan.extra_trials):
@@ -169,6 +169,14 @@ def plan_of(mapping: Mapping[str, Any], where: str) -> Plan:
         from_mapping(Gait, plan.gait_parameters, f"{where}: gait_parameters")
     from_mapping(ProtocolParameters, plan.bed, f"{where}: bed")
     return plan
+
+
+def _refuse_twice(key: str, values: Sequence[float], where: str) -> None:
+    """Trials are named to so many digits: two values that differ beyond them would share their names."""
+    named = [DIGITS[key] % value for value in values]
+    if len(set(named)) != len(named):
+        twice = next(name for name in named if named.count(name) > 1)
+        raise InputError(f"{where}: {key}: {float(twice):g} is listed twice; use replicates for repeats")
 
 
 OF_VERDICT = ("budget", "alpha", "model", "bed_scatter", "bed_drift")
@@ -186,6 +194,15 @@ def _check_until(plan: Plan, where: str) -> None:
         raise InputError(f"{where}: {given[0]}: {getattr(plan, given[0])} without until: {VERDICT} has no meaning")
 
 
+def check_bed(plan: Plan) -> None:
+    """Raise InputError for a φ that the plan's bed can't be prepared for: the virtual lab has no other."""
+    for phi in (*plan.phi, *(float(extra["phi"]) for extra in plan.extra_trials)):
+        try:
+            plan.bed_protocol.check_target(phi)
+        except InputError as error:
+            raise InputError(f"plan {plan.name}: phi: {error}") from None
+
+
 def to_yaml(plan: Plan) -> str:
     """The plan as campaign.yaml."""
     content = {
@@ -200,7 +217,7 @@ def trials_of(plan: Plan) -> list[PlannedTrial]:
     ``run_order`` says when each is run (run_order.py); what a plan is given later leaves it as it was. Until a verdict
     the grid is only where trials may be: all of them are extra ones.
     """
-    done: Counter[tuple[float, float, str]] = Counter()
+    done: Counter[str] = Counter()
     blocks: list[list[PlannedTrial]] = []
     listed: list[PlannedTrial] = []
     if not plan.until:
@@ -213,7 +230,7 @@ def trials_of(plan: Plan) -> list[PlannedTrial]:
     return _placed(plan, listed, blocks, planned)
 
 
-def _grid(plan: Plan, done: Counter[tuple[float, float, str]]) -> tuple[list[PlannedTrial], list[list[PlannedTrial]]]:
+def _grid(plan: Plan, done: Counter[str]) -> tuple[list[PlannedTrial], list[list[PlannedTrial]]]:
     """The trials of the grid and the sentinel's own, as listed and in blocks."""
     grid = [ExtraTrials(phi, omega, plan.replicates) for phi in plan.phi for omega in plan.omega_rad_s]
     sentinel = sentinel_of(plan.phi, plan.omega_rad_s)
@@ -224,11 +241,18 @@ def _grid(plan: Plan, done: Counter[tuple[float, float, str]]) -> tuple[list[Pla
     return [*chain(*replicates), *sentinels], interspersed(blocks, sentinels, plan.sentinel)
 
 
-def _replicates(plan: Plan, done: Counter[tuple[float, float, str]], of: ExtraTrials) -> list[PlannedTrial]:
+def _replicates(plan: Plan, done: Counter[str], of: ExtraTrials) -> list[PlannedTrial]:
     # A condition that is listed again counts on, so that no two trials share a name.
-    first = done[of.phi, of.omega_rad_s, of.gait] + 1
-    done[of.phi, of.omega_rad_s, of.gait] += of.replicates
-    return [_planned(plan, of, number) for number in range(first, first + of.replicates)]
+    name = _condition_name(of)
+    first = done[name] + 1
+    done[name] += of.replicates
+    return [_planned(plan, of, name, number) for number in range(first, first + of.replicates)]
+
+
+def _condition_name(of: ExtraTrials) -> str:
+    """What all its trials' names begin with."""
+    own = f"_{of.gait}" if of.gait else ""
+    return f"phi{DIGITS['phi'] % of.phi}_w{DIGITS['omega_rad_s'] % of.omega_rad_s}{own}"
 
 
 def _rounds(plan: Plan) -> dict[int, list[ExtraTrials]]:
@@ -309,15 +333,14 @@ def _conditions(proposed: Iterable[Any], replicates: int, where: str) -> Iterabl
             raise InputError(f"{where}: next_trials[{index}]: expected phi and omega_rad_s, got {one!r}")
         known = {key: one[key] for key in ("phi", "omega_rad_s", "replicates") if key in one}
         extra = from_mapping(ExtraTrials, {"replicates": replicates, **known}, f"{where}: next_trials[{index}]")
-        key = (round(extra.phi, 4), round(extra.omega_rad_s, 3))
+        key = (float(DIGITS["phi"] % extra.phi), float(DIGITS["omega_rad_s"] % extra.omega_rad_s))
         seen[key] = max(seen.get(key, 0), extra.replicates)
     for (phi, omega), count in seen.items():
         yield {"phi": phi, "omega_rad_s": omega, "replicates": count}
 
 
-def _planned(plan: Plan, of: ExtraTrials, replicate: int) -> PlannedTrial:
-    own = f"_{of.gait}" if of.gait else ""
-    trial_id = f"phi{of.phi:.4f}_w{of.omega_rad_s:06.3f}{own}_r{replicate:02d}"
+def _planned(plan: Plan, of: ExtraTrials, name: str, replicate: int) -> PlannedTrial:
+    trial_id = f"{name}_r{replicate:02d}"
     sequence = np.random.SeedSequence([plan.seed, zlib.crc32(trial_id.encode())])
     seed = int(sequence.generate_state(1)[0] >> 1)
     return PlannedTrial(trial_id, of.phi, of.omega_rad_s, replicate, seed, gait=of.gait, because=of.because)

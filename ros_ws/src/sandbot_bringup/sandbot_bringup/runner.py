@@ -21,6 +21,8 @@ class Outcome:
 
     finished: tuple[str, ...]
     failed: tuple[tuple[str, str], ...]
+    cut_short: bool = False
+    """Whether any failed for want of a worker or of room on the disk: run again they would not."""
 
 
 def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
@@ -30,6 +32,7 @@ def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
     """
     finished: list[str] = []
     failed: list[tuple[str, str]] = []
+    cut_short = False
     with crew.executor() as hands, tqdm(total=len(trials), unit="trial", desc="campaign", mininterval=0.5) as bar:
         waiting = list(reversed(trials))
         running: dict[Future[Path], PlannedTrial] = {}
@@ -41,10 +44,11 @@ def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
                     waiting.pop()
                 done, _ = wait(running, return_when=FIRST_COMPLETED)
                 for future in done:
-                    if future.cancelled():
+                    if future.cancelled() or isinstance(future.exception(), BrokenExecutor):
                         raise BrokenExecutor
                     trial = running.pop(future)
                     if (error := future.exception()) is not None:
+                        cut_short = cut_short or isinstance(error, OSError)
                         failed.append((trial.trial_id, f"{type(error).__name__}: {error}"))
                     else:
                         finished.append(trial.trial_id)
@@ -55,4 +59,5 @@ def run(trials: Sequence[PlannedTrial], job: Job, crew: Crew) -> Outcome:
         except BrokenExecutor:
             lost = [*running.values(), *reversed(waiting)]
             failed += [(trial.trial_id, f"{crew.lost}; resume to run it") for trial in lost]
-    return Outcome(tuple(finished), tuple(failed))
+            cut_short = True
+    return Outcome(tuple(finished), tuple(failed), cut_short)

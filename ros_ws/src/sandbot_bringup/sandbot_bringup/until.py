@@ -50,13 +50,13 @@ def begun(plan: Plan) -> Plan:
     if any(extra.get("because") == START for extra in plan.extra_trials):
         return plan
     conditions = start(plan.phi, plan.omega_rad_s)
-    least = REPLICATES * len(conditions)
-    if plan.most < least:
-        raise InputError(f"{plan.name}: budget: {plan.most} trials are fewer than the {least} that it starts with")
-    return with_block(
+    grown = with_block(
         plan,
         [{"phi": phi, "omega_rad_s": omega, "replicates": REPLICATES, "because": START} for phi, omega in conditions],
     )
+    if plan.most < (least := len(trials_of(grown))):
+        raise InputError(f"{plan.name}: budget: {plan.most} trials are fewer than the {least} that it starts with")
+    return grown
 
 
 def decided(plan: Plan, folder: CampaignFolder, vetoed: Collection[str] = (), crew: Crew = ALONE) -> tuple[Plan, Entry]:
@@ -65,13 +65,39 @@ def decided(plan: Plan, folder: CampaignFolder, vetoed: Collection[str] = (), cr
     Conditions of trials that the operator has skipped, ``vetoed``, are not asked for again.
     """
     trials = trials_of(plan)
-    known = {"planned": len(trials), "finished": len(trials) - len(folder.missing(trials))}
+    known = {"planned": len(trials), "finished": len(trials) - len(folder.missing(trials)), "ok": _ok(folder, crew)}
     entries = looks_of(folder)
-    entry = next((one for one in entries if known.items() <= one.items()), None)
+    entry = next((one for one in reversed(entries) if _says_of(known, one) and not _may_go_on(one, plan)), None)
     if entry is None:
         entry = {"look": len(entries) + 1, **known, **_look(plan, folder, vetoed, len(entries) + 1, crew)}
         _append(folder.looks, entry)
     return with_block(plan, entry["next"]) if entry["next"] else plan, entry
+
+
+def _ok(folder: CampaignFolder, crew: Crew) -> int:
+    """How many trials are: what has failed may have been run again since."""
+    from sandbot_record.trials import from_bags
+    from sandbot_record.trials.table import OK
+
+    try:
+        return int((from_bags.campaign(folder.path, crew).trials.status == OK).sum())
+    except InputError:
+        return 0  # of no trial that can be used the look says more
+
+
+def _says_of(known: Mapping[str, int], entry: Entry) -> bool:
+    """Whether a look saw just these trials; those of earlier versions do not say how many were ok."""
+    return all(entry.get(key, value) == value for key, value in known.items())
+
+
+def _used_up(budget: int) -> str:
+    return f"the budget of {budget} trials is used up"
+
+
+def _may_go_on(entry: Entry, plan: Plan) -> bool:
+    """Whether a look stopped for a budget that is larger now."""
+    stop = str(entry.get("stop", ""))
+    return stop.startswith(_used_up(0).partition("0")[0]) and stop != _used_up(plan.most)
 
 
 def looks_of(folder: CampaignFolder) -> list[Entry]:
@@ -116,7 +142,7 @@ def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: i
     write_text(folder.path / "discovery.json", content + "\n")
     left = plan.most - len(trials)
     if not found.stop and left <= 0:
-        found = replace(found, stop=f"the budget of {plan.most} trials is used up", block=())
+        found = replace(found, stop=_used_up(plan.most), block=())
     found = replace(found, block=found.block[: max(left, 0)])
     return {**found.to_dict(), "text": str(found)}
 

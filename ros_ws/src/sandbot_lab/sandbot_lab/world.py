@@ -148,10 +148,13 @@ def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
         "film": from_mapping(Film, values.pop("film", {}), f"{where}: film"),
     }
     if "resistive" in values:
-        sections["resistive"] = from_mapping(ResistiveGround, values.pop("resistive") or {}, f"{where}: resistive")
+        # Nothing after the key is a ground with all its defaults; no or false would be none.
+        given = values.pop("resistive")
+        sections["resistive"] = from_mapping(ResistiveGround, {} if given is None else given, f"{where}: resistive")
     if "robot" in values:
         sections["robot"] = robot_from_mapping(values.pop("robot"), f"{where}: robot")
-    effects = values.pop("effects", None) or {}
+    effects = values.pop("effects", None)
+    effects = {} if effects is None else effects
     if not isinstance(effects, Mapping):
         raise InputError(f"{where}: effects: expected a mapping of effects, got {effects!r}")
     sections["effects"] = {name: checked_effect(name, given, f"{where}: effects") for name, given in effects.items()}
@@ -165,7 +168,8 @@ def world_from_mapping(content: Mapping[str, Any], where: str) -> World:
 def _check_resistive(values: Mapping[str, Any], where: str) -> None:
     """What describes ground that holds is refused beside ground that does not."""
     ignored = [key for key in HOLDING if key in values]
-    ignored += [f"noise: {key}" for key in values.get("noise") or {} if key not in NOISE_OF_ANY]
+    noise = values.get("noise")
+    ignored += [f"noise: {key}" for key in (noise if isinstance(noise, Mapping) else ()) if key not in NOISE_OF_ANY]
     if ignored:
         raise InputError(f"{where}: {ignored[0]}: means nothing on the ground of resistive:; leave it out")
 

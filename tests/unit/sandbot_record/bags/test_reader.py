@@ -14,7 +14,7 @@ from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.serialization import to_cdr
-from sandbot_record.bags import interfaces
+from sandbot_record.bags import interfaces, metadata
 from sandbot_record.bags.reader import FIELD_STAMP, Bag, is_bag
 from sandbot_record.bags.writer import BagWriter, Split
 
@@ -291,3 +291,9 @@ def test_fewer_messages_than_metadata_yaml_says(tmp_path):
     (bag / "metadata.yaml").write_text(text)
     with pytest.raises(InputError, match="says 4 messages, the files hold 3"):
         Bag.open(bag)
+
+
+def test_a_metadata_yaml_that_names_no_file_is_no_bag(tmp_path):
+    metadata.write(tmp_path, metadata.BagInfo())
+    with pytest.raises(InputError, match="names no storage file"):
+        Bag.open(tmp_path)

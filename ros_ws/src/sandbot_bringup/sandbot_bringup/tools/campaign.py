@@ -13,6 +13,7 @@ from sandbot_bringup.plan import (
     VERDICT,
     Plan,
     PlannedTrial,
+    check_bed,
     plan_of,
     read_plan,
     to_yaml,
@@ -41,7 +42,14 @@ def command(argv: Sequence[str]) -> int:
     plan, folder = _plan_and_folder(options)
     files = files_of(plan, options.plan if options.plan.is_dir() else options.plan.parent, folder.path)
     trials = sorted(trials_of(plan), key=lambda trial: trial.run_order)
+    folder.check(plan)
+    if options.batch:
+        check_bed(plan)
     if options.dry_run:
+        if options.batch:
+            from sandbot_bringup.batch import choose_world
+
+            choose_world(folder, robot_of(files), options.world, options.hide)
         from sandbot_bringup.foresight import foresight
 
         print(describe(plan, trials), filled(foresight(plan, trials, files)), sep="\n")
@@ -49,7 +57,6 @@ def command(argv: Sequence[str]) -> int:
     if options.batch and ros_arguments:
         raise InputError("--ros-args: --batch runs without ROS; leave one of the two out")
     if options.redo:
-        folder.check(plan)
         _set_failed_aside(folder)
     if options.batch:
         trials, failures = _batch(plan, folder, files, options)
@@ -205,10 +212,9 @@ def _batch(
     from sandbot_bringup.until import decided
 
     world = batch.choose_world(folder, robot_of(files), options.world, options.hide)
-    with crew_of(options) as crew, folder.adopted(plan, files):
+    with crew_of(options) as crew, folder.adopted(plan, files, lambda: batch.seal(folder, world)):
         crew.check(folder.path)
         folder.clear_torn()
-        batch.seal(folder, world)
         failed: dict[str, str] = {}
         while True:
             trials = trials_of(plan)
@@ -217,8 +223,10 @@ def _batch(
                 print(f"{folder.path}: {len(trials) - len(todo)} of {len(trials)} trials are there already")
             setup = batch.Setup(plan, world, folder, files)
             todo.sort(key=lambda one: one.run_order)
-            failed |= dict(runner.run(todo, functools.partial(batch.run_trial, setup), crew).failed)
-            if not plan.until or len(folder.missing(trials)) == len(trials):
+            outcome = runner.run(todo, functools.partial(batch.run_trial, setup), crew)
+            failed |= dict(outcome.failed)
+            # A look at what happened to be there would choose other trials than one at all of them.
+            if not plan.until or outcome.cut_short or len(folder.missing(trials)) == len(trials):
                 return trials, list(failed.items())
             plan, entry = decided(plan, folder, crew=crew)
             print(filled(f"look {entry['look']}: {entry['text']}"))

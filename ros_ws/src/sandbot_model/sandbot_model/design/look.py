@@ -43,7 +43,8 @@ class Plan:
     """What can be run, and what it costs.
 
     ``conditions``: where trials can be run. ``cost_s``: what one costs at each, bed and all. ``replicates``: how often
-    each would be run at most; what that would not show is out of reach.
+    each would be run if all of it were; what that would not show is out of reach. A block may run one more often, where
+    that says more than another.
     """
 
     conditions: Sequence[Condition]

@@ -312,7 +312,10 @@ def locate(path: Path) -> tuple[Path, list[Path], metadata.BagInfo | None]:
         named = [path / Path(file.path).name for file in info.files]
         if missing := [file.name for file in named if not file.is_file()]:
             raise InputError(f"{path}: {missing[0]}, named in metadata.yaml, is missing")
-        return path, named + _later_splits(path, named, found, info), info
+        files = named + _later_splits(path, named, found, info)
+        if not files:
+            raise InputError(f"{path}: not a bag: its metadata.yaml names no storage file")
+        return path, files, info
     if not found:
         raise InputError(f"{path}: not a bag: no metadata.yaml and no .mcap or .db3 file in it")
     if not _of_one_bag(found):
