@@ -12,7 +12,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.fitting import goodness
 from sandbot_model.fitting.fit import fit
-from sandbot_model.fitting.goodness import Estimate
+from sandbot_model.fitting.goodness import Estimate, Fail
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_record.trials.table import Row, from_rows
@@ -37,6 +37,32 @@ def test_cell_means_missed_by_more_than_three_standard_errors_fail_the_worst_fir
     assert goodness.fails(cells, z, z) == ()
     z[1, 0], z[2, 3], z[3, 1] = 3.5, -9.0, 2.9
     assert [(fail.observable, fail.z) for fail in goodness.fails(cells, z, z)] == [("first_step", -9.0), ("speed", 3.5)]
+
+
+def test_a_cell_that_fails_is_told_by_its_index_where_two_gaits_share_phi_and_omega(drawn):
+    cells = cells_of(with_another_gait(drawn(levels=2, omega=(8, 12))))
+    z = np.zeros(cells.mean.shape)
+    one, other = np.flatnonzero((cells.phi == cells.phi[0]) & (cells.omega == cells.omega[0]))
+    z[other, :2] = 5.0, -6.0
+    found = goodness.fails(cells, z, z)
+    assert [fail.cell for fail in found] == [other, other]
+    assert goodness.cells_missed(found) == 1
+    z[one, 0] = 4.0
+    assert goodness.cells_missed(goodness.fails(cells, z, z)) == 2
+    assert goodness.cells_missed(()) == 0
+
+
+def test_in_the_json_a_cell_that_fails_is_told_by_phi_and_omega(drawn, monkeypatch):
+    found = fit(model_of("simple", (), {}), cells_of(drawn(levels=2, omega=(8, 12))))
+    monkeypatch.setattr(type(found), "fails", (Fail("speed", 0.6, 8.0, 0.1, 5.0, 3),))
+    (told,) = found.to_dict()["fails"]
+    assert list(told) == ["observable", "phi", "omega_rad_s", "residual", "z"]
+
+
+def with_another_gait(trials):
+    """The same trials once more, as those of another gait."""
+    twice = trials.select(np.tile(np.arange(len(trials)), 2))
+    return replace(twice, gait=np.repeat(["UNIFORM", "SGCS"], len(trials)))
 
 
 def test_p_is_even_under_the_null_and_not_known_without_replicates():

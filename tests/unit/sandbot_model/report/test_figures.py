@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.compare import compare
+from sandbot_model.fitting import goodness
 from sandbot_model.fitting.goodness import Fail
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.geometry import deepest_m
@@ -121,7 +122,7 @@ def test_failing_cells_are_marked_by_sign_and_number_not_by_colour_alone():
     z = np.zeros((len(cells), 4))
     up, down, quiet = 3, 8, 5
     z[up, 0], z[down, 0], z[quiet, 0] = 12.4, -5.6, 2.0
-    fails = tuple(Fail("speed", cells.phi[i], cells.omega[i], 0.1, z[i, Observable.speed]) for i in (up, down))
+    fails = tuple(Fail("speed", cells.phi[i], cells.omega[i], 0.1, z[i, Observable.speed], i) for i in (up, down))
     *_, trace = residual_map.residual_map(made_up_step(cells, z, fails), "speed")["data"]
     text = np.array(trace["text"])
     assert text[cells.level[up], up % 4] == "▲ 12"
@@ -129,11 +130,36 @@ def test_failing_cells_are_marked_by_sign_and_number_not_by_colour_alone():
     assert (text != "").sum() == 2
 
 
+def test_of_two_gaits_at_one_phi_and_omega_the_cell_that_fails_is_marked():
+    phi, omega, gait = (a.ravel() for a in np.meshgrid(PHI, OMEGA, ["UNIFORM", "SGCS"], indexing="ij"))
+    rows = [Row(f"t{i}", phi[i], omega_rad_s=omega[i], gait=gait[i], speed_m_s=0.1) for i in range(len(phi))]
+    cells = cells_of(from_rows(rows))
+    sgcs = next(i for i in range(len(cells)) if cells.gait[i] == "SGCS" and cells.omega[i] == OMEGA[1])
+    uniform = next(i for i in range(len(cells)) if cells.gait[i] == "UNIFORM" and cells.omega[i] == OMEGA[2])
+    z = np.zeros((len(cells), 4))
+    z[[sgcs, uniform], 0] = 9.0, -5.0
+    step = made_up_step(cells, z, goodness.fails(cells, z, z))
+    assert np.flatnonzero(residual_map.failing_cells(step.fit, "speed")).tolist() == sorted([sgcs, uniform])
+    *_, trace = residual_map.residual_map(step, "speed")["data"]
+    text = np.array(trace["text"])
+    assert text[trace["y"].index("φ 0.580 SGCS"), 1] == "▲ 9"
+    assert text[trace["y"].index("φ 0.580 UNIFORM"), 2] == "▼ 5"
+    assert (text != "").sum() == 2
+    assert captions.residuals(step, "speed").count("2 of 24 cells fail") == 1
+
+
+def test_each_map_of_two_models_has_its_models_name():
+    cells = made_up_cells()
+    base, more = made_up_step(cells), made_up_step(cells, effects=("leg_slip",))
+    maps = traces(residual_map.residual_map(more, "speed", base), "heatmap")
+    assert [one["name"] for one in maps] == [figures.model_name(base), figures.model_name(more)]
+
+
 @given(st.sets(st.integers(0, len(PHI) * len(OMEGA) - 1)))
 def test_a_map_has_its_rows_and_columns_in_order_whichever_cells_fail(failing):
     """The words stand on the map as a trace of their own, before it: left to itself Plotly would order by them."""
     cells = made_up_cells()
-    fails = tuple(Fail("speed", cells.phi[i], cells.omega[i], 0.1, 9.0) for i in failing)
+    fails = tuple(Fail("speed", cells.phi[i], cells.omega[i], 0.1, 9.0, i) for i in failing)
     step = made_up_step(cells, np.full((len(cells), 4), 9.0), fails)
     base = made_up_step(cells)
     spec = residual_map.residual_map(step, "speed", base)

@@ -209,7 +209,7 @@ def test_tables_call_a_cell_by_the_phi_of_its_level_as_figures_do(discovery):
     """The cells of a level have means of their own, which may round to another number."""
     step = steps(discovery.steps)[0]
     cells = replace(step.fit.cells, phi=step.fit.cells.phi + 0.002)
-    missed = Fail("speed", float(cells.phi[1]), float(cells.omega[1]), -0.01, -5.0)
+    missed = Fail("speed", float(cells.phi[1]), float(cells.omega[1]), -0.01, -5.0, 1)
     kept = {name: getattr(step.fit, name) for name in ("predicted", "residual_z", "effects", "model")}
     fit = SimpleNamespace(cells=cells, fails=(missed,), **kept)
     shown = (Step(fit, step.omega_rad_s, step.speed_m_s),)

@@ -7,17 +7,25 @@ from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sandbot_common import terminal
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.compare import compare as compare_fits
 from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.verdict import Verdict
+from sandbot_model.explore import views
 from sandbot_model.explore.actions import can_adopt
 from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.goodness import FAIL_Z
 from sandbot_model.fitting.text import counted, table, to_error, wrapped
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
+from sandbot_model.report import figure_sections, rivals
+from sandbot_model.report.curves import steps
 from sandbot_model.tools import answer, compare, tables
 from sandbot_model.tools import discover as discover_tool
 
@@ -79,6 +87,23 @@ def test_a_model_that_needs_a_number_nobody_believes_explains_but_does_not_hold(
     assert "fails" not in told
     assert f"{fit.name} explains the data (lack of fit p = {fit.lack_of_fit_p:.2g})" in told
     assert f"but only with {name} = {value:.4g} (plausible: " in told
+
+
+def test_cells_of_two_gaits_at_one_phi_and_omega_count_apart_wherever_they_are_counted(drawn):
+    trials = drawn(levels=2, omega=(8, 14, 20))
+    twice = trials.select(np.tile(np.arange(len(trials)), 2))
+    # No geometry lets the body go by twice what its lift allows.
+    twice = replace(twice, gait=np.repeat(["UNIFORM", "SGCS"], len(trials)), speed_m_s=2 * twice.speed_m_s)
+    cells = cells_of(twice)
+    (fitted,) = compare_fits(cells, {}, [])
+    missed = int((np.abs(np.nan_to_num(fitted.residual_z)) > FAIL_Z).any(axis=1).sum())
+    assert missed > len({(fail.phi, fail.omega_rad_s) for fail in fitted.fails})
+    shown = steps([fitted])
+    assert f", {missed} of {len(cells)} cells missed" in answer.of_comparison([fitted])
+    assert ladder_rows([fitted])[1][-1] == str(missed)
+    assert rivals.compared(shown).rows[0][-1] == str(missed)
+    assert figure_sections._errors(shown).rows[0][-1] == f"{missed} of {len(cells)}"
+    assert f"; {missed} of {len(cells)} conditions fail." in views.status(Selection(), shown[0], 0.005)
 
 
 def test_what_is_held_by_hand_has_no_error(printed, tmp_path):

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 from sandbot_model.data.conditions import noise_floor
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.fitting.text import Rows, to_error
 from sandbot_model.physics.observables import CM, Observable
 
@@ -44,11 +45,10 @@ def _label(added: Sequence[str]) -> str:
 
 
 def _row(step: Fit, name: str, known: Mapping[str, float]) -> Sequence[str]:
-    failing = len({(fail.phi, fail.omega_rad_s) for fail in step.fails})
     return [
         name,
         *(to_error(CM * step.goodness.rmse[name], error) for name, error in known.items()),
         to_error(CM * step.cv_rmse_m_s, known["speed"]),
         f"{step.lack_of_fit_p:.2g}" if math.isfinite(step.lack_of_fit_p) else "–",
-        str(failing) if math.isfinite(step.lack_of_fit_p) else "–",
+        str(cells_missed(step.fails)) if math.isfinite(step.lack_of_fit_p) else "–",
     ]

@@ -59,7 +59,8 @@ class Fit(Fitted):
             ],
             "at_bounds": list(self.at_bounds),
             "implausible": list(self.implausible),
-            "fails": [plain(fail) for fail in self.fails],
+            # A cell is told by its φ and ω there.
+            "fails": [{key: value for key, value in plain(fail).items() if key != "cell"} for fail in self.fails],
         }
 
     def nuisances_to_dict(self) -> list[dict[str, Any]]:

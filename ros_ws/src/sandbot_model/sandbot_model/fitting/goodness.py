@@ -1,6 +1,6 @@
 """Goodness of fit: errors, the cell means missed, and tests against pure error."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -87,6 +87,8 @@ class Fail:
     omega_rad_s: float
     residual: float
     z: float
+    cell: int
+    """Index of the cell among those fitted: two gaits may share φ and ω."""
 
 
 def rms(cells: Cells, gap: Array) -> dict[str, float]:
@@ -106,8 +108,14 @@ def fails(cells: Cells, gap: Array, z: Array) -> tuple[Fail, ...]:
     rows = np.argwhere(np.nan_to_num(np.abs(z)) > FAIL_Z)
     rows = rows[np.argsort(-np.abs(z[rows[:, 0], rows[:, 1]]))]
     return tuple(
-        Fail(NAMES[o], float(cells.phi[c]), float(cells.omega[c]), float(gap[c, o]), float(z[c, o])) for c, o in rows
+        Fail(NAMES[o], float(cells.phi[c]), float(cells.omega[c]), float(gap[c, o]), float(z[c, o]), int(c))
+        for c, o in rows
     )
+
+
+def cells_missed(failing: Iterable[Fail]) -> int:
+    """How many cells fail; one that is missed in several observables counts once."""
+    return len({fail.cell for fail in failing})
 
 
 def joint_p(chi2: float, dof: int, cells: Cells) -> float:

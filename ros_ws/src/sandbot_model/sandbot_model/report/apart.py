@@ -47,6 +47,7 @@ def difference_map(first: Step, second: Step, observable: str, theme: Theme) -> 
         [column_label(omega) for omega in omegas], [band.label for band in rows], z, theme.residual_scale(), -end, end,
         f"difference ({unit})",
     ) | {
+        "name": _less(first, second),
         "customdata": np.stack([as_json(z), index], axis=-1).tolist(),
         "hovertemplate": f"%{{y}}, ω %{{x}} rad/s<br>%{{z:.2f}} {unit}<extra></extra>",
     }  # fmt: skip
@@ -111,6 +112,7 @@ def separation_map(found: Gaps, trials: Sequence[NextTrial], theme: Theme) -> Sp
     )  # fmt: skip
     heat["colorbar"] |= {"tickvals": np.log10(DECADES).tolist(), "ticktext": [str(sd) for sd in DECADES]}
     heat |= {
+        "name": "where they differ most",
         "customdata": [[[trial.expected_gap_sd if trial else 0.0, _watched(trial)] for trial in row] for row in at],
         "hovertemplate": "%{y}, ω %{x:.3g} rad/s<br>%{customdata[0]:.1f} s.d. %{customdata[1]}<extra></extra>",
     }  # fmt: skip

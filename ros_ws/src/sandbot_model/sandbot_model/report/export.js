@@ -8,33 +8,52 @@ window.sandbotExport = (() => {
     const text = plain(cell);
     return /[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
   };
-  const titleOf = (layout, letter) =>
-    Object.entries(layout)
-      .filter(([key]) => key.startsWith(`${letter}axis`))
-      .map(([, axis]) => axis?.title?.text)
-      .find(Boolean);
+  const axesOf = (layout, letter) => Object.entries(layout).filter(([key]) => key.startsWith(`${letter}axis`));
 
-  function* rowsOf(trace) {
-    if (trace.type === "heatmap") {
-      for (const [row, y] of trace.y.entries()) {
-        for (const [column, x] of trace.x.entries()) {
-          yield [y, x, trace.customdata?.[row][column][0] ?? trace.z[row][column], ""];
-        }
+  // Title of an axis that a trace names, such as x2. An inner panel has none where the outer ones speak for it; where
+  // those don't agree, none of them is its own.
+  function titleOf(layout, name) {
+    const [letter, number] = [name[0], name.slice(1)];
+    const own = layout[`${letter}axis${number}`]?.title?.text;
+    const all = new Set(axesOf(layout, letter).map(([, axis]) => axis?.title?.text).filter(Boolean));
+    return own || (all.size === 1 ? [...all][0] : letter);
+  }
+
+  // A panel without a title is told by what it shows upwards, the only one of a figure by nothing.
+  function panelOf(layout, x, y) {
+    const title = layout.meta?.panels?.[Number(x.slice(1) || 1) - 1];
+    return title ?? (axesOf(layout, "y").length > 1 ? titleOf(layout, y) : "");
+  }
+
+  function* cellsOf(map, across) {
+    for (const [row, y] of map.y.entries()) {
+      for (const [column, x] of map.x.entries()) {
+        const value = map.customdata?.[row][column][0] ?? map.z[row][column];
+        yield [map.name, y, across, x, map.colorbar.title.text, value, ""];
       }
-      return;
-    }
-    if (trace.mode === "text") return; // what the map says in words stands in it as numbers
-    for (const [i, x] of Array.from(trace.x ?? []).entries()) {
-      if (x !== null && trace.y[i] !== null) yield [trace.name, x, trace.y[i], trace.error_y?.array?.[i] ?? ""];
     }
   }
 
-  // One row a point: series, x, y, error; the axes' titles carry the units.
+  function* pointsOf(trace, panel, across, up) {
+    for (const [i, x] of Array.from(trace.x ?? []).entries()) {
+      if (x === null || trace.y[i] === null) continue;
+      yield [panel, trace.name, across, x, up, trace.y[i], trace.error_y?.array?.[i] ?? ""];
+    }
+  }
+
+  function rowsOf(trace, layout) {
+    if (trace.mode === "text") return []; // what the map says in words stands in it as numbers
+    const [x, y] = [trace.xaxis ?? "x", trace.yaxis ?? "y"];
+    const across = titleOf(layout, x);
+    if (trace.type === "heatmap") return cellsOf(trace, across);
+    return pointsOf(trace, panelOf(layout, x, y), across, titleOf(layout, y));
+  }
+
+  // One row a point, or a cell of a map: its panel's axes name its numbers and their units. A map is its panel, a row of
+  // it a series.
   function csv(plot) {
-    const map = plot.data.findLast((trace) => trace.type === "heatmap");
-    const value = map ? map.colorbar.title.text.replace("<br>", " ") : (titleOf(plot.layout, "y") ?? "y");
-    const rows = [["series", titleOf(plot.layout, "x") ?? "x", value, "error"]];
-    for (const trace of plot.data) rows.push(...rowsOf(trace));
+    const rows = [["panel", "series", "x name", "x", "y name", "y", "error"]];
+    for (const trace of plot.data) rows.push(...rowsOf(trace, plot.layout));
     return rows.map((row) => row.map(quoted).join(",")).join("\n") + "\n";
   }
 

@@ -1,6 +1,7 @@
 """The sections of the page that hold its figures: which figure stands where, with its caption and its table."""
 
 from sandbot_model.data.conditions import Cells, noise_floor
+from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.physics.observables import Observable
 from sandbot_model.report import balance, captions, figures, lock, mechanics, residual_map, run_order, text
 from sandbot_model.report.page import Figure, Section, Table
@@ -94,7 +95,7 @@ def _errors(steps: tuple[Step, ...]) -> Table:
             f"{text.centi(step.fit.goodness.rmse[n])} / {text.centi(step.fit.cross_validation.rmse[n])}"
             for n in cells.observables
         )
-        failing = len({(fail.phi, fail.omega_rad_s) for fail in step.fit.fails})
+        failing = cells_missed(step.fit.fails)
         rows.append((step.label, *errors, text.probability(step.fit.lack_of_fit_p), f"{failing} of {len(cells)}"))
     rows.append(("noise floor", *(text.centi(floor[name]) for name in cells.observables), "", ""))
     caption = (

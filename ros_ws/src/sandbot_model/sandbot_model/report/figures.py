@@ -83,7 +83,9 @@ def panels(rows: Sequence[Band], theme: Theme, x: Spec, y: Spec, columns: int = 
 def grid_of_panels(titles: Sequence[str], theme: Theme, columns: int, height: int = 190) -> Spec:
     """An empty figure with a panel ``height`` px high below each title; its axes have places and nothing else."""
     lines = math.ceil(len(titles) / columns)
-    spec: Spec = {"data": [], "layout": layout(theme, 110 + TITLE_PX + height * lines, annotations=[])}
+    # Titles are drawn as notes, which belong to no axis: what is saved as CSV finds those of its panels in ``meta``.
+    meta = {"panels": list(titles)}
+    spec: Spec = {"data": [], "layout": layout(theme, 110 + TITLE_PX + height * lines, annotations=[], meta=meta)}
     # Plotly keeps a legend of any number of lines above the paper, so titles have their room on it.
     top = 1 - TITLE_PX / (TITLE_PX + height * lines)
     for i, title in enumerate(titles):

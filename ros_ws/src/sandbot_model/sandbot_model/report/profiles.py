@@ -9,7 +9,7 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.profile import profile
 from sandbot_model.physics.arrays import Array
 from sandbot_model.report import text
-from sandbot_model.report.figures import as_json, grid_of_panels, in_panel, legend_entry
+from sandbot_model.report.figures import as_json, grid_of_panels, in_panel, legend_entry, model_name
 from sandbot_model.report.map_text import words_on
 from sandbot_model.report.theme import Spec, Theme, axis, category_axis, layout
 from sandbot_model.report.view import Step
@@ -107,8 +107,8 @@ def correlations(step: Step, theme: Theme) -> Spec:
     words = [[text.number(v, 1) if abs(v) >= 0.3 and i != j else "" for j, v in enumerate(row)]
              for i, row in enumerate(np.nan_to_num(values))]  # fmt: skip
     heat = {
-        "type": "heatmap", "x": names, "y": names, "z": as_json(values), "zmin": -1, "zmax": 1,
-        "colorscale": theme.residual_scale(), "xgap": 1, "ygap": 1, "hoverongaps": False,
+        "type": "heatmap", "name": model_name(step), "x": names, "y": names, "z": as_json(values),
+        "zmin": -1, "zmax": 1, "colorscale": theme.residual_scale(), "xgap": 1, "ygap": 1, "hoverongaps": False,
         "hovertemplate": "%{y} and %{x}: %{z:.2f}<extra></extra>",
         "colorbar": {
             "title": {"text": "correlation", "side": "right", "font": {"size": 12}}, "thickness": 14, "outlinewidth": 0,

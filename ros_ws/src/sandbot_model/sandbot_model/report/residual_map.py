@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.goodness import Fail
 from sandbot_model.report.figures import as_json, model_name
 from sandbot_model.report.map_text import words_on
 from sandbot_model.report.theme import LIGHT, Spec, Theme, category_axis, layout, note
@@ -35,7 +34,7 @@ def residual_map(step: Step, observable: str, base: Step | None = None, theme: T
     for i, drawn in enumerate(shown):
         key = "" if i == 0 else "2"
         across = [0.0, 1.0] if len(shown) == 1 else [0.515 * i, 0.515 * i + 0.485]
-        trace = _heatmap(drawn.fit, observable, theme, len(shown) == 1)
+        trace = _heatmap(drawn.fit, observable, theme, len(shown) == 1) | {"name": model_name(drawn)}
         axes = {"xaxis": f"x{key}", "yaxis": f"y{key}"}
         spec["data"].append(words_on(trace, trace["text"], theme) | axes)
         spec["data"].append(trace | axes | {"showscale": i == len(shown) - 1})
@@ -102,13 +101,8 @@ def failing_cells(fit: Fit, observable: str) -> NDArray[np.bool_]:
     marked = np.zeros(len(fit.cells), dtype=bool)
     for fail in fit.fails:
         if fail.observable == observable:
-            marked[cell_of(fit.cells, fail)] = True
+            marked[fail.cell] = True
     return marked
-
-
-def cell_of(cells: Cells, fail: Fail) -> int:
-    """The cell that a failure tells of by its mean φ and ω."""
-    return int(np.argmin(np.abs(cells.phi - fail.phi) + np.abs(cells.omega - fail.omega_rad_s)))
 
 
 def _mark(z: float, failing: bool, with_number: bool) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.verdict import sound
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.report import text
 from sandbot_model.report.figures import in_panel, legend_entry, line, points, speed_panels
 from sandbot_model.report.page import Table
@@ -57,7 +58,7 @@ def compared(steps: Sequence[Step]) -> Table:
         (
             step.label, text.number(step.fit.bic - best), text.centi(step.fit.rmse_m_s),
             text.centi(step.fit.cv_rmse_m_s), text.probability(step.fit.lack_of_fit_p),
-            str(len({(fail.phi, fail.omega_rad_s) for fail in step.fit.fails})),
+            str(cells_missed(step.fit.fails)),
         )
         for step in steps
     ]  # fmt: skip

@@ -14,7 +14,6 @@ from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.physics.typeset import mathml_lines, plain
 from sandbot_model.report import text
 from sandbot_model.report.page import Picture, Section, Table, data_uri
-from sandbot_model.report.residual_map import cell_of
 from sandbot_model.report.view import Step, observable_label, readable
 
 Frames = Sequence[tuple[bytes, str]]
@@ -189,7 +188,7 @@ def failing(steps: tuple[Step, ...]) -> Section:
 def _level_phi(fit: Fit, fail: Fail) -> float:
     """The φ that figures call the cell by: its level's, not the mean of the cell's own trials."""
     cells = fit.cells
-    return float(cells.level_phi[cells.level[cell_of(cells, fail)]])
+    return float(cells.level_phi[cells.level[fail.cell]])
 
 
 def video(frames: Frames) -> list[Section]:

@@ -8,6 +8,7 @@ from sandbot_model.data.conditions import noise_floor
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.verdict import beyond, leaves_nothing, odd, passes
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.fitting.text import UNDETERMINED, counted, to_error
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.effect_facts import words
@@ -60,7 +61,7 @@ def _explains(fit: Fit) -> str:
 
 
 def _fails(fit: Fit) -> str:
-    missed = len({(fail.phi, fail.omega_rad_s) for fail in fit.fails})
+    missed = cells_missed(fit.fails)
     return f"fails: lack of fit p = {fit.lack_of_fit_p:.2g}, {missed} of {counted(len(fit.cells), 'cell')} missed"
 
 
