@@ -158,9 +158,9 @@ def test_a_figure_is_saved_as_drawing_picture_and_numbers(page, address, downloa
     assert "<svg" in (downloads / "figure.svg").read_text(encoding="utf-8")
     assert (downloads / "figure.png").read_bytes().startswith(b"\x89PNG")
     rows = list(csv.reader((downloads / "figure.csv").read_text(encoding="utf-8").splitlines()))
-    assert rows[0] == ["series", "ω (rad/s)", "speed (cm/s)", "error"]
+    assert rows[0] == ["panel", "series", "x name", "x", "y name", "y", "error"]
     cells = cells_of(trials)
-    seen = [(float(row[1]), float(row[2])) for row in rows if row[0].endswith("measured")]
+    seen = [(float(row[3]), float(row[5])) for row in rows if row[1].endswith("measured")]
     meant = sorted(zip(cells.omega, 100 * cells.mean[:, 0], strict=True))
     assert np.array(sorted(seen)) == pytest.approx(np.array(meant), rel=1e-4)
 

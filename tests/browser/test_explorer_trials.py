@@ -1,6 +1,7 @@
 """Trials, films and bags behind the explorer's figures in a real browser; the report."""
 
 import base64
+import csv
 import re
 import urllib.request
 
@@ -146,7 +147,7 @@ def test_the_report_draws_without_a_network_and_its_steps_switch(page, downloads
     page.until(lambda: page.driver.execute_script(drawn) == "light 1")
     page.driver.find_element(By.CSS_SELECTOR, "[data-figure=balance][data-format=csv]").click()
     page.until((downloads / "balance.csv").exists)
-    assert (
-        (downloads / "balance.csv").read_text(encoding="utf-8").startswith("series,depth (cm),force on a leg (N),error")
-    )
+    rows = list(csv.DictReader((downloads / "balance.csv").read_text(encoding="utf-8").splitlines()))
+    assert {(row["x name"], row["y name"]) for row in rows} == {("depth (cm)", "force on a leg (N)")}
+    assert {row["panel"] for row in rows} == {f"φ {phi:.3f}" for phi in cells_of(trials).level_phi}
     assert page.complaints() == []

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -122,9 +123,9 @@ def test_the_page_is_used_by_keyboard_alone(page, address):
     page.tab_to("at.closest('#cell') !== null || at.id === 'cell'")
     page.keys(Keys.ENTER)
     page.until(lambda: page.driver.switch_to.active_element.get_attribute("type") == "search")
-    page.tab_to("at.type === 'radio' && at.value === '1'", key=Keys.ARROW_DOWN)
+    page.tab_to("at.type === 'radio' && at.value.endsWith(',8,UNIFORM')", key=Keys.ARROW_DOWN)
     page.keys(Keys.ENTER)
-    page.until(lambda: "cell=1" in page.driver.current_url)
+    page.until(lambda: ",8,UNIFORM" in unquote(page.driver.current_url))
     page.until(lambda: "Trials of this condition" in page.text("trials"))
     assert page.complaints() == []
 

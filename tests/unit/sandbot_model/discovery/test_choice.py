@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from made_up import BOOST
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import VIEWS, Selection, from_mapping, from_query, to_query, to_yaml
+from sandbot_model.discovery.choice import VIEWS, Condition, Selection, from_mapping, from_query, to_query, to_yaml
 from sandbot_model.physics.observables import NAMES
 
 names = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), min_size=1, max_size=12)
@@ -25,7 +25,9 @@ selections = st.builds(
     ),
     view=st.sampled_from(VIEWS),
     observable=st.sampled_from(NAMES),
-    cell=st.none() | st.integers(0, 500),
+    cell=st.none()
+    | st.integers(0, 500)
+    | st.builds(Condition, st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), st.just("") | names),
     against=st.just("") | names.map(lambda name: Selection(effects=(name,)).pin().against),
 )
 
@@ -52,6 +54,9 @@ def test_a_selection_comes_back_from_its_file(selection):
         ("?hold=delta_t_s=nan", "a finite number is needed"),
         ("?hold=delta_t_s", "a finite number is needed"),
         ("?cell=-1", "a whole number is needed"),
+        (f"?cell={5000 * '9'}", "cell='9{40}…': .* of at most 9 digits"),
+        ("?cell=0.59,20", "φ,ω,gait or a whole number is needed"),
+        ("?cell=0.59,nan,UNIFORM", "a finite number is needed"),
         ("?colour=red", "unknown key 'colour'"),
         ("?against=%3Fmodel%3Dbest", "model 'best' is not one of simple, full"),
     ],
@@ -87,6 +92,14 @@ def test_the_saved_command_names_everything_that_changes_the_numbers():
         "compare", "my data.csv", "--effects-from", "mine.py", "--model", "full", "--effects", "leg_slip,boost",
         "--effect", BOOST, "--hold", "leg_slip.sigma=0.05",
     ]  # fmt: skip
+
+
+def test_a_condition_stands_in_the_address_as_what_was_done():
+    chosen = Selection(cell=Condition(0.59, 20.0, "UNIFORM"))
+    assert to_query(chosen) == "?cell=0.59,20,UNIFORM"
+    assert from_query("?cell=0.590,20,UNIFORM") == chosen
+    assert from_query("?cell=0.590%2C20%2CUNIFORM") == chosen
+    assert from_query("?cell=3").cell == 3
 
 
 def test_effects_keep_the_order_in_which_they_were_switched_on():

@@ -1,6 +1,7 @@
 """Made-up trials and bags, and workers that need no process: what the explorer's tests share."""
 
 import json
+import threading
 from concurrent.futures import Executor, Future
 
 import numpy as np
@@ -29,6 +30,13 @@ class Inline(Executor):
         except Exception as error:
             future.set_exception(error)
         return future
+
+
+def suggestions_made():
+    """Wait for the discoveries that were asked for."""
+    for thread in threading.enumerate():
+        if thread.name == "suggest":
+            thread.join(60)
 
 
 def made_up_trials(phis=(0.60, 0.615, 0.633), replicates=2, omegas=(4, 10, 16, 22), lift=True, effect=None):

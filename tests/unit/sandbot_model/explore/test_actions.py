@@ -9,7 +9,7 @@ from made_up import BOOST
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.choice import Condition, Selection
 from sandbot_model.discovery.discover import discover
 from sandbot_model.explore import views
 from sandbot_model.explore.actions import (
@@ -21,13 +21,15 @@ from sandbot_model.explore.actions import (
     with_sliders,
     with_verdict,
 )
+from sandbot_model.explore.condition import condition_of
 from sandbot_model.report.theme import LIGHT
 
 
 def test_controls_change_what_they_name_and_nothing_else():
     start = Selection(effects=("leg_slip",)).held("delta_t_s", 0.3)
     assert act(start, "view", "lock") == replace(start, view="lock")
-    assert act(start, "cell", 3) == replace(start, cell=3)
+    assert act(start, "cell", "0.6,20,UNIFORM") == replace(start, cell=Condition(0.6, 20, "UNIFORM"))
+    assert act(replace(start, cell=3), "cell", None) == start
     assert act(start, "release", 1) == replace(start, by_hand=())
     assert act(start, "model", "full") == replace(start, model="full", by_hand=())
     assert act(start, "unheard of", 1) == start
@@ -50,17 +52,22 @@ def test_what_discovery_found_is_switched_on(session, drawn):
     assert with_verdict(start, replace(found, residual=None)) == Selection()
 
 
-def test_a_control_used_adds_to_what_was_asked_for_and_is_not_shown_yet():
+def test_a_control_used_adds_to_what_was_asked_for_and_is_not_shown_yet(session):
+    def stand(selection):
+        return values_of(selection, session.cells)
+
+    def with_told(selection, told, values):
+        return with_controls(selection, stand(told), stand(values))
+
+    cell = condition_of(session.cells, 2)
     shown = Selection(effects=("leg_slip", "cable_drag"))
     asked = replace(shown.toggled(["cable_drag", "dilation"]), view="lock", by_hand=(("delta_t_s", 0.3),))
-    assert with_controls(asked, shown, values_of(shown)) == asked
-    both = with_controls(
-        asked, shown, values_of(replace(shown, cell=2).toggled(["leg_slip", "cable_drag", "cohesion"]))
-    )
-    assert both == replace(asked, effects=("cable_drag", "dilation", "cohesion"), cell=2)
-    assert with_controls(asked, shown, values_of(shown.toggled(["leg_slip"]))).effects == ("dilation",)
-    assert with_controls(shown, shown, values_of(asked)) == replace(asked, by_hand=())
-    assert with_controls(asked, asked, values_of(replace(asked, model="full"))).by_hand == ()
+    assert with_told(asked, shown, shown) == asked
+    both = with_told(asked, shown, replace(shown, cell=cell).toggled(["leg_slip", "cable_drag", "cohesion"]))
+    assert both == replace(asked, effects=("cable_drag", "dilation", "cohesion"), cell=cell)
+    assert with_told(asked, shown, shown.toggled(["leg_slip"])).effects == ("dilation",)
+    assert with_told(shown, shown, asked) == replace(asked, by_hand=())
+    assert with_told(asked, asked, replace(asked, model="full")).by_hand == ()
 
 
 def test_a_model_set_beside_stays_while_the_other_changes():

@@ -1,6 +1,9 @@
 """The page without a browser: its outputs, its address, its second pane, and who may ask for it."""
 
+import csv
+import io
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -10,7 +13,7 @@ from made_up import Inline, made_up_trials
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.choice import Selection, from_mapping
+from sandbot_model.discovery.choice import Selection, from_mapping, from_query, to_query
 from sandbot_model.explore import app, effect_list, no_data
 from sandbot_model.explore.actions import values_of
 from sandbot_model.explore.app import SHOWN, Beside, Explorer
@@ -28,17 +31,86 @@ def test_the_page_shows_one_value_for_each_output(session, trials, tmp_path):
     explorer.app()
 
 
-def test_an_address_sets_the_controls_that_stand_elsewhere(session, trials, tmp_path, monkeypatch):
+def test_an_address_says_where_the_controls_stand_for_it(session, trials, tmp_path, monkeypatch):
     explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "test")
     session.fit_ahead = lambda selection: None
     made = {}
     monkeypatch.setattr(app, "set_props", made.__setitem__)
-    explorer.on_address("?effect=leg_slip&cell=1", "dark", values_of(Selection()), [], [])
-    assert made == {
-        "effects": {"value": ["leg_slip"]},
-        "cell": {"value": 1},
-        "shown": {"data": "?effect=leg_slip&cell=1"},
-    }
+    explorer.on_address("?effect=leg_slip&cell=1", "dark", [], [])
+    assert made["shown"]["data"]["search"] == "?effect=leg_slip&cell=1"
+    stand = made["shown"]["data"]["controls"]
+    assert stand == values_of(Selection(effects=("leg_slip",), cell=1), session.cells)
+    assert stand["effects"] == ["leg_slip"]
+    # An old address: the list of conditions knows them by what was done.
+    assert stand["cell"] == "0.6,10,UNIFORM"
+
+
+class Browser:
+    """A page as the server sees it: its address, its controls, and what it was told; answers come when they come."""
+
+    def __init__(self, explorer, monkeypatch):
+        self.explorer = explorer
+        self.at = {"search": "", "told": values_of(Selection(), explorer.session.cells)}
+        self.values = dict(self.at["told"])
+        monkeypatch.setattr(app, "ctx", SimpleNamespace(triggered=[], triggered_prop_ids={}))
+        self.monkeypatch = monkeypatch
+
+    def asks(self):
+        """A request with the page as it is now; its answer is taken in when it is called."""
+        answer = {}
+        self.monkeypatch.setattr(app, "set_props", lambda name, given: answer.update({name: given}))
+        shown = {"search": "", "controls": values_of(Selection(), self.explorer.session.cells)}
+        self.explorer.on_control(dict(self.values), [], [], None, [], None, self.at["search"], shown, self.at["told"])
+
+        def comes():
+            self.at["search"] = answer.get("address", self.at)["search"]
+            self.at["told"] = answer["told"]["data"] if "told" in answer else self.at["told"]
+
+        return comes
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_what_is_switched_on_and_off_before_figures_come_is_off(session, trials, tmp_path, monkeypatch, late):
+    """Compared with what was displayed last, "off" was no change: the box said off, the address on, for good."""
+    page = Browser(Explorer(session, trials, [tmp_path / "trials.csv"], "test"), monkeypatch)
+    page.values["effects"] = ["leg_slip"]
+    on = page.asks()
+    if not late:
+        on()
+        assert page.at["search"] == "?effect=leg_slip"
+    page.values["effects"] = []
+    off = page.asks()
+    if late:
+        on()
+    off()
+    # The page asks again while a control stands where it was not told (settle in explore.js).
+    if page.values != page.at["told"]:
+        page.asks()()
+    assert page.at == {"search": "", "told": page.values}
+
+
+def test_the_sheet_holds_the_values_held_by_hand(session, trials, tmp_path, monkeypatch):
+    explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "test")
+    monkeypatch.setattr(app, "ctx", SimpleNamespace(triggered_id="save-csv"))
+    held = Selection(effects=("leg_slip",)).held("delta_t_s", 0.35)
+    plain, saved = (
+        list(csv.DictReader(io.StringIO(explorer.on_save(0, 1, to_query(one))["content"])))
+        for one in (replace(held, by_hand=()), held)
+    )
+    name = "speed_m_s[leg_slip; held by hand: delta_t_s=0.35]"
+    drawn = session.step(held).fit.predicted[:, 0]
+    assert [float(row[name]) for row in saved] == pytest.approx(drawn, rel=1e-6)
+    assert [float(row["speed_m_s[leg_slip]"]) for row in saved] != pytest.approx(drawn, rel=1e-3)
+    assert [{key: row[key] for key in plain[0]} for row in saved] == plain
+
+
+def test_a_condition_that_is_none_of_the_trials_is_said_so(session, trials, tmp_path):
+    explorer = Explorer(session, trials, [tmp_path / "trials.csv"], "test")
+    session.fit_ahead = lambda selection: None
+    for query, said in (("?cell=0.7,10,UNIFORM", "No trial at φ 0.700, ω 10 rad/s, gait UNIFORM"),
+                        ("?cell=99", "12 conditions: none has the number 99")):  # fmt: skip
+        assert said in str(explorer.show(from_query(query), "dark")["trials.children"])
+    assert explorer.show(Selection(), "dark")["trials.children"] is None
 
 
 def test_sliders_that_stand_where_they_should_are_not_made_anew(session, trials, tmp_path, monkeypatch):
@@ -72,7 +144,7 @@ def test_a_discovery_that_fails_says_so(session, trials, tmp_path, monkeypatch):
     monkeypatch.setattr(session, "suggest", refuse)
     explorer.job.start(Selection()).join(60)
     assert not explorer.job.running
-    assert explorer.job.failed == "No suggestion: no replicates"
+    assert explorer.job.failed_for(Selection()) == "No suggestion: no replicates"
 
 
 def test_a_limit_of_the_data_stands_on_the_page(tmp_path):

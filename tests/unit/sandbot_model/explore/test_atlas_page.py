@@ -28,7 +28,17 @@ def test_the_page_shows_the_papers_figures_for_the_model_in_its_address(client):
     assert drawn.mimetype == "image/svg+xml"
     assert "<svg" in drawn.text
     assert "Fig. 1c of the paper: not drawn, two trials with bags" in page
-    assert 'href="/?effect=leg_slip"' in page
+    assert 'href="/?view=lock&amp;effect=leg_slip&amp;cell=2"' in page
+    assert "by hand" not in page
+
+
+def test_values_held_by_hand_are_left_out_and_the_way_back_has_them(session, trials, monkeypatch):
+    server = Flask("test")
+    monkeypatch.setattr("sandbot_model.explore.atlas_page.PLATES", ())
+    AtlasPage(session, trials, {}, "test").serve(server)
+    page = server.test_client().get("/atlas?hold=delta_t_s%3D0.35&against=%3Fmodel%3Dfull").text
+    assert "Values held by hand are left out (delta_t_s = 0.35): this page shows the fit." in page
+    assert 'href="/?hold=delta_t_s%3D0.35&amp;against=%3Fmodel%3Dfull"' in page
 
 
 def test_another_model_gives_other_lines_and_the_same_one_the_same(client):
@@ -37,7 +47,8 @@ def test_another_model_gives_other_lines_and_the_same_one_the_same(client):
 
 
 @pytest.mark.parametrize(
-    "address", ["/atlas?effect=nonsense", "/atlas?tune=1", "/atlas/fig2a_speed_omega.svg?effect=x"]
+    "address",
+    ["/atlas?effect=nonsense", "/atlas?tune=1", "/atlas/fig2a_speed_omega.svg?effect=x", f"/atlas?cell={5000 * '9'}"],
 )
 def test_an_address_that_means_nothing_is_refused_in_a_line(client, address):
     answer = client.get(address)

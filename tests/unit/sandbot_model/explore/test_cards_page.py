@@ -46,13 +46,20 @@ def test_a_card_says_what_an_effect_is_and_switches_it(client, session):
     now = session.step(Selection()).fit.rmse_m_s
     card = re.search(r'<article class="card" id="leg_slip".*?</article>', page, re.DOTALL)[0]
     assert f"{100 * now:.2f} → {100 * error:.2f} cm/s" in card
-    assert 'href="/?effect=leg_slip">Switch on leg slip' in card
+    assert 'href="/?view=lock&amp;effect=leg_slip">Switch on leg slip' in card
     assert "slip at depth d_r" in card
     assert "<math>" in card
     assert 'src="/drawing/leg_slip.svg"' in card
     assert "my &lt;trials&gt;" in page
     on = client.get("/effects?effect=leg_slip&effect=cohesion").text
     assert 'href="/?effect=cohesion">Switch off leg slip' in on
+
+
+def test_a_switch_keeps_what_the_page_shows_and_holds(client):
+    page = client.get("/effects?view=lock&effect=cohesion&hold=delta_t_s%3D0.35").text
+    assert 'href="/?view=lock&amp;effect=cohesion&amp;hold=delta_t_s%3D0.35">Back' in page
+    assert 'href="/?view=lock&amp;hold=delta_t_s%3D0.35">Switch off cohesion' in page
+    assert "Values held by hand are left out (delta_t_s = 0.35): this page shows the fit." in page
 
 
 def test_what_does_not_help_is_folded_and_what_is_on_is_not(client, session):

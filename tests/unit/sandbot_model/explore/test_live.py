@@ -111,6 +111,22 @@ def test_a_table_that_is_none_is_refused_in_a_line_and_changes_nothing(live, des
     assert client.get("/drop").status_code == 405
 
 
+@pytest.mark.parametrize(
+    ("name", "title"),
+    [
+        (300 * "a", 60 * "a"),
+        ("a%00", "a_"),
+        ("a%0Ab", "a_b"),
+        (300 * "%F0%9F%90%9C", 60 * "🐜"),
+        ("their lab", "their lab"),
+    ],
+)
+def test_whatever_a_table_is_called_it_is_taken(live, name, title):
+    client = Client(live)
+    assert client.post(f"/drop?name={name}.csv", data=b"phi,omega_rad_s,speed_m_s\n").status_code == 204
+    assert client.get("/").text == f"1 {title}.csv"
+
+
 def test_a_page_of_another_site_drops_nothing(live, desk):
     client = Client(live)
     answer = client.post("/drop?name=a.csv", data=b"phi\n", headers={"Origin": "http://elsewhere.example"})

@@ -122,9 +122,22 @@ def test_the_page_has_everything_on_one_clock(client, bags, scene):
     assert 'id="film"' not in page
 
 
+def test_the_model_has_the_values_held_by_hand_and_links_keep_them(client, bags, scene):
+    name, other = list(bags)[:2]
+    query = "view=lock&amp;hold=delta_t_s%3D0.2"
+    page = client.get(f"/theatre?trial={name}&view=lock&hold=delta_t_s%3D0.2").text
+    shown = json.loads(re.search(r'id="scene">(.*?)</script>', page)[1])["scene"]
+    fitted = json.loads(re.search(r'id="scene">(.*?)</script>', client.get(f"/theatre?trial={name}").text)[1])["scene"]
+    assert shown["model"] != fitted["model"]
+    assert "simple model, held by hand: delta_t_s = 0.2. Other trials" in page
+    assert f'href="/?{query}"' in page
+    assert f"/theatre?trial={other}&amp;{query}" in page
+
+
 @pytest.mark.parametrize(
     ("address", "said"),
     [
+        ("/theatre?trial=t00&hold=nonsense%3D1", "nonsense"),
         ("/theatre?trial=absent", "no trial of that name"),
         ("/theatre", "no trial of that name"),
         ("/theatre?trial=t00&effect=nonsense", "nonsense"),

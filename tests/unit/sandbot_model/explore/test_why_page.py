@@ -4,7 +4,7 @@ import json
 
 import pytest
 from flask import Flask
-from made_up import EFFECTS
+from made_up import EFFECTS, suggestions_made
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection
@@ -52,9 +52,9 @@ def test_what_was_found_is_argued(client, job, found):
     assert "my &lt;trials&gt;" in page
 
 
-def test_another_base_model_is_another_question(client, job):
+def test_another_base_model_is_another_question(client, job, found):
     job.start(Selection(effects=("leg_slip",))).join(60)
-    assert job.found_for(Selection(view="lock")) is job.found
+    assert job.found_for(Selection(view="lock")) is found
     assert job.found_for(Selection(model="full")) is None
     assert "Trying the catalogue" in client.get("/why?model=full").text
 
@@ -68,7 +68,27 @@ def test_a_discovery_that_failed_says_so(client, job, monkeypatch):
     assert json.loads(client.get("/why/progress").text)["failed"] == "No suggestion: no replicates"
 
 
-@pytest.mark.parametrize("address", ["/why?effect=nonsense", "/why?tune=1"])
+def test_the_progress_told_is_that_of_the_question_in_the_address(client, job, monkeypatch):
+    def refuse(selection, _):
+        raise InputError(f"no {selection.model}")
+
+    monkeypatch.setattr(job.session, "suggest", refuse)
+    job.start(Selection()).join(60)
+    told = json.loads(client.get("/why/progress?model=full").text)
+    assert (told["running"], told["failed"]) == (False, "")
+
+
+def test_values_held_by_hand_are_left_out_and_the_way_back_has_them(client, job):
+    held = "?view=lock&hold=delta_t_s%3D0.35&cell=0.6,4,UNIFORM"
+    assert 'href="/?view=lock&amp;hold=delta_t_s%3D0.35&amp;cell=0.6,4,UNIFORM"' in client.get(f"/why{held}").text
+    suggestions_made()
+    page = client.get(f"/why{held}").text
+    assert "Values held by hand are left out (delta_t_s = 0.35): this page shows the fit." in page
+    assert 'href="/?view=lock&amp;hold=delta_t_s%3D0.35&amp;cell=0.6,4,UNIFORM"' in page
+    assert "by hand" not in client.get("/why").text
+
+
+@pytest.mark.parametrize("address", ["/why?effect=nonsense", "/why?tune=1", "/why/progress?tune=1"])
 def test_an_address_that_means_nothing_is_refused_in_a_line(client, address):
     answer = client.get(address)
     assert answer.status_code == 400

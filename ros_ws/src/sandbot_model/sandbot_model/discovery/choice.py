@@ -28,6 +28,19 @@ BASE_QUERY = "?model=simple"
 VIEWS = ("speed", "residuals", "critical", "step", "balance", "lock", "parameters")
 
 
+MAX_DIGITS = 9
+"""Of the number of a cell: beyond thousands of digits Python refuses to read one."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What was done in a cell: its name in an address, whatever else is measured later."""
+
+    phi: float
+    omega_rad_s: float
+    gait: str
+
+
 @dataclass(frozen=True)
 class Selection:
     """One state of the explorer; ``effects`` in the order in which they were switched on (the ladder's order)."""
@@ -40,8 +53,8 @@ class Selection:
     """Shared parameters held at a value instead of the fitted one."""
     view: str = "speed"
     observable: str = "speed"
-    cell: int | None = None
-    """Index of the cell whose trials are shown."""
+    cell: Condition | int | None = None
+    """The condition whose trials are shown; in an old address its number, counted from 0."""
     against: str = ""
     """A model set beside this one: its query, as ``pin`` makes it."""
 
@@ -102,10 +115,10 @@ def to_query(selection: Selection) -> str:
     pairs += [("formula", text) for text in selection.formulas]
     pairs += [("hold", f"{name}={value!r}") for name, value in selection.by_hand]
     if selection.cell is not None:
-        pairs.append(("cell", str(selection.cell)))
+        pairs.append(("cell", cell_text(selection.cell)))
     if selection.against:
         pairs.append(("against", selection.against))
-    return f"?{urlencode(pairs)}" if pairs else ""
+    return f"?{urlencode(pairs, safe=',')}" if pairs else ""
 
 
 def from_query(query: str, *, nested: bool = False) -> Selection:
@@ -125,7 +138,7 @@ def from_query(query: str, *, nested: bool = False) -> Selection:
             case "hold":
                 found = held_by_text(found, value, "address: hold")
             case "cell":
-                found = dataclasses.replace(found, cell=_index(value))
+                found = dataclasses.replace(found, cell=cell_of_text(value))
             case "against":
                 if nested:
                     raise InputError("address: against: a model beside a model beside this one; there is room for one")
@@ -136,6 +149,24 @@ def from_query(query: str, *, nested: bool = False) -> Selection:
             case _:
                 raise InputError(f"address: unknown key {key!r}; known: {', '.join(KEYS)}")
     return _checked(found, "address")
+
+
+def cell_text(cell: Condition | int) -> str:
+    """A condition as ``φ,ω,gait``, such as ``0.59,20,UNIFORM``; the number of a cell as it is."""
+    if isinstance(cell, int):
+        return str(cell)
+    return f"{_shortest(cell.phi)},{_shortest(cell.omega_rad_s)},{cell.gait}"
+
+
+def cell_of_text(text: str) -> Condition | int:
+    """What ``cell_text`` wrote. Raises InputError for anything else."""
+    if "," not in text:
+        return _index(text)
+    where = f"address: cell={_shortened(text)!r}: φ,ω,gait or a whole number is needed"
+    phi, omega, *gait = text.split(",", 2)
+    if not gait:
+        raise InputError(where)
+    return Condition(_finite(phi, where), _finite(omega, where), gait[0])
 
 
 def held_by_text(selection: Selection, text: str, where: str) -> Selection:
@@ -220,9 +251,21 @@ def _finite(value: Any, where: str) -> float:
 
 
 def _index(value: str) -> int:
-    if not value.isdecimal():
-        raise InputError(f"address: cell={value!r}: a whole number is needed")
+    if not value.isdecimal() or len(value) > MAX_DIGITS:
+        raise InputError(
+            f"address: cell={_shortened(value)!r}: φ,ω,gait or a whole number is needed, of at most {MAX_DIGITS} digits"
+        )
     return int(value)
+
+
+def _shortened(text: str) -> str:
+    """As much of a text as fits into a message."""
+    return text if len(text) <= 40 else f"{text[:40]}…"
+
+
+def _shortest(number: float) -> str:
+    """The fewest digits that give the same number again."""
+    return repr(number).removesuffix(".0")
 
 
 def _texts(value: Any, where: str) -> tuple[str, ...]:

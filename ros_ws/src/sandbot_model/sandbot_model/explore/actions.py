@@ -6,8 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 from sandbot_model.data.conditions import Cells
-from sandbot_model.discovery.choice import Selection, with_formula
+from sandbot_model.discovery.choice import Selection, cell_of_text, cell_text, with_formula
 from sandbot_model.discovery.discover import Discovery
+from sandbot_model.explore.condition import condition_of, option_of
 from sandbot_model.report.residual_map import map_cells
 
 CONTROLS = ("model", "effects", "view", "observable", "cell")
@@ -27,7 +28,7 @@ def act(selection: Selection, control: str, value: Any) -> Selection:
         case "release":
             return replace(selection, by_hand=())
         case "cell":
-            return replace(selection, cell=value)
+            return replace(selection, cell=None if value is None else cell_of_text(value))
         case "pin":
             return selection.pin()
         case "unpin":
@@ -48,23 +49,25 @@ def with_verdict(selection: Selection, found: Discovery) -> Selection:
     return with_formula(changed, residual.formula) if residual and not found.verdict.effects else changed
 
 
-def values_of(selection: Selection) -> dict[str, Any]:
-    """Values of the controls when ``selection`` is displayed."""
-    return {name: getattr(selection, name) for name in CONTROLS} | {"effects": list(selection.effects)}
+def values_of(selection: Selection, cells: Cells) -> dict[str, Any]:
+    """Values of the controls when ``selection`` is displayed; of a condition, what the list of ``cells`` calls it."""
+    plain = {name: getattr(selection, name) for name in CONTROLS}
+    return plain | {"effects": list(selection.effects), "cell": option_of(cells, selection.cell)}
 
 
-def with_controls(selection: Selection, shown: Selection, values: Mapping[str, Any]) -> Selection:
-    """``selection`` with the controls changed whose ``values`` differ from those of ``shown``, the last one displayed.
+def with_controls(selection: Selection, told: Mapping[str, Any], values: Mapping[str, Any]) -> Selection:
+    """``selection`` with the controls changed whose ``values`` differ from those that were ``told`` last.
 
-    Only differences count: what was selected since and is not displayed yet is kept.
+    Only differences count: what was selected since in another way and is not displayed yet is kept. Not what is
+    displayed is compared: figures take a while, and what was switched on and off before they come would equal it.
     """
-    for control, displayed in values_of(shown).items():
+    for control, before in told.items():
         value = values[control]
-        if value == displayed:
+        if value == before:
             continue
         if control == "effects":
-            wanted = [name for name in selection.effects if name in value or name not in displayed]
-            value = [*wanted, *(name for name in value if name not in displayed)]
+            wanted = [name for name in selection.effects if name in value or name not in before]
+            value = [*wanted, *(name for name in value if name not in before)]
         selection = act(selection, control, value)
     return selection
 
@@ -80,6 +83,12 @@ def with_sliders(selection: Selection, shown: Mapping[str, float], sliders: Mapp
         if name in shown and not math.isclose(value, on_slider(shown[name]), rel_tol=1e-9):
             selection = selection.held(name, value)
     return selection
+
+
+def clicked_option(click: Mapping[str, Any] | None, cells: Cells) -> str | None:
+    """The condition under a click, as the list of conditions calls it."""
+    index = clicked_cell(click, cells)
+    return None if index is None else cell_text(condition_of(cells, index))
 
 
 def clicked_cell(click: Mapping[str, Any] | None, cells: Cells) -> int | None:

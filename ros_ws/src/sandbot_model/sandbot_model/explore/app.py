@@ -18,11 +18,11 @@ from flask import Response, abort, send_file
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, from_query, to_query, to_yaml
 from sandbot_model.discovery.reproduce import steps_of
-from sandbot_model.explore import blocks, cell_trials, controls, effect_list, suggested, views
+from sandbot_model.explore import blocks, cell_trials, condition, controls, effect_list, suggested, views
 from sandbot_model.explore.actions import (
     act,
     can_adopt,
-    clicked_cell,
+    clicked_option,
     values_of,
     with_controls,
     with_sliders,
@@ -31,14 +31,14 @@ from sandbot_model.explore.actions import (
 from sandbot_model.explore.atlas_page import AtlasPage
 from sandbot_model.explore.cards_page import CardsPage
 from sandbot_model.explore.helpful import ordered
-from sandbot_model.explore.job import Job
+from sandbot_model.explore.job import Job, question_of
 from sandbot_model.explore.loopback import own_host_only
 from sandbot_model.explore.session import Session
+from sandbot_model.explore.sheet import sheet
 from sandbot_model.explore.theatre_page import TheatrePage
 from sandbot_model.explore.why_page import WhyPage
 from sandbot_model.explore.wiring import SHOWN, bare, wire
 from sandbot_model.report import waveforms
-from sandbot_model.report.data_section import cells_csv
 from sandbot_model.report.provenance import bags_of, lost_bags, provenance
 from sandbot_model.report.theme import LIGHT, THEMES, Spec, Theme
 from sandbot_record.trials.table import Trials
@@ -149,7 +149,7 @@ class Explorer:
         """The second data set under the same selection, and the second model on the same data."""
         shown = []
         if self.beside is not None:
-            # A cell is one of the first data set.
+            # Which cell of these a condition is, or none, is not asked: trials are those of the first data set.
             shown.append(views.beside(self.beside.session, replace(selection, cell=None), self.beside.title, theme))
             self.beside.session.fit_ahead(selection)
         if (other := selection.other) is not None:
@@ -169,9 +169,12 @@ class Explorer:
         return views.figure(selection, None, shown.current, theme, columns=views.PANE_COLUMNS)
 
     def _trials(self, selection: Selection, shown: views.Shown, theme: Theme) -> Any:
-        if selection.cell is None or selection.cell >= len(self.session.cells):
-            return None
-        return cell_trials.parts(self.trials, self.bags, shown.current.fit, selection.cell, theme, to_query(selection))
+        cells = self.session.cells
+        cell = condition.index_of(cells, selection.cell)
+        if cell is None:
+            missing = condition.absent(cells, selection.cell)
+            return html.P(missing, className="message") if missing else None
+        return cell_trials.parts(self.trials, self.bags, shown.current.fit, cell, theme, to_query(selection))
 
     def send_bag(self, trial_id: str, name: str) -> Response:
         """A recording's file, of the bags shown only."""
@@ -179,33 +182,37 @@ class Explorer:
         return send_file(files[name].resolve(), as_attachment=True) if name in files else abort(404)
 
     def on_address(
-        self, search: str | None, theme: str | None, displayed: Mapping[str, Any],
+        self, search: str | None, theme: str | None,
         sliders: Sequence[float], slider_ids: Sequence[Mapping[str, str]],
     ) -> dict[str, Any]:  # fmt: skip
-        """The address has changed: show what it says, and set the controls that differ from it."""
+        """The address has changed: show what it says, and where the controls stand for it (see ``settle`` in the page).
+
+        The page sets them, since this answer may come when the address has long been another.
+        """
         if theme is None:
             raise PreventUpdate
         try:
             selection = from_query(search or "")
-            for control, value in values_of(selection).items():
-                if value != displayed[control]:
-                    set_props(control, {"value": value})
-            # Last: a control whose value is not that of "shown" counts as used.
-            set_props("shown", {"data": to_query(selection)})
+            set_props("shown", {"data": {"search": search or "", "controls": values_of(selection, self.session.cells)}})
             return self.show(selection, theme, controls.at(slider_ids, sliders))
         except InputError as error:
             return {**dict.fromkeys(SHOWN, no_update), "message.children": _message(error)}
 
     def on_control(
-        self, values: Mapping[str, Any], _clicks: Sequence[Any], sliders: Sequence[float],
-        slider_ids: Sequence[Mapping[str, str]], formula: str | None, search: str | None, shown_query: str | None,
+        self, values: Mapping[str, Any], _clicks: Sequence[Any], sliders: Sequence[float], _again: Any,
+        slider_ids: Sequence[Mapping[str, str]], formula: str | None, search: str | None,
+        shown: Mapping[str, Any] | None, told: Mapping[str, Any],
     ) -> None:  # fmt: skip
-        """A control was used: add to the address every value that differs from the page's, and the button pressed."""
+        """A control was used: add to the address every value that was not told yet, and the button pressed.
+
+        What is told with this answer is what it has added: should a control be used before the answer comes, the page
+        finds it at another value then, and asks again.
+        """
         try:
-            before, shown = from_query(search or ""), from_query(shown_query or "")
-            after = with_controls(before, shown, values)
+            before = from_query(search or "")
+            after = with_controls(before, told, values)
             if any(isinstance(control, dict) for control in ctx.triggered_prop_ids.values()):
-                fitted = self.session.step(shown).fit.parameters
+                fitted = self.session.step(from_query(shown["search"] if shown else "")).fit.parameters
                 values_fitted = {name: estimate.value for name, estimate in fitted.items()}
                 after = with_sliders(after, values_fitted, controls.at(slider_ids, sliders))
             for fired in ctx.triggered:
@@ -216,16 +223,19 @@ class Explorer:
             return
         if after != before:
             set_props("address", {"search": to_query(after)})
+        # Last: by then the address says so.
+        if values != told:
+            set_props("told", {"data": values})
 
     def _pressed(self, selection: Selection, control: Any, value: Any, formula: str) -> Selection:
         """The selection after a click on a button or a figure; other controls count by their value."""
         match control:
             case "figure":
-                return act(selection, "cell", clicked_cell(value, self.session.cells))
+                return act(selection, "cell", clicked_option(value, self.session.cells))
             case "add" | "formula":
                 return act(selection, "formula", formula)
             case "adopt":
-                found = self.job.found
+                found = self.job.found_for(selection)
                 return with_verdict(selection, found) if found else selection
             case "release" | "pin" | "unpin":
                 return act(selection, control, value)
@@ -245,24 +255,38 @@ class Explorer:
         try:
             selection = from_query(search or "")
             if ctx.triggered_id == "save-csv":
-                return {"content": cells_csv(self.session.ladder(selection)), "filename": "cells.csv"}
+                steps, current = self.session.ladder(selection), self.session.step(selection)
+                return {"content": sheet(steps, current, selection.by_hand), "filename": "cells.csv"}
             return {"content": self.saved(selection), "filename": "explorer.yaml"}
         except InputError:
             raise PreventUpdate from None
 
-    def on_suggest(self, _clicks: int, _tick: int, search: str | None) -> dict[str, Any]:
-        """Start discovery or show its progress; while it runs the page asks again, and its result can be adopted."""
-        job = self.job
+    def on_suggest(self, _clicks: int, _tick: int, search: str | None, asked: str | None) -> dict[str, Any]:
+        """Start discovery or show its progress; while it runs the page asks again, and its result can be adopted.
+
+        ``asked`` is what this page asked last: what another page asked is not its business, nor is its own suggestion
+        once the base model or the formulas are others.
+        """
+        try:
+            selection = from_query(search or "")
+        except InputError as error:
+            return _suggestion(html.P(str(error)))
+        question = to_query(Selection(selection.model, formulas=selection.formulas))
         if ctx.triggered_id == "suggest":
-            try:
-                job.start(from_query(search or ""))
-            except InputError as error:
-                return _suggestion(html.P(str(error)))
-        if job.running:
-            return _suggestion(suggested.progress(*job.stage), running=True)
-        if job.found is None:
-            return _suggestion(html.P(job.failed))
-        return _suggestion(suggested.suggestion(job.found, f"/why{search or ''}"), adopt=can_adopt(job.found))
+            self.job.start(selection)
+        elif asked != question:
+            return _suggestion([])
+        return self._suggested(selection, search) | {"asked.data": question}
+
+    def _suggested(self, selection: Selection, search: str | None) -> dict[str, Any]:
+        job = self.job
+        if job.pending(selection):
+            now = job.running
+            before = now if now is not None and question_of(now) != question_of(selection) else None
+            return _suggestion(suggested.progress(*job.stage, before), running=True)
+        if (found := job.found_for(selection)) is None:
+            return _suggestion(html.P(job.failed_for(selection)))
+        return _suggestion(suggested.suggestion(found, f"/why{search or ''}"), adopt=can_adopt(found))
 
     def saved(self, selection: Selection) -> str:
         """The selection as YAML with the numbers that ``compare`` gives for it."""
@@ -276,7 +300,12 @@ class Explorer:
 
 
 def _suggestion(children: Any, *, running: bool = False, adopt: bool = False) -> dict[str, Any]:
-    return {"suggestion.children": children, "suggest-clock.disabled": not running, "adopt.hidden": not adopt}
+    return {
+        "suggestion.children": children,
+        "suggest-clock.disabled": not running,
+        "adopt.hidden": not adopt,
+        "asked.data": None,
+    }
 
 
 def _on_error(error: Exception) -> None:

@@ -8,9 +8,19 @@ from sandbot_model.discovery.choice import Selection, from_query
 
 
 def asked_selection(*others: str) -> Selection:
-    """The model asked for: a cell or a view of the explorer's page changes nothing here, nor do keys in ``others``.
+    """Everything the address says, so that the links of a page lead back to the very same state.
 
-    Raises InputError.
+    ``others`` are keys of the page's own. Raises InputError.
     """
-    asked = from_query(f"?{urlencode([pair for pair in request.args.items(multi=True) if pair[0] not in others])}")
+    return from_query(f"?{urlencode([pair for pair in request.args.items(multi=True) if pair[0] not in others])}")
+
+
+def fitted(asked: Selection) -> Selection:
+    """The model asked for, with nothing held and nothing of what is looked at: what a page of fits draws."""
     return Selection(asked.model, asked.effects, asked.formulas)
+
+
+def left_out(asked: Selection) -> str:
+    """A sentence on the values held by hand, for a page that shows the fit without them; empty if there are none."""
+    held = ", ".join(f"{name} = {value:.5g}" for name, value in asked.by_hand)
+    return f"Values held by hand are left out ({held}): this page shows the fit." if held else ""

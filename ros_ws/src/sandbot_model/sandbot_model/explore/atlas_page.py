@@ -10,7 +10,7 @@ from flask import Flask, Response, abort
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
-from sandbot_model.explore.asked import asked_selection
+from sandbot_model.explore.asked import asked_selection, fitted, left_out
 from sandbot_model.explore.session import Session
 from sandbot_model.report.atlas.gathered import gathered
 from sandbot_model.report.atlas.material import ONE_COLUMN_MM, Material, Plate
@@ -23,7 +23,7 @@ PAGE = """<!doctype html>
 <meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
 <title>Atlas: {title}</title><style>{style}</style></head>
 <body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>Atlas: {title}</h1>
-<p>The figures of Li et al. 2009 from these trials. Model: {model}.</p></header>
+<p>The figures of Li et al. 2009 from these trials. Model: {model}. {left_out}</p></header>
 <main><section id="atlas">{plates}</section></main></body></html>"""
 KEPT = 64
 """Plates that are kept, should they be asked for again."""
@@ -48,14 +48,15 @@ class AtlasPage:
     def page(self) -> Response:
         """All plates; one that these data do not give is replaced by the reason."""
         try:
-            selection = asked_selection()
+            asked = asked_selection()
+            selection = fitted(asked)
             model = self._session.ladder(selection)[-1].whole_label
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
         shown = "".join(self._figure(plate, selection) for plate in PLATES)
         content = PAGE.format(
-            title=escape(self._title), style=source("report.css"), query=escape(to_query(selection)),
-            model=escape(model), plates=shown,
+            title=escape(self._title), style=source("report.css"), query=escape(to_query(asked)),
+            model=escape(model), left_out=escape(left_out(asked)), plates=shown,
         )  # fmt: skip
         return Response(content, mimetype="text/html")
 
@@ -65,7 +66,7 @@ class AtlasPage:
         if plate is None:
             abort(404)
         try:
-            return Response(self._plate(plate, asked_selection())[0], mimetype="image/svg+xml")
+            return Response(self._plate(plate, fitted(asked_selection()))[0], mimetype="image/svg+xml")
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
 

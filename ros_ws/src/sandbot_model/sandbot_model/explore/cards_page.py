@@ -8,7 +8,7 @@ from flask import Flask, Response, abort
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.discovery.fingerprint import Fingerprint, fingerprint
-from sandbot_model.explore.asked import asked_selection
+from sandbot_model.explore.asked import asked_selection, fitted, left_out
 from sandbot_model.explore.helpful import change_of, helps, ordered
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.effect import Effect
@@ -25,7 +25,8 @@ PAGE = """<!doctype html>
 <meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
 <title>Effects: {title}</title><style>{style}</style></head>
 <body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>Effects: {title}</h1>
-<p>Error of mean speed with {model}: <strong>{now}</strong>. Noise floor, which no model can beat: {floor}.</p>
+<p>Error of mean speed with {model}: <strong>{now}</strong>. Noise floor, which no model can beat: {floor}.
+{left_out}</p>
 {pending}</header>
 <main class="cards">{cards}{folded}</main>{script}</body></html>"""
 CARD = """<article class="card" id="{name}" aria-labelledby="h-{name}">{picture}
@@ -57,7 +58,8 @@ class CardsPage:
     def page(self) -> Response:
         """All cards; what does not help is folded."""
         try:
-            selection = asked_selection()
+            asked = asked_selection()
+            selection = fitted(asked)
             self._session.model(selection)
             now = self._session.step(selection)
         except InputError as error:
@@ -68,13 +70,13 @@ class CardsPage:
         names = ordered(previews, selection.effects)
         now_m_s = now.fit.rmse_m_s
         useful = [name for name in names if name in selection.effects or helps(previews[name], now_m_s)]
-        cards = {name: self._card(effects[name], selection, previews[name], now_m_s) for name in names}
+        cards = {name: self._card(effects[name], asked, previews[name], now_m_s) for name in names}
         rest = [cards[name] for name in names if name not in useful]
         pending = any(preview is None for preview in previews.values())
         return Response(
             PAGE.format(
-                title=escape(self._title), style=source("report.css"), query=escape(to_query(selection)),
-                model=escape(now.label.removeprefix("+ ")), now=text.cm_s(now_m_s),
+                title=escape(self._title), style=source("report.css"), query=escape(to_query(asked)),
+                left_out=escape(left_out(asked)), model=escape(now.label.removeprefix("+ ")), now=text.cm_s(now_m_s),
                 floor=text.cm_s(self._session.noise_floor_m_s), cards="".join(cards[name] for name in useful),
                 folded=f"<details class='rest'><summary>{len(rest)} effects that do not help these data now</summary>"
                 f"{''.join(rest)}</details>" if rest else "",

@@ -7,7 +7,10 @@ from typing import Any
 from dash import dcc, html
 
 from sandbot_model.data.conditions import Cells
+from sandbot_model.discovery.choice import Selection, cell_text
+from sandbot_model.explore.actions import values_of
 from sandbot_model.explore.blocks import plot, table
+from sandbot_model.explore.condition import condition_of
 from sandbot_model.explore.effect_list import symbols
 from sandbot_model.explore.still import still
 from sandbot_model.explore.views import TITLES, Slider
@@ -28,7 +31,10 @@ def page(title: str, data_line: str, provenance: Provenance, cells: Cells, floor
             dcc.Location(id="address", refresh=False),
             dcc.Store(id="theme", data=None),
             dcc.Store(id="shown"),
+            dcc.Store(id="told", data=values_of(Selection(), cells)),
+            dcc.Store(id="again"),
             dcc.Store(id="undone"),
+            dcc.Store(id="asked"),
             dcc.Interval(id="preview-clock", interval=1000),
             dcc.Interval(id="suggest-clock", interval=500, disabled=True),
             dcc.Download(id="download"),
@@ -219,7 +225,8 @@ def _figures(cells: Cells) -> html.Main:
             html.H2("Trials behind a point"),
             html.Label("Click a point or a cell of the map, or choose a condition", htmlFor="cell"),
             dcc.Dropdown(
-                [{"value": i, "label": label} for i, label in enumerate(labels)], None, id="cell", clearable=True
+                [{"value": cell_text(condition_of(cells, i)), "label": label} for i, label in enumerate(labels)],
+                None, id="cell", clearable=True,
             ),
             html.Div(id="trials", role="region", tabIndex=0, **{"aria-label": "Trials of the condition chosen"}),
         ],

@@ -19,6 +19,8 @@ FOLLOW_S = 2.0
 """How often a campaign's folder is looked at."""
 MAX_BYTES = 50_000_000
 """Of a table that is dropped."""
+MAX_NAME = 60
+"""Characters of its name that are kept: four bytes each at most, where a file system takes 255 bytes."""
 Make = Callable[[Path | None], Flask]
 """A server for the data as they are now, with a table beside them if one was dropped. Raises InputError."""
 
@@ -68,7 +70,7 @@ class Live:
         content = request.get_data(cache=False)
         if len(content) > MAX_BYTES or Path(name).suffix.lower() != ".csv":
             return Response(f"{name}: a trials CSV of at most 50 MB is needed", 400, mimetype="text/plain")
-        path = self._folder / hashlib.sha256(content).hexdigest()[:16] / name
+        path = self._folder / hashlib.sha256(content).hexdigest()[:16] / _stored(name)
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(content)
         before, self._dropped = self._dropped, path
@@ -91,6 +93,12 @@ class Live:
         server.add_url_rule("/live", "live", lambda: Response(told, mimetype="application/json"))
         server.add_url_rule("/drop", "drop", self.drop, methods=["POST"])
         return server
+
+
+def _stored(name: str) -> str:
+    """A name that every file system takes, near enough to the table's own, since it is the title of its figures."""
+    stem = "".join(sign if sign.isprintable() else "_" for sign in Path(name).stem)
+    return f"{stem[:MAX_NAME]}.csv"
 
 
 def grown(campaigns: Sequence[Path]) -> frozenset[tuple[str, int]]:

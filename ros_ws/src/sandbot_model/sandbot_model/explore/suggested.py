@@ -5,6 +5,7 @@ from typing import Any
 
 from dash import html
 
+from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.explore.blocks import table
 from sandbot_model.report import text
@@ -19,6 +20,7 @@ def suggestion(found: Discovery, why: str = "/why") -> list[Any]:
         named = f"one of {len(verdict.alternatives)} sets of effects, these data can't tell which"
     because = verdict.because[:1].upper() + verdict.because[1:]
     parts: list[Any] = [
+        html.H2(f"Suggestion for the {found.model} model"),
         html.P([html.Strong(f"{verdict.status.capitalize()}{f': {named}' if named else ''}. "), f"{because}."]),
         html.P(html.A("Why: the argument, the rivals and the plan of the next trials", href=why)),
         table(
@@ -38,9 +40,17 @@ def suggestion(found: Discovery, why: str = "/why") -> list[Any]:
     return parts
 
 
-def progress(stage: str, done: int, total: int) -> list[Any]:
-    """How far a discovery is."""
-    return [html.Label(f"Trying {stage}: {done} of {total}"), html.Progress(value=str(done), max=str(max(total, 1)))]
+def progress(stage: str, done: int, total: int, before: Selection | None = None) -> list[Any]:
+    """How far a discovery is; ``before`` is what another page asked for, where that comes first."""
+    first = "" if before is None else f"Trying the {before.model} model first{_with_formulas(before)}. "
+    label = html.Label(f"{first}Trying {stage}: {done} of {total}")
+    return [label, html.Progress(value=str(done), max=str(max(total, 1)))]
+
+
+def _with_formulas(selection: Selection) -> str:
+    """What tells two questions of one base model apart."""
+    count = len(selection.formulas)
+    return f", with {text.counted(count, 'formula')}" if count else ""
 
 
 def _gap(expected_sd: float) -> str:

@@ -12,7 +12,7 @@ from flask import Flask, Response, abort, request
 from plotly.offline import get_plotlyjs
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import to_query
+from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.explore.asked import asked_selection
 from sandbot_model.explore.clip import write_clip
 from sandbot_model.explore.scene import Scene, replicates, scene_of
@@ -22,6 +22,7 @@ from sandbot_model.physics.observables import CM
 from sandbot_model.report import waveforms
 from sandbot_model.report.page import for_script, source
 from sandbot_model.report.theme import THEMES
+from sandbot_model.report.view import Step
 from sandbot_record.bags.reader import Bag
 from sandbot_record.trials.film import Film, film_of
 from sandbot_record.trials.table import Trials
@@ -126,10 +127,11 @@ class TheatrePage:
         """What the address asks for: the scene, its trial, address and selection, and the model's name."""
         selection, trial = asked_selection("trial"), request.args.get("trial", "")
         self._session.model(selection)
+        # With the values held by hand, as the trials of a cell are drawn.
         step = self._session.step(selection)
         query = to_query(selection)
         address = f"trial={quote(trial)}{query.replace('?', '&')}"
-        return scene_of(self._trials, self._bags, step.fit, trial), trial, address, query, step.whole_label
+        return scene_of(self._trials, self._bags, step.fit, trial), trial, address, query, _model(selection, step)
 
     def _link(self, trial: str, query: str) -> str:
         if trial not in self._bags:
@@ -143,6 +145,12 @@ class TheatrePage:
         film = self._film(trial_id)
         assert film is not None
         return film
+
+
+def _model(selection: Selection, step: Step) -> str:
+    """The model drawn, by name, with what of it is held by hand."""
+    held = ", ".join(f"{name} = {value:.5g}" for name, value in selection.by_hand)
+    return f"{step.whole_label}, held by hand: {held}" if held else step.whole_label
 
 
 def _plotly() -> Response:

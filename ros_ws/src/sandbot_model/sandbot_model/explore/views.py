@@ -9,8 +9,10 @@ from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.explore.actions import on_slider
 from sandbot_model.explore.chosen import mark
+from sandbot_model.explore.condition import index_of
 from sandbot_model.explore.session import Session
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.physics.effect import Effect
 from sandbot_model.report import apart, balance, captions, figures, lock, mechanics, residual_map, text
@@ -116,7 +118,7 @@ def difference(session: Session, selection: Selection, other: Selection, theme: 
         return Pane("Difference", str(error))
     if observable not in pair[0].fit.cells.observables:
         return Pane("Difference", absent(replace(selection, view="residuals", observable=observable), pair[0]))
-    spec = mark(apart.difference_map(*pair, observable, theme), selection.cell, theme)
+    spec = mark(apart.difference_map(*pair, observable, theme), index_of(session.cells, selection.cell), theme)
     return Pane("Difference of the two", apart.difference_says(*pair, observable), spec, same_axes=False)
 
 
@@ -136,7 +138,7 @@ def figure(selection: Selection, base: Step | None, current: Step, theme: Theme,
         "lock": lambda: lock.geometry_lock(cells, theme),
         "parameters": speed,
     }
-    return mark(draw[selection.view](), selection.cell, theme)
+    return mark(draw[selection.view](), index_of(cells, selection.cell), theme)
 
 
 def caption(selection: Selection, current: Step) -> str:
@@ -165,9 +167,8 @@ def absent(selection: Selection, current: Step) -> str:
 
 def frequency(selection: Selection, current: Step) -> float:
     """The leg frequency [rad/s] of the cell chosen; without one, where the model misses most."""
-    if selection.cell is None or selection.cell >= len(current.fit.cells):
-        return captions.worst_frequency(current.fit)
-    return float(current.fit.cells.omega[selection.cell])
+    cell = index_of(current.fit.cells, selection.cell)
+    return captions.worst_frequency(current.fit) if cell is None else float(current.fit.cells.omega[cell])
 
 
 def same_ranges(specs: Sequence[Spec]) -> None:
@@ -184,7 +185,7 @@ def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
     """The one sentence that a screen reader hears after each change."""
     fit = current.fit
     by_hand = ", some values held by hand" if selection.by_hand else ""
-    failing = len({(fail.phi, fail.omega_rad_s) for fail in fit.fails})
+    failing = cells_missed(fit.fails)
     outside = "" if selection.by_hand else f", {text.cm_s(fit.cv_rmse_m_s)} out of sample"
     return (
         f"{current.whole_label}{by_hand}: error {text.cm_s(fit.rmse_m_s)}{outside}; "

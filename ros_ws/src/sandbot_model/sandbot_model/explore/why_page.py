@@ -1,15 +1,16 @@
 """``/why``: the argument for the verdict on the base model shown; a discovery is run first where there is none yet."""
 
 import json
+from dataclasses import replace
 from functools import lru_cache
 from html import escape
 
 from flask import Flask, Response
 
 from sandbot_common.errors import InputError
-from sandbot_model.discovery.choice import to_query
+from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.discovery.discover import Discovery
-from sandbot_model.explore.asked import asked_selection
+from sandbot_model.explore.asked import asked_selection, left_out
 from sandbot_model.explore.job import Job
 from sandbot_model.report.argument import argument_page
 from sandbot_model.report.page import render, source
@@ -25,7 +26,7 @@ WAITING = """<!doctype html>
 <script>{script}</script></body></html>"""
 SCRIPT = """"use strict";
 (async function ask() {
-  const { running, failed, stage, done, total } = await (await fetch("/why/progress")).json();
+  const { running, failed, stage, done, total } = await (await fetch(`/why/progress${location.search}`)).json();
   if (failed) { document.getElementById("stage").textContent = failed; return; }
   if (!running) { location.reload(); return; }
   document.getElementById("stage").textContent = `Trying ${stage}: ${done} of ${total}`;
@@ -54,22 +55,29 @@ class WhyPage:
             self._job.session.model(selection)
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
-        query = to_query(selection)
         found = self._job.found_for(selection)
         if found is not None:
-            return Response(self._rendered(found, query), mimetype="text/html")
+            return Response(self._rendered(found, selection), mimetype="text/html")
         self._job.start(selection)
-        waiting = WAITING.format(
-            title=escape(self._title), style=source("report.css"), query=escape(query), script=SCRIPT
-        )
+        query = escape(to_query(selection))
+        waiting = WAITING.format(title=escape(self._title), style=source("report.css"), query=query, script=SCRIPT)
         return Response(waiting, mimetype="text/html")
 
     def progress(self) -> Response:
         """How far it is, as JSON."""
         job = self._job
+        try:
+            selection = asked_selection()
+        except InputError as error:
+            return Response(str(error), 400, mimetype="text/plain")
         stage, done, total = job.stage
-        state = {"running": job.running, "failed": job.failed, "stage": stage, "done": done, "total": total}
+        state = {
+            "running": job.pending(selection), "failed": job.failed_for(selection),
+            "stage": stage, "done": done, "total": total,
+        }  # fmt: skip
         return Response(json.dumps(state), mimetype="application/json")
 
-    def _render(self, found: Discovery, query: str) -> str:
-        return render(argument_page(found, self._provenance, title=self._title, back=f"/{query}"))
+    def _render(self, found: Discovery, asked: Selection) -> str:
+        page = argument_page(found, self._provenance, title=self._title, back=f"/{to_query(asked)}")
+        held = [("By hand.", left_out(asked))] if asked.by_hand else []
+        return render(replace(page, cautions=(*page.cautions, *held)))

@@ -92,7 +92,6 @@ def wire(app: Dash, answers: Answers) -> None:
         output=_outputs(*SHOWN),
         inputs={"search": Input("address", "search"), "theme": Input("theme", "data")},
         state={
-            "displayed": {name: State(name, "value") for name in CONTROLS},
             "sliders": State({"by_hand": ALL}, "value"),
             "slider_ids": State({"by_hand": ALL}, "id"),
         },
@@ -108,12 +107,14 @@ def wire(app: Dash, answers: Answers) -> None:
                 Input("formula", "n_submit"),
             ],
             "sliders": Input({"by_hand": ALL}, "value"),
+            "_again": Input("again", "data"),
         },
         state={
             "slider_ids": State({"by_hand": ALL}, "id"),
             "formula": State("formula", "value"),
             "search": State("address", "search"),
-            "shown_query": State("shown", "data"),
+            "shown": State("shown", "data"),
+            "told": State("told", "data"),
         },
         prevent_initial_call=True,
     )(answers.on_control)
@@ -132,9 +133,14 @@ def wire(app: Dash, answers: Answers) -> None:
         prevent_initial_call=True,
     )(answers.on_save)
     app.callback(
-        output=_outputs("suggestion.children", "suggest-clock.disabled", "adopt.hidden"),
-        inputs={"_clicks": Input("suggest", "n_clicks"), "_tick": Input("suggest-clock", "n_intervals")},
-        state={"search": State("address", "search")},
+        output=_outputs("suggestion.children", "suggest-clock.disabled", "adopt.hidden", "asked.data"),
+        inputs={
+            "_clicks": Input("suggest", "n_clicks"),
+            "_tick": Input("suggest-clock", "n_intervals"),
+            # A suggestion for another base model does not stay.
+            "search": Input("address", "search"),
+        },
+        state={"asked": State("asked", "data")},
         prevent_initial_call=True,
     )(answers.on_suggest)
     app.callback(Output("formula-read", "children"), Input("formula", "value"), prevent_initial_call=True)(
@@ -144,6 +150,14 @@ def wire(app: Dash, answers: Answers) -> None:
 
 
 def _wire_clientside(app: Dash) -> None:
+    app.clientside_callback(
+        "window.dash_clientside.explore.settle",
+        Input("shown", "data"),
+        Input("told", "data"),
+        Input("address", "search"),
+        *(State(name, "value") for name in CONTROLS),
+        prevent_initial_call=True,
+    )
     app.clientside_callback(
         "window.dash_clientside.explore.theme", Output("theme", "data"), Input("address", "pathname")
     )

@@ -4,8 +4,26 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
   explore: {
     theme: () => (window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"),
     undo: () => { window.history.back(); return Date.now(); },
+    settle,
   },
 });
+
+// Controls stand where the address says once what is shown is what the address asks for. Not before: an answer may come
+// late. And not while a control has a value that is not told yet: that one is asked for (see on_control).
+function settle(shown, told, search) {
+  const { states } = window.dash_clientside.callback_context;
+  const values = Object.fromEntries(Object.keys(told).map((name) => [name, states[`${name}.value`]]));
+  const differ = (one, other) => Object.keys(one).filter((name) => !same(one[name], other[name]));
+  const set = window.dash_clientside.set_props;
+  if (differ(values, told).length) { set("again", { data: Date.now() }); return; }
+  if (!shown || shown.search !== (search ?? "")) return;
+  const astray = differ(shown.controls, values);
+  for (const name of astray) set(name, { value: shown.controls[name] });
+  // Last: a control whose value was not told counts as used.
+  if (astray.length) set("told", { data: shown.controls });
+}
+
+function same(one, other) { return JSON.stringify(one ?? null) === JSON.stringify(other ?? null); }
 
 document.addEventListener("click", ({ target }) => {
   const { format, figure } = target.dataset ?? {};
