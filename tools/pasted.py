@@ -91,6 +91,8 @@ def as_typed(line: str) -> str:
     """A command with the reader's data for DATA; a campaign is checked to its last limit, not run."""
     line = re.sub(r"\bDATA\b", "runs/demo", line)
     if " campaign " in line and "--dry-run" not in line:
+        # Into a folder of its own: those that are there hold another campaign, which is refused.
+        line = re.sub(r"--out runs/\w+", "--out runs/new", line)
         line = f"{line.replace(' --plan first.json', '')} --dry-run"
     if one_of(UNTIL_INTERRUPTED, line):
         line = f"timeout --preserve-status --signal=INT --kill-after=20 {SERVES_S} {line}"
