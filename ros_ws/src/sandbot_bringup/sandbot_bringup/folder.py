@@ -94,6 +94,9 @@ class CampaignFolder:
         A campaign may grow by extra trials; anything else would mix two experiments in one folder (InputError).
         """
         self.check(plan)
+        self._keep(plan, files)
+
+    def _keep(self, plan: Plan, files: Mapping[str, str]) -> None:
         with writing(self.path):
             for name, text in files.items():
                 write_text(self.path / name, text)
@@ -109,9 +112,10 @@ class CampaignFolder:
         with writing(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
         with self.alone():
+            # Once more: it may have become somebody's meanwhile.
             self.check(plan)
             first()
-            self.adopt(plan, files)
+            self._keep(plan, files)
             yield
 
     @contextmanager

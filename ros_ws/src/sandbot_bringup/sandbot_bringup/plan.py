@@ -196,11 +196,12 @@ def _check_until(plan: Plan, where: str) -> None:
 
 def check_bed(plan: Plan) -> None:
     """Raise InputError for a φ that the plan's bed can't be prepared for: the virtual lab has no other."""
-    for phi in (*plan.phi, *(float(extra["phi"]) for extra in plan.extra_trials)):
-        try:
-            plan.bed_protocol.check_target(phi)
-        except InputError as error:
-            raise InputError(f"plan {plan.name}: phi: {error}") from None
+    bed = plan.bed_protocol
+    try:
+        for phi in (*plan.phi, *(float(extra["phi"]) for extra in plan.extra_trials)):
+            bed.check_target(phi)
+    except InputError as error:
+        raise InputError(f"plan {plan.name}: phi: {error}") from None
 
 
 def to_yaml(plan: Plan) -> str:

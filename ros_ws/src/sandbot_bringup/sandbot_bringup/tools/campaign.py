@@ -5,6 +5,7 @@ import dataclasses
 import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sandbot_bringup.config import config_folder, files_of, robot_of, shipped
 from sandbot_bringup.folder import CampaignFolder
@@ -27,6 +28,9 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import parse_yaml
 from sandbot_common.terminal import filled
 
+if TYPE_CHECKING:
+    from sandbot_lab.world import World
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Console script; exit code as in sandbot_common.cli."""
@@ -43,13 +47,8 @@ def command(argv: Sequence[str]) -> int:
     files = files_of(plan, options.plan if options.plan.is_dir() else options.plan.parent, folder.path)
     trials = sorted(trials_of(plan), key=lambda trial: trial.run_order)
     folder.check(plan)
-    if options.batch:
-        check_bed(plan)
+    world = _lab(plan, folder, files, options) if options.batch else None
     if options.dry_run:
-        if options.batch:
-            from sandbot_bringup.batch import choose_world
-
-            choose_world(folder, robot_of(files), options.world, options.hide)
         from sandbot_bringup.foresight import foresight
 
         print(describe(plan, trials), filled(foresight(plan, trials, files)), sep="\n")
@@ -58,8 +57,8 @@ def command(argv: Sequence[str]) -> int:
         raise InputError("--ros-args: --batch runs without ROS; leave one of the two out")
     if options.redo:
         _set_failed_aside(folder)
-    if options.batch:
-        trials, failures = _batch(plan, folder, files, options)
+    if world is not None:
+        trials, failures = _batch(plan, folder, files, world, options)
     else:
         # The live runner starts ROS; batch and dry runs must not.
         from sandbot_bringup.live_node import run_live
@@ -204,14 +203,21 @@ def _set_failed_aside(folder: CampaignFolder) -> None:
                 print(f"{row.trial_id}: {row.status}: set aside, to be run again")
 
 
+def _lab(plan: Plan, folder: CampaignFolder, files: Mapping[str, str], options: argparse.Namespace) -> "World":
+    """The virtual lab's world; InputError where there is none to choose, or its bed does not reach a φ."""
+    from sandbot_bringup.batch import choose_world
+
+    check_bed(plan)
+    return choose_world(folder, robot_of(files), options.world, options.hide)
+
+
 def _batch(
-    plan: Plan, folder: CampaignFolder, files: Mapping[str, str], options: argparse.Namespace
+    plan: Plan, folder: CampaignFolder, files: Mapping[str, str], world: "World", options: argparse.Namespace
 ) -> tuple[list[PlannedTrial], Sequence[tuple[str, str]]]:
     """All trials of the plan, as far as it has grown, and those that failed."""
     from sandbot_bringup import batch, runner
     from sandbot_bringup.until import decided
 
-    world = batch.choose_world(folder, robot_of(files), options.world, options.hide)
     with crew_of(options) as crew, folder.adopted(plan, files, lambda: batch.seal(folder, world)):
         crew.check(folder.path)
         folder.clear_torn()

@@ -20,7 +20,12 @@ def fitted(asked: Selection) -> Selection:
     return Selection(asked.model, asked.effects, asked.formulas)
 
 
+def held_values(asked: Selection) -> str:
+    """What is held by hand, and at which values; empty if nothing is."""
+    return ", ".join(f"{name} = {value:.5g}" for name, value in asked.by_hand)
+
+
 def left_out(asked: Selection) -> str:
     """A sentence on the values held by hand, for a page that shows the fit without them; empty if there are none."""
-    held = ", ".join(f"{name} = {value:.5g}" for name, value in asked.by_hand)
+    held = held_values(asked)
     return f"Values held by hand are left out ({held}): this page shows the fit." if held else ""

@@ -13,7 +13,7 @@ from plotly.offline import get_plotlyjs
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
-from sandbot_model.explore.asked import asked_selection
+from sandbot_model.explore.asked import asked_selection, held_values
 from sandbot_model.explore.clip import write_clip
 from sandbot_model.explore.scene import Scene, replicates, scene_of
 from sandbot_model.explore.scene_figures import over_phase, phase_says, records, records_say
@@ -149,7 +149,7 @@ class TheatrePage:
 
 def _model(selection: Selection, step: Step) -> str:
     """The model drawn, by name, with what of it is held by hand."""
-    held = ", ".join(f"{name} = {value:.5g}" for name, value in selection.by_hand)
+    held = held_values(selection)
     return f"{step.whole_label}, held by hand: {held}" if held else step.whole_label
 
 
