@@ -103,3 +103,17 @@ def test_only_what_was_there_as_bright_and_is_no_marker_stood_there(scene, rng):
     # The driver's next frame in the same memory.
     before[:] = now
     assert bystanders.among(rows).tolist() == [False, True, False, False, False]
+
+
+@pytest.mark.parametrize(("told", "found_again"), [(16, True), (1, False)])
+def test_a_marker_that_walked_on_while_frames_were_lost_is_found(scene, rng, told, found_again):
+    """A busy machine loses 15 frames: who does not know it looks behind the marker for as long as it walks."""
+    tracker, bed = MarkerTracker(("com",)), scene.grains(rng)
+    seen = []
+    for n in [*range(20), *range(35, 60)]:
+        image = bed.copy()
+        scene.add_disc(image, 60.0 + 6.0 * n, 240.0, 7.0)
+        seen.append(tracker.update(scene.expose(rng, image), told if n == 35 else 1).found[0])
+    assert all(seen[:20])
+    assert all(seen[28:]) == found_again
+    assert any(seen[20:]) == found_again

@@ -148,7 +148,8 @@ class LiveTracker:
         if not view.look(t_ns, received_ns, self._robot_now(received_ns), pixels):
             return []
         tracker = self.tracker
-        view.hold(t_ns, tracker.see_body(pixels) if camera == "dorsal" else tracker.see_axles(pixels))
+        see = tracker.see_body if camera == "dorsal" else tracker.see_axles
+        view.hold(t_ns, see(t_ns / NANO, pixels))
         return self._placed()
 
     def periods(self, received_ns: int) -> list[PeriodMean]:

@@ -90,13 +90,19 @@ class MarkerTracker:
         self._fastest = np.zeros(n)
         self._radius = np.full(n, np.nan)
         self._missed = np.full(n, self._gates.patience, dtype=int)
+        self._unseen = self._missed.copy()
         self._seen_before = np.zeros(n, dtype=bool)
         self._offset = np.full((n, 2), np.nan)
 
-    def update(self, frame: Frame) -> Marks:
-        """The markers in the next frame, mono8 (height, width). Frames come at a steady rate."""
+    def update(self, frame: Frame, passed: int = 1) -> Marks:
+        """The markers in the next frame, mono8 (height, width).
+
+        Frames come at a steady rate; ``passed`` is how many of its periods since the last: more where some were lost.
+        """
         if frame.ndim != 2 or frame.dtype != np.uint8:
             raise InputError(f"frame of shape {frame.shape} and type {frame.dtype}: mono8 (height, width) is needed")
+        # Markers went on while nobody looked.
+        self._unseen += passed - 1
         rows = self._look(frame)
         if (self._missed + np.isnan(rows[:, 0]) > self._gates.patience).any():
             rows = self._acquire(frame, rows)
@@ -173,7 +179,7 @@ class MarkerTracker:
 
     def _reach(self) -> Floats:
         """How far each marker may be from where it was expected, (n,) [px]: a frame takes it no farther than ever."""
-        return np.asarray(self._gates.gate_px + np.maximum(self._gates.growth_px, self._fastest) * self._missed)
+        return np.asarray(self._gates.gate_px + np.maximum(self._gates.growth_px, self._fastest) * self._unseen)
 
     def _spaced(self, table: Floats) -> bool:
         if len(table) < 2 or self._spacing is None:
@@ -230,6 +236,7 @@ class MarkerTracker:
             return rows
         self.counts.ambiguous += len(seen)
         self._missed[:] = self._gates.patience
+        self._unseen = np.maximum(self._unseen, self._gates.patience)
         return np.full_like(rows, np.nan)
 
     def _learn(self, rows: Floats) -> None:
@@ -252,6 +259,7 @@ class MarkerTracker:
         usual = 0.98 * self._radius + 0.02 * rows[:, 4]
         self._radius = np.where(first, rows[:, 4], np.where(found, usual, self._radius))
         self._missed = np.where(found, 0, self._missed + 1)
+        self._unseen = np.where(found, 0, self._unseen + 1)
         self._seen_before |= found
         if found.all():
             self._offset = rows[:, :2] - rows[0, :2]

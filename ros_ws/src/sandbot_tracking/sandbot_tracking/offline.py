@@ -157,6 +157,7 @@ class OfflineTracker:
         self._body = MarkerTracker(("com",), looks, gates, ignore_px=_led(self._dorsal))
         self._axles: MarkerTracker | None = None
         self._front, self._sideways = 0, False
+        self._frame_s: dict[str, float] = {}
         if self._lateral is not None:
             places = self._axle_px(self._lateral)
             # A camera on its side sees the axles one above the other: its picture is tracked transposed.
@@ -188,20 +189,26 @@ class OfflineTracker:
 
     def update(self, t_s: float, dorsal_frame: Frame | None, lateral_frame: Frame | None) -> Sample:
         """Both frames (mono8) of one instant, None for one that is lost; the new sample."""
-        body = None if dorsal_frame is None else self.see_body(dorsal_frame)
-        return self.sample(t_s, body, None if lateral_frame is None else self.see_axles(lateral_frame))
+        body = None if dorsal_frame is None else self.see_body(t_s, dorsal_frame)
+        return self.sample(t_s, body, None if lateral_frame is None else self.see_axles(t_s, lateral_frame))
 
-    def see_body(self, frame: Frame) -> Marks:
-        """The marker of the centre of mass in a dorsal frame."""
+    def _passed(self, name: str, camera: Camera, t_s: float) -> int:
+        """How many of a camera's periods since its last frame."""
+        last_s, self._frame_s[name] = self._frame_s.get(name, t_s), t_s
+        return max(round((t_s - last_s) * camera.frame_rate_hz), 1)
+
+    def see_body(self, t_s: float, frame: Frame) -> Marks:
+        """The marker of the centre of mass in a dorsal frame, at its time by any clock of the camera's."""
         _check_size(frame, self._dorsal, "dorsal")
-        return self._body.update(frame)
+        return self._body.update(frame, self._passed("dorsal", self._dorsal, t_s))
 
-    def see_axles(self, frame: Frame) -> Axles:
-        """The axles in a lateral frame; NaN where there is no such camera."""
+    def see_axles(self, t_s: float, frame: Frame) -> Axles:
+        """The axles in a lateral frame, at its time likewise; NaN where there is no such camera."""
         if self._axles is None or self._lateral is None:
             return _UNSEEN
         _check_size(frame, self._lateral, "lateral")
-        marks = self._axles.update(np.ascontiguousarray(frame.T) if self._sideways else frame)
+        passed = self._passed("lateral", self._lateral, t_s)
+        marks = self._axles.update(np.ascontiguousarray(frame.T) if self._sideways else frame, passed)
         xy_px, var_px2 = (one[:, ::-1] if self._sideways else one for one in (marks.xy_px, marks.var_px2))
         xyz = self._lateral.to_plane(xy_px)
         front, rear = xyz[self._front], xyz[1 - self._front]
