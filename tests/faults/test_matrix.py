@@ -1,5 +1,6 @@
 """A sample of the matrix of faults; `make faults` runs all of it. How fast is in docs/faults.md."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -34,6 +35,14 @@ def test_all_stops_and_the_bag_says_why(target, fault, moment, why, tmp_path):
         reason in status for reason in (why, "/operator/lease", "/leg_states", "the clock's process was held up")
     ), status
     assert (row["bag"], row["left running"]) == ("whole", "nothing")
+
+
+def test_a_full_disk_stops_the_legs_and_says_why(tmp_path):
+    row = row_of(("recorder", "full disk", "walking"), tmp_path / "rows.jsonl")
+    assert float(row["legs [s]"]) <= BUSY_S
+    # Its own word, or its end, whichever is heard first.
+    assert re.search(r"failed: the recorder (failed: File too large|ended)", row["campaign"]), row["campaign"]
+    assert (row["bag"], row["left running"]) == ("torn, for recover", "nothing")
 
 
 def row_of(cell, out):

@@ -16,7 +16,7 @@ from sandbot_model.fitting.goodness import Fail
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import Observable
-from sandbot_model.report import balance, captions, figures, lock, mechanics, residual_map
+from sandbot_model.report import balance, captions, figures, lock, mechanics, residual_map, table_sections
 from sandbot_model.report.curves import steps
 from sandbot_model.report.theme import DARK, LIGHT
 from sandbot_model.report.view import Step, bands, frequencies
@@ -145,7 +145,10 @@ def test_of_two_gaits_at_one_phi_and_omega_the_cell_that_fails_is_marked():
     assert text[trace["y"].index("φ 0.580 SGCS"), 1] == "▲ 9"
     assert text[trace["y"].index("φ 0.580 UNIFORM"), 2] == "▼ 5"
     assert (text != "").sum() == 2
-    assert captions.residuals(step, "speed").count("2 of 24 cells fail") == 1
+    said = captions.residuals(step, "speed")
+    assert "2 of 24 cells fail. Worst: φ 0.580 SGCS, ω" in said
+    (table,) = table_sections.failing((step,)).tables
+    assert [row[1] for row in table.rows] == ["0.580 SGCS", "0.580 UNIFORM"]
 
 
 def test_each_map_of_two_models_has_its_models_name():

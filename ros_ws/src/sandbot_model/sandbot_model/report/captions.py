@@ -10,7 +10,7 @@ from sandbot_model.report import text
 from sandbot_model.report.balance import forces
 from sandbot_model.report.mechanics import collapse
 from sandbot_model.report.residual_map import failing_cells
-from sandbot_model.report.view import BAND_SDS, Step, bands, measured, observable_label, residual_z
+from sandbot_model.report.view import BAND_SDS, Step, band_name, bands, measured, observable_label, residual_z
 
 HOW = {
     "speed": "Points: mean over the replicates of a condition, bars one standard deviation of a single trial. Solid: "
@@ -130,8 +130,8 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float) -> str:
 
 
 def at(cells: Cells, cell: int) -> str:
-    """A condition in words, by the φ of its level, as panels and maps are labelled."""
-    return f"φ {cells.level_phi[cells.level[cell]]:.3f}, ω {cells.omega[cell]:.3g} rad/s"
+    """A condition in words, as panels and maps are labelled."""
+    return f"φ {band_name(cells, cell)}, ω {cells.omega[cell]:.3g} rad/s"
 
 
 def worst_frequency(fit: Fit) -> float:

@@ -8,13 +8,12 @@ from markupsafe import Markup, escape
 
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.goodness import Fail
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.physics.typeset import mathml_lines, plain
 from sandbot_model.report import text
 from sandbot_model.report.page import Picture, Section, Table, data_uri
-from sandbot_model.report.view import Step, observable_label, readable
+from sandbot_model.report.view import Step, band_name, observable_label, readable
 
 Frames = Sequence[tuple[bytes, str]]
 MAX_FAILING_ROWS = 60
@@ -173,7 +172,7 @@ def failing(steps: tuple[Step, ...]) -> Section:
         fails = sorted(step.fit.fails, key=lambda f: -abs(f.z))
         rows = [
             (
-                observable_label(f.observable), f"{_level_phi(step.fit, f):.3f}", f"{f.omega_rad_s:.4g}",
+                observable_label(f.observable), band_name(step.fit.cells, f.cell), f"{f.omega_rad_s:.4g}",
                 f"{text.number(CM * f.residual, 2)} {Observable[f.observable].readers_unit}", text.number(f.z),
             )
             for f in fails[:MAX_FAILING_ROWS]
@@ -183,12 +182,6 @@ def failing(steps: tuple[Step, ...]) -> Section:
         head = ("observable", "φ", "ω (rad/s)", "residual", "standard errors")
         tables.append(Table(caption, head, rows, (True, False, False, False, False), step=i, folded=len(rows) > 8))
     return Section("failing", "Failing cells", tables=tuple(tables))
-
-
-def _level_phi(fit: Fit, fail: Fail) -> float:
-    """The φ that figures call the cell by: its level's, not the mean of the cell's own trials."""
-    cells = fit.cells
-    return float(cells.level_phi[cells.level[fail.cell]])
 
 
 def video(frames: Frames) -> list[Section]:

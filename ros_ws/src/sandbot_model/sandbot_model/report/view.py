@@ -103,17 +103,21 @@ class Provenance:
 
 
 def bands(cells: Cells) -> tuple[Band, ...]:
-    """The cells as bands, loosest packing first; the gait is in the label only where there are several."""
-    several = len(set(cells.gait)) > 1
+    """The cells as bands, loosest packing first."""
     gaits = np.array(cells.gait)
     found = []
     for level, phi in enumerate(cells.level_phi):
         for gait in sorted(set(gaits[cells.level == level].tolist())):
             indices = np.flatnonzero((cells.level == level) & (gaits == gait))
             indices = indices[np.argsort(cells.omega[indices])]
-            label = f"φ {phi:.3f} {gait}" if several else f"φ {phi:.3f}"
-            found.append(Band(float(phi), gait, level, indices, label))
+            found.append(Band(float(phi), gait, level, indices, f"φ {band_name(cells, int(indices[0]))}"))
     return tuple(found)
+
+
+def band_name(cells: Cells, cell: int) -> str:
+    """The φ of the cell's level, by which figures call it, and its gait where there are several."""
+    phi = f"{cells.level_phi[cells.level[cell]]:.3f}"
+    return f"{phi} {cells.gait[cell]}" if len(set(cells.gait)) > 1 else phi
 
 
 def frequencies(cells: Cells) -> tuple[Floats, NDArray[np.int64]]:
