@@ -109,7 +109,6 @@ class Operator(Node):
 
     def await_go(self) -> None:
         """While the campaign is held, wait for the operator: without a limit, for nothing moves and nothing blows."""
-        self.hold.between_trials()
         if not self.hold.why:
             return
         self.desk.enter("")

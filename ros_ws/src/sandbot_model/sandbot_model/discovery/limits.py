@@ -17,7 +17,6 @@ from sandbot_model.fitting.text import to_error
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Parameter
 
-CONFIDENCE = 0.95
 ONE_SIDED, TWO_SIDED = 2.706, 3.841
 """χ² of one degree of freedom at 90 and 95 %."""
 TRIED = (-4.0, -2.5, -1.5, 0.0, 1.5, 2.5, 4.0)

@@ -156,10 +156,10 @@ def campaign(folder: Path, crew: Crew | None = None) -> Report:
     return Report(table, tuple(skipped), len(bags) - len(todo))
 
 
-def make(folder: Path, out: Path | None = None, crew: Crew | None = None) -> Path:
-    """Write the trials table of a campaign folder to its trials.csv (or ``out``) and return the path."""
-    path = out or folder / TRIALS_CSV
-    write_csv(campaign(folder, crew).trials, path)
+def make(folder: Path) -> Path:
+    """Write the trials table of a campaign folder to its trials.csv and return the path."""
+    path = folder / TRIALS_CSV
+    write_csv(campaign(folder).trials, path)
     return path
 
 
