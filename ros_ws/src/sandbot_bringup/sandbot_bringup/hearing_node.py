@@ -8,7 +8,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
-from sandbot_bringup.supervision import BEATS, LOOP, Listening, Sign, Supervisor, status_values
+from sandbot_bringup.supervision import BEATS, LOOP, Listening, Sign, Supervisor
 from sandbot_common import messages, topics
 from sandbot_common.neighbours import Neighbours
 from sandbot_common.node import PROCESS, subscription
@@ -162,7 +162,7 @@ class Hearing:
     def _on_bed(self, message: Any) -> None:
         self._heard("bed", topics.BED_STATUS)
         for status in message.status:
-            values = status_values(status)
+            values = messages.values_of(status)
             self.bed_stage, self.bed_text = values.get("stage", self.bed_stage), status.message
             self.bed_height_m = float(values.get("height_m", math.nan))
 
@@ -192,7 +192,7 @@ class Hearing:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            values = status_values(status)
+            values = messages.values_of(status)
             if not self._neighbours.meet(status.name, values.get(PROCESS, "")):
                 continue
             self._heard(status.name, topics.DIAGNOSTICS)

@@ -128,3 +128,8 @@ def diagnostics(
         values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
     )
     return DiagnosticArray(header=header(t_ns, ""), status=[status])
+
+
+def values_of(status: DiagnosticStatus) -> dict[str, str]:
+    """The key-value pairs of a status."""
+    return {pair.key: pair.value for pair in status.values}

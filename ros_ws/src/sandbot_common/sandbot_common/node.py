@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import rclpy
-from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.client import Client
@@ -64,11 +63,6 @@ def qos(topic: topics.Topic, *, best_effort: bool = False, depth: int | None = N
     durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
     reliability = ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE
     return QoSProfile(depth=depth or topic.depth, reliability=reliability, durability=durability)
-
-
-def config_file(name: str) -> Path:
-    """A configuration file of the project, found in the overlay: rooms that need one do not import bringup."""
-    return Path(get_package_share_directory("sandbot_bringup")) / "config" / name
 
 
 def publisher(node: Node, topic: topics.Topic) -> Publisher:
@@ -340,7 +334,7 @@ class Health:
 
     def _look_for_a_rival(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
+            values = messages.values_of(status)
             if status.name == self._node.get_name() and self._is_older(values) and self._is_told_by_a_namesake():
                 self.refused = f"another {status.name} is running already; one commander at a time, end it first"
 

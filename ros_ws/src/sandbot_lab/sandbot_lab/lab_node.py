@@ -20,6 +20,7 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from sandbot_common import messages, node, topics
+from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_common.lease import Lease
@@ -52,7 +53,7 @@ class LabNode(Node):
         self._settings = node.Parameters(self, LabParameters, self._check)
         current = self._settings.current
         self._ground = read_world(Path(current.world)) if current.world else null_world()
-        self._world = self._ground.walked_by(read_robot(current.robot or node.config_file("robot.yaml")))
+        self._world = self._ground.walked_by(read_robot(current.robot or config_file("robot.yaml")))
         self._sections = self._read_cameras(current.cameras)
         self._info = {name: camera_info(calibration(self._sections[name], name)) for name in CAMERAS}
         warm_up(self._sections)
@@ -70,8 +71,8 @@ class LabNode(Node):
         self._states = node.publisher(self, topics.LEG_STATES)
         self._led = node.publisher(self, topics.SYNC_LED)
         self._height = node.publisher(self, topics.BED_HEIGHT)
-        self._images = {name: node.publisher(self, topic) for name, (topic, _) in topics.VIEWS.items()}
-        self._infos = {name: node.publisher(self, topic) for name, (_, topic) in topics.VIEWS.items()}
+        self._images = {name: node.publisher(self, view.image) for name, view in topics.VIEWS.items()}
+        self._infos = {name: node.publisher(self, view.info) for name, view in topics.VIEWS.items()}
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         node.subscription(self, topics.TRIAL, self._on_trial)
@@ -89,7 +90,7 @@ class LabNode(Node):
         self._legs.limit_s, self._air.limit_s = new.legs_lease_s, new.air_lease_s
 
     def _read_cameras(self, path: str) -> dict[str, Any]:
-        file = Path(path) if path else node.config_file("cameras.yaml")
+        file = Path(path) if path else config_file("cameras.yaml")
         sections = read_yaml(file)
         for name in CAMERAS:
             if not isinstance(sections.get(name), Mapping):

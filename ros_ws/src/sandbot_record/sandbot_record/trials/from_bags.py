@@ -249,7 +249,7 @@ def _summary(bag: Bag, robot: Robot) -> tuple[TrialSummary, float]:
 def _landmarks(bag: Bag) -> list[tuple[Any, Floats]]:
     """Stamps [ns] and positions (n, 3) [m; trackway frame] of com, front and rear axle."""
     found = []
-    for topic in (topics.COM, topics.FRONT_AXLE, topics.REAR_AXLE):
+    for topic in topics.LANDMARKS.values():
         columns = bag.columns(topic.name, *_POINT, *FIELD_STAMP)
         found.append((columns.stamp_ns, np.column_stack([columns[name] for name in _POINT])))
     return found
