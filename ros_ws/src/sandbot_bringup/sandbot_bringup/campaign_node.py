@@ -28,7 +28,8 @@ from sandbot_bringup.recorder_process import RecorderProcess
 from sandbot_bringup.supervision import SILENCE_S, camera_fault
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import Health, Stop, publisher, real_time, spin_once
+from sandbot_common.node import Health, Stop, publisher, spin_once
+from sandbot_common.process import real_time
 from sandbot_common.robot import Robot
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import add_metadata

@@ -20,12 +20,14 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from sandbot_common import messages, node, topics
+from sandbot_common.command_node import Partners
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_common.lease import Lease
 from sandbot_common.process import real_time_while
 from sandbot_common.robot import read_robot, robot_of_trial
+from sandbot_common.timer import Timer
 from sandbot_lab.bed import LabBed
 from sandbot_lab.calibration import Calibration, calibration
 from sandbot_lab.cameras import LabCamera
@@ -64,7 +66,7 @@ class LabNode(Node):
         self._legs, self._air = Lease(current.legs_lease_s), Lease(current.air_lease_s)
         self._legs_lapsed, self._air_lapsed, self._blower = False, False, 0.0
         self._urgent, self._air_stops = False, 0
-        self._partners = node.Partners(self)
+        self._partners = Partners(self)
         self._idle = self._idle_cameras()
         self._setpoints = self._refused = self._trials = 0
 
@@ -77,9 +79,9 @@ class LabNode(Node):
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         node.subscription(self, topics.TRIAL, self._on_trial)
         self.create_service(Trigger, "lab/reset", self._on_reset)
-        node.Timer(self, 1.0 / HEIGHT_RATE_HZ, self._publish_height)
-        node.Timer(self, 1.0 / WATCH_RATE_HZ, self._watch)
-        node.Timer(self, 1.0 / IDLE_RATE_HZ, self._publish_idle)
+        Timer(self, 1.0 / HEIGHT_RATE_HZ, self._publish_height)
+        Timer(self, 1.0 / WATCH_RATE_HZ, self._watch)
+        Timer(self, 1.0 / IDLE_RATE_HZ, self._publish_idle)
         self._health = node.Health(self, self._figures, sole=True)
 
     def _check(self, new: LabParameters) -> None:

@@ -28,7 +28,8 @@ from std_srvs.srv import SetBool, Trigger
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
-from sandbot_common.node import Health, Timer, run
+from sandbot_common.node import Health, run
+from sandbot_common.timer import Timer
 from sandbot_record.bags import frames, interfaces, metadata
 from sandbot_record.bags.mcap_writer import LIBRARY
 from sandbot_record.bags.recording import Received, Recording
