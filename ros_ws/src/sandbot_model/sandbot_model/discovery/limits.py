@@ -27,7 +27,7 @@ STEEPEST = 0.5
 
 @dataclass(frozen=True)
 class Limit:
-    """What a parameter of an absent effect can be at 95 %; None on a side where it ends or these data end it not."""
+    """What a parameter of an absent effect can be at 95 %; None where its range ends or these data set no limit."""
 
     effect: str
     parameter: str
