@@ -92,7 +92,7 @@ class LegClock:
         self._last: Floats | None = None
 
     def update(self, t_s: float, angle_rad: Floats) -> None:
-        """Angles (6,) [rad] at ``t_s``; wrapped or not."""
+        """Angles (legs,) [rad] at ``t_s``; wrapped or not."""
         angle = np.asarray(angle_rad, dtype=float)
         if not np.isfinite(angle).all() or (self._t and t_s <= self._t[-1]):
             return
