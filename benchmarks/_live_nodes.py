@@ -48,7 +48,7 @@ def driver(me: Any, camera: str, rate_hz: float) -> Callable[[], None]:
     view = LabCamera(camera, section, seed=3)
     pictures = [view.render(0.3 + SPEED_M_S * n / rate_hz, LIFT_M) for n in range(PICTURES)]
     coming: Iterator[Any] = cycle(pictures + pictures[::-1])
-    out = node.publisher(me, topics.VIEWS[camera][0])
+    out = node.publisher(me, topics.VIEWS[camera].image)
     while not out.get_subscription_count():
         time.sleep(0.1)
     time.sleep(SEEN_S)

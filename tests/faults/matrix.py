@@ -33,6 +33,7 @@ import cells
 from conftest import Beside, own_domain
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
+from sandbot_common.process import real_time
 from sandbot_record.bags.reader import Bag
 
 BED = {"fluidise_s": 1.5, "ramp_s": 0.3, "settle_s": 0.4, "pulse_off_s": 0.3, "average_s": 0.2}
@@ -237,14 +238,14 @@ def row(target: str, fault: str, moment: str, silence_s: float, trials: int) -> 
     with tempfile.TemporaryDirectory() as name, own_domain(os.getpid()) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         cell = Cell(Path(name), trials)
-        with node.real_time(PRIORITY, inherited=True):
+        with real_time(PRIORITY, inherited=True):
             beside = Beside(domain)
         try:
             witness = Witness(beside, robot_dies=target in ("lab", "launch"))
             cell.start_nodes(launched=target == "launch")
             beside.wait(witness.all_up, 90.0)
             cell.start_campaign("campaign", silence_s)
-            with node.real_time(PRIORITY):
+            with real_time(PRIORITY):
                 return [target, fault, moment, *outcome(cell, target, fault, moment, witness)]
         finally:
             cell.close()

@@ -88,6 +88,15 @@ def visible(names_and_types: NamesAndTypes, include_hidden: bool) -> NamesAndTyp
     return sorted((n, t) for n, t in names_and_types if include_hidden or not topic_or_service_is_hidden(n))
 
 
+def print_names(found: NamesAndTypes, count_only: bool, show_types: bool) -> None:
+    """One name a line, with its types where asked for; or only how many there are."""
+    if count_only:
+        print(len(found))
+        return
+    for name, types in found:
+        print(f"{name} [{', '.join(types)}]" if show_types else name)
+
+
 def full_names(on: Node, include_hidden: bool) -> list[str]:
     """The fully qualified names of the nodes, sorted."""
     names = on.get_node_names_and_namespaces()

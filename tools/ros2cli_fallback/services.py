@@ -40,11 +40,7 @@ def listing(args: argparse.Namespace) -> int:
     with graph.node() as node:
         graph.settle(node, args.spin_time)
         services = graph.visible(node.get_service_names_and_types(), args.include_hidden_services)
-    if args.count_services:
-        print(len(services))
-        return 0
-    for name, types in services:
-        print(f"{name} [{', '.join(types)}]" if args.show_types else name)
+    graph.print_names(services, args.count_services, args.show_types)
     return 0
 
 

@@ -30,11 +30,7 @@ def listing(args: argparse.Namespace) -> int:
     with graph.node() as node:
         graph.settle(node, args.spin_time)
         topics = graph.visible(node.get_topic_names_and_types(), args.include_hidden_topics)
-    if args.count_topics:
-        print(len(topics))
-        return 0
-    for name, types in topics:
-        print(f"{name} [{', '.join(types)}]" if args.show_types else name)
+    graph.print_names(topics, args.count_topics, args.show_types)
     return 0
 
 

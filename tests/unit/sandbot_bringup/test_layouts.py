@@ -65,9 +65,9 @@ def test_a_panel_keeps_what_foxglove_reads(name):
 
 def test_foxglove_s_other_panels_show_what_is_published():
     panels = foxglove_panels()
-    for name in ("dorsal", "lateral"):
-        image, info = topics.VIEWS[name]
-        assert panels[f"Image!{name}"]["imageMode"] == {"imageTopic": image.name, "calibrationTopic": info.name}
+    for name, view in topics.VIEWS.items():
+        mode = panels[f"Image!{name}"]["imageMode"]
+        assert mode == {"imageTopic": view.image.name, "calibrationTopic": view.info.name}
     assert {TYPES[name] for name in panels["3D!scene"]["topics"]} == SHOWN_IN_3D
     assert panels["3D!scene"]["followTf"] == topics.FRAME
     assert panels["DiagnosticSummary!nodes"]["topicToRender"] == topics.DIAGNOSTICS.name

@@ -110,8 +110,7 @@ def test_the_node_shows_what_it_hears(beside):
     node.subscription(
         beside.node, topics.FRAMES, lambda one: frames.update({one.child_frame_id: one.transform.translation})
     )
-    marks = {"com": topics.COM, "front_axle": topics.FRONT_AXLE, "rear_axle": topics.REAR_AXLE}
-    publishers = {name: node.publisher(beside.node, topic) for name, topic in marks.items()}
+    publishers = {name: node.publisher(beside.node, topic) for name, topic in topics.LANDMARKS.items()}
     legs = node.publisher(beside.node, topics.LEG_STATES)
 
     def tell():

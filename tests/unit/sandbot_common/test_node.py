@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sandbot_common import node, process
+from sandbot_common import process
 from sandbot_common.node import use_shared_memory
 
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -47,10 +47,10 @@ def test_real_time_is_for_this_thread_and_this_while_alone():
     if before != os.SCHED_OTHER or not process.ask_for_real_time(1):
         pytest.skip("real-time priority is not granted here")
     os.sched_setscheduler(0, before, os.sched_param(0))
-    with node.real_time(5):
+    with process.real_time(5):
         assert os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
         assert int(subprocess.check_output(CHILD)) == os.SCHED_OTHER
-    with node.real_time(5, inherited=True):
+    with process.real_time(5, inherited=True):
         assert int(subprocess.check_output(CHILD)) == os.SCHED_FIFO
     assert os.sched_getscheduler(0) == before
 
@@ -60,5 +60,5 @@ def test_who_may_not_have_it_runs_as_he_is(monkeypatch):
         raise PermissionError
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    with node.real_time(5):
+    with process.real_time(5):
         assert os.sched_getscheduler(0) != os.SCHED_FIFO

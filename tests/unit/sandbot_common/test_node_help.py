@@ -30,14 +30,6 @@ class Fan:
     way: str = parameter("in", doc="where the air goes", choices=("in", "out"))
 
 
-FAN_NODE = '''"""Blows air."""
-
-def main(argv):
-    print("started", *argv)
-    return 3
-'''
-
-
 @pytest.fixture
 def fan(tmp_path, monkeypatch):
     """The command line of a node that says so when it is started."""

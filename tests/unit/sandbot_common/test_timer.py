@@ -9,7 +9,8 @@ import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter
 
-from sandbot_common import node
+from sandbot_common import command_node, node
+from sandbot_common.timer import Timer, end_timers
 
 pytestmark = pytest.mark.ros
 
@@ -38,7 +39,7 @@ def turn(domain):
 
 def test_it_calls_while_the_time_of_ros_stands_still(turn):
     called, of_ros, begun_s = [], [], time.monotonic()
-    node.Timer(turn.node, 0.05, lambda: called.append(time.monotonic()))
+    Timer(turn.node, 0.05, lambda: called.append(time.monotonic()))
     turn.node.create_timer(0.05, lambda: of_ros.append(1))
     assert turn(lambda: len(called) >= 10)
     assert called[9] - begun_s >= 0.5  # no oftener than it was told
@@ -47,7 +48,7 @@ def test_it_calls_while_the_time_of_ros_stands_still(turn):
 
 def test_it_does_not_catch_up_what_a_busy_loop_missed(turn):
     called = []
-    node.Timer(turn.node, 0.05, lambda: called.append(time.monotonic()))
+    Timer(turn.node, 0.05, lambda: called.append(time.monotonic()))
     assert turn(lambda: called)
     count, busy_until_s = len(called), time.monotonic() + 1.0
     while time.monotonic() < busy_until_s:
@@ -60,8 +61,8 @@ def test_it_does_not_catch_up_what_a_busy_loop_missed(turn):
 
 def test_what_it_raises_ends_the_loop_and_what_is_cancelled_is_not_called(turn):
     called = []
-    node.Timer(turn.node, 0.02, lambda: called.append(1)).cancel()
-    node.Timer(turn.node, 0.1, lambda: 1 / 0)
+    Timer(turn.node, 0.02, lambda: called.append(1)).cancel()
+    Timer(turn.node, 0.1, lambda: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         turn(lambda: False)
     assert not called
@@ -69,16 +70,16 @@ def test_what_it_raises_ends_the_loop_and_what_is_cancelled_is_not_called(turn):
 
 def test_of_a_node_that_ends_no_thread_is_left(turn):
     for period_s in (0.02, 60.0):
-        node.Timer(turn.node, period_s, lambda: None)
-    node.end_timers(turn.node)
+        Timer(turn.node, period_s, lambda: None)
+    end_timers(turn.node)
     assert [timer._thread.is_alive() for timer in turn.node.waiting] == [False, False]
 
 
 def test_a_commander_whose_name_is_forgotten_is_no_second_one(turn, monkeypatch):
     """DDS forgets of one that was killed first his name, then that he published."""
     holders = ["_NODE_NAME_UNKNOWN_", "campaign"]
-    monkeypatch.setattr(node, "names_of", lambda _: holders)
-    command = node.Command(turn.node, 1.0)
+    monkeypatch.setattr(command_node, "names_of", lambda _: holders)
+    command = command_node.Command(turn.node, 1.0)
     command._on_renewal(SimpleNamespace(frame_id="campaign"))
     assert command.begin(1.0) == ""
     assert "did not renew" not in command.lost()

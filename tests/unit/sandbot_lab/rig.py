@@ -1,13 +1,18 @@
 """Short cuts for the lab's tests."""
 
+from pathlib import Path
+
 import numpy as np
 
 from sandbot_clock.gait import PRESETS, leg_angles
+from sandbot_common.robot import Robot
 from sandbot_lab.direct import readings
 from sandbot_lab.robot import simulate
-from sandbot_lab.world import World, null_world
+from sandbot_lab.world import World, null_world, read_world
 
+CONFIG = Path(__file__).resolve().parents[3] / "ros_ws/src/sandbot_bringup/config"
 QUIET = null_world().with_noise(0.0)
+SGCS = read_world(CONFIG / "sgcs_world.yaml").walked_by(Robot(leg_mount_rad=0.5))
 R, H, M, G = 0.0355, 0.025, 0.767, 9.81
 
 

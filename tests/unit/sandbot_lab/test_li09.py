@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from rig import CONFIG
 
 from sandbot_clock.gait import Gait, leg_angles
 from sandbot_common.robot import read_robot
@@ -14,7 +15,6 @@ from sandbot_lab.robot import simulate
 from sandbot_lab.world import null_world, read_world
 
 ROOT = Path(__file__).resolve().parents[3]
-CONFIG = ROOT / "ros_ws/src/sandbot_bringup/config"
 PAPER = yaml.safe_load((ROOT / "reference/li09.yaml").read_text())
 ROBOT = read_robot(CONFIG / "sgcs_robot.yaml")
 LI09 = read_world(CONFIG / "li09_world.yaml").with_noise(0.0).walked_by(ROBOT)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rig import QUIET, R, expected, read, setpoints, trial, with_effect
+from rig import QUIET, SGCS, R, expected, read, setpoints, trial, with_effect
 
 from sandbot_clock.gait import PRESETS, leg_angles
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot
 from sandbot_lab.effects import EFFECTS
 from sandbot_lab.robot import LabRobot, simulate
-from sandbot_lab.world import World, null_world, sgcs_world
+from sandbot_lab.world import World, null_world
 
 CELLS = [(phi, omega) for phi in (0.58, 0.595, 0.61, 0.633) for omega in (4.0, 10.0, 16.0, 22.0, 28.0)]
 
@@ -109,7 +109,7 @@ def test_motor_saturation_is_seen_at_the_legs():
 
 
 def test_sgcs_walks_at_the_slow_phase_rate():
-    beta, world = 1.1 / (2 * np.pi * 0.45), sgcs_world().with_noise(0.0)
+    beta, world = 1.1 / (2 * np.pi * 0.45), SGCS.with_noise(0.0)
     for phi in np.linspace(0.593, 0.633, 3):
         for omega in (4.0, 8.0, 12.0):
             speed, lift, peak, _ = expected(world.stiffness_n_per_m(phi), omega, world.delta_t_s, beta)
@@ -214,8 +214,8 @@ def test_live_time_never_runs_backwards():
 
 
 def test_sgcs_on_strong_ground_holds_from_the_edge_of_the_slow_phase():
-    """Control: outside the region of `sgcs_world` the step is set by the clock, not by the balance at the slow rate."""
-    strong = World(k_knots_n_per_m=(200.0, 200.0, 200.0), delta_t_s=0.3, robot=sgcs_world().robot).with_noise(0.0)
+    """Control: outside the region of sgcs_world.yaml a step is set by the clock, not by the balance at slow rate."""
+    strong = World(k_knots_n_per_m=(200.0, 200.0, 200.0), delta_t_s=0.3, robot=SGCS.robot).with_noise(0.0)
     step = np.pi / 8.0 * read(strong, 0.61, 8.0, gait="SGCS").speed_m_s
     assert step == pytest.approx(2 * R * np.sin(0.55), rel=0.01)
     assert expected(200.0, 8.0, 0.3, 1.1 / (2 * np.pi * 0.45))[3] > 1.05 * step

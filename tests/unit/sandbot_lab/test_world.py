@@ -5,6 +5,7 @@ import dataclasses
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rig import SGCS
 
 from sandbot_common.errors import InputError
 from sandbot_lab.effects import DRAWN, EFFECTS
@@ -14,15 +15,12 @@ from sandbot_lab.world import (
     draw_world,
     null_world,
     read_world,
-    sgcs_world,
     world_from_mapping,
     write_world,
 )
 
 
-@pytest.mark.parametrize(
-    "world", [null_world(), sgcs_world(), draw_world(3), World(effects={name: {} for name in EFFECTS})]
-)
+@pytest.mark.parametrize("world", [null_world(), SGCS, draw_world(3), World(effects={name: {} for name in EFFECTS})])
 def test_round_trip(tmp_path, world):
     write_world(world, tmp_path / "world.yaml")
     assert read_world(tmp_path / "world.yaml") == world

@@ -21,9 +21,10 @@ from sandbot_bed.bed_parameters import BedParameters
 from sandbot_bed.hardware import BedHardware
 from sandbot_bed.protocol import Command, PulseProtocol, Stage
 from sandbot_bed.status import status_message
-from sandbot_common import messages, node, topics
+from sandbot_common import command_node, messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.process import real_time_while
+from sandbot_common.timer import Timer
 
 PRIORITY = 3
 """Real-time priority while the bed is prepared: a node that is held up for as long as the lease ends it."""
@@ -91,7 +92,7 @@ class BedNode(Node):
         self._phi = node.publisher(self, topics.BED_PHI)
         self._status = node.publisher(self, topics.BED_STATUS)
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoints)
-        self._command = node.Command(self, settings.lease_s)
+        self._command = command_node.Command(self, settings.lease_s)
         self._health = node.Health(self, self._figures, sole=True)
         # By node that drives a blower, and as it was when the preparation began.
         self._air_stops: dict[str, str] = {}
@@ -102,7 +103,7 @@ class BedNode(Node):
         self._reported = ""
         self.create_service(Trigger, "bed/prepare", self._on_prepare)
         self.create_service(Trigger, "bed/abort", self._on_abort)
-        node.Timer(self, 1 / settings.rate_hz, self._step)
+        Timer(self, 1 / settings.rate_hz, self._step)
 
     def close(self) -> None:
         """Air off before the node goes."""

@@ -19,7 +19,7 @@ from sandbot_bringup.desk_node import Desk
 from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder, frames_kept
 from sandbot_bringup.gate_node import DISCOVERY_S, Gate
-from sandbot_bringup.hearing_node import RECORDER, TRACKER, Hearing
+from sandbot_bringup.hearing_node import RECORDER, TRACKER_SPEED, Hearing, Told
 from sandbot_bringup.hold import Hold
 from sandbot_bringup.orders_node import CALL_S, Orders
 from sandbot_bringup.plan import Plan, PlannedTrial
@@ -28,7 +28,8 @@ from sandbot_bringup.recorder_process import RecorderProcess
 from sandbot_bringup.supervision import SILENCE_S, camera_fault
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import Health, Stop, publisher, real_time, spin_once
+from sandbot_common.node import Health, Stop, publisher, spin_once
+from sandbot_common.process import real_time
 from sandbot_common.robot import Robot
 from sandbot_record.bags.reader import Bag
 from sandbot_record.bags.writer import add_metadata
@@ -109,7 +110,6 @@ class Operator(Node):
 
     def await_go(self) -> None:
         """While the campaign is held, wait for the operator: without a limit, for nothing moves and nothing blows."""
-        self.hold.between_trials()
         if not self.hold.why:
             return
         self.desk.enter("")
@@ -222,7 +222,7 @@ class Operator(Node):
             raise TrialFailed(f"the bed was not prepared: {bed.bed_text or f'no end within {BED_S:g} s'}")
 
     def _walk(self, trial: PlannedTrial) -> None:
-        legs, before = self._hearing, self._hearing.told["tracker"][2]
+        legs, before = self._hearing, self._hearing.told["tracker"].values
         duration_s = self._plan.duration_s(trial.omega_rad_s)
         # Once more: while the bed was prepared somebody may have set another ω, and the row tells the plan's.
         self._tell_gait(trial)
@@ -245,13 +245,13 @@ class Operator(Node):
         if not self._wait(lambda: not legs.moving, CALL_S):
             raise TrialFailed("the legs did not report rest after /clock/stop (/leg_states)")
         self._await_last_frame(max(end_ns, (legs.leg_time_ns or 0) - LAST_FRAME_NS))
-        if fault := camera_fault(before, self._hearing.told["tracker"][2]):
+        if fault := camera_fault(before, self._hearing.told["tracker"].values):
             raise TrialFailed(fault)
 
     def _await_last_frame(self, last_ns: int) -> None:
         """Frames are still on their way through the tracker: for milliseconds, or seconds on a busy machine."""
         tracker = self._hearing
-        self._wait(lambda: tracker.speed_ns >= last_ns or tracker.is_quiet(TRACKER), DRAIN_S)
+        self._wait(lambda: tracker.speed_ns >= last_ns or tracker.is_quiet(TRACKER_SPEED), DRAIN_S)
         asked_s = tracker.now_s
         self._wait(lambda: tracker.heard_since("tracker", asked_s, topics.DIAGNOSTICS.name), CALL_S)
 
@@ -312,7 +312,7 @@ class Operator(Node):
         """What spoils the trial under way; an empty string if nothing does, or none is."""
         if self._recorder is None:
             return ""
-        level, text, values = self._hearing.told.get(RECORDER, (0, "", {}))
+        level, text, values = self._hearing.told.get(RECORDER, Told())
         if level > 1:
             # A full disk, say: what the legs do from now on is lost, so they stop.
             return f"the recorder {text if text.startswith('ended: ') else f'failed: {text}'}"

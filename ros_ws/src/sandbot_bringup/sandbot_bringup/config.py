@@ -3,9 +3,8 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from ament_index_python.packages import get_package_share_directory
-
 from sandbot_bringup.plan import Plan
+from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot, read_robot, robot_from_text
 from sandbot_common.suggest import did_you_mean
@@ -17,7 +16,7 @@ NO_CHOICE = ("cameras.yaml", "nodes.yaml", "robot.yaml")
 
 def config_folder() -> Path:
     """The folder with the example plans, cameras.yaml, robot.yaml and nodes.yaml."""
-    return Path(get_package_share_directory("sandbot_bringup")) / "config"
+    return config_file(".")
 
 
 def shipped(path: Path) -> Path:
@@ -43,7 +42,7 @@ def files_of(plan: Plan, beside: Path, campaign: Path) -> dict[str, str]:
         ("cameras.yaml", plan.cameras, read_cameras),
     )
     for name, given, reader in readers:
-        path = beside / given if given else config_folder() / name
+        path = beside / given if given else config_file(name)
         # A campaign is one experiment: a calibration made later must not slip into its remaining trials.
         if (campaign / name).exists():
             path = campaign / name

@@ -11,10 +11,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from sandbot_bed.protocol import Stage
 from sandbot_bringup.safety import Safety
 from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
+from sandbot_record.bags.recording import Limits
 
 HISTORY_S = 5.0
 """How far back the speed plot reaches."""
@@ -22,21 +24,14 @@ HISTORY_S = 5.0
 RATE_WINDOW_S = 2.0
 SILENT_S = 2.0
 """A topic that ought to be heard and is not for this long is called silent."""
-RESERVE_BYTES = 200 << 20
-"""The recorder stops when so little is free."""
 LOG_LINES = 200
 
 ALWAYS = {topics.BED_HEIGHT.name, topics.BED_BLOWER.name, topics.BED_STATUS.name, topics.DIAGNOSTICS.name}
-WALKING = {
-    topic.name
-    for topic in (
-        topics.LEG_SETPOINTS, topics.LEG_STATES, topics.SPEED, topics.COM, topics.FRONT_AXLE, topics.REAR_AXLE,
-    )
-}  # fmt: skip
+WALKING = {one.name for one in (topics.LEG_SETPOINTS, topics.LEG_STATES, topics.SPEED, *topics.LANDMARKS.values())}
 """What is heard while legs move. Of all other topics silence means nothing."""
 PASSING = {"recorder", "campaign"}
 """Nodes that come and go."""
-BUSY = ("fluidise", "ramp_down", "settle", "pulse")
+BUSY = tuple(stage for stage in Stage if stage.busy)
 
 
 class Series:
@@ -167,7 +162,7 @@ class RecorderRate:
             return {"rate_bytes_s": None, "left_s": None}
         (t0, first), (t1, last) = self._sizes[0], self._sizes[-1]
         rate = (last - first) / (t1 - t0)
-        left = (free_bytes - RESERVE_BYTES) / rate if rate > 0 else math.nan
+        left = (free_bytes - Limits.min_free) / rate if rate > 0 else math.nan
         return {"rate_bytes_s": round(rate), "left_s": round(max(left, 0.0)) if math.isfinite(left) else None}
 
 

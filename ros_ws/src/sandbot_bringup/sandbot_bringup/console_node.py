@@ -10,7 +10,6 @@ import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 from rclpy.client import Client
@@ -23,8 +22,8 @@ from sandbot_bringup.console import Console, Throttle
 from sandbot_bringup.console_page import HOST, serve
 from sandbot_bringup.console_parameters import ConsoleParameters
 from sandbot_bringup.marks import SEEN_BY, Drawn, View
-from sandbot_bringup.nodes import table_path
 from sandbot_common import messages, node, topics
+from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.topics import Topic
 from sandbot_tracking.calibration import read_cameras
@@ -47,12 +46,12 @@ STOP_S, ASK_AGAIN_S, LOOK_S = 3.0, 0.25, 0.01
 """How long STOP is seen through, how soon it is said again where nobody answers, how often it is looked."""
 
 SHOWN = (
-    *(topic for topic in topics.ALL if topic not in (topics.DORSAL_JPEG, topics.LATERAL_JPEG)),
+    *(topic for topic in topics.ALL if topic not in {view.jpeg for view in topics.VIEWS.values()}),
     topics.CAMPAIGN_STATUS,
     topics.MODEL_CURVE,
 )
-_IMAGES = {topics.DORSAL_IMAGE: "dorsal", topics.LATERAL_IMAGE: "lateral"}
-_LANDMARKS = {topics.COM: "com", topics.FRONT_AXLE: "front_axle", topics.REAR_AXLE: "rear_axle"}
+_IMAGES = {view.image: name for name, view in topics.VIEWS.items()}
+_LANDMARKS = {topic: name for name, topic in topics.LANDMARKS.items()}
 _NUMBERS = {
     topics.BED_PHI: "phi",
     topics.SPEED_MEAN: "speed_mean_m_s",
@@ -83,7 +82,7 @@ class ConsoleNode(Node):
         self._lock = threading.Lock()
         self._state = Console({topic.name: topic.latched for topic in SHOWN})
         self._pictures: dict[str, bytes] = {}
-        cameras = read_cameras(self._settings.cameras or Path(table_path()).with_name("cameras.yaml"))
+        cameras = read_cameras(self._settings.cameras or config_file("cameras.yaml"))
         self._views = {name: View(cameras[name], marks) for name, marks in SEEN_BY.items() if name in cameras}
         names = {*ACTIONS.values(), *STOP.values()}
         self._triggers = {name: self.create_client(Trigger, topics.relative(name)) for name in names}
@@ -198,7 +197,7 @@ class ConsoleNode(Node):
         changes: dict[Topic, Callable[[Any], None]] = {
             topics.LEG_STATES: lambda message: state.safety.on_legs(message.velocity, time.monotonic()),
             topics.BED_BLOWER: lambda message: state.safety.on_air(message.data, time.monotonic()),
-            topics.BED_STATUS: lambda message: state.set_bed(_values(message.status[0])),
+            topics.BED_STATUS: lambda message: state.set_bed(messages.values_of(message.status[0])),
             topics.DIAGNOSTICS: self._on_diagnostics,
             topics.TRIAL: lambda message: state.set_trial(message.data),
             topics.CAMPAIGN_STATUS: lambda message: state.set_campaign(message.data, time.monotonic()),
@@ -218,7 +217,7 @@ class ConsoleNode(Node):
             if (before.level if before else 0) != level:
                 said = ("is ok again", "warns: " + one.message, "error: " + one.message)[min(level, 2)]
                 self._state.note(_now(), one.name, said)
-            self._state.set_node(one.name, level, one.message, _values(one), time.monotonic())
+            self._state.set_node(one.name, level, one.message, messages.values_of(one), time.monotonic())
 
     def _locked(self, change: Callable[[Any], object]) -> Callable[[Any], None]:
         def guarded(message: Any) -> None:
@@ -278,10 +277,6 @@ class _Asked:
             self._next_s = now_s + ASK_AGAIN_S
             self._futures.append(self._client.call_async(Trigger.Request()))
         return False
-
-
-def _values(status: Any) -> dict[str, str]:
-    return {pair.key: pair.value for pair in status.values}
 
 
 def _v_x(message: Any) -> tuple[float, float]:

@@ -23,7 +23,8 @@ from sandbot_bringup.queue import Queue
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
-from sandbot_common.node import Timer, publisher, subscription
+from sandbot_common.node import publisher, subscription
+from sandbot_common.timer import Timer
 
 T = TypeVar("T")
 

@@ -80,14 +80,14 @@ class Gate:
         hearing, bed = self._hearing, plan.bed_protocol
         # With fewer heights than that a rest of the bed would time out.
         least_hz = bed.min_readings / (bed.average_s + bed.overrun_s)
-        since_s, heights, before = hearing.now_s, hearing.heights, hearing.told["tracker"][2]
+        since_s, heights, before = hearing.now_s, hearing.heights, hearing.told["tracker"].values
         faults = [""]
 
         def paced() -> bool:
             rate_hz = (hearing.heights - heights) / max(hearing.now_s - since_s, PACE_S)
             slow = f"{topics.BED_HEIGHT.name} comes at {rate_hz:.1f} Hz, {least_hz:.1f} are needed"
             # The virtual lab takes frames when it has the time, and gives them the stamps of even ones.
-            cameras = "" if self.has_lab else pace_fault(before, hearing.told["tracker"][2])
+            cameras = "" if self.has_lab else pace_fault(before, hearing.told["tracker"].values)
             faults[0] = slow if rate_hz < least_hz else cameras
             return not faults[0] and hearing.now_s - since_s >= PACE_S
 

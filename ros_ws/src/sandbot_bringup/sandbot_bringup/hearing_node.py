@@ -3,12 +3,12 @@
 import math
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
-from sandbot_bringup.supervision import BEATS, LOOP, Listening, Sign, Supervisor, status_values
+from sandbot_bringup.supervision import BEATS, LOOP, Listening, Sign, Supervisor
 from sandbot_common import messages, topics
 from sandbot_common.neighbours import Neighbours
 from sandbot_common.node import PROCESS, subscription
@@ -22,9 +22,17 @@ RECORDER = "recorder"
 _ROBOT, _ROBOTS = "robot", ("lab", "serial_legs")
 """Whoever reports the legs, and which of our nodes do."""
 # Its first frame may take seconds where nothing is compiled yet; a dead one is missed sooner, as its node is silent.
-TRACKER = Sign("tracker", topics.SPEED.name, 5.0)
+TRACKER_SPEED = Sign("tracker", topics.SPEED.name, 5.0)
 STEADY_S = 0.5
 """What comes all the time while legs walk may stay away for so long, or for half of --silence where that is longer."""
+
+
+class Told(NamedTuple):
+    """What a node said of its health."""
+
+    level: int = 0
+    text: str = ""
+    values: Mapping[str, str] = {}
 
 
 class Hearing:
@@ -32,8 +40,7 @@ class Hearing:
 
     def __init__(self, node: Node, silence_s: float, turn_s: float) -> None:
         """``turn_s``: how long a turn waits at most; what passes beyond twice that is our own delay."""
-        self.told: dict[str, tuple[int, str, Mapping[str, str]]] = {}
-        """Level, text and values of each node's health."""
+        self.told: dict[str, Told] = {}
         self.phi: float | None = None
         self.bed_stage = self.bed_text = ""
         self.bed_height_m = math.nan
@@ -105,7 +112,7 @@ class Hearing:
         """The same while legs walk: nor may set-points, the robot's reports or the tracker's speeds stay away."""
         steady_s = max(STEADY_S, self._silence_s / 2)
         steady = (("clock", topics.LEG_SETPOINTS), (_ROBOT, topics.LEG_STATES))
-        self.watch(*(Sign(who, topic.name, steady_s) for who, topic in steady), TRACKER)
+        self.watch(*(Sign(who, topic.name, steady_s) for who, topic in steady), TRACKER_SPEED)
 
     def watch_nobody(self) -> None:
         """Nothing is under way that anybody could spoil."""
@@ -128,7 +135,7 @@ class Hearing:
         """Who of the vital fails while they are watched, in a phrase; an empty string if nobody does."""
         for sign in self._vital:
             # Who ends in order says so, and of who does not the system tells; nobody waits for his silence.
-            if (text := self.told.get(sign.who, (0, "", {}))[1]).startswith("ended: "):
+            if (text := self.told.get(sign.who, Told()).text).startswith("ended: "):
                 return f"the {sign.who} {text}"
             if sign.who != RECORDER and (fault := self._neighbours.faults.get(sign.who)):
                 return f"the {sign.who} {fault}"
@@ -141,16 +148,16 @@ class Hearing:
     @property
     def clock_fault(self) -> str:
         """Why the clock stopped of itself; an empty string if it did not."""
-        level, text, _ = self.told.get("clock", (0, "", {}))
-        return f"the clock: {text}" if level > 1 else ""
+        clock = self.told.get("clock", Told())
+        return f"the clock: {clock.text}" if clock.level > 1 else ""
 
     def _age_s(self, sign: Sign) -> float:
         return self._supervisor.age_s(sign.who, sign.topic, self.now_s)
 
     def _unplugged(self) -> list[str]:
         """Drivers that are there, but not their devices."""
-        said = ((who, *self.told[who][:2]) for who in DRIVERS if who in self.told)
-        return [f"{who} has lost its device: {text}" for who, level, text in said if level > 1]
+        said = ((who, self.told[who]) for who in DRIVERS if who in self.told)
+        return [f"{who} has lost its device: {one.text}" for who, one in said if one.level > 1]
 
     def _heard(self, who: str, topic: topics.Topic) -> None:
         self._supervisor.heard(who, topic.name, self.now_s)
@@ -162,7 +169,7 @@ class Hearing:
     def _on_bed(self, message: Any) -> None:
         self._heard("bed", topics.BED_STATUS)
         for status in message.status:
-            values = status_values(status)
+            values = messages.values_of(status)
             self.bed_stage, self.bed_text = values.get("stage", self.bed_stage), status.message
             self.bed_height_m = float(values.get("height_m", math.nan))
 
@@ -192,9 +199,9 @@ class Hearing:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            values = status_values(status)
+            values = messages.values_of(status)
             if not self._neighbours.meet(status.name, values.get(PROCESS, "")):
                 continue
             self._heard(status.name, topics.DIAGNOSTICS)
             self._supervisor.heard(status.name, LOOP, self.now_s)
-            self.told[status.name] = (status.level[0], status.message, values)
+            self.told[status.name] = Told(status.level[0], status.message, values)

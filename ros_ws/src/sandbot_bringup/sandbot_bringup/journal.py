@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sandbot_common.errors import InputError
-from sandbot_common.files import writing
+from sandbot_common.files import append_line, writing
 
 Event = Mapping[str, Any]
 """``at`` (ISO 8601, UTC), ``who`` (operator or campaign), ``do`` (of ``KINDS``), and what belongs to it."""
@@ -31,8 +31,7 @@ class Journal:
             raise ValueError(f"{do!r} is no event; known: {', '.join(KINDS)}")
         at = datetime.fromtimestamp(self._now_s(), UTC).isoformat(timespec="milliseconds")
         event = {"at": at, "who": who, "do": do, **what}
-        with writing(self._path), self._path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(event, ensure_ascii=False, allow_nan=False) + "\n")
+        append_line(self._path, event)
         self.events.append(event)
 
 

@@ -25,7 +25,9 @@ from sandbot_bringup.streak import Streak
 from sandbot_bringup.supervision import SILENCE_S
 from sandbot_bringup.until import Entry, decided, looks_of
 from sandbot_common.errors import InputError
-from sandbot_common.node import end_timers, real_time, stop_signals, use_shared_memory
+from sandbot_common.node import stop_signals, use_shared_memory
+from sandbot_common.process import real_time
+from sandbot_common.timer import end_timers
 from sandbot_common.workers import pool
 from sandbot_record.trials.table import Row
 

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from ament_index_python.packages import get_package_share_directory
 
+from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_common.parameters import from_mapping, parameter, specs
@@ -92,7 +92,7 @@ class NodeTable:
 
 def table_path() -> Path:
     """Where the installed node table lies."""
-    return Path(get_package_share_directory(PACKAGE)) / "config" / "nodes.yaml"
+    return config_file("nodes.yaml")
 
 
 def read_table(path: Path) -> NodeTable:

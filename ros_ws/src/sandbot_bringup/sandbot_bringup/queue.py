@@ -100,12 +100,12 @@ class Queue:
         self.entries[trial_id].state = State.RUNNING
 
     def finish(self, trial_id: str, seconds: float, measured: Mapping[str, Any]) -> None:
-        """It has its bag."""
+        """The trial is done; its bag is closed."""
         entry = self.entries[trial_id]
         entry.state, entry.reason, entry.seconds, entry.measured = State.DONE, "", seconds, measured
 
     def fail(self, trial_id: str, reason: str) -> None:
-        """It is not ok."""
+        """The trial failed."""
         self.entries[trial_id].state, self.entries[trial_id].reason = State.FAILED, reason
 
     def put_back(self, trial_id: str, reason: str) -> None:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from sandbot_common import topics
 
-_FRAMES = {topics.DORSAL_IMAGE, topics.LATERAL_IMAGE}
-_ENCODED = {topics.DORSAL_JPEG, topics.LATERAL_JPEG}
+_FRAMES = {view.image for view in topics.VIEWS.values()}
+_ENCODED = {view.jpeg for view in topics.VIEWS.values()}
 """Written by the recorder itself, from the frames."""
 
 

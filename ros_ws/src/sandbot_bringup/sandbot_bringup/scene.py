@@ -31,8 +31,8 @@ MARKS: Mapping[str, Colour] = {
 }
 """As on the console's pictures: told apart by colour-blind eyes as well."""
 MARK_M, TEXT_M, WIDTH_SHARE = 0.015, 0.04, 0.75
-"""A mark's diameter; the height of letters; width of the body as a share of the axles' distance, which is all a robot
-tells of it."""
+"""A mark's diameter; the height of letters; width of the body as a share of the axles' distance, the only width a
+robot file gives."""
 BED_FROM_M, BED_TO_M, BED_WIDTH_M = -0.1, 1.3, 0.5
 _ARC = np.linspace(0.0, 1.0, 25)
 

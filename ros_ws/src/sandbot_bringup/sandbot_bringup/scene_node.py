@@ -14,11 +14,11 @@ from sandbot_bringup.scene import Pose, body_pose, camera_pose, scene
 from sandbot_bringup.scene_messages import marker_array, transform
 from sandbot_bringup.scene_parameters import SceneParameters
 from sandbot_common import node, topics
+from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, read_robot, robot_of_trial
 from sandbot_tracking.calibration import read_cameras
 
-_MARKS = {"com": topics.COM, "front_axle": topics.FRONT_AXLE, "rear_axle": topics.REAR_AXLE}
 BODY_FRAME = "base_link"
 
 
@@ -28,14 +28,14 @@ class SceneNode(Node):
     def __init__(self) -> None:
         super().__init__("scene")
         given = node.Parameters(self, SceneParameters, _fixed).current
-        cameras = read_cameras(given.cameras or node.config_file("cameras.yaml"))
+        cameras = read_cameras(given.cameras or config_file("cameras.yaml"))
         self._cameras = {topics.optical_frame(name): camera_pose(camera) for name, camera in cameras.items()}
         self._robot = read_robot(given.robot) if given.robot else SANDBOT
-        self._marks = {name: np.full(3, np.nan) for name in _MARKS}
+        self._marks = {name: np.full(3, np.nan) for name in topics.LANDMARKS}
         self._angles: dict[str, float] = {}
         self._phi, self._blows = np.nan, False
         self._shapes, self._frames = node.publisher(self, topics.SCENE), node.publisher(self, topics.FRAMES)
-        for name, topic in _MARKS.items():
+        for name, topic in topics.LANDMARKS.items():
             node.subscription(self, topic, partial(self._on_mark, name), best_effort=True)
         node.subscription(self, topics.LEG_STATES, self._on_legs, best_effort=True)
         node.subscription(self, topics.BED_BLOWER, self._on_blower, best_effort=True)

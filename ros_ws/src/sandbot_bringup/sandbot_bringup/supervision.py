@@ -56,7 +56,7 @@ class Listening:
 
 
 HELD_UP_S, EXPLAINS_S = 0.25, 2.0
-"""Who does not come round for so long loses a lease; and for how long after that he is the reason of a silence."""
+"""A campaign held up for longer loses its lease; for this long afterwards a silence is blamed on that."""
 SILENCE_S, SILENCE_BOUNDS_S, BEATS = 1.0, (0.3, 10.0), 4
 """A node whose loop shows no sign for so long while a trial runs is stuck. Whether its process lives the system tells
 where it runs on this host; elsewhere it beats 20 times a second, and a quarter of this without a beat, it is dead."""
@@ -103,11 +103,6 @@ class Supervisor:
             if min(self.age_s(sign.who, sign.topic, now_s), now_s - since_s) > sign.limit_s:
                 return sign.missing
         return ""
-
-
-def status_values(status: object) -> Mapping[str, str]:
-    """The key-value pairs of a DiagnosticStatus."""
-    return {pair.key: pair.value for pair in status.values}  # type: ignore[attr-defined]
 
 
 def pace_fault(before: Mapping[str, str], after: Mapping[str, str]) -> str:

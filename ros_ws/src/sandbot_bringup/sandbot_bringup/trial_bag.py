@@ -22,11 +22,8 @@ from sandbot_tracking.period import PeriodMean
 Floats = NDArray[np.float64]
 
 HEIGHT_PERIOD_S = 0.1
-_RAW = {"dorsal": topics.DORSAL_IMAGE, "lateral": topics.LATERAL_IMAGE}
-_JPEG = {"dorsal": topics.DORSAL_JPEG, "lateral": topics.LATERAL_JPEG}
-_INDEX = {name: Topic(index_name(topic.name), INDEX) for name, topic in _RAW.items()}
+_INDEX = {name: Topic(index_name(view.image.name), INDEX) for name, view in topics.VIEWS.items()}
 _LOSSLESS = "rawvideo"
-_INFO = {"dorsal": topics.DORSAL_INFO, "lateral": topics.LATERAL_INFO}
 
 
 class TrialBag:
@@ -63,16 +60,18 @@ class TrialBag:
         """One frame: ``kept`` raw, as jpeg, in a video beside the messages, or none at all."""
         stamp, frame = self._at(t_s), topics.optical_frame(camera)
         if kept == "raw":
-            self.add(_RAW[camera], stamp, messages.image(stamp, frame, pixels))
+            self.add(topics.VIEWS[camera].image, stamp, messages.image(stamp, frame, pixels))
         elif kept == "video":
             self.add(_INDEX[camera], stamp, messages.image(stamp, frame, pixels))
         elif kept == "jpeg":
-            self.add(_JPEG[camera], stamp, messages.jpeg(stamp, frame, encode_jpeg(pixels)))
+            self.add(topics.VIEWS[camera].jpeg, stamp, messages.jpeg(stamp, frame, encode_jpeg(pixels)))
 
     def camera(self, name: str, t_s: float, camera: Camera) -> None:
         """What a camera sees with."""
         stamp, frame, size = self._at(t_s), topics.optical_frame(name), (camera.width, camera.height)
-        self.add(_INFO[name], stamp, messages.camera_info(stamp, frame, size, camera.matrix, camera.distortion))
+        self.add(
+            topics.VIEWS[name].info, stamp, messages.camera_info(stamp, frame, size, camera.matrix, camera.distortion)
+        )
 
     def bed(self, t_s: float, command: Command) -> None:
         """One step of the bed's preparation: status and blower where they change, the height ten times a second."""
@@ -106,7 +105,10 @@ class TrialBag:
         """Write the bag under its name, whole or not at all."""
         with BagWriter(path) as writer:
             # A file is opened at its first frame. Until then its index holds the frames themselves.
-            videos = {_INDEX[name]: VideoFile(writer.folder / file_name(_RAW[name].name), _LOSSLESS) for name in _INDEX}
+            videos = {
+                index: VideoFile(writer.folder / file_name(topics.VIEWS[name].image.name), _LOSSLESS)
+                for name, index in _INDEX.items()
+            }
             for t_ns, topic, cdr in sorted(self._messages, key=lambda message: message[0]):
                 writer.write(topic, videos[topic].add(cdr) if topic in videos else cdr, t_ns)
             for video in videos.values():

@@ -6,10 +6,8 @@ how many trials were planned and finished by then: whoever resumes takes the sam
 ``discovery.json`` is the last one's.
 """
 
-import json
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -20,7 +18,7 @@ from sandbot_bringup.journal import end_torn_line
 from sandbot_bringup.plan import ExtraTrials, Plan, trials_of, with_block
 from sandbot_common.crew import Crew, Processes
 from sandbot_common.errors import InputError
-from sandbot_common.files import parse_json, read_text, write_text, writing
+from sandbot_common.files import append_line, parse_json, read_text, write_json
 from sandbot_common.parameters import from_mapping
 from sandbot_common.suggest import did_you_mean
 from sandbot_record.bags import metadata
@@ -70,12 +68,13 @@ def decided(plan: Plan, folder: CampaignFolder, vetoed: Collection[str] = (), cr
     entry = next((one for one in reversed(entries) if _says_of(known, one) and not _may_go_on(one, plan)), None)
     if entry is None:
         entry = {"look": len(entries) + 1, **known, **_look(plan, folder, vetoed, len(entries) + 1, crew)}
-        _append(folder.looks, entry)
+        end_torn_line(folder.looks)
+        append_line(folder.looks, entry)
     return with_block(plan, entry["next"]) if entry["next"] else plan, entry
 
 
 def _ok(folder: CampaignFolder, crew: Crew) -> int:
-    """How many trials are: what has failed may have been run again since."""
+    """How many trials are ok now; a failed one may have been run again since."""
     from sandbot_record.trials import from_bags
     from sandbot_record.trials.table import OK
 
@@ -138,8 +137,7 @@ def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: i
             cells, catalogue(), offered, number=number, base=plan.model, alpha=plan.alpha,
             criteria=of_bed(plan.bed_scatter, plan.bed_drift), fit_all=fit_all,
         )  # fmt: skip
-    content = json.dumps(found.found.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
-    write_text(folder.path / "discovery.json", content + "\n")
+    write_json(folder.path / "discovery.json", found.found.to_dict())
     left = plan.most - len(trials)
     if not found.stop and left <= 0:
         found = replace(found, stop=_used_up(plan.most), block=())
@@ -163,9 +161,3 @@ def seconds(plan: Plan, folder: CampaignFolder) -> Any:
         return float(np.interp(phi, levels or [phi], bed_s or [0.0])) + plan.standing_s + plan.duration_s(omega)
 
     return cost
-
-
-def _append(path: Path, entry: Entry) -> None:
-    end_torn_line(path)
-    with writing(path), path.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(entry, ensure_ascii=False, allow_nan=False) + "\n")

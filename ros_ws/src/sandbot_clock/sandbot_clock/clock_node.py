@@ -28,10 +28,12 @@ from sandbot_clock.clock_parameters import ClockParameters
 from sandbot_clock.phase_clock import PhaseClock
 from sandbot_clock.schedule import NANO, Schedule, keep, missed_warning
 from sandbot_common import messages, node, topics
+from sandbot_common.command_node import Command
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
 from sandbot_common.process import ask_for_real_time
 from sandbot_common.robot import SANDBOT, read_robot, robot_of_trial
+from sandbot_common.timer import Timer
 
 # Long enough to hear whether a bed blows before legs move by themselves.
 _AUTOSTART_DELAY_S = 1.0
@@ -53,7 +55,7 @@ class ClockNode(Node):
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         node.subscription(self, topics.LEG_STATES, self._on_states, raw=True)
         node.subscription(self, topics.TRIAL, self._on_trial)
-        self._command = node.Command(self, self._settings.current.lease_s)
+        self._command = Command(self, self._settings.current.lease_s)
         self._robot, self._robot_there = Lease(self._settings.current.robot_s), False
         self._blower: float | None = None
         self._legs: PhaseClock | None = None  # None: at home, whatever the gait will be at the next start
@@ -68,7 +70,7 @@ class ClockNode(Node):
         self.create_service(Trigger, "clock/stop", self._on_stop)
         self.create_service(Trigger, "clock/home", self._on_home)
         if self._settings.current.autostart:
-            self._autostart = node.Timer(self, _AUTOSTART_DELAY_S, self._start_once)
+            self._autostart = Timer(self, _AUTOSTART_DELAY_S, self._start_once)
 
     @property
     def running(self) -> bool:

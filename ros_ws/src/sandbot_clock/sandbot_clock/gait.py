@@ -59,16 +59,6 @@ class Gait:
         """(2π − θ_s) / (2π (1 − d_c)): leg rate in the fast phase over the mean rate ω."""
         return (TURN - self.theta_s_rad) / (TURN * (1 - self.duty))
 
-    @property
-    def double_stance(self) -> float:
-        """Fraction of the period with both tripods in the slow phase, max(0, 2 d_c − 1)."""
-        return max(0.0, 2 * self.duty - 1)
-
-    @property
-    def no_stance(self) -> float:
-        """Fraction of the period with neither tripod in the slow phase, max(0, 1 − 2 d_c)."""
-        return max(0.0, 1 - 2 * self.duty)
-
 
 PRESETS = {
     "SGCS": Gait(1.1, -0.5, 0.45),

@@ -101,7 +101,7 @@ class Cluster:
 
     def executor(self) -> Executor:
         """Tasks go one by one; one whose worker dies is done by another."""
-        return _Hands(self._client, self._dumps)
+        return _ClusterExecutor(self._client, self._dumps)
 
     def _spread(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
         try:
@@ -118,8 +118,8 @@ class Cluster:
             self._client.cancel(futures)
 
 
-class _Hands(Executor):
-    """Dask's own executor waits for ever for a result whose worker dies before it is fetched, if it then fails."""
+class _ClusterExecutor(Executor):
+    """Replaces Dask's own, which waits for ever if a worker dies before its result is fetched and the retry fails."""
 
     def __init__(self, client: Any, dumps: Callable[[Any], bytes]) -> None:
         self._client, self._dumps = client, dumps

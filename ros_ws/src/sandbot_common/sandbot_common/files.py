@@ -139,6 +139,18 @@ def read_json(path: Path, remedy: str = "") -> Any:
     return parse_json(read_text(path, "a JSON file", remedy), str(path))
 
 
+def write_json(path: Path, content: object) -> None:
+    """Write JSON to ``path``, whole or not at all. Raises InputError where it can't be written."""
+    with writing(path):
+        write_text(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def append_line(path: Path, content: object) -> None:
+    """Append ``content`` as one line of JSON. Raises InputError where it can't be written."""
+    with writing(path), path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n")
+
+
 def read_csv(path: Path, needed: str = "a CSV file") -> tuple[list[str], Iterator[tuple[int, dict[str, str]]]]:
     """Column names of a CSV file, and its rows: (number in the file, text by column), stripped; empty rows left out.
 

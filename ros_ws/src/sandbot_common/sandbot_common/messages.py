@@ -118,14 +118,18 @@ def camera_info(
 
 
 def diagnostics(
-    t_ns: int, name: str, values: Mapping[str, object], *, level: int = 0, text: str = "ok", hardware: str = ""
+    t_ns: int, name: str, values: Mapping[str, object], *, level: int = 0, text: str = "ok"
 ) -> DiagnosticArray:
     """One status with key-value pairs; level 0 ok, 1 warning, 2 error."""
     status = DiagnosticStatus(
         level=bytes([level]),
         name=name,
         message=text,
-        hardware_id=hardware,
         values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
     )
     return DiagnosticArray(header=header(t_ns, ""), status=[status])
+
+
+def values_of(status: DiagnosticStatus) -> dict[str, str]:
+    """The key-value pairs of a status."""
+    return {pair.key: pair.value for pair in status.values}

@@ -1,4 +1,4 @@
-"""How every node starts, takes its parameters, tells its health and stops. The only room here with rclpy."""
+"""How every node starts, takes its parameters, tells its health and stops."""
 
 import math
 import os
@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import rclpy
-from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.client import Client
@@ -29,11 +28,10 @@ from rclpy.subscription import Subscription
 
 from sandbot_common import cli, messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.lease import Lease
-from sandbot_common.neighbours import Neighbours
 from sandbot_common.parameters import Spec, from_mapping, specs
 from sandbot_common.process import ask_for_real_time, own_name
 from sandbot_common.suggest import did_you_mean
+from sandbot_common.timer import Timer, end_timers
 
 T = TypeVar("T")
 
@@ -66,11 +64,6 @@ def qos(topic: topics.Topic, *, best_effort: bool = False, depth: int | None = N
     return QoSProfile(depth=depth or topic.depth, reliability=reliability, durability=durability)
 
 
-def config_file(name: str) -> Path:
-    """A configuration file of the project, found in the overlay: rooms that need one do not import bringup."""
-    return Path(get_package_share_directory("sandbot_bringup")) / "config" / name
-
-
 def publisher(node: Node, topic: topics.Topic) -> Publisher:
     """A publisher on a trackway topic; it offers the topic's deadline, which its subscriptions need not ask for."""
     offered = qos(topic)
@@ -90,57 +83,6 @@ def subscription(
     """
     delivery = qos(topic, best_effort=best_effort)
     return node.create_subscription(messages.message_class(topic.type), topic.relative, callback, delivery, raw=raw)
-
-
-class Timer:
-    """Calls back in the node's loop, by the time that has passed: for what commands, watches or tells that it lives.
-
-    ROS's own timers go by the system clock, or by /clock: where that is set back by a minute they stand still for one,
-    and with them the watchdog that turns the air off. Nor does a steady clock of ROS's help, for the wheels' executor
-    waits for its timers by the system clock whatever theirs is (decision 16). So a thread waits, as Python does it.
-    """
-
-    def __init__(self, node: Node, period_s: float, callback: Callable[[], None]) -> None:
-        self._node, self._period_s, self._callback = node, period_s, callback
-        self._due, self._ending = False, threading.Event()
-        self._thread = threading.Thread(target=self._run, name="timer", daemon=True)
-        node.waiting = [*getattr(node, "waiting", ()), self]
-        self._thread.start()
-
-    def cancel(self) -> None:
-        """Call no more."""
-        self._ending.set()
-
-    def end(self) -> None:
-        """The same, and no thread of it is left: it would ask a node that has been destroyed."""
-        self.cancel()
-        self._thread.join()
-
-    def _run(self) -> None:
-        due_s = time.monotonic() + self._period_s
-        while self._node.context.ok() and not self._ending.wait(max(due_s - time.monotonic(), 0.0)):
-            # A loop that is busy is not asked again, nor is what it missed caught up.
-            if not self._due and (executor := self._node.executor) is not None:
-                self._due = True
-                executor.create_task(self._call)
-            due_s = max(due_s + self._period_s, time.monotonic())
-
-    def _call(self) -> None:
-        self._due = False
-        if self._ending.is_set():
-            return
-        try:
-            self._callback()
-        except Exception as error:
-            # The executor of these wheels dies of a task that raises; ``spin_once`` has the node's loop raise it.
-            self._node.failed = error
-            self._ending.set()
-
-
-def end_timers(node: Node) -> None:
-    """Before the node is destroyed, or its context shut down."""
-    for timer in getattr(node, "waiting", ()):
-        timer.end()
 
 
 def spin_once(executor: EventsExecutor, node: Node, timeout_s: float) -> None:
@@ -215,83 +157,6 @@ class Parameters(Generic[T]):
         return SetParametersResult(successful=True)
 
 
-class Partners:
-    """Other nodes of this host as processes: who is gone or frozen commands nothing more, and no lease need run out.
-
-    On another host nothing is known of them but that they fall silent.
-    """
-
-    def __init__(self, node: Node) -> None:
-        self._neighbours, self._lock = Neighbours(), threading.Lock()
-        subscription(node, topics.DIAGNOSTICS, self._on_diagnostics)
-
-    def begin(self, name: str) -> None:
-        """He is obeyed from now on: if one of his name has ended, it was another."""
-        if self.fault(name):
-            with self._lock:
-                self._neighbours.forget(name)
-
-    def fault(self, name: str) -> str:
-        """What has become of him, "the clock is gone"; an empty string while he runs, or nothing is known of him."""
-        # Asked here and not by a timer: that would stand behind all that a busy node has not yet heard.
-        with self._lock:
-            fault = self._neighbours.fault_of(name, time.monotonic())
-        return f"the {name} {fault}" if fault else ""
-
-    def lost(self, name: str, lease: Lease, silence: str) -> str:
-        """Why to obey him no more: what has become of him, or ``silence`` for too long; empty while he commands."""
-        if fault := self.fault(name):
-            return fault
-        return f"{silence} for {lease.limit_s:g} s" if lease.late(time.monotonic()) else ""
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            process = next((pair.value for pair in status.values if pair.key == PROCESS), "")
-            with self._lock:
-                self._neighbours.meet(status.name, process)
-
-
-class Command:
-    """The lease of whoever commands, as those see it who obey: asked before motion or air begins and at each step.
-
-    Where nobody publishes /operator/lease, a person commands by hand, and there is nothing to renew. A lease is his who
-    renewed it when motion or air began: nobody else can keep them going.
-    """
-
-    def __init__(self, node: Node, limit_s: float) -> None:
-        self._node, self._lease, self._partners = node, Lease(limit_s), Partners(node)
-        self._leased = False
-        self._holder = self._heard_from = "somebody"
-        self._heard_s = -math.inf
-        subscription(node, topics.OPERATOR_LEASE, self._on_renewal)
-
-    def begin(self, limit_s: float) -> str:
-        """Why nothing may begin; an empty string where it may, from now on under this lease or by hand."""
-        self._holder, self._lease = self._heard_from, Lease(limit_s, self._heard_s)
-        holders = names_of(self._node.get_publishers_info_by_topic(topics.OPERATOR_LEASE.relative))
-        self._leased = bool(holders)
-        # DDS forgets a killed one after 20 s, and his name before that; the system tells at once.
-        living = [name for name in holders if name != NAMELESS and not self._partners.fault(name)]
-        self._partners.begin(self._holder)
-        if len(living) > 1:
-            return f"{' and '.join(living)} both command the trackway (/operator/lease); one at a time"
-        if self._leased and self._lease.late(time.monotonic()):
-            who = next((name for name in holders if name != NAMELESS), "somebody")
-            return f"{who} commands the trackway and does not renew /operator/lease; end it first"
-        return ""
-
-    def lost(self) -> str:
-        """Why to stop; an empty string while the lease is renewed or a person commands."""
-        if not self._leased:
-            return ""
-        return self._partners.lost(self._holder, self._lease, f"{self._holder} did not renew /operator/lease")
-
-    def _on_renewal(self, message: Any) -> None:
-        self._heard_from, self._heard_s = message.frame_id or "somebody", time.monotonic()
-        if self._heard_from == self._holder:
-            self._lease.renew(self._heard_s)
-
-
 def names_of(endpoints: Sequence[Any]) -> list[str]:
     """The names of the nodes behind publishers or subscriptions, each once.
 
@@ -340,7 +205,7 @@ class Health:
 
     def _look_for_a_rival(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
+            values = messages.values_of(status)
             if status.name == self._node.get_name() and self._is_older(values) and self._is_told_by_a_namesake():
                 self.refused = f"another {status.name} is running already; one commander at a time, end it first"
 
@@ -406,22 +271,6 @@ def run(
         return 0
 
     return cli.run(command, argv)
-
-
-@contextmanager
-def real_time(priority: int, *, inherited: bool = False) -> Iterator[None]:
-    """While in here, for the calling thread; what it starts runs as it did before, unless ``inherited``."""
-    try:
-        before = os.sched_getscheduler(0), os.sched_getparam(0)
-        policy = os.SCHED_FIFO if inherited else os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-        os.sched_setscheduler(0, policy, os.sched_param(priority))
-    except (AttributeError, OSError):
-        yield
-        return
-    try:
-        yield
-    finally:
-        os.sched_setscheduler(0, *before)
 
 
 @contextmanager

@@ -1,7 +1,8 @@
 """Which process a node is, and what the system says of it: on one host nobody need be guessed dead from his silence."""
 
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +21,7 @@ def own_name() -> str:
 
 
 def ask_for_real_time(priority: int) -> bool:
-    """For the calling thread and those it starts, which sleep nearly all the time; who may not runs as it is."""
+    """Real-time priority for the calling thread and those it starts, which mostly sleep; False where not permitted."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except (AttributeError, OSError):
@@ -29,13 +30,29 @@ def ask_for_real_time(priority: int) -> bool:
 
 
 def real_time_while(needed: bool, priority: int) -> None:
-    """All ordinary threads of this process get real-time priority, or those that have this one give it back."""
+    """While ``needed``, give all ordinary threads of this process real-time priority; otherwise take it back."""
     before, after = ((os.SCHED_OTHER, 0), (os.SCHED_FIFO, priority))[:: 1 if needed else -1]
     for task in (_PROC / "self/task").glob("*"):
         thread = int(task.name)
         with suppress(AttributeError, OSError):  # a thread may end meanwhile, or none may have it
             if (os.sched_getscheduler(thread), os.sched_getparam(thread).sched_priority) == before:
                 os.sched_setscheduler(thread, after[0], os.sched_param(after[1]))
+
+
+@contextmanager
+def real_time(priority: int, *, inherited: bool = False) -> Iterator[None]:
+    """Real-time priority while in here, for the calling thread; what it starts has none, unless ``inherited``."""
+    try:
+        before = os.sched_getscheduler(0), os.sched_getparam(0)
+        policy = os.SCHED_FIFO if inherited else os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
+    except (AttributeError, OSError):
+        yield
+        return
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, *before)
 
 
 @dataclass(frozen=True)
@@ -73,7 +90,7 @@ class Neighbour:
 
 
 def _host() -> str:
-    """This start of this host, and its process numbers' namespace: containers may share the one and not the other."""
+    """This boot of the host and the PID namespace: containers may share the one and not the other."""
     try:
         boot = (_PROC / "sys/kernel/random/boot_id").read_text().strip()
         return f"{boot}/{(_PROC / 'self/ns/pid').stat().st_ino}"

@@ -1,7 +1,6 @@
 """The robot in numbers: declared once, read once (``robot.yaml``), the same for lab, tracking and analysis."""
 
 import dataclasses
-import json
 import math
 import re
 from collections.abc import Mapping
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sandbot_common.errors import InputError
-from sandbot_common.files import parse_yaml, read_yaml
+from sandbot_common.files import parse_json, parse_yaml, read_yaml
 from sandbot_common.parameters import from_mapping, parameter, specs
 from sandbot_common.topics import LEGS
 
@@ -85,10 +84,7 @@ def robot_from_text(text: str, where: str) -> Robot:
 
 def robot_of_trial(text: str) -> Robot | None:
     """The robot in the JSON of /trial; None where it tells none. Raises InputError."""
-    try:
-        trial = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(f"/trial: not JSON: {error}") from None
+    trial = parse_json(text, "/trial")
     given = trial.get("robot") if isinstance(trial, dict) else None
     return None if given is None else robot_from_mapping(given, "/trial: robot")
 

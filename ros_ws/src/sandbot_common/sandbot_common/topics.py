@@ -6,6 +6,7 @@ namespace (``-r __ns:=/robot1``) a whole trackway is on its own: topics, service
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 LEGS = ("front_left", "middle_right", "rear_left", "front_right", "middle_left", "rear_right")
 """SandBot's joint names in the order of every array of legs: tripod A first, then tripod B (``Robot.leg_order``)."""
@@ -52,8 +53,21 @@ DORSAL_JPEG = Topic("/camera/dorsal/image_raw/compressed", "sensor_msgs/msg/Comp
 LATERAL_IMAGE = Topic("/camera/lateral/image_raw", "sensor_msgs/msg/Image", depth=200)
 LATERAL_INFO = Topic("/camera/lateral/camera_info", "sensor_msgs/msg/CameraInfo", depth=200)
 LATERAL_JPEG = Topic("/camera/lateral/image_raw/compressed", "sensor_msgs/msg/CompressedImage", depth=200)
-VIEWS = {"dorsal": (DORSAL_IMAGE, DORSAL_INFO), "lateral": (LATERAL_IMAGE, LATERAL_INFO)}
-"""Picture and calibration of each camera, by its name."""
+
+
+class View(NamedTuple):
+    """What one camera publishes: pictures, its calibration, and the pictures as JPEG."""
+
+    image: Topic
+    info: Topic
+    jpeg: Topic
+
+
+VIEWS = {
+    "dorsal": View(DORSAL_IMAGE, DORSAL_INFO, DORSAL_JPEG),
+    "lateral": View(LATERAL_IMAGE, LATERAL_INFO, LATERAL_JPEG),
+}
+"""By the camera's name."""
 
 
 def optical_frame(camera: str) -> str:
@@ -64,6 +78,8 @@ def optical_frame(camera: str) -> str:
 COM = Topic("/landmarks/com", "geometry_msgs/msg/PointStamped", depth=200)
 FRONT_AXLE = Topic("/landmarks/front_axle", "geometry_msgs/msg/PointStamped", depth=200)
 REAR_AXLE = Topic("/landmarks/rear_axle", "geometry_msgs/msg/PointStamped", depth=200)
+LANDMARKS = {"com": COM, "front_axle": FRONT_AXLE, "rear_axle": REAR_AXLE}
+"""By the landmark's name."""
 SPEED = Topic("/speed", "geometry_msgs/msg/TwistWithCovarianceStamped", depth=200)
 SPEED_MEAN = Topic("/speed/mean", "std_msgs/msg/Float64")
 LIFT = Topic("/lift", "std_msgs/msg/Float64")

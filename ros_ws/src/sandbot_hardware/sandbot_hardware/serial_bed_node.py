@@ -12,7 +12,9 @@ from rclpy.node import Node
 from std_msgs.msg import Float64
 
 from sandbot_common import messages, node, topics
+from sandbot_common.command_node import Partners
 from sandbot_common.lease import Lease
+from sandbot_common.timer import Timer
 from sandbot_hardware import lines
 from sandbot_hardware.lines import Line
 from sandbot_hardware.port import Port, fixed
@@ -31,12 +33,12 @@ class SerialBed(Node):
         self._given = node.Parameters(self, SerialBedParameters, fixed).current
         self._lease, self._level = Lease(self._given.air_lease_s), 0.0
         self._watchdog = self._stops = self._blown_since = 0
-        self._partners, self._lapsed = node.Partners(self), False
+        self._partners, self._lapsed = Partners(self), False
         self._height = node.publisher(self, topics.BED_HEIGHT)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         self._port = Port(self._given.device, self._given.baud, self._heard)
         self._health = node.Health(self, self._figures, sole=True)
-        node.Timer(self, WATCH_S, self._watch)
+        Timer(self, WATCH_S, self._watch)
 
     def close(self) -> None:
         """Air off before the node goes."""

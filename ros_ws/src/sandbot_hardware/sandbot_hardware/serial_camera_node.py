@@ -34,8 +34,8 @@ class SerialCamera(Node):
                 raise InputError(f"{given.cameras}: no camera {given.camera!r}; known: {', '.join(cameras)}")
             one = cameras[given.camera]
             self._info = messages.camera_info(0, self._frame, (one.width, one.height), one.matrix, one.distortion)
-        image, info = topics.VIEWS[given.camera]
-        self._image, self._camera_info = node.publisher(self, image), node.publisher(self, info)
+        view = topics.VIEWS[given.camera]
+        self._image, self._camera_info = node.publisher(self, view.image), node.publisher(self, view.info)
         self._frames = self._unreadable = 0
         self._port = Port(given.device, given.baud, self._heard)
         self._health = node.Health(self, self._figures)

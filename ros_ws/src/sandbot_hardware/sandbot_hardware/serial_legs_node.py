@@ -13,8 +13,10 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from sandbot_common import messages, node, topics
+from sandbot_common.command_node import Partners
 from sandbot_common.lease import Lease
 from sandbot_common.robot import SANDBOT, read_robot
+from sandbot_common.timer import Timer
 from sandbot_hardware import lines
 from sandbot_hardware.device_clock import DeviceClock
 from sandbot_hardware.lines import Line
@@ -35,14 +37,14 @@ class SerialLegs(Node):
         self._order = (read_robot(given.robot) if given.robot else SANDBOT).leg_order
         self._lease, self._moving, self._lapsed = Lease(given.legs_lease_s), False, False
         self._commanded_ns = 0
-        self._held, self._partners = [0.0] * len(self._order), node.Partners(self)
+        self._held, self._partners = [0.0] * len(self._order), Partners(self)
         self._device_clock = DeviceClock()
         self._states, self._led = node.publisher(self, topics.LEG_STATES), node.publisher(self, topics.SYNC_LED)
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
         self._sent = self._refused = self._watchdog = 0
         self._port = Port(given.device, given.baud, self._heard)
         self._health = node.Health(self, self._figures, sole=True)
-        node.Timer(self, WATCH_S, self._watch)
+        Timer(self, WATCH_S, self._watch)
 
     def close(self) -> None:
         """Legs at rest before the node goes."""

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sandbot_common import cli
+from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, read_robot
 
@@ -45,9 +46,8 @@ def _simulate(argv: Sequence[str]) -> int:
     from sandbot_hardware.simulate import PORTS, Trackway, obey
 
     robot = read_robot(options.robot) if options.robot else SANDBOT
-    trackway = Trackway(
-        options.folder, options.cameras or _own_cameras(), robot, options.seed, options.phi, options.lease
-    )
+    cameras = options.cameras or config_file("cameras.yaml")
+    trackway = Trackway(options.folder, cameras, robot, options.seed, options.phi, options.lease)
     orders: queue.SimpleQueue[str] = queue.SimpleQueue()
 
     def listen() -> None:
@@ -60,12 +60,6 @@ def _simulate(argv: Sequence[str]) -> int:
         trackway.step()
         while not orders.empty():
             obey(trackway, orders.get())
-
-
-def _own_cameras() -> Path:
-    from ament_index_python.packages import get_package_share_directory
-
-    return Path(get_package_share_directory("sandbot_bringup")) / "config" / "cameras.yaml"
 
 
 if __name__ == "__main__":

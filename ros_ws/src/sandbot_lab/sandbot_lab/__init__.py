@@ -12,7 +12,8 @@ robot        leg set-points in, body motion out: `LabRobot` step by step, `simul
   resistive    ground of another kind, with a kernel of its own in place of these five
 bed          the fluidised bed, its blower and height sensor
 penetrometer the force on one leg pressed into the ground
-cameras      rendered frames (calibration: metres to pixels; drawing: discs and boxes)
+cameras      rendered frames (calibration: metres to pixels; drawing: discs and boxes; scenery: for people)
+  film         what spoils film; spoiler: spoils it
 direct       trials-table rows without video, for benchmarks
 stage        one live trial; lab_node wires it to topics
 

@@ -32,9 +32,9 @@ class BedParameters:
 class LabBed:
     """A bed with its blower and height sensor; all chance comes from ``seed``."""
 
-    def __init__(self, seed: int, parameters: BedParameters | None = None, phi: float | None = None) -> None:
+    def __init__(self, seed: int, phi: float | None = None) -> None:
         """The bed as the last trial left it: at ``phi``, by default somewhere between loose and close."""
-        self.parameters = parameters or BedParameters()
+        self.parameters = BedParameters()
         # The sensor draws from a stream of its own: how often it is read must not change how the grains pack.
         self._rng, self._sensor = (np.random.default_rng([seed, 0xBED, stream]) for stream in range(2))
         p = self.parameters

@@ -20,11 +20,14 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from sandbot_common import messages, node, topics
+from sandbot_common.command_node import Partners
+from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_common.lease import Lease
 from sandbot_common.process import real_time_while
 from sandbot_common.robot import read_robot, robot_of_trial
+from sandbot_common.timer import Timer
 from sandbot_lab.bed import LabBed
 from sandbot_lab.calibration import Calibration, calibration
 from sandbot_lab.cameras import LabCamera
@@ -52,7 +55,7 @@ class LabNode(Node):
         self._settings = node.Parameters(self, LabParameters, self._check)
         current = self._settings.current
         self._ground = read_world(Path(current.world)) if current.world else null_world()
-        self._world = self._ground.walked_by(read_robot(current.robot or node.config_file("robot.yaml")))
+        self._world = self._ground.walked_by(read_robot(current.robot or config_file("robot.yaml")))
         self._sections = self._read_cameras(current.cameras)
         self._info = {name: camera_info(calibration(self._sections[name], name)) for name in CAMERAS}
         warm_up(self._sections)
@@ -63,22 +66,22 @@ class LabNode(Node):
         self._legs, self._air = Lease(current.legs_lease_s), Lease(current.air_lease_s)
         self._legs_lapsed, self._air_lapsed, self._blower = False, False, 0.0
         self._urgent, self._air_stops = False, 0
-        self._partners = node.Partners(self)
+        self._partners = Partners(self)
         self._idle = self._idle_cameras()
         self._setpoints = self._refused = self._trials = 0
 
         self._states = node.publisher(self, topics.LEG_STATES)
         self._led = node.publisher(self, topics.SYNC_LED)
         self._height = node.publisher(self, topics.BED_HEIGHT)
-        self._images = {name: node.publisher(self, topic) for name, (topic, _) in topics.VIEWS.items()}
-        self._infos = {name: node.publisher(self, topic) for name, (_, topic) in topics.VIEWS.items()}
+        self._images = {name: node.publisher(self, view.image) for name, view in topics.VIEWS.items()}
+        self._infos = {name: node.publisher(self, view.info) for name, view in topics.VIEWS.items()}
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         node.subscription(self, topics.TRIAL, self._on_trial)
         self.create_service(Trigger, "lab/reset", self._on_reset)
-        node.Timer(self, 1.0 / HEIGHT_RATE_HZ, self._publish_height)
-        node.Timer(self, 1.0 / WATCH_RATE_HZ, self._watch)
-        node.Timer(self, 1.0 / IDLE_RATE_HZ, self._publish_idle)
+        Timer(self, 1.0 / HEIGHT_RATE_HZ, self._publish_height)
+        Timer(self, 1.0 / WATCH_RATE_HZ, self._watch)
+        Timer(self, 1.0 / IDLE_RATE_HZ, self._publish_idle)
         self._health = node.Health(self, self._figures, sole=True)
 
     def _check(self, new: LabParameters) -> None:
@@ -89,7 +92,7 @@ class LabNode(Node):
         self._legs.limit_s, self._air.limit_s = new.legs_lease_s, new.air_lease_s
 
     def _read_cameras(self, path: str) -> dict[str, Any]:
-        file = Path(path) if path else node.config_file("cameras.yaml")
+        file = Path(path) if path else config_file("cameras.yaml")
         sections = read_yaml(file)
         for name in CAMERAS:
             if not isinstance(sections.get(name), Mapping):

@@ -278,13 +278,3 @@ def _drawn(
 
 def _three_figures(value: float) -> float:
     return round(value, 2 - math.floor(math.log10(abs(value))))
-
-
-def sgcs_world() -> World:
-    """The second example campaign: soft-ground gait, whose slow phase is centred under the axle by the leg mount.
-
-    With SGCS the legs turn at β = 0.389 of ω in stance. Stiffness and response time are chosen so that every hold of
-    φ 0.580–0.633, ω 4–16 rad/s begins and ends inside the slow phase (s ≤ 2R sin 0.55 = 1.045 R): then mean speed is
-    ωs/π with the velocity change βRω, and the peak of v_x(t) is βRω.
-    """
-    return World(k_knots_n_per_m=(170.0, 178.0, 184.0), delta_t_s=0.3, robot=Robot(leg_mount_rad=0.5))

@@ -11,6 +11,7 @@ The rooms, each of which imports only those above it in this list:
     data/       trials gathered into cells, with their pure error
     fitting/    likelihood, global minimum, fit, leave-one-out, goodness
     discovery/  compare, discover, verdict, next trials
+    design/     what to run next and when to stop
     report/     figures and the self-contained page
     explore/    the interactive page
     tools/      the commands

@@ -17,11 +17,15 @@ videos          track(): marker videos to landmarks, speed and observables
   pairing       frames of both cameras taken at the same instant
 calibration     pixels to metres and back: Camera, read_cameras
 lens            a camera from a chessboard and from points in space
+live            the same frame by frame, as a trial runs
+  pixels        image messages to grey pixels
+  camera_clock  a camera's clock against the robot's; frame_times: period, jitter and frames lost
+  latency       from exposure to speed
 speed           positions to velocity now, without lag
 smooth          positions to velocity afterwards
 period          mean speed and lift of each turn of the legs, live
 trial           landmarks and leg angles to a trial's observables
-  fold          steps laid over one another; the steepest and the highest point
+  fold          steps laid over one another; the steepest and the highest point; windows: compiled
 tracker_node, camera_node   their wiring to ROS
 tools/          calibrate, track_video
 """

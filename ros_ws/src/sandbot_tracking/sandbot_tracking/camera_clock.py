@@ -25,7 +25,7 @@ DRIFT = 1e-4
 class CameraClock:
     """Fed every frame's stamp and every LED edge; ``placed`` says whether ``offset_ns`` may be trusted."""
 
-    def __init__(self, period_s: float, exposure_s: float = 0.0, *, led: bool = True) -> None:
+    def __init__(self, period_s: float, exposure_s: float, *, led: bool = True) -> None:
         """``led``: whether the camera has the sync LED in view, which tells its offset in the end."""
         self._has_led = led
         self._period_ns, self._half_exposure_ns = round(period_s * NANO), round(exposure_s * NANO / 2)

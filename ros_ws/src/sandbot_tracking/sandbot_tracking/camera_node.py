@@ -36,8 +36,8 @@ class CameraNode(Node):
         self._source = Source(given.video)
         rate_hz = given.rate_hz or self._source.rate_hz or 100.0
         self._period_s = 1.0 / rate_hz
-        image, info = topics.VIEWS[given.camera]
-        self._image, self._camera_info = node.publisher(self, image), node.publisher(self, info)
+        view = topics.VIEWS[given.camera]
+        self._image, self._camera_info = node.publisher(self, view.image), node.publisher(self, view.info)
         self._frames = 0
         self._start_ns = 0
         self._heard_s: float | None = None

@@ -37,6 +37,8 @@ NO_DISC = 4.0
 
 # What a row holds, in order.
 X, Y, VAR_X, VAR_Y, RADIUS, GREY_STEP, ELONGATION = range(7)
+# Where these two stand in what `_ground` returns.
+LEVEL, CONTRAST = 0, 6
 
 
 @numba.njit(cache=True)
@@ -69,10 +71,8 @@ def _measure(frame, bed, table, x, y, radius, gate, row):  # type: ignore[no-unt
     for _ in range(2):
         if area <= 0.0:
             return
-        within = radius + 2.5
-        left, right = max(0, int(cx - within)), min(width, int(cx + within) + 2)
-        top, bottom = max(0, int(cy - within)), min(height, int(cy + within) + 2)
-        cx, cy, area = _centroid(frame, left, right, top, bottom, stride, cx, cy, within, dark, bright)
+        left, right, top, bottom = _box(frame.shape, cx, cy, radius + 2.5)
+        cx, cy, area = _centroid(frame, left, right, top, bottom, stride, cx, cy, radius + 2.5, dark, bright)
     if area <= 0.0:
         return
     if cx - radius < 1.0 or cy - radius < 1.0 or cx + radius > width - 2.0 or cy + radius > height - 2.0:
@@ -139,16 +139,16 @@ def _settle(frame, bed, table, cx, cy, radius, row):  # type: ignore[no-untyped-
     if np.isnan(brightest):
         bed = bed[:0]
     ground = _ground(frame, bed, cx, cy, radius)
-    if brightest > ground[0] - 0.5 * ground[6]:
+    if brightest > ground[LEVEL] - 0.5 * ground[CONTRAST]:
         # Brighter than grains are: a marker that went unnoticed was taken for bed.
         bed = bed[:0]
         ground = _ground(frame, bed, cx, cy, radius)
-    if ground[6] < LEAST_CONTRAST:
+    if ground[CONTRAST] < LEAST_CONTRAST:
         return
     x, y, seen, blur, elongation = _shape(frame, bed, ground, cx, cy, radius)
     if seen <= 0.0:
         return
-    row[X], row[Y], row[RADIUS], row[GREY_STEP], row[ELONGATION] = x, y, seen, ground[6], elongation
+    row[X], row[Y], row[RADIUS], row[GREY_STEP], row[ELONGATION] = x, y, seen, ground[CONTRAST], elongation
     if blur > BLUR_STEP_PX * (BLURS - 1) or not _rim(frame, bed, table, ground, blur, row):
         _centre(frame, bed, ground, row)
 

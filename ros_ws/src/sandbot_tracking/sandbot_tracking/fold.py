@@ -115,6 +115,12 @@ def fold(phase: Floats, value: Floats, advance: float) -> Folded:
     return Folded(phase, value, _spread(deviation), deviation, advance)
 
 
+def _grouped(values: Floats, size: int) -> Floats:
+    """Neighbours side by side, (n // size, size); an incomplete last group is left out."""
+    groups = values.size // size
+    return values[: groups * size].reshape(groups, size)
+
+
 def _spread(deviation: Floats) -> float:
     return max(1.4826 * float(np.median(np.abs(deviation))), LEAST_SPREAD)
 
@@ -138,9 +144,7 @@ def _progress(phase: Floats, part: Floats, length: Floats) -> Floats:
     order = np.argsort(phase[seen])
     p, r = phase[seen][order], np.clip(ratio[seen][order], -0.5, 1.5)
     size = max(1, p.size // 40)
-    groups = p.size // size
-    middle = np.median(p[: groups * size].reshape(groups, size), axis=1)
-    level = np.median(r[: groups * size].reshape(groups, size), axis=1)
+    middle, level = (np.median(_grouped(values, size), axis=1) for values in (p, r))
     knots, levels = np.concatenate(([0.0], middle, [1.0])), np.concatenate(([0.0], level, [1.0]))
     return np.asarray(np.interp(phase, knots, levels), dtype=float)
 
@@ -154,16 +158,13 @@ def _best(folded: Folded, merit: Callable[[_Fit], float]) -> _Fit:
 
 def _steepest_secant(folded: Folded) -> float:
     """What the curve's steepest slope is at least: no secant is steeper. Means of a few points, less 5 of their se."""
-    size, groups = _GROUP, folded.phase.size // _GROUP
-    phase, value, deviation = (
-        values[: groups * size].reshape(groups, size) for values in (folded.phase, folded.value, folded.deviation)
-    )
+    phase, value, deviation = (_grouped(one, _GROUP) for one in (folded.phase, folded.value, folded.deviation))
     noise = np.maximum(1.4826 * np.median(np.abs(deviation), axis=1), folded.noise)
     middle, level = phase.mean(axis=1), value.mean(axis=1)
     found = 0.0
     for apart in (1, 2, 3):
         span, rise = middle[apart:] - middle[:-apart], level[apart:] - level[:-apart]
-        se = np.hypot(noise[apart:], noise[:-apart]) / np.sqrt(size)
+        se = np.hypot(noise[apart:], noise[:-apart]) / np.sqrt(_GROUP)
         # Where steps last a whole number of frames many points have one phase.
         wide = span > _SECANT
         found = max(found, float(np.max((rise - 5 * se)[wide] / span[wide], initial=0.0)))
@@ -218,7 +219,5 @@ def _median_scale(number: Floats, z: Floats, folded: Folded) -> float:
 def _smooth(folded: Folded, phase: Floats) -> Floats:
     """The folded curve at phases: means over neighbours in phase."""
     size = max(1, folded.phase.size // 40)
-    groups = folded.phase.size // size
-    middle = folded.phase[: groups * size].reshape(groups, size).mean(axis=1)
-    level = folded.value[: groups * size].reshape(groups, size).mean(axis=1)
+    middle, level = (_grouped(values, size).mean(axis=1) for values in (folded.phase, folded.value))
     return np.asarray(np.interp(phase, middle, level, period=1.0), dtype=float)

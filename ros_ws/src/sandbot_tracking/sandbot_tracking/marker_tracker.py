@@ -18,6 +18,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.parameters import parameter
 from sandbot_tracking.bed import StillBed
 from sandbot_tracking.bystanders import Bystanders
+from sandbot_tracking.disc import GREY_STEP, RADIUS
 from sandbot_tracking.markers import Appearance, Floats, Frame, detect, follow, is_marker
 
 LOOK_EVERY = 4
@@ -72,8 +73,6 @@ class MarkerTracker:
     def __init__(
         self,
         names: Sequence[str],
-        looks: Appearance | None = None,
-        gates: Gates | None = None,
         spacing_px: float | None = None,
         ignore_px: Sequence[tuple[int, int, int, int]] = (),
     ) -> None:
@@ -81,7 +80,7 @@ class MarkerTracker:
             raise InputError(f"marker names {list(names)}: at least one and all different are needed")
         self.names = tuple(names)
         self.counts = Counts()
-        self._looks, self._gates = looks or Appearance(), gates or Gates()
+        self._looks, self._gates = Appearance(), Gates()
         self._spacing, self._ignore = spacing_px, tuple(ignore_px)
         n = len(names)
         self._bed, self._bystanders = StillBed(), Bystanders()
@@ -132,7 +131,7 @@ class MarkerTracker:
         """Whether a disc looks like marker ``i`` did: a marker, of the same area."""
         if not is_marker(row, self._looks):
             return False
-        return not self._seen_before[i] or abs((row[4] / self._radius[i]) ** 2 - 1.0) <= self._gates.area
+        return not self._seen_before[i] or abs((row[RADIUS] / self._radius[i]) ** 2 - 1.0) <= self._gates.area
 
     def _ignored(self, row: Floats) -> bool:
         return any(x <= row[0] <= x + w and y <= row[1] <= y + h for x, y, w, h in self._ignore)
@@ -193,7 +192,9 @@ class MarkerTracker:
             cost = [float(np.hypot(*(np.array(c)[:, :2] - self._xy).T).mean()) for c in choices]
             margin = self._gates.gate_px
         else:
-            cost = [float(np.ptp([row[4] for row in c]) * 10 - np.mean([row[5] for row in c])) for c in choices]
+            cost = [
+                float(np.ptp([row[RADIUS] for row in c]) * 10 - np.mean([row[GREY_STEP] for row in c])) for c in choices
+            ]
             margin = 0.15 * self._looks.contrast
         order = np.argsort(cost)
         return choices[order[0]] if cost[order[1]] - cost[order[0]] > margin else None
@@ -256,8 +257,8 @@ class MarkerTracker:
         drift = self._xy + np.where(self._missed[:, None] < self._gates.patience, self._velocity, 0.0)
         self._xy = np.where(found[:, None], rows[:, :2], drift)
         first = found & ~self._seen_before
-        usual = 0.98 * self._radius + 0.02 * rows[:, 4]
-        self._radius = np.where(first, rows[:, 4], np.where(found, usual, self._radius))
+        usual = 0.98 * self._radius + 0.02 * rows[:, RADIUS]
+        self._radius = np.where(first, rows[:, RADIUS], np.where(found, usual, self._radius))
         self._missed = np.where(found, 0, self._missed + 1)
         self._unseen = np.where(found, 0, self._unseen + 1)
         self._seen_before |= found

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_tracking.calibration import Camera
-from sandbot_tracking.marker_tracker import Counts, Gates, MarkerTracker, Marks
-from sandbot_tracking.markers import Appearance, Frame
+from sandbot_tracking.marker_tracker import Counts, MarkerTracker, Marks
+from sandbot_tracking.markers import Frame
 from sandbot_tracking.speed import HarmonicSpeed
 
 Floats = NDArray[np.float64]
@@ -92,7 +92,7 @@ class LegClock:
         self._last: Floats | None = None
 
     def update(self, t_s: float, angle_rad: Floats) -> None:
-        """Angles (6,) [rad] at ``t_s``; wrapped or not."""
+        """Angles (legs,) [rad] at ``t_s``; wrapped or not."""
         angle = np.asarray(angle_rad, dtype=float)
         if not np.isfinite(angle).all() or (self._t and t_s <= self._t[-1]):
             return
@@ -143,8 +143,6 @@ class OfflineTracker:
         self,
         cameras: Mapping[str, Camera],
         robot: Robot = SANDBOT,
-        looks: Appearance | None = None,
-        gates: Gates | None = None,
         omega_rad_s: float | None = None,
         keep: bool = True,
     ) -> None:
@@ -154,7 +152,7 @@ class OfflineTracker:
         self._omega = omega_rad_s
         self._robot = robot
         self._dorsal, self._lateral = cameras["dorsal"], cameras.get("lateral")
-        self._body = MarkerTracker(("com",), looks, gates, ignore_px=_led(self._dorsal))
+        self._body = MarkerTracker(("com",), ignore_px=_led(self._dorsal))
         self._axles: MarkerTracker | None = None
         self._front, self._sideways = 0, False
         self._frame_s: dict[str, float] = {}
@@ -167,7 +165,7 @@ class OfflineTracker:
             self._front = int(x[1] > x[0])
             names = ("rear_axle", "front_axle") if self._front else ("front_axle", "rear_axle")
             ignored = [(y, x, h, w) if self._sideways else (x, y, w, h) for x, y, w, h in _led(self._lateral)]
-            self._axles = MarkerTracker(names, looks, gates, abs(float(x[1] - x[0])), ignored)
+            self._axles = MarkerTracker(names, abs(float(x[1] - x[0])), ignored)
         self._v_x, self._v_z = HarmonicSpeed(), HarmonicSpeed()
         self._keep = keep
         self._samples: list[Sample] = []

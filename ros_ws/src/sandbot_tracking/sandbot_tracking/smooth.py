@@ -40,21 +40,20 @@ class Velocity:
     """How many are missing."""
 
 
-def smooth(t_s: ArrayLike, x_m: ArrayLike, var: ArrayLike | None = None) -> Velocity:
-    """Velocity of a whole record, (n,), from positions with relative variances ``var`` (their scale is estimated).
+def smooth(t_s: ArrayLike, x_m: ArrayLike) -> Velocity:
+    """Velocity of a whole record, (n,), from positions of one common variance, which is estimated.
 
     Raises InputError on times that do not grow, or fewer than 8 positions.
     """
     t, x = np.asarray(t_s, dtype=float), np.asarray(x_m, dtype=float)
-    r = np.ones_like(x) if var is None else np.asarray(var, dtype=float)
-    if t.ndim != 1 or x.shape != t.shape or r.shape != t.shape:
-        raise InputError(f"shapes of time {t.shape}, position {x.shape} and variance {r.shape} must be one (n,)")
+    if t.ndim != 1 or x.shape != t.shape:
+        raise InputError(f"shapes of time {t.shape} and position {x.shape} must be one (n,)")
     if not np.isfinite(t).all() or (np.diff(t) <= 0).any():
         raise InputError("times must be finite and grow")
-    seen = np.isfinite(x) & np.isfinite(r) & (r > 0)
+    seen = np.isfinite(x)
     if seen.sum() < 8:
         raise InputError(f"{int(seen.sum())} positions: at least 8 are needed for a velocity")
-    r = np.where(seen, r / np.median(r[seen]), np.nan)
+    r = np.where(seen, 1.0, np.nan)
     y = np.where(seen, x - x[seen][0], np.nan)
     v, v_var, _, scale = _rts(y, r, *_likeliest(t, y, r))
     return Velocity(np.where(seen, v, np.nan), np.where(seen, v_var * scale, np.nan), int((~seen).sum()))
@@ -78,7 +77,7 @@ _Judged = tuple[float, _Model]
 
 
 def _likeliest(t: Floats, y: Floats, r: Floats) -> _Model:
-    """A step whose kinks have more harmonics than ours leaves something that is no noise of positions."""
+    """The most likely model; a periodic one is rejected where its residuals exceed position noise."""
     cost, usual = min(_integrated(t, y, r), key=lambda judged: judged[0])
     noise = _rts(y, r, *usual)[3]
     periodic = [judged for judged in _periodic(t, y, r) if _rts(y, r, *judged[1])[3] < MISFIT * noise]

@@ -18,6 +18,8 @@ from sandbot_common.errors import InputError
 Floats = NDArray[np.float64]
 
 HARMONICS = 3
+BASE = 2
+"""Fundamental in units of ω: tripods half a period apart take a step each half period."""
 BANK = np.array([2e-7, 2e-6, 2e-6, 1e-3, 1.0])
 """Random walk of mean and harmonics of each filter of the bank [(m/s)²/s]."""
 MISFIT_M2 = np.array([0.0, 2e-4**2, 1e-3**2, 0.0, 0.0])
@@ -28,18 +30,11 @@ _START_V, _START_H = 0.3**2, 0.2**2
 
 
 class HarmonicSpeed:
-    """Velocity now, from positions so far and the clock frequency.
+    """Velocity now, from positions so far and the clock frequency."""
 
-    ``base``: fundamental of the harmonics in units of ω: 2 for tripods half a period apart (a step each half period), 1
-    if left and right steps differ. ``harmonics`` above Nyquist are left out.
-    """
-
-    def __init__(self, harmonics: int = HARMONICS, base: int = 2) -> None:
-        if not 0 <= harmonics <= 20 or base not in (1, 2):
-            raise InputError(f"harmonics {harmonics} (0 to 20), base {base} (1 or 2)")
+    def __init__(self) -> None:
         self.gaps = 0
-        self._base, size = base, 2 + 2 * harmonics
-        self._harmonics = harmonics
+        size = 2 + 2 * HARMONICS
         self._t_s: float | None = None
         self._clock: float | None = None
         self._means = np.zeros((BANK.size, size))
@@ -65,7 +60,7 @@ class HarmonicSpeed:
             self._forget_harmonics()
         self._clock = clock
         dt = round(t_s - self._t_s, 9)
-        transition, noise = harmonic_model(self._harmonics, 0.0 if clock is None else clock * self._base, dt)
+        transition, noise = harmonic_model(HARMONICS, 0.0 if clock is None else clock * BASE, dt)
         self._t_s = t_s
         v, var = _imm(
             self._means,
@@ -75,14 +70,14 @@ class HarmonicSpeed:
             noise,
             float(x_m) if seen else np.nan,
             float(var_m2) if seen else 1.0,
-            (self._harmonics + 1.0) * self._base * (clock or 0.0),
+            (HARMONICS + 1.0) * BASE * (clock or 0.0),
         )
         return (float(v), float(var)) if seen else (np.nan, np.nan)
 
     def _begin(self, t_s: float, x_m: float, var_m2: float) -> None:
         self._t_s = t_s
         self._means[:, 0] = x_m
-        self._covs[:] = np.diag([var_m2, _START_V, *(_START_H,) * (2 * self._harmonics)])
+        self._covs[:] = np.diag([var_m2, _START_V, *(_START_H,) * (2 * HARMONICS)])
 
     def _forget_harmonics(self) -> None:
         self._means[:, 2:] = 0.0
@@ -96,8 +91,8 @@ class HarmonicSpeed:
 def harmonic_model(harmonics: int, base_rad_s: float, dt: float) -> tuple[Floats, Floats]:
     """Transition and process noise per unit of the bank, over ``dt``.
 
-    State: x, mean, then for each harmonic (c, s) with v = mean + Σ c and (c, s) turning at its frequency. Noise by
-    Van Loan.
+    State: x, mean, then for each harmonic (c, s) with v = mean + Σ c and (c, s) turning at its frequency, left
+    out above Nyquist. Noise by Van Loan.
     """
     size = 2 + 2 * harmonics
     drift, source = np.zeros((size, size)), np.zeros((size, size))

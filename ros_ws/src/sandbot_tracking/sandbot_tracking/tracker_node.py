@@ -8,6 +8,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from sandbot_common import messages, node, topics
+from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_common.topics import Topic
@@ -18,10 +19,6 @@ from sandbot_tracking.offline import Sample
 from sandbot_tracking.pixels import grey
 from sandbot_tracking.tracker_parameters import TrackerParameters
 
-_IMAGES = {
-    "dorsal": (topics.DORSAL_IMAGE, topics.DORSAL_JPEG),
-    "lateral": (topics.LATERAL_IMAGE, topics.LATERAL_JPEG),
-}
 _LOOK_S = 0.5
 """How often it is looked who publishes images."""
 _FROZEN = 50
@@ -63,17 +60,12 @@ class TrackerNode(Node):
         super().__init__("tracker")
         self._settings = node.Parameters(self, TrackerParameters, _fixed)
         given = self._settings.current
-        self._publish = {
-            name: node.publisher(self, topic)
-            for name, topic in (
-                ("com", topics.COM), ("front_axle", topics.FRONT_AXLE), ("rear_axle", topics.REAR_AXLE),
-                ("speed", topics.SPEED), ("mean", topics.SPEED_MEAN), ("lift", topics.LIFT),
-            )
-        }  # fmt: skip
+        named = {**topics.LANDMARKS, "speed": topics.SPEED, "mean": topics.SPEED_MEAN, "lift": topics.LIFT}
+        self._publish = {name: node.publisher(self, topic) for name, topic in named.items()}
         self._latency = Latency(given.latency_budget_s)
         self._unreadable = ""
-        cameras = read_cameras(given.cameras or node.config_file("cameras.yaml"))
-        robot = read_robot(given.robot or node.config_file("robot.yaml"))
+        cameras = read_cameras(given.cameras or config_file("cameras.yaml"))
+        robot = read_robot(given.robot or config_file("robot.yaml"))
         # Before anything is heard: frames that came meanwhile would be lost once the queue is full.
         warm_up(cameras)
         self._live = LiveTracker(cameras, robot, given.pair_tolerance_s)
@@ -85,7 +77,8 @@ class TrackerNode(Node):
         self._health = node.Health(self, self._values, sole=True)
 
     def _input(self, camera: str) -> ImageInput:
-        return ImageInput(self, *_IMAGES[camera], lambda image: self._image(camera, image))
+        view = topics.VIEWS[camera]
+        return ImageInput(self, view.image, view.jpeg, lambda image: self._image(camera, image))
 
     def _follow(self) -> None:
         for source in self._inputs:

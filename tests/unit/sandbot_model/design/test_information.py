@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from sandbot_model.design.information import bhattacharyya, information
 
 gaps = st.floats(0.0, 20.0)
-TWO = np.full(2, 0.5)
 
 
 def of(means, covariances, weights=None):

@@ -10,7 +10,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter, bed_scatter, shared_by
-from sandbot_model.discovery.sharing import anywhere
+from sandbot_model.discovery.sharing import refitted_globally
 from sandbot_model.discovery.structure import BATCH, STRUCTURE, at_random, smooth_p, trend_p_of
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.catalogue import catalogue
@@ -207,7 +207,7 @@ def test_a_fit_in_another_valley_is_brought_to_the_deepest_where_legs_meet_what_
     plain = fit(model_of("simple", ("disturbed_ground",), effects), cells)
     off = dataclasses.replace(plain.point, theta=plain.point.theta * [1.3, 1.0, 1.0, 1.0])
     astray = fitted_at(plain.model, cells, off, shared_by(plain, DEFAULT, 0.005))
-    assert anywhere(astray).deviance < astray.deviance - 10
+    assert refitted_globally(astray).deviance < astray.deviance - 10
     base = fit(model_of("simple", (), effects), cells)
     for stays in (base, fitted_at(base.model, cells, base.point, shared_by(base, DEFAULT, 0.005))):
-        assert anywhere(stays) is stays
+        assert refitted_globally(stays) is stays

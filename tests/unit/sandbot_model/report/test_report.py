@@ -78,7 +78,7 @@ def discovery(fits):
 def page(tmp_path_factory, discovery, trials):
     path = tmp_path_factory.mktemp("report") / "report.html"
     frames = [(b"\xff\xd8\xff\xe0 jpeg", "dorsal, t = 1.20 s"), (b"\x89PNG\r\n\x1a\n", "lateral")]
-    write_report(path, discovery, trials, title="Trial <run> & co", frames=frames, truth_line="leg_slip: agrees")
+    write_report(path, discovery, trials, title="Trial <run> & co", frames=frames)
     return path.read_text(encoding="utf-8")
 
 

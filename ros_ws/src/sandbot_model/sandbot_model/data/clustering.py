@@ -12,6 +12,19 @@ SMALLEST_SCATTER = 2.5e-4
 WIDEST_SCATTER = 2e-3
 """Scatter of φ beyond which trials are no replicates, whatever they were meant to be: a bed meets its target to 0.0005
 or 0.001, and over more the ground is another."""
+OMEGA_TOLERANCE = 5e-3
+"""Leg frequencies closer than this (relative) are the same condition."""
+
+
+def conditions(phi: Floats, gait: NDArray[np.str_], omega: Floats) -> tuple[Ints, Ints]:
+    """Which condition each trial ``(n,)`` is of, and the (φ level, gait, ω) of each as indices ``(3, conditions)``.
+
+    Conditions are sorted by these; gaits are counted by name, ω from the lowest.
+    """
+    index = np.unique(np.asarray(gait, dtype=str), return_inverse=True)[1]
+    keys = np.stack([phi_levels(phi), index, same_within(omega, OMEGA_TOLERANCE)])
+    found, condition = np.unique(keys, axis=1, return_inverse=True)
+    return condition.ravel(), found
 
 
 def phi_levels(phi: Floats) -> Ints:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sandbot_common.accuracy import USUAL, Accuracy
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
-from sandbot_model.data.clustering import phi_levels, same_within
+from sandbot_model.data.clustering import OMEGA_TOLERANCE, conditions
 from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error
@@ -97,9 +97,6 @@ class Cells:
 NOT_OVER_CELLS = ("level_phi", "noise", "pure_error_dof")
 """Arrays of ``Cells`` that are not over cells."""
 
-OMEGA_TOLERANCE = 5e-3
-"""Leg frequencies closer than this (relative) are the same condition."""
-
 
 def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     """Gather trials into cells. Trials without φ, ω or any observable, or not ended ``ok``, are left out and counted.
@@ -183,11 +180,8 @@ def _gather(
     excluded: int,
 ) -> Cells:
     """Cells of the usable trials."""
-    level = phi_levels(phi)
-    gaits, gait_index = np.unique(gait, return_inverse=True)
-    keys, cell = np.unique(
-        np.stack([level, gait_index, same_within(omega, OMEGA_TOLERANCE)]), axis=1, return_inverse=True
-    )
+    cell, keys = conditions(phi, gait, omega)
+    level = keys[0, cell]
     cells, levels = _Groups(cell, keys.shape[1]), _Groups(level, int(level.max()) + 1)
     level_phi, cell_phi = levels.mean(phi), cells.mean(phi)
     walking = walks(cells.means(values))
@@ -198,7 +192,7 @@ def _gather(
     slope = local_slope(mean, keys, level_phi, walking)[cell, Observable.speed]
     error = with_stated(error, cells.mean(stated_variance(stated, slope)))
     covariance = _of_the_mean(error.covariance, count, usual) + _accuracy(mean, accuracy)
-    names = tuple(str(gaits[index]) for index in keys[1])
+    names = tuple(np.unique(gait)[keys[1]].tolist())
     share, by_batch = _by_batch(batch, values, cells)
     return Cells(
         phi=cell_phi,
@@ -280,6 +274,6 @@ def _pooled_sd(residual: Floats, dof: int) -> float:
 def noise_floor(cells: Cells) -> dict[str, float]:
     """Pure error of one trial for each observable: rms scatter of replicates about their mean [SI].
 
-    Cells where some replicates walk and others swim scatter between two values, not about one; they are not in.
+    Cells where some replicates walk and others swim scatter between two values, not about one; they are left out.
     """
     return dict(zip(NAMES, cells.noise.tolist(), strict=True))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT
-from sandbot_model.data.clustering import phi_levels, same_within, widest_scatter
+from sandbot_model.data.clustering import conditions, phi_levels, widest_scatter
 from sandbot_model.data.distributions import t_sf
 from sandbot_model.data.regime import WALKING_LIFT_M, walks
 from sandbot_model.physics.gait import clock
@@ -48,7 +48,6 @@ WIDE = 0.0015
 TREND_P = 1e-3
 """p-value from which a trend along the run order is named: four observables, less than one clean campaign in 200."""
 MOST_NAMED = 5
-SAME_CONDITION = 5e-3
 
 
 def checked(trials: Trials) -> tuple[str, ...]:
@@ -57,7 +56,7 @@ def checked(trials: Trials) -> tuple[str, ...]:
     values = np.stack([getattr(used, observable.column) for observable in Observable], axis=-1)
     share = _beyond(used, values)
     _refuse(used, share)
-    cell = _cells(used)
+    cell, _ = conditions(used.phi, used.gait, used.omega_rad_s)
     return (
         *trials.unread,
         *_copied(used, values),
@@ -105,12 +104,6 @@ def _impossible(used: Trials, observable: Observable, row: int, share: Floats) -
         f"({AT_MOST[observable]}); is {paced}the {observable.name.replace('_', ' ')} in {observable.readers_unit} "
         "(divided by 100), or the robot another (--robot FILE.yaml)?"
     )
-
-
-def _cells(used: Trials) -> Ints:
-    gait = np.unique(used.gait, return_inverse=True)[1]
-    keys = np.stack([phi_levels(used.phi), gait, same_within(used.omega_rad_s, SAME_CONDITION)])
-    return np.asarray(np.unique(keys, axis=1, return_inverse=True)[1], dtype=np.int64)
 
 
 def _copied(used: Trials, values: Floats) -> list[str]:
@@ -273,7 +266,7 @@ def _nameless(used: Trials) -> list[str]:
 
 
 def _unordered(used: Trials) -> list[str]:
-    """Where something of order or time is told, and not enough for an order."""
+    """Where run order or time is given for some trials only."""
     numbered = np.isfinite(used.run_order)
     if numbered.all():
         return []

@@ -23,7 +23,7 @@ from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.power import Z
 from sandbot_model.discovery.verdict import sound
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.fitting.parallel import Map, Progress
+from sandbot_model.fitting.parallel import Map
 from sandbot_model.fitting.plain import number
 from sandbot_model.physics.effect import Effect
 
@@ -120,7 +120,6 @@ def look(
     max_effects: int = 2,
     criteria: Criteria = DEFAULT,
     fit_all: Map = map,
-    progress: Progress = lambda _stage, _done, _total: None,
 ) -> Look:
     """Judge what there is, ``number`` 1 at the first look, and choose the next block.
 
@@ -129,9 +128,7 @@ def look(
     show is excluded beside it; or where lack of fit refuses all there is for good.
     """
     criteria = at_every_look(alpha, len(effects), criteria)
-    found = discover(
-        cells, effects, base=base, max_effects=max_effects, criteria=criteria, fit_all=fit_all, progress=progress
-    )
+    found = discover(cells, effects, base=base, max_effects=max_effects, criteria=criteria, fit_all=fit_all)
     places = Places.of(plan.conditions, found.fit)
     possible: list[Possible] = []
     open_ones: list[Possible] = []

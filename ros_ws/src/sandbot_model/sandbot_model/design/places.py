@@ -7,7 +7,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbot_model.data.conditions import OMEGA_TOLERANCE, Cells
+from sandbot_model.data.clustering import OMEGA_TOLERANCE
+from sandbot_model.data.conditions import Cells
 from sandbot_model.design.start import Condition
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array

@@ -1,6 +1,6 @@
 """The ladder of a comparison: the base model, then one named effect more a step, all fitted to the same cells."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, overload
@@ -80,7 +80,6 @@ def compare(
     names: Sequence[str] = (),
     *,
     base: str = "simple",
-    progress: Callable[[str], None] = lambda _step: None,
 ) -> Comparison:
     """Fits of the base model and of it with the first, the first two, … of the named effects.
 
@@ -91,7 +90,6 @@ def compare(
     for count in range(len(names) + 1):
         model = model_of(base, names[:count], effects, cells.robot)
         steps.append(fit(model, cells, steps[-1].warm_start if steps else None))
-        progress(" + ".join(names[:count]) or "base")
     return Comparison(tuple(map(with_profiled_errors, steps)))
 
 

@@ -27,7 +27,7 @@ from sandbot_model.discovery.nuisances_about import averaged_over_scatter
 from sandbot_model.discovery.partial import Partial, beyond_its_range, partly
 from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
-from sandbot_model.discovery.sharing import Shared, anywhere, enough, reconsidered
+from sandbot_model.discovery.sharing import Shared, nuisances_suffice, reconsidered, refitted_globally
 from sandbot_model.discovery.smooth import taken_back
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
@@ -167,44 +167,16 @@ def discover(
     search = EffectSearch(cells, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
     doubted = doubts(cells)
     at_once = _of_another_robot(doubted) if doubted else untested(cells, criteria)
-    search.run(0 if at_once else max_effects, lambda: enough(search))
-    found = Shared(at_once, search.fits, search.fits[()]) if at_once else _concluded(search)
-    partial = None
-    if found.verdict.status == "identified" and against(search, search.fits[found.verdict.effects], found.named):
-        found = _concluded(search)
-    imitated = _imitated(search, found)
-    found = imitated or found
-    # From one observable alone no convention can be told from another.
-    if found.verdict.status == "unexplained" and not at_once and len(cells.observables) > 1:
-        found, partial = _between(search, found)
-        found = imitated if imitated and found.verdict.status == "identified" else found
+    found, partial = _found(search, at_once, max_effects)
     search.fits, verdict, named = found.fits, found.verdict, found.named
     search.effects = {**effects, **named.model.catalogue}
-    if strange := strange_k(search.fits[()]):
-        verdict = replace(verdict, because=f"{verdict.because}; {strange}")
     # Those of the steps below are profiled meanwhile.
     below = fit_all(with_profiled_errors, search.ladder(verdict)[:-1])
-    lower = deepest(anywhere(named))
-    # Along a flat valley the lowest place may be where nobody believes it.
-    named = lower if sound(lower) or not sound(named) else named
-    reported = averaged_over_scatter(named, criteria) if named.nuisances else with_profiled_errors(named)
+    named, reported = _reported(named, criteria)
     ladder = [*below, reported]
     floor = noise_floor(cells)
-    hidden = unseen(search) if verdict.status == "adequate" else []
-    if hidden:
-        trials = excluding(search.fits[()], hidden)
-        verdict = replace(verdict, because=f"{verdict.because}; {_not_excluded(hidden, trials, criteria)}")
-    elif verdict.status == "untested":
-        trials = repeats(cells)
-    else:
-        trials = next_trials([search.fits[names] for names in verdict.alternatives])
-    if verdict.status == "ambiguous":
-        verdict = replace(verdict, because=f"{verdict.because}; {_split(trials, criteria)}")
-    elif verdict.status == "identified" and (calibration := would_fall(search, named)):
-        verdict = replace(verdict, because=f"{verdict.because}; {calibration}")
-    if verdict.status in ("identified", "partial"):
-        twins = [effect.mistaken_for for effect in named.model.effects if effect.mistaken_for]
-        verdict = replace(verdict, because="; ".join([verdict.because, *(f"{one} can look the same" for one in twins)]))
+    hidden, trials = _next(search, verdict)
+    verdict = _in_full(search, verdict, named, hidden, trials)
     return Discovery(
         model=base,
         cells=cells,
@@ -217,12 +189,63 @@ def discover(
         unseen=tuple(fit.effects[0] for fit in hidden),
         stability=float("nan") if verdict.status == "untested" else _stability(search.fits, verdict, criteria),
         stages=stage_tests(search.fits[()]),
-        residual=_left(search, verdict) if not doubted else None,
+        residual=_residual_formula(search, verdict) if not doubted else None,
         partial=partial,
         variants=conventions([search.fits[names] for names in verdict.alternatives]),
         limits=tuple(limits(search, named)) if verdict.status in ("adequate", "identified") else (),
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
     )
+
+
+def _found(search: EffectSearch, at_once: Verdict | None, max_effects: int) -> tuple[Shared, Partial | None]:
+    """The verdict after a search, or ``at_once`` without one; and what one effect repairs where that is but a part."""
+    search.run(0 if at_once else max_effects, lambda: nuisances_suffice(search))
+    found = Shared(at_once, search.fits, search.fits[()]) if at_once else _beside_nuisances(search)
+    partial = None
+    if found.verdict.status == "identified" and against(search, search.fits[found.verdict.effects], found.named):
+        found = _beside_nuisances(search)
+    imitated = _imitated(search, found)
+    found = imitated or found
+    # From one observable alone no convention can be told from another.
+    if found.verdict.status == "unexplained" and not at_once and len(search.cells.observables) > 1:
+        found, partial = _under_other_conventions(search, found)
+        found = imitated if imitated and found.verdict.status == "identified" else found
+    return found, partial
+
+
+def _reported(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
+    """The deepest believable fit of the set named, and the same with the standard errors that are reported."""
+    lower = deepest(refitted_globally(named))
+    # Along a flat valley the lowest place may be where nobody believes it.
+    named = lower if sound(lower) or not sound(named) else named
+    return named, averaged_over_scatter(named, criteria) if named.nuisances else with_profiled_errors(named)
+
+
+def _next(search: EffectSearch, verdict: Verdict) -> tuple[list[Fit], list[NextTrial]]:
+    """Effects that could hide if the base model is adequate, and the trials to run next."""
+    if hidden := unseen(search) if verdict.status == "adequate" else []:
+        return hidden, excluding(search.fits[()], hidden)
+    if verdict.status == "untested":
+        return [], repeats(search.cells)
+    return [], next_trials([search.fits[names] for names in verdict.alternatives])
+
+
+def _in_full(
+    search: EffectSearch, verdict: Verdict, named: Fit, hidden: Sequence[Fit], trials: Sequence[NextTrial]
+) -> Verdict:
+    """The verdict with what a reader should know beside it."""
+    because = [verdict.because]
+    if strange := strange_k(search.fits[()]):
+        because.append(strange)
+    if hidden:
+        because.append(_not_excluded(hidden, trials, search.criteria))
+    if verdict.status == "ambiguous":
+        because.append(_most_telling(trials, search.criteria))
+    elif verdict.status == "identified" and (calibration := would_fall(search, named)):
+        because.append(calibration)
+    if verdict.status in ("identified", "partial"):
+        because += [f"{one.mistaken_for} can look the same" for one in named.model.effects if one.mistaken_for]
+    return replace(verdict, because="; ".join(because))
 
 
 def _imitated(search: EffectSearch, found: Shared) -> Shared | None:
@@ -236,7 +259,7 @@ def _imitated(search: EffectSearch, found: Shared) -> Shared | None:
     return None if refused is None else Shared(refused, dict(search.fits), search.fits[()])
 
 
-def _concluded(search: EffectSearch) -> Shared:
+def _beside_nuisances(search: EffectSearch) -> Shared:
     """The verdict on what was tried, beside what trials share."""
     plain = judge(search.fits, search.criteria)
     found = reconsidered(search, plain) or Shared(plain, search.fits, search.fits[plain.effects])
@@ -244,7 +267,7 @@ def _concluded(search: EffectSearch) -> Shared:
     return found if refused is None else Shared(refused, search.fits, search.fits[()])
 
 
-def _between(search: EffectSearch, unexplained: Shared) -> tuple[Shared, Partial | None]:
+def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple[Shared, Partial | None]:
     """Where no set of the catalogue fits: under another convention one effect may, or repair most, or two may."""
     usual = dict(search.fits)
     better = other_conventions(search, 1)
@@ -252,13 +275,13 @@ def _between(search: EffectSearch, unexplained: Shared) -> tuple[Shared, Partial
     # believes.
     if (most := beyond_its_range(search)) and not conventions([search.fits[most[0].effects]]):
         return _in_part(search, most)
-    if better and (found := _concluded(search)).verdict.status != "unexplained":
+    if better and (found := _beside_nuisances(search)).verdict.status != "unexplained":
         return found, None
     for fits in (usual, search.fits):
         search.fits = fits
         if most := partly(search):
             return _in_part(search, most)
-    if other_conventions(search, 2) and (found := _concluded(search)).verdict.status != "unexplained":
+    if other_conventions(search, 2) and (found := _beside_nuisances(search)).verdict.status != "unexplained":
         return found, None
     return replace(unexplained, fits=usual), None
 
@@ -268,7 +291,7 @@ def _in_part(search: EffectSearch, most: tuple[Verdict, Partial]) -> tuple[Share
     return Shared(verdict, search.fits, search.fits[verdict.effects]), partial
 
 
-def _left(search: EffectSearch, verdict: Verdict) -> SuggestedFormula | None:
+def _residual_formula(search: EffectSearch, verdict: Verdict) -> SuggestedFormula | None:
     """What is left where no set repairs the model, as a formula."""
     if verdict.status == "partial":
         return formula_on_top_of(search, verdict.effects)
@@ -280,7 +303,7 @@ def _of_another_robot(doubted: Sequence[str]) -> Verdict:
     return Verdict("unexplained", (), (), because)
 
 
-def _split(trials: Sequence[NextTrial], criteria: Criteria) -> str:
+def _most_telling(trials: Sequence[NextTrial], criteria: Criteria) -> str:
     """What would tell the alternatives apart."""
     telling = [trial for trial in trials if trial.expected_gap_sd > criteria.telling_sd]
     if not telling:

@@ -17,7 +17,6 @@ from sandbot_model.fitting.text import to_error
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Parameter
 
-CONFIDENCE = 0.95
 ONE_SIDED, TWO_SIDED = 2.706, 3.841
 """χ² of one degree of freedom at 90 and 95 %."""
 TRIED = (-4.0, -2.5, -1.5, 0.0, 1.5, 2.5, 4.0)
@@ -28,7 +27,7 @@ STEEPEST = 0.5
 
 @dataclass(frozen=True)
 class Limit:
-    """What a parameter of an absent effect can be at 95 %; None on a side where it ends or these data end it not."""
+    """What a parameter of an absent effect can be at 95 %; None where its range ends or these data set no limit."""
 
     effect: str
     parameter: str

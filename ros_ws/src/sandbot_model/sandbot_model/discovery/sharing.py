@@ -2,8 +2,9 @@
 
 The search is made without them. What it claims is then tried again beside nuisances with priors (``Criteria`` and the
 cameras' ``accuracy``), and so is a base model that was refused: an effect is claimed only if it still earns its place.
-σ_b is that about the larger set, so that a missing effect is not taken for a bed that scatters; offsets that follow φ,
-ω or the order are none. What the verdict names is reported as fitted beside them: its standard errors hold them all.
+σ_b is that about the larger set, so that a missing effect is not taken for a bed that scatters. Offsets that correlate
+with φ, ω or run order do not count as scatter. What the verdict names is reported as fitted beside the nuisances: its
+standard errors hold them all.
 """
 
 from collections.abc import Sequence
@@ -74,11 +75,11 @@ def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
         if found := _of_size(search, plain, size):
             stands = found.verdict.status != "identified" or _beats_scatter(search, found.verdict.effects)
             return found if stands else _beside(search, plain, size, _scatter_about(search, search.fits[()])) or found
-    # What could stand in for a claim is not to be believed: it stays, as fitted beside what may be.
+    # No credible alternative to the claim was found: the claim stands, refitted beside the nuisances.
     return _standing(search, plain, _refitted(search, [plain.effects], 0.0)[plain.effects]) if plain.effects else None
 
 
-def anywhere(fit: Fit) -> Fit:
+def refitted_globally(fit: Fit) -> Fit:
     """The same set beside its nuisances where a search of everywhere comes to, if that is lower: where legs meet what
     their predecessors left, a fit without offsets begins in another valley."""
     if fit.nuisances is None or not fit.model.walker.remembers:
@@ -87,7 +88,7 @@ def anywhere(fit: Fit) -> Fit:
     return min(fit, found, key=lambda fit: fit.deviance)
 
 
-def enough(search: EffectSearch) -> bool:
+def nuisances_suffice(search: EffectSearch) -> bool:
     """Whether what trials share repairs a set tried so far, and no effect more earns its place beside it."""
     found = reconsidered(search, judge(search.fits, search.criteria))
     if found is None:
@@ -103,17 +104,17 @@ def _of_size(search: EffectSearch, plain: Verdict, size: int) -> Shared | None:
     """The verdict among sets of up to ``size`` effects; None where it is no better."""
     claimed = len(plain.effects) == size
     scatter = _scatter_about(search, search.fits[plain.effects] if claimed else _best(search, size))
-    if claimed and (survivor := _survivor(search, plain.effects, scatter)):
+    if claimed and (survivor := _if_still_earned(search, plain.effects, scatter)):
         return Shared(plain, search.fits, survivor)
     found = _readings(search, plain, scatter) or _beside(search, plain, size, scatter)
     larger = found is not None and len(plain.effects) > len(found.verdict.effects) and not claimed
-    survivor = _survivor(search, plain.effects, scatter) if larger else None
+    survivor = _if_still_earned(search, plain.effects, scatter) if larger else None
     return Shared(plain, search.fits, survivor) if survivor else found
 
 
 def _standing(search: EffectSearch, plain: Verdict, named: Fit) -> Shared:
     """The verdict that was, with the readings that are seen to be off."""
-    off = _off(named)
+    off = _significant(named)
     because = f"{plain.because}, beside {' and '.join(off)}" if off else plain.because
     return Shared(replace(plain, because=because), search.fits, named)
 
@@ -167,7 +168,7 @@ def _beside(search: EffectSearch, plain: Verdict, size: int, scatter: float) -> 
     return Shared(_with_nuisances(verdict, plain, named, scatter, search.criteria), fits, named)
 
 
-def _survivor(search: EffectSearch, names: Names, scatter: float) -> Fit | None:
+def _if_still_earned(search: EffectSearch, names: Names, scatter: float) -> Fit | None:
     """A set beside the nuisances, where every effect of it still earns its place."""
     parts = parts_of(names, search.fits)
     fits = _refitted(search, [names, *parts], scatter)
@@ -262,7 +263,7 @@ def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, scatter: float, 
     """The verdict with what it takes for granted, and what would be said otherwise."""
     kind = "condition" if fit.cells.batch_share is None else "batch"
     bed = f"k that scatters by {scatter:.2%} from {kind} to {kind} (prior {criteria.bed_scatter:.1%})"
-    words = [bed] * bool(scatter) + _off(fit)
+    words = [bed] * bool(scatter) + _significant(fit)
     named = f"{plain.status}: {' + '.join(plain.effects)}" if plain.effects else plain.status
     taken = " and ".join(words) or "a drift that these data can't show"
     because = f"{verdict.because}, granted {taken}"
@@ -278,7 +279,7 @@ def _believable(fit: Fit) -> bool:
     return all(abs(value) < FAR_OFF * sd for name, sd, (value, _) in named if name in WORDS)
 
 
-def _off(fit: Fit) -> list[str]:
+def _significant(fit: Fit) -> list[str]:
     """The drift, the zero and the scale that show: more than twice their standard error."""
     assert fit.nuisances is not None
     return [

@@ -1,4 +1,4 @@
-"""Adequate, identified, ambiguous, unexplained or untested: the rules of a verdict, which is never forced."""
+"""Adequate, identified, ambiguous, partial, unexplained or untested: the rules of a verdict, which is never forced."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -19,7 +19,8 @@ Sets = Mapping[tuple[str, ...], Fit]
 
 @dataclass(frozen=True)
 class Verdict:
-    """``status`` is adequate, identified, ambiguous, unexplained or untested; ``because`` one sentence with numbers."""
+    """``status`` is adequate, identified, ambiguous, partial, unexplained or untested; ``because``: one sentence with
+    numbers."""
 
     status: str
     effects: tuple[str, ...]
@@ -166,7 +167,7 @@ def _because(fits: Sets, best: Fit) -> str:
 
 
 def best_earned(fits: Sets, criteria: Criteria = DEFAULT) -> Fit:
-    """Of the sets that earn what is in them: a larger one may pass, bought with parameters that nothing speaks for."""
+    """The best set whose effects all earn their place; a larger one may pass with parameters data do not call for."""
     return min(
         (fit for key, fit in fits.items() if not key or _all_needed(fits, key, criteria)), key=lambda fit: fit.bic
     )

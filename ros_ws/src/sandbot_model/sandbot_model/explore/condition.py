@@ -4,8 +4,8 @@ from math import hypot
 
 import numpy as np
 
-from sandbot_model.data.clustering import WIDEST_SCATTER
-from sandbot_model.data.conditions import OMEGA_TOLERANCE, Cells
+from sandbot_model.data.clustering import OMEGA_TOLERANCE, WIDEST_SCATTER
+from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.choice import Condition, cell_text
 
 PHI_DIGITS, OMEGA_DIGITS = 4, 6

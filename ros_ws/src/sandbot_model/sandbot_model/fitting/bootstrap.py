@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_common.errors import InputError
-from sandbot_model.data.clustering import phi_levels, same_within
-from sandbot_model.data.conditions import OMEGA_TOLERANCE, cells_of
+from sandbot_model.data.clustering import conditions, phi_levels
+from sandbot_model.data.conditions import cells_of
 from sandbot_model.data.penetrometer import Readings
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.global_minimum import WarmStart
@@ -94,9 +94,5 @@ def _batches(trials: Trials) -> list[Ints]:
 
 def _cells(trials: Trials) -> list[Ints]:
     """Indices of the trials of each cell."""
-    gait = np.unique(np.asarray(trials.gait, dtype=str), return_inverse=True)[1]
-    phi = np.asarray(trials.phi, dtype=float)
-    omega = np.asarray(trials.omega_rad_s, dtype=float)
-    key = np.stack([phi_levels(phi), gait, same_within(omega, OMEGA_TOLERANCE)])
-    cell = np.unique(key, axis=1, return_inverse=True)[1].ravel()
-    return [np.flatnonzero(cell == index) for index in range(int(cell.max()) + 1)]
+    cell, keys = conditions(trials.phi, trials.gait, trials.omega_rad_s)
+    return [np.flatnonzero(cell == index) for index in range(keys.shape[1])]

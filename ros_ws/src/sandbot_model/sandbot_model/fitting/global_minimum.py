@@ -56,10 +56,13 @@ class Point:
     """A place in a model's parameters, plain arrays that travel between processes."""
 
     theta: Array
+    """``(parameters,)``."""
     ln_k: Array
+    """Of each level's k [N/m], ``(levels,)``."""
     slope: Array
+    """dk/dφ at each level [N/m], ``(levels,)``."""
     shared: Array | None = None
-    """Values of the nuisances; those they are about, where there are none."""
+    """Values of the nuisances ``(nuisances,)``; those they are about, where there are none."""
 
 
 @dataclass(frozen=True)

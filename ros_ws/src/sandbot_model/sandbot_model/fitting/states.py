@@ -17,14 +17,23 @@ class States:
     (row)."""
 
     theta: Array
+    """``(rows, parameters)``."""
     ln_k: Array
+    """Of each level's k [N/m], ``(rows, levels)``."""
     slope: Array
+    """dk/dφ at each level [N/m], ``(rows, levels)``."""
     footing: Footing
+    """Arrays ``(rows, cells, nodes)``."""
     predicted: Array
+    """Cell means [SI], ``(rows, cells, 4)``."""
     covariance: Array
+    """Of what was measured about what is predicted, ``(rows, cells, 4, 4)``."""
     whiten: Array
+    """Makes residuals independent with variance 1, ``(rows, cells, 4, 4)``."""
     residual: Array
+    """Whitened, ``(rows, cells, 4)``."""
     cell_deviance: Array
+    """``(rows, cells)``."""
     pressed: Array
     """Penetrometer readings minus model in standard deviations ``(rows, readings)``."""
     shared: Array

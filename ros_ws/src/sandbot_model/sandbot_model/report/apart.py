@@ -18,8 +18,6 @@ from sandbot_model.report.residual_map import MAX_LABELLED_COLUMNS, column_label
 from sandbot_model.report.theme import Spec, Theme, category_axis, layout, note
 from sandbot_model.report.view import Step, bands, frequencies, observable_label
 
-CLEAR_SD = 3.0
-"""Difference of two predictions, in standard deviations of one trial, that a trial or two shows."""
 LEAST_END_SD = 10.0
 DECADES = (1, 3, 10, 30, 100, 300, 1000)
 """Labels of the separation's colour bar, which is logarithmic: gaps of 3 and of 300 stand side by side."""

@@ -23,7 +23,6 @@ def discovery_page(
     title: str,
     trials: Trials,
     frames: Frames = (),
-    truth_line: str | None = None,
     opening: Sequence[Section] = (),
     atlas: Sequence[Section] = (),
 ) -> Page:
@@ -39,7 +38,6 @@ def discovery_page(
         status=verdict.status,
         sentence=_sentence(verdict.because, steps, discovery.noise_floor_m_s),
         headline=headline(steps, discovery.noise_floor_m_s, provenance, cells),
-        truth_line=truth_line,
         cautions=provenance.cautions,
         steps=_step_names(steps),
         sections=(

@@ -90,7 +90,6 @@ class Page:
     sections: tuple[Section, ...]
     status: str = ""
     sentence: str = ""
-    truth_line: str | None = None
     cautions: tuple[tuple[str, str], ...] = ()
     steps: tuple[tuple[str, str], ...] = field(default=())
     """(label, error) of each model that the figures can show: the steps of the ladder, or rivals."""

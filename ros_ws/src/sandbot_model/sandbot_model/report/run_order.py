@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_model.data.conditions import OMEGA_TOLERANCE, Floats, Ints
+from sandbot_model.data.clustering import OMEGA_TOLERANCE
+from sandbot_model.data.conditions import Floats, Ints
 from sandbot_model.data.quality import trend
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import Observable

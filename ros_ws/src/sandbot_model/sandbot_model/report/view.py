@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbot_model.data import regime
-from sandbot_model.data.clustering import same_within
-from sandbot_model.data.conditions import OMEGA_TOLERANCE, Cells, Floats
+from sandbot_model.data.clustering import OMEGA_TOLERANCE, same_within
+from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import NAMES, Observable
 

@@ -20,15 +20,13 @@ def write_report(
     *,
     title: str,
     frames: Frames = (),
-    truth_line: str | None = None,
     data: Sequence[Path] = (),
     command: str = "",
 ) -> None:
     """Write the page of a discovery to ``path``, whole or not at all.
 
-    ``frames`` are (JPEG or PNG bytes, caption) of tracked video; ``truth_line`` says, for a blind campaign of the
-    virtual lab, whether the sealed truth agrees. Recordings in ``data`` that gave no trial are listed with the reason.
-    ``command`` is what was typed.
+    ``frames`` are (JPEG or PNG bytes, caption) of tracked video. Recordings in ``data`` that gave no trial are listed
+    with the reason. ``command`` is what was typed.
     """
     bags = bags_of(data)
     shown = steps(discovery.steps)
@@ -39,7 +37,6 @@ def write_report(
         title=title,
         trials=trials,
         frames=frames,
-        truth_line=truth_line,
         opening=(supplement.origin(trials, discovery.cells, bags, command), supplement.methods(shown)),
         atlas=atlas_section.sections(trials, discovery.steps, bags),
     )

@@ -5,16 +5,14 @@ once.
 """
 
 import argparse
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sandbot_common.cli import Parser, output
 from sandbot_common.errors import InputError
-from sandbot_common.files import write_text, writing
 from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, to_mapping
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.criteria import Criteria, of_bed
@@ -233,9 +231,3 @@ def fitters(args: argparse.Namespace) -> Iterator["Map"]:
 
     with crew_of(args, by_value=users_modules()) as crew, crew.map() as fit_all:
         yield fit_all
-
-
-def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write JSON, whole or not at all."""
-    with writing(path):
-        write_text(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_common.files import writing
+from sandbot_common.files import write_json, writing
 from sandbot_common.terminal import filled
 from sandbot_model.discovery.choice import Selection, held_by_text, name_of, read_selection
 from sandbot_model.tools import arguments
@@ -97,7 +97,7 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
         print("\n" + tables.bootstrap(steps[-1], drawn, args.bootstrap))
         content["bootstrap"] = {"draws": args.bootstrap, "stderr": drawn}
     if args.json is not None:
-        arguments.write_json(args.json, content)
+        write_json(args.json, content)
     if args.html is not None:
         from sandbot_model.report import write_comparison
         from sandbot_record.trials.film_strip import film_strip

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
-from sandbot_common.files import writing
+from sandbot_common.files import write_json, writing
 from sandbot_common.terminal import filled
 from sandbot_model.tools import arguments
 
@@ -95,7 +95,7 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
         content = found.to_dict()
         content["data"]["notes"] = list(notes)
         content |= {"error_rates": [one.to_dict() for one in rates]} if rates else {}
-        arguments.write_json(args.json, content)
+        write_json(args.json, content)
     if args.html is not None:
         from sandbot_model.report import write_report
         from sandbot_record.trials.film_strip import film_strip

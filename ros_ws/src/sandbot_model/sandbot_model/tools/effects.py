@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
+from sandbot_common.files import write_json
 from sandbot_common.suggest import did_you_mean
 from sandbot_model.tools import arguments
 
@@ -43,7 +44,7 @@ def _effects(argv: Sequence[str]) -> None:
     else:
         _list(effects)
     if args.json is not None:
-        arguments.write_json(args.json, {"schema": "sandbot.effects/1", "effects": describe(effects)})
+        write_json(args.json, {"schema": "sandbot.effects/1", "effects": describe(effects)})
 
 
 def _list(effects: "Mapping[str, Effect]") -> None:

@@ -87,7 +87,6 @@ class Bag:
     provenance: dict[str, dict[str, str]]
     attachments: dict[str, bytes]
     problems: list[str]
-    strict: bool
     miscounts: list[str] = field(default_factory=list)
     _kept: list[tuple[int, mcap_scan.Item, Definitions]] | None = None
     _places: dict[str, list[Part]] | None = None
@@ -99,7 +98,7 @@ class Bag:
         Raises InputError if there is no bag or, where ``strict``, if it is unfinished or damaged (naming `recover`).
         """
         folder, files, info = locate(path)
-        bag = cls(folder, files, info, {}, True, 0, 0, {}, {}, [], strict)
+        bag = cls(folder, files, info, {}, True, 0, 0, {}, {}, [])
         bag._survey()
         if strict and bag.problems:
             raise InputError(

@@ -28,7 +28,8 @@ from std_srvs.srv import SetBool, Trigger
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
-from sandbot_common.node import Health, Timer, run
+from sandbot_common.node import Health, run
+from sandbot_common.timer import Timer
 from sandbot_record.bags import frames, interfaces, metadata
 from sandbot_record.bags.mcap_writer import LIBRARY
 from sandbot_record.bags.recording import Received, Recording
@@ -74,7 +75,6 @@ class _Source:
     """One subscription outside any executor."""
 
     name: str
-    type_name: str
     type: Any
     handle: Any
     transient: bool
@@ -154,11 +154,11 @@ class _Receiver:
 class Recorder(Node):
     """Records the selected topics; see ``sandbot_record.tools.record`` for the options."""
 
-    def __init__(self, selection: Selection, recording: Recording, say: Callable[[str], None] = print) -> None:
+    def __init__(self, selection: Selection, recording: Recording) -> None:
         super().__init__("recorder")
         # In a namespace: what is in it, by the names it has there, so that bags of any trackway look alike.
         self._space = self.get_namespace().rstrip("/")
-        self._selection, self._recording, self._say = selection, recording, say
+        self._selection, self._recording = selection, recording
         self._trial, self._start_ns = b"", time.time_ns()
         self.done = False
         self._ended = "the recording was ended before the trial" if selection.end_with_stdin else ""
@@ -250,7 +250,7 @@ class Recorder(Node):
             return
         if type_name == frames.RAW and self._selection.images == "none":
             self._left_out.add(name)
-            self._say(f"not recording {name}: raw images are left out (--images none)")
+            print(f"not recording {name}: raw images are left out (--images none)")
             return
         try:
             kind = messages.message_class(type_name)
@@ -280,7 +280,7 @@ class Recorder(Node):
         check_for_type_support(kind)
         with self.handle:
             handle = _rclpy.Subscription(self.handle, kind, self._space + name, profile.get_c_qos_profile())
-        source = _Source(name, type_name, kind, handle, transient, reliable, _loss_event(handle), len(publishers))
+        source = _Source(name, kind, handle, transient, reliable, _loss_event(handle), len(publishers))
         self._by_name[name] = source
         self._receiver.add(source)
 
@@ -288,7 +288,7 @@ class Recorder(Node):
         if name not in self._left_out:
             self._left_out.add(name)
             self._recording.refuse(name, why)
-            self._say(f"not recording {name}: {why}")
+            print(f"not recording {name}: {why}")
 
     def _announce(self, new: bool) -> None:
         self._quiet_looks = 0 if new else self._quiet_looks + 1
@@ -299,7 +299,7 @@ class Recorder(Node):
         if self._quiet_looks < (_SETTLED_UNHEARD if unheard else _SETTLED):
             return
         self._announced = True
-        self._say(f"recording to {self._recording.path} ({len(self._by_name) - 1} topics)")
+        print(f"recording to {self._recording.path} ({len(self._by_name) - 1} topics)")
 
     def _figures(self) -> Mapping[str, object]:
         recording = self._recording

@@ -29,7 +29,8 @@ from std_srvs.srv import SetBool, Trigger
 
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import Timer, names_of, run
+from sandbot_common.node import names_of, run
+from sandbot_common.timer import Timer
 from sandbot_record.bags.metadata import TopicInfo
 from sandbot_record.bags.playback import SECOND_NS, Player
 from sandbot_record.bags.reader import Message

@@ -16,7 +16,7 @@ def is_frame(data: object) -> bool:
     return type(data).__module__.split(".")[0] == "pandas" and hasattr(data, "columns")
 
 
-def from_frame(frame: "DataFrame", where: str = "data") -> Trials:
+def from_frame(frame: "DataFrame") -> Trials:
     """The table of a DataFrame with the columns of a trials CSV; NaN and None are "not measured".
 
     Every check of a CSV applies; row numbers in messages are those of the rows below the header, from 2 on, as if the
@@ -27,7 +27,7 @@ def from_frame(frame: "DataFrame", where: str = "data") -> Trials:
         (number, dict(zip(header, map(_text, row), strict=True)))
         for number, row in enumerate(frame.itertuples(index=False, name=None), start=2)
     )
-    rows = by_the_clock(rows_of(header, lines, where), joined=False)
+    rows = by_the_clock(rows_of(header, lines, "data"), joined=False)
     return replace(from_rows(rows), unread=unread(header))
 
 

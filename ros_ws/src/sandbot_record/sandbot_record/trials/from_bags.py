@@ -156,10 +156,10 @@ def campaign(folder: Path, crew: Crew | None = None) -> Report:
     return Report(table, tuple(skipped), len(bags) - len(todo))
 
 
-def make(folder: Path, out: Path | None = None, crew: Crew | None = None) -> Path:
-    """Write the trials table of a campaign folder to its trials.csv (or ``out``) and return the path."""
-    path = out or folder / TRIALS_CSV
-    write_csv(campaign(folder, crew).trials, path)
+def make(folder: Path) -> Path:
+    """Write the trials table of a campaign folder to its trials.csv and return the path."""
+    path = folder / TRIALS_CSV
+    write_csv(campaign(folder).trials, path)
     return path
 
 
@@ -249,7 +249,7 @@ def _summary(bag: Bag, robot: Robot) -> tuple[TrialSummary, float]:
 def _landmarks(bag: Bag) -> list[tuple[Any, Floats]]:
     """Stamps [ns] and positions (n, 3) [m; trackway frame] of com, front and rear axle."""
     found = []
-    for topic in (topics.COM, topics.FRONT_AXLE, topics.REAR_AXLE):
+    for topic in topics.LANDMARKS.values():
         columns = bag.columns(topic.name, *_POINT, *FIELD_STAMP)
         found.append((columns.stamp_ns, np.column_stack([columns[name] for name in _POINT])))
     return found

@@ -1,13 +1,12 @@
 """The plates of the atlas in the order in which a reader wants them: the title's figure first."""
 
 import io
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sandbot_common.errors import InputError
-from sandbot_common.files import write_text, writing
+from sandbot_common.files import write_json, writing
 from sandbot_model.report.atlas import balances, endings, leg, motion, speeds
 from sandbot_model.report.atlas.material import ONE_COLUMN_MM, TWO_COLUMNS_MM, Material, Plate
 from sandbot_model.report.atlas.style import typography
@@ -68,5 +67,4 @@ def write(
             continue
         captions[plate.stem] = {"figure": plate.number, "caption": caption}
         yield plate, caption
-    with writing(folder / CAPTIONS):
-        write_text(folder / CAPTIONS, json.dumps(captions, indent=2, ensure_ascii=False) + "\n")
+    write_json(folder / CAPTIONS, captions)

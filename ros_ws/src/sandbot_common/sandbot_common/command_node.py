@@ -1,0 +1,91 @@
+"""Who may command legs and air, for the nodes that obey: the commander's lease, and whether his process runs."""
+
+import math
+import threading
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+
+from sandbot_common import topics
+from sandbot_common.lease import Lease
+from sandbot_common.neighbours import Neighbours
+from sandbot_common.node import NAMELESS, PROCESS, names_of, subscription
+
+
+class Partners:
+    """Other nodes of this host as processes: who is gone or frozen commands nothing more, and no lease need run out.
+
+    On another host nothing is known of them but that they fall silent.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._neighbours, self._lock = Neighbours(), threading.Lock()
+        subscription(node, topics.DIAGNOSTICS, self._on_diagnostics)
+
+    def begin(self, name: str) -> None:
+        """``name`` commands from now on; if a process of that name has ended, it was an earlier one."""
+        if self.fault(name):
+            with self._lock:
+                self._neighbours.forget(name)
+
+    def fault(self, name: str) -> str:
+        """What has become of him, "the clock is gone"; an empty string while he runs, or nothing is known of him."""
+        # Asked here and not by a timer: that would stand behind all that a busy node has not yet heard.
+        with self._lock:
+            fault = self._neighbours.fault_of(name, time.monotonic())
+        return f"the {name} {fault}" if fault else ""
+
+    def lost(self, name: str, lease: Lease, silence: str) -> str:
+        """Why to obey him no more: what has become of him, or ``silence`` for too long; empty while he commands."""
+        if fault := self.fault(name):
+            return fault
+        return f"{silence} for {lease.limit_s:g} s" if lease.late(time.monotonic()) else ""
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            process = next((pair.value for pair in status.values if pair.key == PROCESS), "")
+            with self._lock:
+                self._neighbours.meet(status.name, process)
+
+
+class Command:
+    """The lease of whoever commands, as those see it who obey: asked before motion or air begins and at each step.
+
+    Where nobody publishes /operator/lease, a person commands by hand, and there is nothing to renew. A lease is his who
+    renewed it when motion or air began: nobody else can keep them going.
+    """
+
+    def __init__(self, node: Node, limit_s: float) -> None:
+        self._node, self._lease, self._partners = node, Lease(limit_s), Partners(node)
+        self._leased = False
+        self._holder = self._heard_from = "somebody"
+        self._heard_s = -math.inf
+        subscription(node, topics.OPERATOR_LEASE, self._on_renewal)
+
+    def begin(self, limit_s: float) -> str:
+        """Why nothing may begin; an empty string where it may, from now on under this lease or by hand."""
+        self._holder, self._lease = self._heard_from, Lease(limit_s, self._heard_s)
+        holders = names_of(self._node.get_publishers_info_by_topic(topics.OPERATOR_LEASE.relative))
+        self._leased = bool(holders)
+        # DDS forgets a killed one after 20 s, and his name before that; the system tells at once.
+        living = [name for name in holders if name != NAMELESS and not self._partners.fault(name)]
+        self._partners.begin(self._holder)
+        if len(living) > 1:
+            return f"{' and '.join(living)} both command the trackway (/operator/lease); one at a time"
+        if self._leased and self._lease.late(time.monotonic()):
+            who = next((name for name in holders if name != NAMELESS), "somebody")
+            return f"{who} commands the trackway and does not renew /operator/lease; end it first"
+        return ""
+
+    def lost(self) -> str:
+        """Why to stop; an empty string while the lease is renewed or a person commands."""
+        if not self._leased:
+            return ""
+        return self._partners.lost(self._holder, self._lease, f"{self._holder} did not renew /operator/lease")
+
+    def _on_renewal(self, message: Any) -> None:
+        self._heard_from, self._heard_s = message.frame_id or "somebody", time.monotonic()
+        if self._heard_from == self._holder:
+            self._lease.renew(self._heard_s)
