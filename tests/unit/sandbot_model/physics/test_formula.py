@@ -15,6 +15,7 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import STAGES
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.symbols import listed
+from sandbot_model.physics.tape import record
 from sandbot_model.physics.walking import Inputs, Walker
 
 
@@ -94,6 +95,30 @@ def test_a_formula_may_set_another_quantity():
     assert float(found.depth_m) < float(Walker().predict(Inputs(200.0, 8.0, 0.4)).depth_m)
 
 
+COMPARED = {
+    "(d > 0.01) + (d > 0.03)": [0, 1, 2],
+    "1 - (d > 0.01)": [1, 0, 0],
+    "-(d > 0.01)": [0, -1, -1],
+    "(d > 0.01) - (d > 0.03)": [0, 1, 0],
+    "exp(d > 0.01)": [1, np.e, np.e],
+    "max(d > 0.01, d > 0.03)": [0, 1, 1],
+    "sqrt(d > 0.01)": [0, 1, 1],
+    "((d > 0.01) & (d < 0.03)) + 2*(~(d > 0.03) | (d < 0.01))": [2, 3, 0],
+    "where((d > 0.01) & ~(d > 0.03), 5, 7)": [7, 5, 7],
+    "where(d > 0.03, 5, 7)": [7, 7, 5],
+    "(2 > 1) + 0*d": [1, 1, 1],
+}
+"""What comparisons are worth at d = 5, 20 and 40 mm."""
+
+
+@pytest.mark.parametrize("expression", COMPARED)
+def test_a_comparison_is_1_or_0_on_arrays_and_on_a_tape(expression):
+    walker, depth = Walker((formula_effect(f"x: strength: k*({expression})"),)), np.array([0.005, 0.02, 0.04])
+    found = walker.chain(Inputs(200.0, 10.0, 0.4, 0.6), [{}], depth, first_step=False).k
+    np.testing.assert_allclose(found, 200.0 * np.array(COMPARED[expression]), rtol=1e-15)
+    assert record(walker) is not None
+
+
 ESCAPES = (
     "().__class__.__bases__[0].__subclasses__()",
     "f'{k.__class__.__init__.__globals__}'",  # CVE-2025-24359: format strings of asteval before 1.0.6
@@ -144,6 +169,8 @@ def test_one_number_stands_for_all_depths_and_conditions(text):
         ("boost: step: s*(1 + 2 first)", r"at '1 \+ 2 first\)'"),
         ("boost: strength: phi += 0.01", r"k does not follow 'phi'; k -> K\(phi \+ ...\)"),
         ("boost: speed: kept*sqrt(-1)", "gives no number at k 200 N/m, ω 10 rad/s"),
+        ("boost: strength: k == 3", "'k == 3' gives values of type bool, expected numbers"),
+        ("boost: strength: (d > 0.01) & (d < 0.03)", "values of type bool"),
         ("boost: strength: k*logistic(phi)", "no function 'logistic'; known: K, abs"),
         ("boost: strength: k*sinn(phi)", "no function 'sinn', did you mean 'sin'?"),
         ("boost: strength: __import__('os').system('true')", "boost"),

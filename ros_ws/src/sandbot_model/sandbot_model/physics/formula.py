@@ -202,7 +202,7 @@ def _parsed(expression: str, text: str) -> ast.Expr:
     """
     try:
         with _PARSING:
-            parsed = ast.Expr(ast.parse(expression, mode="eval").body)
+            parsed = ast.Expr(_WithNumbers().visit(ast.parse(expression, mode="eval").body))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:  # the last: nested too deep
         why = getattr(error, "msg", None) or str(error) or "nested too deep"
         at = expression[max((getattr(error, "offset", None) or 0) - 1, 0) :].strip()
@@ -214,6 +214,25 @@ def _parsed(expression: str, text: str) -> ast.Expr:
     for call in (part for part in parts if isinstance(part, ast.Call)):
         _check_call(call, text)
     return parsed
+
+
+class _WithNumbers(ast.NodeTransformer):
+    """Makes a comparison, or several joined by &, | and ~, the number 1 or 0: numpy would add truth values as "or".
+
+    What a whole expression says remains a truth value: ``k == 3`` is no formula.
+    """
+
+    joined = True
+
+    def visit(self, node: Any) -> Any:
+        """The node, within what is joined as it is."""
+        joins = isinstance(getattr(node, "op", None), ast.BitAnd | ast.BitOr | ast.Invert)
+        within, self.joined = self.joined, joins
+        self.generic_visit(node)
+        self.joined = within
+        if within or not (joins or isinstance(node, ast.Compare)):
+            return node
+        return ast.BinOp(ast.Constant(1.0), ast.Mult(), node)
 
 
 def _check_call(call: ast.Call, text: str) -> None:
