@@ -162,6 +162,7 @@ def test_one_number_stands_for_all_depths_and_conditions(text):
         ("boost: strength: k*(", "boost"),
         ("boost: strength: force = k", "can't be set at stage strength"),
         ("boost: strength: k*phi; phi in 0..1", "choose another name"),
+        ("boost: speed: kept *= 1 - a; a in 0..0.5; b in 0..1; a in 0..0.25", "parameter 'a' is declared twice"),
         ("boost: strength: k*first; first in 0..1", "choose another name"),
         ("boost: speed: kept, k2 *= 1 + a; a in 0..1", "'k2' can't be set at stage speed"),
         ("boost: speed: kept %= a; a in 0..1", "boost"),

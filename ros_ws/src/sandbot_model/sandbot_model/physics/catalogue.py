@@ -12,7 +12,7 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_model.physics import effect as effect_module
-from sandbot_model.physics.effect import STAGES, Effect, Parameter
+from sandbot_model.physics.effect import STAGES, Effect, Parameter, named_twice
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.typeset import mathml
@@ -97,6 +97,8 @@ def _check_parameters(effect: Effect, where: str) -> None:
         numbers = low, start, high = parameter.low, parameter.start, parameter.high
         if not (all(isinstance(value, int | float) for value in numbers) and low <= start <= high):
             raise InputError(f"{where}: {parameter.name}: start {start!r} is not within {low!r} to {high!r}")
+    if twice := named_twice(effect.parameters):
+        raise InputError(f"{where}: {type(effect).__name__}: parameter {twice!r} is there twice")
 
 
 def _try(effect: Effect, where: str) -> None:

@@ -1,6 +1,6 @@
 """What an effect is: a formula at one stage of the chain, with parameters of plausible range."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,6 +40,12 @@ class Parameter:
     def held_at(self, value: float) -> "Parameter":
         """The parameter with no range but this value."""
         return replace(self, low=value, high=value, start=value, hard_low=value, hard_high=value)
+
+
+def named_twice(parameters: Sequence[Parameter]) -> str:
+    """The first name that two parameters have; empty where each has its own."""
+    names = [parameter.name for parameter in parameters]
+    return next((name for name in names if names.count(name) > 1), "")
 
 
 class Effect:

@@ -24,7 +24,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.suggest import did_you_mean, near
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
-from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values
+from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values, named_twice
 from sandbot_model.physics.symbols import CONSTANTS, get, put, readable, stage_of
 from sandbot_model.physics.walking import Inputs, Walker
 
@@ -79,6 +79,8 @@ def formula_effect(text: str, *, tried: bool = False) -> Effect:
     if stage not in STAGES:
         raise InputError(f"--effect {text!r}: no stage {stage!r}{did_you_mean(stage, STAGES)}")
     parameters = tuple(_parameter(part, text) for part in declared if part.strip())
+    if twice := named_twice(parameters):
+        raise InputError(f"--effect {text!r}: parameter {twice!r} is declared twice")
     assigned = _ASSIGNMENT.fullmatch(body)
     targets, how, expression = assigned.groups("") if assigned else (MAIN[stage], "", body)
     expression = expression.translate(_AS_TYPED)
