@@ -87,6 +87,22 @@ def test_an_import_that_never_was_is_refused(tmp_path):
             OWN.replace('Parameter("a", "1", 0.0, 0.5, 0.1, "gain")', '"a"'),
             "parameters holds 'a', expected a Parameter",
         ),
+        *(
+            (OWN.replace("0.0, 0.5, 0.1", numbers), f"a: from {words} is no range, low < high is needed")
+            for numbers, words in {
+                "0.1, 0.1, 0.1": "0.1 to 0.1",
+                "0.0, float('inf'), 0.1": "0.0 to inf",
+                "float('nan'), 0.5, 0.1": "nan to 0.5",
+                "0.0, '0.5', 0.1": "0.0 to '0.5'",
+            }.items()
+        ),
+        *(
+            (
+                OWN.replace("    def apply", f"    replaces = {what}\n\n    def apply"),
+                "replaces is .*, it may be \\(\\) or \\('v_",
+            )
+            for what in ('("delta_t_s",)', '("v_swim_m_s")', '["v_swim_m_s"]', '("v_swim_m_s", "k")')
+        ),
         (
             OWN.replace('"gain"),', '"gain"), Parameter("a", "1", 0.0, 0.2, 0.1, "more"),'),
             "Boost: parameter 'a' is there twice",
@@ -110,6 +126,12 @@ def test_refuses_files_that_are_no_effect(tmp_path, text, message):
         catalogue([path])
     assert "mine.py" in str(raised.value)
     assert "\n" not in str(raised.value)
+
+
+def test_an_effect_may_replace_the_swimming_speed(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(OWN.replace("    def apply", '    replaces = ("v_swim_m_s",)\n\n    def apply'))
+    assert effects_in(path)[0].replaces == ("v_swim_m_s",)
 
 
 def test_refuses_a_missing_file(tmp_path):

@@ -157,6 +157,7 @@ def test_one_number_stands_for_all_depths_and_conditions(text):
         ("Boost: strength: k", "lower-case"),
         ("boost: muscle: k", "no stage 'muscle'; known: clock"),
         ("boost: strength: k*a; a in 5..1", "low must be below high"),
+        ("boost: strength: k*where(a > 1, 1, 2); a in 0..1e400", "a in 0..inf: low must be below high, both finite"),
         ("boost: strength: k*a; a from 1 to 5", "is not 'parameter"),
         ("boost: strength: k*unknown", "unknown"),
         ("boost: strength: k*(", "boost"),

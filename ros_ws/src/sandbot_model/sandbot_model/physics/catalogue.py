@@ -12,7 +12,7 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_model.physics import effect as effect_module
-from sandbot_model.physics.effect import STAGES, Effect, Parameter, named_twice
+from sandbot_model.physics.effect import REPLACEABLE, STAGES, Effect, Parameter, named_twice
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.typeset import mathml
@@ -95,10 +95,15 @@ def _check_parameters(effect: Effect, where: str) -> None:
         if not isinstance(parameter, Parameter):
             raise InputError(f"{where}: {type(effect).__name__}: parameters holds {parameter!r}, expected a Parameter")
         numbers = low, start, high = parameter.low, parameter.start, parameter.high
-        if not (all(isinstance(value, int | float) for value in numbers) and low <= start <= high):
+        if not all(isinstance(value, int | float) and np.isfinite(value) for value in numbers) or not low < high:
+            raise InputError(f"{where}: {parameter.name}: from {low!r} to {high!r} is no range, low < high is needed")
+        if not low <= start <= high:
             raise InputError(f"{where}: {parameter.name}: start {start!r} is not within {low!r} to {high!r}")
     if twice := named_twice(effect.parameters):
         raise InputError(f"{where}: {type(effect).__name__}: parameter {twice!r} is there twice")
+    if not (isinstance(effect.replaces, tuple) and set(effect.replaces) <= set(REPLACEABLE)):
+        can = ", ".join(map(repr, REPLACEABLE))
+        raise InputError(f"{where}: {type(effect).__name__}: replaces is {effect.replaces!r}, it may be () or ({can},)")
 
 
 def _try(effect: Effect, where: str) -> None:

@@ -10,6 +10,9 @@ from sandbot_model.physics.chain import Chain
 
 STAGES = ("clock", "strength", "balance", "step", "speed")
 
+REPLACEABLE = ("v_swim_m_s",)
+"""Parameters of the base model that an effect may replace; a search needs Δt."""
+
 Values = Mapping[str, Array]
 """Parameters of one effect by name, broadcastable against ``Chain.depth``."""
 
@@ -70,7 +73,7 @@ class Effect:
     along_the_track: bool = False
     """True if φ varies within a trial (the effect sets ``chain.sigma_phi``): averages are then taken along the way."""
     replaces: tuple[str, ...] = ()
-    """Parameters of the base model that mean nothing once the effect acts."""
+    """Parameters of the base model that mean nothing once the effect acts, of ``REPLACEABLE``."""
     variant: str = ""
     """Which other convention this is, of a family with the same identifier (see ``variants``)."""
 

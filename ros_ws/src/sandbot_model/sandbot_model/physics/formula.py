@@ -191,8 +191,8 @@ def _parameter(text: str, whole: str) -> Parameter:
         more = "; what is done to another quantity is an effect of its own" if "=" in text else ""
         raise InputError(f"--effect {whole!r}: {text.strip()!r} is not 'parameter [unit] in low..high'{more}")
     name, unit, low, high = found[1], found[2] or "1", float(found[3]), float(found[4])
-    if not low < high:
-        raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high")
+    if not (low < high and np.isfinite(high - low)):
+        raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high, both finite")
     if name in {quantity.name for quantity in fields(Chain)} or name in {*"RhwmgdK", "first"}:
         raise InputError(f"--effect {whole!r}: {name!r} is a quantity of the chain, choose another name")
     return Parameter(name, unit, low, high, 0.5 * (low + high) + 0.1 * (high - low), GIVEN)
