@@ -106,7 +106,7 @@ COMPARED = {
     "((d > 0.01) & (d < 0.03)) + 2*(~(d > 0.03) | (d < 0.01))": [2, 3, 0],
     "where((d > 0.01) & ~(d > 0.03), 5, 7)": [7, 5, 7],
     "where(d > 0.03, 5, 7)": [7, 7, 5],
-    "(2 > 1) + 0*d": [1, 1, 1],
+    "1 + (2 > 1) + 0*d": [2, 2, 2],
 }
 """What comparisons are worth at d = 5, 20 and 40 mm."""
 
@@ -117,6 +117,40 @@ def test_a_comparison_is_1_or_0_on_arrays_and_on_a_tape(expression):
     found = walker.chain(Inputs(200.0, 10.0, 0.4, 0.6), [{}], depth, first_step=False).k
     np.testing.assert_allclose(found, 200.0 * np.array(COMPARED[expression]), rtol=1e-15)
     assert record(walker) is not None
+
+
+@pytest.mark.parametrize(
+    "late",
+    [
+        "x: balance: k *= 1 + a*(omega/12 - 1); a in -1..1",
+        "x: strength: chord *= 1 + 0*a; a in 0..1",
+        "x: balance: chord *= 0.9",
+        "x: balance: z -= 0.01",
+        "x: speed: kept*(1 - a*(omega < 0)); a in 0..1",
+    ],
+)
+def test_a_formula_that_changes_nothing_is_refused(late):
+    with pytest.raises(InputError, match=r"changes nothing: (k|z|kept|chord) stays the same, or is used before"):
+        formula_effect(late)
+
+
+@pytest.mark.parametrize(
+    "acting",
+    [
+        "x: strength: k -> K(phi + c); c in -0.01..0.02",
+        "x: strength: k *= 1 + a*(omega > 30)*(phi < 0.57); a in -1..1",
+        "x: strength: sigma = s1; s1 in 0..0.01",
+        "x: clock: v_swim *= 1 + a; a in -0.5..0.5",
+        "x: speed: kept *= 1 - a*first; a in 0..0.5",
+        "x: speed: peak *= 1 - a*(d > 0.04); a in 0..0.5",
+        "x: balance: m_a = c; c [kg] in 0..0.1",
+        "x: balance: d += c; c [m] in 0..0.01",
+        "x: clock: beta *= 1 + a; a in -0.5..0.5",
+        "x: step: s_0 *= 1 + a; a in -0.5..0.5",
+    ],
+)
+def test_a_formula_that_shows_somewhere_or_in_another_effect_is_not_refused(acting):
+    assert formula_effect(acting).identifier == "x"
 
 
 ESCAPES = (

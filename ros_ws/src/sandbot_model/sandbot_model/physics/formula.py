@@ -25,6 +25,7 @@ from sandbot_common.suggest import did_you_mean, near
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values, named_twice
+from sandbot_model.physics.first_run import changes_something
 from sandbot_model.physics.symbols import CONSTANTS, get, put, readable, stage_of
 from sandbot_model.physics.walking import Inputs, Walker
 
@@ -266,8 +267,12 @@ def _checked(effect: _Formula, text: str) -> Effect:
     starts = {parameter.name: parameter.start for parameter in effect.parameters}
     with np.errstate(all="ignore"):
         found = Walker((effect,)).predict(Inputs(200.0, 10.0, 0.4, 0.6), [starts]).observables
+        idle = not changes_something(effect)
     if not np.isfinite(found).all():
         raise InputError(f"--effect {text!r}: gives no number at k 200 N/m, ω 10 rad/s, φ 0.6 and {starts}")
+    if idle:
+        sets = ", ".join(effect.sets.quantities)
+        raise InputError(f"--effect {text!r}: changes nothing: {sets} stays the same, or is used before {effect.stage}")
     return effect
 
 
