@@ -87,6 +87,26 @@ def test_an_import_that_never_was_is_refused(tmp_path):
             OWN.replace('Parameter("a", "1", 0.0, 0.5, 0.1, "gain")', '"a"'),
             "parameters holds 'a', expected a Parameter",
         ),
+        *(
+            (OWN.replace("0.0, 0.5, 0.1", numbers), f"a: from {words} is no range, low < high is needed")
+            for numbers, words in {
+                "0.1, 0.1, 0.1": "0.1 to 0.1",
+                "0.0, float('inf'), 0.1": "0.0 to inf",
+                "float('nan'), 0.5, 0.1": "nan to 0.5",
+                "0.0, '0.5', 0.1": "0.0 to '0.5'",
+            }.items()
+        ),
+        *(
+            (
+                OWN.replace("    def apply", f"    replaces = {what}\n\n    def apply"),
+                "replaces is .*, it may be \\(\\) or \\('v_",
+            )
+            for what in ('("delta_t_s",)', '("v_swim_m_s")', '["v_swim_m_s"]', '("v_swim_m_s", "k")')
+        ),
+        (
+            OWN.replace('"gain"),', '"gain"), Parameter("a", "1", 0.0, 0.2, 0.1, "more"),'),
+            "Boost: parameter 'a' is there twice",
+        ),
         (OWN.replace("0.5, 0.1", "0.5, 0.9"), "a: start 0.9 is not within 0.0 to 0.5"),
         (OWN.replace('0.5, 0.1, "gain"', "0.5"), "TypeError: .* missing 2 required"),
         (OWN.replace('p["a"]', 'p["b"]'), "Boost.apply: KeyError: 'b'"),
@@ -106,6 +126,58 @@ def test_refuses_files_that_are_no_effect(tmp_path, text, message):
         catalogue([path])
     assert "mine.py" in str(raised.value)
     assert "\n" not in str(raised.value)
+
+
+DOES = '        chain.k = chain.k * (1 + p["a"])'
+
+
+@pytest.mark.parametrize(
+    "slip",
+    [
+        "if chain.omega > 12:\n            chain.k = chain.k * (1 + p['a'])",
+        "chain.k = chain.k * (1 + float(p['a'][0]))",
+        "chain.k = chain.k * (1 + p['a'] * float(chain.omega[0]))",
+        "chain.k = chain.k * math.exp(p['a'])",
+        "chain.k = chain.k * (math.exp(p['a']) if chain.first_step else 1 + p['a'])",
+        "chain.k[...] = chain.k * (1 + p['a'])",
+        "chain.k = chain.k * np.array([1.0, 1.1])",
+    ],
+)
+def test_a_slip_that_only_arrays_show_is_told_before_any_fit(tmp_path, slip):
+    path = tmp_path / "mine.py"
+    path.write_text("import math\nimport numpy as np\n" + OWN.replace(DOES, f"        {slip}"))
+    with pytest.raises(InputError, match=r"mine.py: Boost.apply: .*; quantities and parameters are arrays") as raised:
+        effects_in(path)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "right",
+    [
+        "chain.k *= 1 + p['a']",
+        "chain.k = np.where(chain.omega > 12, chain.k * (1 + p['a']), chain.k)",
+        "if not chain.first_step:\n            chain.k = chain.k * (1 + p['a'])",
+        "chain.k = chain.k * (1 + p['a']) if np.all(chain.k < 300) else chain.k",
+    ],
+)
+def test_what_arrays_can_do_is_an_effect(tmp_path, right):
+    path = tmp_path / "mine.py"
+    path.write_text("import numpy as np\n" + OWN.replace(DOES, f"        {right}"))
+    assert [one.identifier for one in effects_in(path)] == ["boost"]
+
+
+@pytest.mark.parametrize("nothing", ["return chain.k * (1 + p['a'])", "k = chain.k * (1 + p['a'])"])
+def test_an_effect_that_sets_nothing_is_refused(tmp_path, nothing):
+    path = tmp_path / "mine.py"
+    path.write_text(OWN.replace(DOES, f"        {nothing}"))
+    with pytest.raises(InputError, match="changes nothing that is seen; a quantity is changed by setting it"):
+        effects_in(path)
+
+
+def test_an_effect_may_replace_the_swimming_speed(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(OWN.replace("    def apply", '    replaces = ("v_swim_m_s",)\n\n    def apply'))
+    assert effects_in(path)[0].replaces == ("v_swim_m_s",)
 
 
 def test_refuses_a_missing_file(tmp_path):

@@ -15,6 +15,7 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import STAGES
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.symbols import listed
+from sandbot_model.physics.tape import record
 from sandbot_model.physics.walking import Inputs, Walker
 
 
@@ -94,6 +95,64 @@ def test_a_formula_may_set_another_quantity():
     assert float(found.depth_m) < float(Walker().predict(Inputs(200.0, 8.0, 0.4)).depth_m)
 
 
+COMPARED = {
+    "(d > 0.01) + (d > 0.03)": [0, 1, 2],
+    "1 - (d > 0.01)": [1, 0, 0],
+    "-(d > 0.01)": [0, -1, -1],
+    "(d > 0.01) - (d > 0.03)": [0, 1, 0],
+    "exp(d > 0.01)": [1, np.e, np.e],
+    "max(d > 0.01, d > 0.03)": [0, 1, 1],
+    "sqrt(d > 0.01)": [0, 1, 1],
+    "((d > 0.01) & (d < 0.03)) + 2*(~(d > 0.03) | (d < 0.01))": [2, 3, 0],
+    "where((d > 0.01) & ~(d > 0.03), 5, 7)": [7, 5, 7],
+    "where(d > 0.03, 5, 7)": [7, 7, 5],
+    "1 + (2 > 1) + 0*d": [2, 2, 2],
+}
+"""What comparisons are worth at d = 5, 20 and 40 mm."""
+
+
+@pytest.mark.parametrize("expression", COMPARED)
+def test_a_comparison_is_1_or_0_on_arrays_and_on_a_tape(expression):
+    walker, depth = Walker((formula_effect(f"x: strength: k*({expression})"),)), np.array([0.005, 0.02, 0.04])
+    found = walker.chain(Inputs(200.0, 10.0, 0.4, 0.6), [{}], depth, first_step=False).k
+    np.testing.assert_allclose(found, 200.0 * np.array(COMPARED[expression]), rtol=1e-15)
+    assert record(walker) is not None
+
+
+@pytest.mark.parametrize(
+    "late",
+    [
+        "x: balance: k *= 1 + a*(omega/12 - 1); a in -1..1",
+        "x: strength: chord *= 1 + 0*a; a in 0..1",
+        "x: balance: chord *= 0.9",
+        "x: balance: z -= 0.01",
+        "x: speed: kept*(1 - a*(omega < 0)); a in 0..1",
+    ],
+)
+def test_a_formula_that_changes_nothing_is_refused(late):
+    with pytest.raises(InputError, match=r"changes nothing: (k|z|kept|chord) stays the same, or is used before"):
+        formula_effect(late)
+
+
+@pytest.mark.parametrize(
+    "acting",
+    [
+        "x: strength: k -> K(phi + c); c in -0.01..0.02",
+        "x: strength: k *= 1 + a*(omega > 30)*(phi < 0.57); a in -1..1",
+        "x: strength: sigma = s1; s1 in 0..0.01",
+        "x: clock: v_swim *= 1 + a; a in -0.5..0.5",
+        "x: speed: kept *= 1 - a*first; a in 0..0.5",
+        "x: speed: peak *= 1 - a*(d > 0.04); a in 0..0.5",
+        "x: balance: m_a = c; c [kg] in 0..0.1",
+        "x: balance: d += c; c [m] in 0..0.01",
+        "x: clock: beta *= 1 + a; a in -0.5..0.5",
+        "x: step: s_0 *= 1 + a; a in -0.5..0.5",
+    ],
+)
+def test_a_formula_that_shows_somewhere_or_in_another_effect_is_not_refused(acting):
+    assert formula_effect(acting).identifier == "x"
+
+
 ESCAPES = (
     "().__class__.__bases__[0].__subclasses__()",
     "f'{k.__class__.__init__.__globals__}'",  # CVE-2025-24359: format strings of asteval before 1.0.6
@@ -132,11 +191,13 @@ def test_one_number_stands_for_all_depths_and_conditions(text):
         ("Boost: strength: k", "lower-case"),
         ("boost: muscle: k", "no stage 'muscle'; known: clock"),
         ("boost: strength: k*a; a in 5..1", "low must be below high"),
+        ("boost: strength: k*where(a > 1, 1, 2); a in 0..1e400", "a in 0..inf: low must be below high, both finite"),
         ("boost: strength: k*a; a from 1 to 5", "is not 'parameter"),
         ("boost: strength: k*unknown", "unknown"),
         ("boost: strength: k*(", "boost"),
         ("boost: strength: force = k", "can't be set at stage strength"),
         ("boost: strength: k*phi; phi in 0..1", "choose another name"),
+        ("boost: speed: kept *= 1 - a; a in 0..0.5; b in 0..1; a in 0..0.25", "parameter 'a' is declared twice"),
         ("boost: strength: k*first; first in 0..1", "choose another name"),
         ("boost: speed: kept, k2 *= 1 + a; a in 0..1", "'k2' can't be set at stage speed"),
         ("boost: speed: kept %= a; a in 0..1", "boost"),
@@ -144,6 +205,8 @@ def test_one_number_stands_for_all_depths_and_conditions(text):
         ("boost: step: s*(1 + 2 first)", r"at '1 \+ 2 first\)'"),
         ("boost: strength: phi += 0.01", r"k does not follow 'phi'; k -> K\(phi \+ ...\)"),
         ("boost: speed: kept*sqrt(-1)", "gives no number at k 200 N/m, ω 10 rad/s"),
+        ("boost: strength: k == 3", "'k == 3' gives values of type bool, expected numbers"),
+        ("boost: strength: (d > 0.01) & (d < 0.03)", "values of type bool"),
         ("boost: strength: k*logistic(phi)", "no function 'logistic'; known: K, abs"),
         ("boost: strength: k*sinn(phi)", "no function 'sinn', did you mean 'sin'?"),
         ("boost: strength: __import__('os').system('true')", "boost"),

@@ -12,14 +12,17 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_model.physics import effect as effect_module
-from sandbot_model.physics.effect import STAGES, Effect, Parameter
+from sandbot_model.physics.effect import REPLACEABLE, STAGES, Effect, Parameter, named_twice
 from sandbot_model.physics.effects import CATALOGUE
+from sandbot_model.physics.first_run import changes_something
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.typeset import mathml
 from sandbot_model.physics.walking import Inputs, Walker
 
 GROUP = "sandbot_model.effects"
 """Entry-point group: each entry names an Effect subclass."""
+ARRAYS = "quantities and parameters are arrays, of all conditions at once: np.where and np.exp, not if, float and math"
+"""What is said where an effect takes one for a number."""
 USER_MODULE = "sandbot_user_effects_"
 """How the modules of users' files are named; no other process can import them."""
 
@@ -95,23 +98,35 @@ def _check_parameters(effect: Effect, where: str) -> None:
         if not isinstance(parameter, Parameter):
             raise InputError(f"{where}: {type(effect).__name__}: parameters holds {parameter!r}, expected a Parameter")
         numbers = low, start, high = parameter.low, parameter.start, parameter.high
-        if not (all(isinstance(value, int | float) for value in numbers) and low <= start <= high):
+        if not all(isinstance(value, int | float) and np.isfinite(value) for value in numbers) or not low < high:
+            raise InputError(f"{where}: {parameter.name}: from {low!r} to {high!r} is no range, low < high is needed")
+        if not low <= start <= high:
             raise InputError(f"{where}: {parameter.name}: start {start!r} is not within {low!r} to {high!r}")
+    if twice := named_twice(effect.parameters):
+        raise InputError(f"{where}: {type(effect).__name__}: parameter {twice!r} is there twice")
+    if not (isinstance(effect.replaces, tuple) and set(effect.replaces) <= set(REPLACEABLE)):
+        can = ", ".join(map(repr, REPLACEABLE))
+        raise InputError(f"{where}: {type(effect).__name__}: replaces is {effect.replaces!r}, it may be () or ({can},)")
 
 
 def _try(effect: Effect, where: str) -> None:
-    """Run it once, so that a slip shows before any fit."""
+    """Run it, so that a slip shows before any fit."""
+    said = f"{where}: {type(effect).__name__}.apply"
     values = {parameter.name: np.asarray(parameter.start, dtype=float) for parameter in effect.parameters}
     walker, inputs = Walker((effect,)), Inputs(200.0, 8.0, 0.4, 0.61)
     try:
         with np.errstate(all="ignore"):
+            acts = changes_something(effect)
             walker.predict(inputs, [values])
             filled = walker.chain(inputs, [values], np.array([0.03, 0.04]), first_step=False)
             sound = all(np.isfinite(part).all() for part in (filled.margin, filled.speed, filled.peak_ratio))
     except Exception as error:
-        raise InputError(f"{where}: {type(effect).__name__}.apply: {_in_a_line(error)}") from error
+        more = f"; {ARRAYS}" if isinstance(error, TypeError | ValueError) else ""
+        raise InputError(f"{said}: {_in_a_line(error)}{more}") from error
     if not sound:
-        raise InputError(f"{where}: {type(effect).__name__}.apply: gives no number where its parameters start")
+        raise InputError(f"{said}: gives no number where its parameters start")
+    if not acts:
+        raise InputError(f"{said}: changes nothing that is seen; a quantity is changed by setting it, chain.k = ...")
 
 
 def _in_a_line(error: BaseException) -> str:

@@ -1,6 +1,6 @@
 """What an effect is: a formula at one stage of the chain, with parameters of plausible range."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +9,9 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 
 STAGES = ("clock", "strength", "balance", "step", "speed")
+
+REPLACEABLE = ("v_swim_m_s",)
+"""Parameters of the base model that an effect may replace; a search needs Δt."""
 
 Values = Mapping[str, Array]
 """Parameters of one effect by name, broadcastable against ``Chain.depth``."""
@@ -42,6 +45,12 @@ class Parameter:
         return replace(self, low=value, high=value, start=value, hard_low=value, hard_high=value)
 
 
+def named_twice(parameters: Sequence[Parameter]) -> str:
+    """The first name that two parameters have; empty where each has its own."""
+    names = [parameter.name for parameter in parameters]
+    return next((name for name in names if names.count(name) > 1), "")
+
+
 class Effect:
     """A physical effect missing from the base model: one formula at one stage.
 
@@ -64,7 +73,7 @@ class Effect:
     along_the_track: bool = False
     """True if φ varies within a trial (the effect sets ``chain.sigma_phi``): averages are then taken along the way."""
     replaces: tuple[str, ...] = ()
-    """Parameters of the base model that mean nothing once the effect acts."""
+    """Parameters of the base model that mean nothing once the effect acts, of ``REPLACEABLE``."""
     variant: str = ""
     """Which other convention this is, of a family with the same identifier (see ``variants``)."""
 

@@ -24,7 +24,8 @@ from sandbot_common.errors import InputError
 from sandbot_common.suggest import did_you_mean, near
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
-from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values
+from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values, named_twice
+from sandbot_model.physics.first_run import changes_something
 from sandbot_model.physics.symbols import CONSTANTS, get, put, readable, stage_of
 from sandbot_model.physics.walking import Inputs, Walker
 
@@ -79,6 +80,8 @@ def formula_effect(text: str, *, tried: bool = False) -> Effect:
     if stage not in STAGES:
         raise InputError(f"--effect {text!r}: no stage {stage!r}{did_you_mean(stage, STAGES)}")
     parameters = tuple(_parameter(part, text) for part in declared if part.strip())
+    if twice := named_twice(parameters):
+        raise InputError(f"--effect {text!r}: parameter {twice!r} is declared twice")
     assigned = _ASSIGNMENT.fullmatch(body)
     targets, how, expression = assigned.groups("") if assigned else (MAIN[stage], "", body)
     expression = expression.translate(_AS_TYPED)
@@ -189,8 +192,8 @@ def _parameter(text: str, whole: str) -> Parameter:
         more = "; what is done to another quantity is an effect of its own" if "=" in text else ""
         raise InputError(f"--effect {whole!r}: {text.strip()!r} is not 'parameter [unit] in low..high'{more}")
     name, unit, low, high = found[1], found[2] or "1", float(found[3]), float(found[4])
-    if not low < high:
-        raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high")
+    if not (low < high and np.isfinite(high - low)):
+        raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high, both finite")
     if name in {quantity.name for quantity in fields(Chain)} or name in {*"RhwmgdK", "first"}:
         raise InputError(f"--effect {whole!r}: {name!r} is a quantity of the chain, choose another name")
     return Parameter(name, unit, low, high, 0.5 * (low + high) + 0.1 * (high - low), GIVEN)
@@ -202,7 +205,7 @@ def _parsed(expression: str, text: str) -> ast.Expr:
     """
     try:
         with _PARSING:
-            parsed = ast.Expr(ast.parse(expression, mode="eval").body)
+            parsed = ast.Expr(_WithNumbers().visit(ast.parse(expression, mode="eval").body))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:  # the last: nested too deep
         why = getattr(error, "msg", None) or str(error) or "nested too deep"
         at = expression[max((getattr(error, "offset", None) or 0) - 1, 0) :].strip()
@@ -214,6 +217,25 @@ def _parsed(expression: str, text: str) -> ast.Expr:
     for call in (part for part in parts if isinstance(part, ast.Call)):
         _check_call(call, text)
     return parsed
+
+
+class _WithNumbers(ast.NodeTransformer):
+    """Makes a comparison, or several joined by &, | and ~, the number 1 or 0: numpy would add truth values as "or".
+
+    What a whole expression says remains a truth value: ``k == 3`` is no formula.
+    """
+
+    joined = True
+
+    def visit(self, node: Any) -> Any:
+        """The node, within what is joined as it is."""
+        joins = isinstance(getattr(node, "op", None), ast.BitAnd | ast.BitOr | ast.Invert)
+        within, self.joined = self.joined, joins
+        self.generic_visit(node)
+        self.joined = within
+        if within or not (joins or isinstance(node, ast.Compare)):
+            return node
+        return ast.BinOp(ast.Constant(1.0), ast.Mult(), node)
 
 
 def _check_call(call: ast.Call, text: str) -> None:
@@ -245,8 +267,12 @@ def _checked(effect: _Formula, text: str) -> Effect:
     starts = {parameter.name: parameter.start for parameter in effect.parameters}
     with np.errstate(all="ignore"):
         found = Walker((effect,)).predict(Inputs(200.0, 10.0, 0.4, 0.6), [starts]).observables
+        idle = not changes_something(effect)
     if not np.isfinite(found).all():
         raise InputError(f"--effect {text!r}: gives no number at k 200 N/m, ω 10 rad/s, φ 0.6 and {starts}")
+    if idle:
+        sets = ", ".join(effect.sets.quantities)
+        raise InputError(f"--effect {text!r}: changes nothing: {sets} stays the same, or is used before {effect.stage}")
     return effect
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sandbot_model.physics import guarded
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Values
 from sandbot_model.physics.geometry import chord
@@ -18,7 +19,8 @@ def through(chain: Chain, effects: Active) -> Chain:
     def act(stage: str) -> None:
         for effect, values in effects:
             if effect.stage == stage:
-                effect.apply(chain, values)
+                own = type(effect).__module__.startswith(f"{__package__}.")
+                effect.apply(chain, values) if own else guarded.apply(effect, chain, values)
 
     robot = chain.robot
     act("clock")

@@ -14,6 +14,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from sandbot_model.physics.arrays import Array, Ints
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect
+from sandbot_model.physics.guarded import Replaced
 from sandbot_model.physics.machine import COMPARISONS, LOGICAL, NUMBER, OF_ROW, UNARY
 from sandbot_model.physics.stages import through
 from sandbot_model.physics.walking import Walker, observables
@@ -28,7 +29,7 @@ class Unrecordable(TypeError):
     """What is done can't be written down."""
 
 
-class Recorded(NDArrayOperatorsMixin):
+class Recorded(Replaced, NDArrayOperatorsMixin):
     """A quantity of the chain on a tape: the register that holds it, and whether it is a truth value."""
 
     def __init__(self, tape: "Tape", register: int, truth: bool = False) -> None:
