@@ -1,3 +1,4 @@
+import dataclasses
 import json
 
 import numpy as np
@@ -15,7 +16,7 @@ def test_mean_speed_is_the_models():
     assert found == pytest.approx(float(Walker().predict(Inputs(220.0, 16.0, 0.4)).speed_m_s))
 
 
-@pytest.mark.parametrize("effects", ["", "stance_overlap", "slow_phase_speed,disturbed_ground"])
+@pytest.mark.parametrize("effects", ["", "stance_overlap", "slow_phase_speed,disturbed_ground", "phi_nonuniformity"])
 def test_a_curve_is_the_mean_speed_at_each_frequency(effects):
     predictor = predictor_of(PredictorParameters(effects=effects))
     omega = np.array([4.0, 12.0, 24.0, 38.5])
@@ -35,6 +36,17 @@ def test_instant_speed_over_half_a_period_makes_the_mean():
     assert np.mean(v_x) == pytest.approx(predictor.mean_speed(0.62, omega, "UNIFORM"), rel=5e-3)
     assert max(v_x) == pytest.approx(0.0355 * omega, rel=1e-6)
     assert min(v_x) == 0.0
+
+
+def test_ground_that_differs_along_the_track_is_averaged_over():
+    """Beside the switch some steps swim; by brute force over k, straight in φ."""
+    straight = PredictorParameters(phi=(0.58, 0.62), k_n_per_m=(180.0, 220.0))
+    values = "phi_nonuniformity.sigma_phi=0.004"
+    varied = predictor_of(dataclasses.replace(straight, effects="phi_nonuniformity", values=values))
+    found, even = (one.mean_speed(0.6, 24.0) for one in (varied, predictor_of(straight)))
+    local = 200.0 + 4.0 * np.random.default_rng(0).standard_normal(4000)
+    assert found == pytest.approx(Walker().predict(Inputs(local, 24.0, 0.4)).speed_m_s.mean(), abs=3e-3)
+    assert abs(found - even) > 5e-3
 
 
 def test_a_swimmer_keeps_its_speed():

@@ -20,6 +20,7 @@ from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.states import States
 from sandbot_model.fitting.uncertainty import deviations, propagated
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.walking import KCurve, Prediction
@@ -200,7 +201,7 @@ class Fitted:
         curve = KCurve(self.level_phi, k)
         inputs, params = self.model.inputs(theta, curve(at), omega, at, clock, curve)
         shape = np.broadcast_shapes(np.shape(at), np.shape(omega), np.shape(clock.slow_ratio))
-        found = self.model.walker.predict(inputs, params)
+        found = predicted(self.model.walker, inputs, params, curve)
         return Prediction(*(np.broadcast_to(values, shape) for values in vars(found).values()))
 
 
