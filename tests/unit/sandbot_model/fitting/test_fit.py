@@ -8,6 +8,7 @@ from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.gait import clock
 from sandbot_model.physics.model import model_of
 
 EFFECTS = catalogue()
@@ -64,6 +65,14 @@ def test_predicts_what_it_has_fitted(drawn, name, least):
     inputs, params = model.inputs(found.point.theta, found.k_n_per_m[cells.level], cells.omega, phi, cells.clock)
     alone = model.walker.predict(inputs, params).speed_m_s
     assert np.abs(alone - said.speed_m_s).max() >= least
+
+
+def test_predicts_for_the_gait_of_most_trials(two_gaits):
+    """Control: another gait that is asked for."""
+    assert (two_gaits.gait, two_gaits.cells.gait[0]) == ("SGCS", "HGCS")
+    usual, soft, hard = (two_gaits.predict(0.633, 10.0, one).speed_m_s for one in (None, *clock(["SGCS", "HGCS"])))
+    assert usual == soft
+    assert abs(usual - hard) > 5e-3
 
 
 def test_predicts_between_cells(drawn):

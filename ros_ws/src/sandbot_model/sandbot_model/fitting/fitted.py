@@ -1,5 +1,6 @@
 """What a fit has found, and what follows from it: errors, misses, predictions and how precise they are."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -138,6 +139,14 @@ class Fitted:
         """Parameters more than three standard errors outside their plausible range."""
         return goodness.implausible(self.model, self.parameters)
 
+    @cached_property
+    def gait(self) -> str:
+        """The gait of most trials."""
+        trials = Counter[str]()
+        for gait, count in zip(self.cells.gait, self.cells.n.max(axis=1).tolist(), strict=True):
+            trials[gait] += count
+        return max(trials, key=trials.__getitem__)
+
     @property
     def warm_start(self) -> WarmStart:
         """What a larger model may start from."""
@@ -147,7 +156,7 @@ class Fitted:
     def predict(self, phi: ArrayLike, omega: ArrayLike, clock: Clock | None = None) -> Prediction:
         """The observables at other conditions; k is interpolated between levels and held beyond them.
 
-        ``clock`` is how legs turn (``gait.clock``), by default as in the first of the trials.
+        ``clock`` is how legs turn (``gait.clock``), by default as in most of the trials.
         """
         return self._predict(self.point.theta, self.point.ln_k, phi, omega, clock)
 
@@ -160,11 +169,11 @@ class Fitted:
         shape = np.broadcast_shapes(np.shape(phi), np.shape(omega), () if clock is None else np.shape(clock.slow_ratio))
         return np.asarray(np.broadcast_to(found, (*shape, 4)))
 
-    def deviations(self, phi: Array, omega: Array) -> Array:
+    def deviations(self, phi: Array, omega: Array, clock: Clock | None = None) -> Array:
         """Changes ``(axes, n, 4)`` of what ``predict`` says at conditions ``(n,)``, one standard deviation along each
         principal axis of what θ and k are not known to: their products summed are its covariance.
         """
-        found = self._along(deviations, lambda theta, k: self._predict(theta, k, phi, omega, None).observables)
+        found = self._along(deviations, lambda theta, k: self._predict(theta, k, phi, omega, clock).observables)
         return np.array([np.broadcast_to(one, (len(phi), 4)) for one in found]).reshape(-1, len(phi), 4)
 
     def press(self, phi: Array, depth_m: Array) -> tuple[Array, Array]:
@@ -196,8 +205,7 @@ class Fitted:
 
     def _predict(self, theta: Array, ln_k: Array, phi: ArrayLike, omega: ArrayLike, clock: Clock | None) -> Prediction:
         at, k = np.asarray(phi, dtype=float), np.exp(ln_k)
-        cells = self.cells
-        clock = cells.clock[0] if clock is None else clock
+        clock = self.cells.clock[self.cells.gait.index(self.gait)] if clock is None else clock
         curve = KCurve(self.level_phi, k)
         inputs, params = self.model.inputs(theta, curve(at), omega, at, clock, curve)
         shape = np.broadcast_shapes(np.shape(at), np.shape(omega), np.shape(clock.slow_ratio))

@@ -52,7 +52,7 @@ def predicted(walker: Walker, inputs: Inputs, params: Params, curve: KCurve) -> 
     if not along_the_track(walker):
         return walker.predict(inputs, params)
     k = np.asarray(inputs.k_n_per_m)
-    slope = np.interp(inputs.phi, curve.phi, slope_of(curve.phi, curve.k_n_per_m))
+    slope = np.interp(np.asarray(inputs.phi, dtype=float), curve.phi, slope_of(curve.phi, curve.k_n_per_m))
     sigma_k = slope * walker.sigma_phi(inputs, params)
     steps = [walker.predict(replace(inputs, k_n_per_m=np.maximum(k + x * sigma_k, LEAST * k)), params) for x in PLACES]
     values = np.stack([step.observables for step in steps], axis=-2)
