@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from sandbot_common.errors import InputError
+from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.predictor import PredictorParameters, predictor_of
+from sandbot_model.physics.variants import under
 from sandbot_model.physics.walking import Inputs, Walker
 
 PARAMETERS = PredictorParameters()
@@ -68,6 +70,27 @@ def test_takes_the_last_step_of_a_result(tmp_path):
     path.write_text(json.dumps({"model": "simple", "steps": [{"effects": []}, step]}))
     found = predictor_of(PredictorParameters(result=str(path)))
     assert found.mean_speed(0.633, 16.0) == pytest.approx(0.8 * predictor_of(PARAMETERS).mean_speed(0.633, 16.0))
+
+
+@pytest.mark.parametrize("kept", ["step", "file"])
+def test_a_result_is_run_under_the_convention_that_was_fitted(tmp_path, kept):
+    """Control: without it the catalogue's formula."""
+    convention = {"variants": {"cable_drag": "by the ground's stiffness, the peak spared"}}
+    step = {
+        "effects": ["cable_drag"],
+        "parameters": {"delta_t_s": {"value": 0.4}, "cable_drag.f_c_n": {"value": 0.5}},
+        "k_n_per_m": [{"phi": 0.6, "value": 205.0}, {"phi": 0.633, "value": 220.0}],
+    }
+    path = tmp_path / "result.json"
+
+    def speed(in_step, in_file):
+        path.write_text(json.dumps({"model": "simple", "steps": [step | in_step]} | in_file))
+        return predictor_of(PredictorParameters(result=str(path))).mean_speed(0.6, 16.0)
+
+    found = speed(convention, {}) if kept == "step" else speed({}, convention)
+    variant = under(convention["variants"], catalogue())["cable_drag"]
+    assert found == Walker((variant,)).predict(Inputs(205.0, 16.0, 0.4), [{"f_c_n": 0.5}]).speed_m_s
+    assert abs(found - speed({}, {})) > 0.01
 
 
 def test_effects_and_values_by_name():

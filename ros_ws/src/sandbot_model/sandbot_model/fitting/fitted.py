@@ -53,6 +53,11 @@ class Fitted:
         """Identifiers of the effects on top of the base model."""
         return self.model.identifiers
 
+    @property
+    def variants(self) -> dict[str, str]:
+        """Those of them that are under another convention than the catalogue's, and which (``physics.variants``)."""
+        return {effect.identifier: effect.variant for effect in self.model.effects if effect.variant}
+
     @cached_property
     def parameters(self) -> Mapping[str, Estimate]:
         """The shared parameters."""

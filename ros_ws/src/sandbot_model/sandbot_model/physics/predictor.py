@@ -19,6 +19,7 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import stance_angle, step_from_lift
 from sandbot_model.physics.model import Model, model_of
+from sandbot_model.physics.variants import under
 from sandbot_model.physics.walking import BASES, KCurve, Prediction
 
 
@@ -128,7 +129,9 @@ def predictor_from_json(path: Path, robot: Robot | None = None) -> Predictor:
         phi, k = np.array([(row["phi"], row["value"]) for row in step["k_n_per_m"]], dtype=float).T
         stated = content.get("robot")
         own = robot_from_mapping(stated, f"{path}: robot") if stated is not None else robot or SANDBOT
-        model = model_of(content["model"], step["effects"], catalogue(), own)
+        # Older files say it once for all steps.
+        effects = under(step.get("variants", content.get("variants", {})), catalogue())
+        model = model_of(content["model"], step["effects"], effects, own)
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{path}: not a result of discover or compare: {type(error).__name__} {error}") from None
     if robot is not None and robot != own:
