@@ -103,6 +103,12 @@ def test_effects_and_values_by_name():
     [
         ({"effects": "overlap"}, "not in the catalogue"),
         ({"values": "stance_overlap.eta=0.2"}, "no parameter of this model"),
+        (
+            {"effects": "stance_overlap", "values": "stance_overlap.eta=12"},
+            "values: stance_overlap.eta=12: at least 0 and",
+        ),
+        ({"effects": "disturbed_ground", "values": "disturbed_ground.s_c=-3"}, "s_c=-3: at least"),
+        ({"values": "delta_t_s=-1"}, "values: delta_t_s=-1: at least 0.02 is needed"),
         ({"effects": "stance_overlap", "values": "stance_overlap.eta"}, "is not 'effect.parameter=number'"),
         ({"phi": (0.6, 0.58), "k_n_per_m": (200.0, 210.0)}, "phi must rise"),
         ({"phi": (0.58, 0.6)}, "as many values"),

@@ -140,8 +140,10 @@ def predictor_from_json(path: Path, robot: Robot | None = None) -> Predictor:
 
 
 def _predictor(model: Model, values: Mapping[str, float], phi: Array, k: Array, where: str) -> Predictor:
-    for name in values:
-        if name not in model.names and name != "v_swim_m_s":
+    for name, value in values.items():
+        if name in model.names:
+            model.parameter(name).check(value, f"{where}: {name}")
+        elif name != "v_swim_m_s":
             raise InputError(f"{where}: {name!r} is no parameter of this model; it has {', '.join(model.names)}")
     starts = dict(zip(model.names, (parameter.start for parameter in model.parameters), strict=True))
     theta = np.array([values.get(name, start) for name, start in starts.items()], dtype=float)
