@@ -21,9 +21,9 @@ from sandbot_common.accuracy import Accuracy
 from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.fitted import state_at
-from sandbot_model.fitting.global_minimum import slope_of
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.states import States
+from sandbot_model.physics.averaging import slope_of
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import COLUMNS, usual_noise

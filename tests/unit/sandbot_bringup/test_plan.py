@@ -83,6 +83,17 @@ def test_next_trials_become_extra_conditions_counted_on_from_the_grid(tmp_path):
     assert len(trials) == 2 + 5
 
 
+@pytest.mark.parametrize(("gait", "own"), [("SGCS", "SGCS"), ("UNIFORM", ""), ("", ""), (None, "")])
+def test_next_trials_run_in_the_gait_that_they_are_meant_for(tmp_path, gait, own):
+    """Control: the plan's gait, and none, are none of their own."""
+    path = tmp_path / "next.json"
+    asked = {"phi": 0.61, "omega_rad_s": 18, "replicates": 1} | ({} if gait is None else {"gait": gait})
+    path.write_text(json.dumps({"next_trials": [asked]}))
+    plan = with_next_trials(plan_of(GOOD, "plan"), path)
+    assert [trial.gait for trial in trials_of(plan)][8:] == [own]
+    assert with_next_trials(plan, path) == plan
+
+
 @pytest.mark.parametrize(
     "text", ["", "{}", '{"next_trials": []}', '{"next_trials": [1]}', '{"next_trials": [{"phi": 2}]}']
 )

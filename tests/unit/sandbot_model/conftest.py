@@ -1,11 +1,16 @@
 """Trials drawn from the project's own model: known truth for fits (the blind truth is in tests/hidden)."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import _drawn
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
+from sandbot_model.physics.model import model_of
 from sandbot_model.physics.walking import Walker
 
 EFFECTS = {effect.identifier: effect for effect in CATALOGUE}
@@ -26,3 +31,13 @@ def draw(
 @pytest.fixture(scope="session")
 def drawn():
     return draw
+
+
+@pytest.fixture(scope="session")
+def two_gaits():
+    """A fit to trials of HGCS at 6 rad/s, and of SGCS at two frequencies, that minds the rate of the slow phase."""
+    trials = draw(levels=2, omega=(6, 10, 14))
+    trials = dataclasses.replace(trials, gait=np.where(trials.omega_rad_s == 6, "HGCS", "SGCS"))
+    base = fit(model_of("simple", (), EFFECTS), cells_of(trials))
+    model = model_of("simple", ("slow_phase_speed",), EFFECTS)
+    return fitted_at(model, base.cells, dataclasses.replace(base.point, theta=np.append(base.point.theta, 0.9)))

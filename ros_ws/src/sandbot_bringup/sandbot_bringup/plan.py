@@ -288,7 +288,8 @@ def _placed(
 
 
 def with_next_trials(plan: Plan, path: Path) -> Plan:
-    """The plan extended by the ``next_trials`` of a discovery JSON (sandbot.discovery/1 or /2), each only once."""
+    """The plan extended by the ``next_trials`` of a discovery JSON (sandbot.discovery/1 or /2), each only once, in the
+    gait they are meant for, else the plan's."""
     # Here, because all that fits comes with it, and most plans need none of that.
     from sandbot_model.discovery.next_trials import PENETRATION
 
@@ -299,7 +300,7 @@ def with_next_trials(plan: Plan, path: Path) -> Plan:
     walks = [one for one in proposed if not (isinstance(one, Mapping) and one.get("observable") == PENETRATION)]
     if not walks:
         raise InputError(f"{path}: its next_trials are penetrometer readings, no trials; see discover --penetrometer")
-    asked = _conditions(walks, plan.replicates, str(path))
+    asked = _conditions(walks, plan, str(path))
     known = [{key: value for key, value in one.items() if key != "round"} for one in plan.extra_trials]
     later = {"round": max(_rounds(plan)) + 1} if plan.extra_trials else {}
     extras = [{**one, **later} for one in asked if one not in known]
@@ -326,18 +327,20 @@ def with_block(plan: Plan, block: Sequence[Mapping[str, Any]]) -> Plan:
     return dataclasses.replace(plan, extra_trials=(*plan.extra_trials, *extras))
 
 
-def _conditions(proposed: Iterable[Any], replicates: int, where: str) -> Iterable[dict[str, Any]]:
+def _conditions(proposed: Iterable[Any], plan: Plan, where: str) -> Iterable[dict[str, Any]]:
     # One bag measures every observable, so proposals that differ only in the observable are one condition.
-    seen: dict[tuple[float, float], int] = {}
+    seen: dict[tuple[float, float, str], int] = {}
     for index, one in enumerate(proposed):
         if not isinstance(one, Mapping):
             raise InputError(f"{where}: next_trials[{index}]: expected phi and omega_rad_s, got {one!r}")
-        known = {key: one[key] for key in ("phi", "omega_rad_s", "replicates") if key in one}
-        extra = from_mapping(ExtraTrials, {"replicates": replicates, **known}, f"{where}: next_trials[{index}]")
-        key = (float(DIGITS["phi"] % extra.phi), float(DIGITS["omega_rad_s"] % extra.omega_rad_s))
+        known = {key: one[key] for key in ("phi", "omega_rad_s", "replicates", "gait") if key in one}
+        if known.get("gait") == plan.gait_name:
+            del known["gait"]
+        extra = from_mapping(ExtraTrials, {"replicates": plan.replicates, **known}, f"{where}: next_trials[{index}]")
+        key = (float(DIGITS["phi"] % extra.phi), float(DIGITS["omega_rad_s"] % extra.omega_rad_s), extra.gait)
         seen[key] = max(seen.get(key, 0), extra.replicates)
-    for (phi, omega), count in seen.items():
-        yield {"phi": phi, "omega_rad_s": omega, "replicates": count}
+    for (phi, omega, gait), count in seen.items():
+        yield {"phi": phi, "omega_rad_s": omega, "replicates": count, **({"gait": gait} if gait else {})}
 
 
 def _planned(plan: Plan, of: ExtraTrials, name: str, replicate: int) -> PlannedTrial:

@@ -130,7 +130,7 @@ def _look(plan: Plan, folder: CampaignFolder, vetoed: Collection[str], number: i
     grid = [(phi, omega) for phi in plan.phi for omega in plan.omega_rad_s if (phi, omega) not in refused]
     if not grid:
         raise InputError(f"{plan.name}: every condition of the plan has been skipped: there is nothing left to run")
-    offered = design.Plan(grid, seconds(plan, folder), plan.replicates)
+    offered = design.Plan(grid, seconds(plan, folder), plan.replicates, plan.gait_name)
     cells = cells_of(from_bags.campaign(folder.path, crew).trials)
     with crew.map() as fit_all:
         found = design.look(

@@ -32,6 +32,21 @@ def test_next_trials_split_what_is_left(drawn):
     assert all(trial.replicates >= 2 for trial in trials)
 
 
+def test_a_proposal_says_in_which_gait_it_is_meant(two_gaits):
+    """Control: where the trials tell no gait it is the plan's."""
+    base = compare(two_gaits.cells, catalogue()).fit
+    (first, *_) = next_trials([two_gaits, base])
+    assert first.gait == "SGCS"
+    assert first.where.endswith("rad/s, SGCS")
+    untold = [
+        dataclasses.replace(one, cells=dataclasses.replace(one.cells, gait=("",) * len(one.cells)))
+        for one in (two_gaits, base)
+    ]
+    (first, *_) = next_trials(untold)
+    assert first.gait == ""
+    assert first.where.endswith("rad/s")
+
+
 def test_a_set_is_not_told_from_itself(drawn):
     fit = compare(cells_of(drawn(seed=6, levels=3)), catalogue()).fit
     assert next_trials([fit, fit]) == []

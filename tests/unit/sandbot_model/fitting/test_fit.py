@@ -1,3 +1,4 @@
+import dataclasses
 import pickle
 
 import numpy as np
@@ -5,8 +6,9 @@ import pytest
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.gait import clock
 from sandbot_model.physics.model import model_of
 
 EFFECTS = catalogue()
@@ -36,8 +38,6 @@ def test_standard_errors_cover_the_truth(drawn):
 def test_speed_alone_is_enough(drawn):
     trials = drawn()
     nothing = np.full(len(trials), np.nan)
-    import dataclasses
-
     trials = dataclasses.replace(trials, lift_m=nothing, peak_speed_m_s=nothing, first_step_m=nothing)
     found = fit(model_of("simple", (), EFFECTS), cells_of(trials))
     assert found.parameters["delta_t_s"].value == pytest.approx(0.4, abs=0.06)
@@ -48,6 +48,31 @@ def test_without_replicates_nothing_is_tested(drawn):
     found = fit(model_of("simple", (), EFFECTS), cells_of(drawn(replicates=1)))
     assert np.isnan(found.lack_of_fit_p)
     assert found.rmse_m_s < 0.02
+
+
+@pytest.mark.parametrize(("name", "least"), [("phi_nonuniformity", 0.01), ("stance_overlap", 0.0)])
+def test_predicts_what_it_has_fitted(drawn, name, least):
+    """Ground that differs along the track is averaged over; ``least`` is what the chain alone is off by somewhere."""
+    cells = dataclasses.replace(cells_of(drawn(levels=4)), phi_scatter=0.0)
+    base = fit(model_of("simple", (), EFFECTS), cells)
+    model = model_of("simple", (name,), EFFECTS, held={f"{name}.{EFFECTS[name].parameters[0].name}": 0.004})
+    found = fitted_at(model, cells, dataclasses.replace(base.point, theta=np.append(base.point.theta, 0.004)))
+    phi = cells.level_phi[cells.level]
+    said = found.predict(phi, cells.omega, cells.clock)
+    off = np.abs(said.speed_m_s - found.predicted[:, 0])
+    assert np.sqrt(np.mean(off**2)) < 2.5e-3
+    np.testing.assert_allclose(said.lift_m, found.predicted[:, 1], atol=2e-4)
+    inputs, params = model.inputs(found.point.theta, found.k_n_per_m[cells.level], cells.omega, phi, cells.clock)
+    alone = model.walker.predict(inputs, params).speed_m_s
+    assert np.abs(alone - said.speed_m_s).max() >= least
+
+
+def test_predicts_for_the_gait_of_most_trials(two_gaits):
+    """Control: another gait that is asked for."""
+    assert (two_gaits.gait, two_gaits.cells.gait[0]) == ("SGCS", "HGCS")
+    usual, soft, hard = (two_gaits.predict(0.633, 10.0, one).speed_m_s for one in (None, *clock(["SGCS", "HGCS"])))
+    assert usual == soft
+    assert abs(usual - hard) > 5e-3
 
 
 def test_predicts_between_cells(drawn):

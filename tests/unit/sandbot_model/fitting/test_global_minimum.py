@@ -7,7 +7,6 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.fitting.global_minimum import (
     best_state,
-    slope_of,
     solve,
     solve_first,
     solve_further,
@@ -17,6 +16,7 @@ from sandbot_model.fitting.global_minimum import (
 )
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.starts import profile
+from sandbot_model.physics.averaging import slope_of
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 
@@ -69,10 +69,3 @@ def test_it_is_the_same_every_time_and_no_neighbour_is_lower(drawn):
     moves = np.random.default_rng(0).normal(0.0, 2e-3, (50, found.ln_k.shape[1]))
     around = problem.states(np.repeat(found.theta, 50, axis=0), found.ln_k + moves, found.slope[0])
     assert around.deviance.min() > found.deviance[0] - 0.05
-
-
-def test_the_slope_of_k_is_that_of_a_straight_line_and_bounded_otherwise():
-    phi, k = np.array([0.58, 0.60, 0.62]), np.array([180.0, 200.0, 220.0])
-    assert slope_of(phi, k) == pytest.approx([1000.0] * 3)
-    assert (slope_of(phi, np.full(3, 200.0)) > 0).all()
-    assert slope_of(phi[:1], k[:1]) == pytest.approx([900.0])

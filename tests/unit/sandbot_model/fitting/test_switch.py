@@ -10,13 +10,13 @@ from scipy.special import ndtr
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting import cell_means
-from sandbot_model.fitting.averaging import NODES, WEIGHTS
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.jacobian import cell_jacobian
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.operations import CompiledChains
 from sandbot_model.fitting.points import ArrayChains, Conditions, Points
 from sandbot_model.fitting.switch import share_of_nodes, switches_of
+from sandbot_model.physics.averaging import NODES, WEIGHTS
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.model import model_of

@@ -1,10 +1,13 @@
+import dataclasses
 import json
 
 import numpy as np
 import pytest
 
 from sandbot_common.errors import InputError
+from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.predictor import PredictorParameters, predictor_of
+from sandbot_model.physics.variants import under
 from sandbot_model.physics.walking import Inputs, Walker
 
 PARAMETERS = PredictorParameters()
@@ -15,7 +18,7 @@ def test_mean_speed_is_the_models():
     assert found == pytest.approx(float(Walker().predict(Inputs(220.0, 16.0, 0.4)).speed_m_s))
 
 
-@pytest.mark.parametrize("effects", ["", "stance_overlap", "slow_phase_speed,disturbed_ground"])
+@pytest.mark.parametrize("effects", ["", "stance_overlap", "slow_phase_speed,disturbed_ground", "phi_nonuniformity"])
 def test_a_curve_is_the_mean_speed_at_each_frequency(effects):
     predictor = predictor_of(PredictorParameters(effects=effects))
     omega = np.array([4.0, 12.0, 24.0, 38.5])
@@ -35,6 +38,17 @@ def test_instant_speed_over_half_a_period_makes_the_mean():
     assert np.mean(v_x) == pytest.approx(predictor.mean_speed(0.62, omega, "UNIFORM"), rel=5e-3)
     assert max(v_x) == pytest.approx(0.0355 * omega, rel=1e-6)
     assert min(v_x) == 0.0
+
+
+def test_ground_that_differs_along_the_track_is_averaged_over():
+    """Beside the switch some steps swim; by brute force over k, straight in φ."""
+    straight = PredictorParameters(phi=(0.58, 0.62), k_n_per_m=(180.0, 220.0))
+    values = "phi_nonuniformity.sigma_phi=0.004"
+    varied = predictor_of(dataclasses.replace(straight, effects="phi_nonuniformity", values=values))
+    found, even = (one.mean_speed(0.6, 24.0) for one in (varied, predictor_of(straight)))
+    local = 200.0 + 4.0 * np.random.default_rng(0).standard_normal(4000)
+    assert found == pytest.approx(Walker().predict(Inputs(local, 24.0, 0.4)).speed_m_s.mean(), abs=3e-3)
+    assert abs(found - even) > 5e-3
 
 
 def test_a_swimmer_keeps_its_speed():
@@ -58,6 +72,27 @@ def test_takes_the_last_step_of_a_result(tmp_path):
     assert found.mean_speed(0.633, 16.0) == pytest.approx(0.8 * predictor_of(PARAMETERS).mean_speed(0.633, 16.0))
 
 
+@pytest.mark.parametrize("kept", ["step", "file"])
+def test_a_result_is_run_under_the_convention_that_was_fitted(tmp_path, kept):
+    """Control: without it the catalogue's formula."""
+    convention = {"variants": {"cable_drag": "by the ground's stiffness, the peak spared"}}
+    step = {
+        "effects": ["cable_drag"],
+        "parameters": {"delta_t_s": {"value": 0.4}, "cable_drag.f_c_n": {"value": 0.5}},
+        "k_n_per_m": [{"phi": 0.6, "value": 205.0}, {"phi": 0.633, "value": 220.0}],
+    }
+    path = tmp_path / "result.json"
+
+    def speed(in_step, in_file):
+        path.write_text(json.dumps({"model": "simple", "steps": [step | in_step]} | in_file))
+        return predictor_of(PredictorParameters(result=str(path))).mean_speed(0.6, 16.0)
+
+    found = speed(convention, {}) if kept == "step" else speed({}, convention)
+    variant = under(convention["variants"], catalogue())["cable_drag"]
+    assert found == Walker((variant,)).predict(Inputs(205.0, 16.0, 0.4), [{"f_c_n": 0.5}]).speed_m_s
+    assert abs(found - speed({}, {})) > 0.01
+
+
 def test_effects_and_values_by_name():
     found = predictor_of(PredictorParameters(effects="stance_overlap", values="stance_overlap.eta=0.2"))
     assert found.mean_speed(0.633, 16.0) == pytest.approx(0.8 * predictor_of(PARAMETERS).mean_speed(0.633, 16.0))
@@ -68,6 +103,12 @@ def test_effects_and_values_by_name():
     [
         ({"effects": "overlap"}, "not in the catalogue"),
         ({"values": "stance_overlap.eta=0.2"}, "no parameter of this model"),
+        (
+            {"effects": "stance_overlap", "values": "stance_overlap.eta=12"},
+            "values: stance_overlap.eta=12: at least 0 and",
+        ),
+        ({"effects": "disturbed_ground", "values": "disturbed_ground.s_c=-3"}, "s_c=-3: at least"),
+        ({"values": "delta_t_s=-1"}, "values: delta_t_s=-1: at least 0.02 is needed"),
         ({"effects": "stance_overlap", "values": "stance_overlap.eta"}, "is not 'effect.parameter=number'"),
         ({"phi": (0.6, 0.58), "k_n_per_m": (200.0, 210.0)}, "phi must rise"),
         ({"phi": (0.58, 0.6)}, "as many values"),

@@ -5,9 +5,10 @@ import pickle
 import numpy as np
 import pytest
 
+from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
-from sandbot_model.physics.variants import NEW, VARIANTS, variants_of
+from sandbot_model.physics.variants import NEW, VARIANTS, under, variants_of
 from sandbot_model.physics.walking import Inputs, KCurve, Walker
 from sandbot_model.report.effect_facts import words
 
@@ -25,6 +26,27 @@ def predicted(effect):
     """At its start; a ramp as wide as R, so that its width shows."""
     start = {one.name: 0.0 if one.name == "log_width" else one.start for one in effect.parameters}
     return Walker((effect,)).predict(Inputs(K, OMEGA, 0.4, 0.615, k_of_phi=GROUND), [start]).observables
+
+
+@pytest.mark.parametrize(("family", "variant"), PAIRS, ids=lambda one: f"{one.identifier} {one.variant}")
+def test_a_variant_can_be_typed_as_an_effect_beside_its_family(family, variant):
+    typed = catalogue(formulas=[variant.as_formula])[f"{family.identifier}_variant"]
+    ranges = [{(one.name, one.unit, one.low, one.high) for one in each.parameters} for each in (typed, variant)]
+    assert ranges[0] == ranges[1]
+    values = {one.name: one.start for one in variant.parameters}
+    here = Inputs(K, OMEGA, 0.4, 0.615, k_of_phi=GROUND)
+    one, other = (Walker((effect,)).predict(here, [values]).observables for effect in (typed, variant))
+    np.testing.assert_array_equal(one, other)
+
+
+def test_a_catalogue_under_other_conventions_is_the_same_but_for_these():
+    usual = catalogue()
+    found = under({"leg_slip": "the first step spared"}, usual)
+    assert list(found) == list(usual)
+    assert [name for name in usual if found[name] is not usual[name]] == ["leg_slip"]
+    assert found["leg_slip"].variant == "the first step spared"
+    with pytest.raises(KeyError):
+        under({"leg_slip": "none"}, usual)
 
 
 def test_every_family_with_variants_is_in_the_catalogue():

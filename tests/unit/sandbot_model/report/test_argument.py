@@ -28,8 +28,8 @@ from sandbot_model.report.theme import DARK, LIGHT
 
 TRIED = ("disturbed_ground", "leg_slip", "cable_drag", "exact_leg_arc", "crater_refill")
 NEXT = (
-    NextTrial(0.615, 12.5, "speed", ("leg_slip", "cable_drag"), 4.2, 170),
-    NextTrial(0.6, 8.0, "lift", ("leg_slip", "cable_drag"), 2.1, 3),
+    NextTrial(0.615, 12.5, "speed", ("leg_slip", "cable_drag"), 4.2, 170, gait="UNIFORM"),
+    NextTrial(0.6, 8.0, "lift", ("leg_slip", "cable_drag"), 2.1, 3, gait="HGCS"),
     NextTrial(0.6, float("nan"), PENETRATION, ("leg_slip", "cable_drag"), 9.0, 2, 0.02),
 )
 
@@ -141,8 +141,8 @@ def test_the_plan_is_one_that_a_campaign_runs(undecided, tmp_path):
     path = tmp_path / "next.yaml"
     path.write_text(plan(undecided), encoding="utf-8")
     planned = trials_of(read_plan(path))
-    asked = {(trial.phi, trial.omega_rad_s) for trial in planned}
-    assert asked == {(0.615, 12.5), (0.6, 8.0)}
+    asked = {(trial.phi, trial.omega_rad_s, trial.gait) for trial in planned}
+    assert asked == {(0.615, 12.5, ""), (0.6, 8.0, "HGCS")}
     assert len(planned) == MOST_REPLICATES + 3
     assert yaml.safe_load(path.read_text(encoding="utf-8"))["gait"] == "UNIFORM"
 

@@ -18,12 +18,13 @@ from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.explore import views
-from sandbot_model.explore.actions import can_adopt
+from sandbot_model.explore.actions import can_adopt, with_verdict
 from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.goodness import FAIL_Z
 from sandbot_model.fitting.text import counted, table, to_error, wrapped
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
+from sandbot_model.physics.variants import under
 from sandbot_model.report import figure_sections, rivals
 from sandbot_model.report.curves import steps
 from sandbot_model.tools import answer, compare, tables
@@ -185,6 +186,23 @@ def test_of_one_that_is_identified_it_is_said_and_offered(two):
     assert answer.of_discovery(found).startswith("verdict: identified: leg_slip\n")
     assert "; best in 100 % of bootstrap draws" in " ".join(answer.of_discovery(found).split())
     assert can_adopt(found)
+
+
+@pytest.mark.parametrize("variant", ["the first step spared", ""])
+def test_how_to_repeat_another_convention_is_said_and_switched_on(two, variant):
+    """What is said, and what the explorer switches on, gives the same fit; control: the catalogue's convention."""
+    effects = under({"leg_slip": variant} if variant else {}, catalogue())
+    fit = compare_fits(two.cells, effects, ["leg_slip"]).fit
+    found = replace(
+        two, steps=(two.steps[0], fit), verdict=replace(two.verdict, status="identified", alternatives=(("leg_slip",),))
+    )
+    told, adopted = answer.of_discovery(found), with_verdict(Selection(), found)
+    assert ("has the catalogue's convention" in " ".join(told.split())) == bool(variant)
+    assert (adopted.effects, len(adopted.formulas)) == (("leg_slip_variant",), 1) if variant else (("leg_slip",), 0)
+    if variant:
+        assert f"compare DATA --model simple --effect '{adopted.formulas[0]}'" in told
+        again = compare_fits(two.cells, catalogue(formulas=adopted.formulas), adopted.effects).fit
+        assert again.deviance == pytest.approx(fit.deviance, abs=0.01)
 
 
 def test_candidates_say_what_they_were_fitted_without(two):

@@ -7,6 +7,7 @@ import numpy as np
 
 from sandbot_model.design.explanations import name_of, readings
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.observables import Observable
 
 POINTS = 33
@@ -25,7 +26,9 @@ class Curve:
     speed_m_s: tuple[float, ...]
 
 
-def curves(rivals: Sequence[Fit], phi: Collection[float], omega_rad_s: Sequence[float]) -> tuple[Curve, ...]:
+def curves(
+    rivals: Sequence[Fit], phi: Collection[float], omega_rad_s: Sequence[float], clock: Clock | None = None
+) -> tuple[Curve, ...]:
     """One for each rival and φ, from the least frequency to the largest."""
     omega = np.linspace(min(omega_rad_s), max(omega_rad_s), POINTS)
     return tuple(
@@ -33,7 +36,7 @@ def curves(rivals: Sequence[Fit], phi: Collection[float], omega_rad_s: Sequence[
             name_of(fit),
             one,
             tuple(omega.round(DIGITS).tolist()),
-            tuple(readings(fit, np.full_like(omega, one), omega)[:, Observable.speed].round(DIGITS).tolist()),
+            tuple(readings(fit, np.full_like(omega, one), omega, clock)[:, Observable.speed].round(DIGITS).tolist()),
         )
         for fit in rivals
         for one in sorted(phi)

@@ -9,6 +9,7 @@ from sandbot_model.discovery.nuisances_about import ALONG, LIFT_ZERO, SPEED_SCAL
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.observables import Observable
 
 MANY = len(Observable)
@@ -36,8 +37,9 @@ def explained_by(fit: Fit, places: Places) -> Explanation:
     """What a fit predicts."""
     precision = places.precision
     zero_m, scale = read_with(fit)
-    read = readings(fit, places.phi, places.omega)
-    off = np.concatenate([fit.deviations(places.phi, places.omega), readings_off(read, zero_m.stderr, scale.stderr)])
+    at = places.phi, places.omega, places.clock
+    read = readings(fit, *at)
+    off = np.concatenate([fit.deviations(*at), readings_off(read, zero_m.stderr, scale.stderr)])
     # Beside a switch parameters seem to leave open what trials have settled.
     off *= precision * np.sqrt(np.minimum(1.0, places.known / np.maximum(np.sum(off**2, axis=0), 1e-300)))
     return Explanation(
@@ -52,9 +54,9 @@ def name_of(fit: Fit) -> str:
     return " + ".join(fit.effects) or "the base model"
 
 
-def readings(fit: Fit, phi: Array, omega: Array) -> Array:
+def readings(fit: Fit, phi: Array, omega: Array, clock: Clock | None = None) -> Array:
     """What will be read at ``n`` places ``(n, 4)``, with the lift zero and the speed scale that the fit has found."""
-    predicted = np.nan_to_num(fit.predict(phi, omega).observables)
+    predicted = np.nan_to_num(fit.predict(phi, omega, clock).observables)
     zero_m, scale = read_with(fit)
     return np.asarray(predicted + readings_off(predicted, zero_m.value, scale.value).sum(axis=0))
 

@@ -44,12 +44,13 @@ class Plan:
 
     ``conditions``: where trials can be run. ``cost_s``: what one costs at each, bed and all. ``replicates``: how often
     each would be run if all of it were; what that would not show is out of reach. A block may run one more often, where
-    that says more than another.
+    that says more than another. ``gait``: of all its trials; empty: that of most there have been.
     """
 
     conditions: Sequence[Condition]
     cost_s: Callable[[Condition], float]
     replicates: int
+    gait: str = ""
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,7 @@ def look(
     """
     criteria = at_every_look(alpha, len(effects), criteria)
     found = discover(cells, effects, base=base, max_effects=max_effects, criteria=criteria, fit_all=fit_all)
-    places = Places.of(plan.conditions, found.fit)
+    places = Places.of(plan.conditions, found.fit, plan.gait)
     possible: list[Possible] = []
     open_ones: list[Possible] = []
     match found.verdict.status:
@@ -149,7 +150,7 @@ def look(
             stop = REFUSED if refused else ""
     rivals = rivals[:RIVALS]
     block = () if stop else _next(rivals, places, plan, criteria)
-    drawn = curves(rivals, {one.phi for one in block}, [omega for _, omega in plan.conditions])
+    drawn = curves(rivals, {one.phi for one in block}, [omega for _, omega in plan.conditions], places.clock)
     return Look(found, tuple(possible), tuple(one.effect for one in open_ones), stop, block, drawn)
 
 

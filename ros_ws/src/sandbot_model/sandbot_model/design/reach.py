@@ -19,7 +19,7 @@ def gains_over(named: Fit, places: Places, replicates: int) -> Callable[[Fit], f
     """
     error = np.sqrt(places.noise / replicates + places.shared)
     read, accuracy = _read(named, places), named.cells.accuracy
-    free = (named.deviations(places.phi, places.omega) / error).reshape(-1, read.size)
+    free = (named.deviations(places.phi, places.omega, places.clock) / error).reshape(-1, read.size)
     prior = (readings_off(read, accuracy.lift_zero_m, accuracy.speed_scale) / error).reshape(-1, read.size)
 
     def gain(other: Fit) -> float:
@@ -30,7 +30,7 @@ def gains_over(named: Fit, places: Places, replicates: int) -> Callable[[Fit], f
 
 
 def _read(fit: Fit, places: Places) -> Array:
-    return np.nan_to_num(fit.predict(places.phi, places.omega).observables)
+    return np.nan_to_num(fit.predict(places.phi, places.omega, places.clock).observables)
 
 
 def _left(gap: Array, free: Array, prior: Array) -> float:

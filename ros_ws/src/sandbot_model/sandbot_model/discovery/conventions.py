@@ -59,7 +59,7 @@ def against(search: EffectSearch, claimed: Fit, named: Fit) -> bool:
 
 def conventions(fits: Sequence[Fit]) -> dict[str, str]:
     """The other convention that each effect of these fits follows, if it does."""
-    return {effect.identifier: effect.variant for fit in fits for effect in fit.model.effects if effect.variant}
+    return {name: variant for fit in fits for name, variant in fit.variants.items()}
 
 
 def _leads(fit: Fit, claimed: Fit, lead: float) -> bool:

@@ -14,12 +14,13 @@ from sandbot_common.accuracy import Accuracy
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import Observable, usual_noise
 from sandbot_model.physics.predictor import PredictorParameters
-from sandbot_model.physics.walking import Inputs
+from sandbot_model.physics.walking import Inputs, KCurve
 from sandbot_record.trials.table import Row, from_rows
 
 PHI = (0.58, 0.59, 0.6, 0.615, 0.633)
@@ -49,10 +50,12 @@ def fingerprint(effect: Effect, catalogue: Mapping[str, Effect]) -> Fingerprint:
     defaults = PredictorParameters()
     phi, omega = (axis.ravel() for axis in np.meshgrid(PHI, OMEGA_RAD_S, indexing="ij"))
     values = {parameter.name: parameter.start for parameter in effect.parameters}
-    k = np.interp(phi, defaults.phi, defaults.k_n_per_m)
     gait = "SGCS" if effect.clocked else "UNIFORM"
-    given = Inputs(k, omega, defaults.delta_t_s, phi, defaults.v_swim_m_s, clock([gait] * len(phi)))
-    measured = model_of("simple", (effect.identifier,), catalogue).walker.predict(given, [values]).observables
+    curve = KCurve(np.array(defaults.phi), np.array(defaults.k_n_per_m))
+    turning = clock([gait] * len(phi))
+    given = Inputs(curve(phi), omega, defaults.delta_t_s, phi, defaults.v_swim_m_s, turning, curve)
+    walker = model_of("simple", (effect.identifier,), catalogue).walker
+    measured = predicted(walker, given, [values], curve).observables
     sd = usual_noise(Accuracy())
     scatter = _SIGNS * sd * np.sqrt(1 - 1 / len(_SIGNS))
     rows = [

@@ -10,6 +10,7 @@ from sandbot_common.robot import Robot
 from sandbot_model.data.penetrometer import USUAL_SD
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.gait import clock_signal
 from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import NAMES, usual_noise
 
@@ -40,7 +41,8 @@ Condition = tuple[bool, float, float]
 class NextTrial:
     """A measurement worth making: the two sets it separates and by how many standard deviations of one replicate.
 
-    ``observable`` is the name of an ``Observable``, of a trial at ``omega_rad_s``, or ``PENETRATION``, at ``depth_m``.
+    ``observable`` is the name of an ``Observable``, of a trial at ``omega_rad_s`` in a ``gait`` (empty where the trials
+    tell none), or ``PENETRATION``, at ``depth_m``.
     """
 
     phi: float
@@ -50,6 +52,7 @@ class NextTrial:
     expected_gap_sd: float
     replicates: int
     depth_m: float = float("nan")
+    gait: str = ""
 
     @property
     def condition(self) -> Condition:
@@ -62,7 +65,7 @@ class NextTrial:
         """The condition for a reader."""
         if self.observable == PENETRATION:
             return f"φ {self.phi:.3f}, {round(100 * self.depth_m, 2)} cm deep"
-        return f"φ {self.phi:.3f}, ω {self.omega_rad_s:.3g} rad/s"
+        return ", ".join(filter(None, (f"φ {self.phi:.3f}, ω {self.omega_rad_s:.3g} rad/s", self.gait)))
 
 
 def next_trials(contenders: Sequence[Fit]) -> list[NextTrial]:
@@ -126,6 +129,8 @@ class Predicted:
     """What a fit says of every measurement that could be made: levels φ × frequencies ω, and levels × depths."""
 
     name: str
+    gait: str
+    """That of most trials, and of these; see ``told``."""
     phi: Array
     omega: Array
     noise: Array
@@ -149,6 +154,7 @@ class Predicted:
         force, force_sd = fit.press(at_phi.ravel(), at_depth.ravel())
         return cls(
             name=" + ".join(fit.effects) or "base",
+            gait=told(fit.gait),
             phi=cells.level_phi,
             omega=omega[0],
             noise=np.where(np.isfinite(cells.noise), cells.noise, usual_noise(cells.accuracy)),
@@ -158,6 +164,11 @@ class Predicted:
             force=force.reshape(at_phi.shape),
             force_sd=np.broadcast_to(force_sd, force.shape).reshape(at_phi.shape),
         )
+
+
+def told(gait: str) -> str:
+    """A gait by its name; empty where that does not tell the clock signal."""
+    return gait if clock_signal(gait) else ""
 
 
 def depths_m(robot: Robot) -> Array:
@@ -187,7 +198,7 @@ def _trials_between(first: Predicted, second: Predicted) -> list[NextTrial]:
     for p, w in np.argwhere(gap.max(axis=-1) > LEAST_SD):
         size = float(gap[p, w].max())
         at = (float(first.phi[p]), float(first.omega[w]))
-        found.append(NextTrial(*at, NAMES[best[p, w]], names, size, _replicates(size)))
+        found.append(NextTrial(*at, NAMES[best[p, w]], names, size, _replicates(size), gait=first.gait))
     return found
 
 

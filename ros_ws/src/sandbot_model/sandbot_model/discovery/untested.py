@@ -5,7 +5,7 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.data.distributions import chi2_ppf
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.next_trials import NextTrial
+from sandbot_model.discovery.next_trials import NextTrial, told
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.fitting.text import counted
 
@@ -71,6 +71,7 @@ def repeats(cells: Cells) -> list[NextTrial]:
             separates=("scatter of replicates", "a miss of the model"),
             expected_gap_sd=float("nan"),
             replicates=MORE,
+            gait=told(cells.gait[cell]),
         )
         for cell in sorted(chosen)
     ]

@@ -9,6 +9,7 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.choice import Selection, cell_of_text, cell_text, with_formula
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.explore.condition import condition_of, option_of
+from sandbot_model.physics.variants import Variant
 from sandbot_model.report.residual_map import map_cells
 
 CONTROLS = ("model", "effects", "view", "observable", "cell")
@@ -42,11 +43,21 @@ def can_adopt(found: Discovery) -> bool:
 
 
 def with_verdict(selection: Selection, found: Discovery) -> Selection:
-    """With the verdict's effects switched on, or, where it names none, with the formula of the residual."""
+    """With the verdict's effects switched on, or, where it names none, with the formula of the residual.
+
+    One that holds under another convention than the catalogue's is switched on as a formula.
+    """
     residual = found.residual
-    effects = residual.effects if residual and not found.verdict.effects else found.verdict.effects
+    if residual and not found.verdict.effects:
+        effects, formulas = residual.effects, [residual.formula]
+    else:
+        others = {one.identifier: one.as_formula for one in found.fit.model.effects if isinstance(one, Variant)}
+        effects = tuple(name for name in found.verdict.effects if name not in others)
+        formulas = [others[name] for name in found.verdict.effects if name in others]
     changed = replace(selection.toggled(effects), by_hand=())
-    return with_formula(changed, residual.formula) if residual and not found.verdict.effects else changed
+    for formula in formulas:
+        changed = with_formula(changed, formula)
+    return changed
 
 
 def values_of(selection: Selection, cells: Cells) -> dict[str, Any]:

@@ -8,17 +8,17 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting import kernels
-from sandbot_model.fitting.averaging import (
+from sandbot_model.fitting.operations import CompiledChains
+from sandbot_model.fitting.points import SEEN, ArrayChains, Chains, Conditions, Points
+from sandbot_model.fitting.switch import Switches, share_of_nodes, switches_of, turn
+from sandbot_model.physics.arrays import Array, Bool, Ints
+from sandbot_model.physics.averaging import (
     NODES,
     WEIGHTS,
     along_the_track,
     node_weights,
     share_between_trials,
 )
-from sandbot_model.fitting.operations import CompiledChains
-from sandbot_model.fitting.points import SEEN, ArrayChains, Chains, Conditions, Points
-from sandbot_model.fitting.switch import Switches, share_of_nodes, switches_of, turn
-from sandbot_model.physics.arrays import Array, Bool, Ints
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.observables import NAMES

@@ -39,6 +39,7 @@ class Fit(Fitted):
         goodness, cv = self.goodness, self.cross_validation
         return {
             "effects": list(self.effects),
+            "variants": self.variants,
             "rmse_m_s": number(self.rmse_m_s),
             "cv_rmse_m_s": number(self.cv_rmse_m_s),
             "rmse": {name: number(value) for name, value in goodness.rmse.items()},

@@ -1,5 +1,6 @@
 """What a fit has found, and what follows from it: errors, misses, predictions and how precise they are."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -20,6 +21,7 @@ from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.states import States
 from sandbot_model.fitting.uncertainty import deviations, propagated
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.gait import Clock
 from sandbot_model.physics.model import Model
 from sandbot_model.physics.walking import KCurve, Prediction
@@ -50,6 +52,11 @@ class Fitted:
     def effects(self) -> tuple[str, ...]:
         """Identifiers of the effects on top of the base model."""
         return self.model.identifiers
+
+    @property
+    def variants(self) -> dict[str, str]:
+        """Those of them that are under another convention than the catalogue's, and which (``physics.variants``)."""
+        return {effect.identifier: effect.variant for effect in self.model.effects if effect.variant}
 
     @cached_property
     def parameters(self) -> Mapping[str, Estimate]:
@@ -137,6 +144,14 @@ class Fitted:
         """Parameters more than three standard errors outside their plausible range."""
         return goodness.implausible(self.model, self.parameters)
 
+    @cached_property
+    def gait(self) -> str:
+        """The gait of most trials."""
+        trials = Counter[str]()
+        for gait, count in zip(self.cells.gait, self.cells.n.max(axis=1).tolist(), strict=True):
+            trials[gait] += count
+        return max(trials, key=trials.__getitem__)
+
     @property
     def warm_start(self) -> WarmStart:
         """What a larger model may start from."""
@@ -146,7 +161,7 @@ class Fitted:
     def predict(self, phi: ArrayLike, omega: ArrayLike, clock: Clock | None = None) -> Prediction:
         """The observables at other conditions; k is interpolated between levels and held beyond them.
 
-        ``clock`` is how legs turn (``gait.clock``), by default as in the first of the trials.
+        ``clock`` is how legs turn (``gait.clock``), by default as in most of the trials.
         """
         return self._predict(self.point.theta, self.point.ln_k, phi, omega, clock)
 
@@ -159,11 +174,11 @@ class Fitted:
         shape = np.broadcast_shapes(np.shape(phi), np.shape(omega), () if clock is None else np.shape(clock.slow_ratio))
         return np.asarray(np.broadcast_to(found, (*shape, 4)))
 
-    def deviations(self, phi: Array, omega: Array) -> Array:
+    def deviations(self, phi: Array, omega: Array, clock: Clock | None = None) -> Array:
         """Changes ``(axes, n, 4)`` of what ``predict`` says at conditions ``(n,)``, one standard deviation along each
         principal axis of what θ and k are not known to: their products summed are its covariance.
         """
-        found = self._along(deviations, lambda theta, k: self._predict(theta, k, phi, omega, None).observables)
+        found = self._along(deviations, lambda theta, k: self._predict(theta, k, phi, omega, clock).observables)
         return np.array([np.broadcast_to(one, (len(phi), 4)) for one in found]).reshape(-1, len(phi), 4)
 
     def press(self, phi: Array, depth_m: Array) -> tuple[Array, Array]:
@@ -195,12 +210,11 @@ class Fitted:
 
     def _predict(self, theta: Array, ln_k: Array, phi: ArrayLike, omega: ArrayLike, clock: Clock | None) -> Prediction:
         at, k = np.asarray(phi, dtype=float), np.exp(ln_k)
-        cells = self.cells
-        clock = cells.clock[0] if clock is None else clock
+        clock = self.cells.clock[self.cells.gait.index(self.gait)] if clock is None else clock
         curve = KCurve(self.level_phi, k)
         inputs, params = self.model.inputs(theta, curve(at), omega, at, clock, curve)
         shape = np.broadcast_shapes(np.shape(at), np.shape(omega), np.shape(clock.slow_ratio))
-        found = self.model.walker.predict(inputs, params)
+        found = predicted(self.model.walker, inputs, params, curve)
         return Prediction(*(np.broadcast_to(values, shape) for values in vars(found).values()))
 
 

@@ -14,6 +14,7 @@ from sandbot_model.fitting.scans import bounded, k_response, look_along_bed, loo
 from sandbot_model.fitting.starts import Start, resample, starts
 from sandbot_model.fitting.states import States, joined
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.averaging import slope_of
 from sandbot_model.physics.geometry import critical_k_n_per_m
 from sandbot_model.physics.model import Model
 
@@ -34,8 +35,6 @@ HOPELESS, SLACK = 1.5, 100.0
 refined."""
 NEGLIGIBLE = 1.0
 """Rise of the deviance for which a plausible value is preferred."""
-K_PER_PHI = 5.0
-"""dk/dφ over k where a single level determines no slope: 50 N/m over 0.05 at 200 N/m (Li09)."""
 HOPS = (0.1, 0.2)
 """Sizes of the jumps in turn, in plausible ranges of an effect's parameter."""
 HOP_SHARED = 0.03
@@ -325,14 +324,6 @@ def _halved(problem: Problem, states: States) -> States:
         states = descend(problem, states, FIRST_ITERATIONS)
         states = states.take(np.argsort(states.deviance)[:kept])
     return states
-
-
-def slope_of(level_phi: Array, k: Array) -> Array:
-    """dk/dφ at the levels [N/m], between neighbours, limited to about what poppy seeds show."""
-    typical = K_PER_PHI * k
-    if len(k) < 2:
-        return np.asarray(typical)
-    return np.asarray(np.clip(np.gradient(k, level_phi), 0.2 * typical, 3 * typical))
 
 
 def _slopes(problem: Problem, ln_k: Array) -> Array:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sandbot_common.errors import InputError
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 
@@ -39,6 +40,13 @@ class Parameter:
         """The plausible range widened by half its width a side: a fit at its edge is seen to want more."""
         margin = 0.5 * (self.high - self.low)
         return max(self.low - margin, self.hard_low), min(self.high + margin, self.hard_high)
+
+    def check(self, value: float, where: str) -> None:
+        """Raises InputError, which ``where`` opens, for a value that it can't have."""
+        if not self.hard_low <= value <= self.hard_high:
+            ends = (("at least", self.hard_low), ("at most", self.hard_high))
+            needed = " and ".join(f"{how} {end:g}" for how, end in ends if np.isfinite(end))
+            raise InputError(f"{where}={value:g}: {needed} is needed")
 
     def held_at(self, value: float) -> "Parameter":
         """The parameter with no range but this value."""

@@ -7,17 +7,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_json
 from sandbot_common.parameters import parameter
 from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, robot_from_mapping
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import stance_angle, step_from_lift
 from sandbot_model.physics.model import Model, model_of
-from sandbot_model.physics.walking import BASES, KCurve
+from sandbot_model.physics.variants import under
+from sandbot_model.physics.walking import BASES, KCurve, Prediction
 
 
 @dataclass(frozen=True)
@@ -59,10 +62,7 @@ class Predictor:
 
     def mean_speeds(self, phi: float, omega: Array, gait: str = "") -> Array:
         """v̄ [m/s] at one φ over leg frequencies [rad/s] of shape ``(n,)``."""
-        curve = KCurve(self.phi, self.k_n_per_m)
-        everywhere = np.full(len(omega), phi)
-        inputs, params = self.model.inputs(self.theta, curve(everywhere), omega, everywhere, clock([gait])[0], curve)
-        return np.asarray(self.model.walker.predict(inputs, params).speed_m_s, dtype=float)
+        return np.asarray(self._predicted(np.full(len(omega), phi), omega, gait).speed_m_s, dtype=float)
 
     def velocity(self, phi: float, omega: float, gait: str, angles: Array, rates: Array) -> Instant:
         """Body velocity for leg angles [rad] and rates [rad/s] of shape ``(legs,)``.
@@ -90,13 +90,16 @@ class Predictor:
         return found
 
     def _solve(self, phi: float, omega: float, gait: str) -> tuple[float, float]:
-        curve = KCurve(self.phi, self.k_n_per_m)
-        inputs, params = self.model.inputs(self.theta, curve(np.asarray(phi)), omega, phi, clock([gait])[0], curve)
-        found = self.model.walker.predict(inputs, params)
+        found = self._predicted(np.asarray(phi), omega, gait)
         if not bool(found.walking):
             return float(found.speed_m_s), 0.0
         radius = self.model.robot.leg_radius_m
         return float(found.speed_m_s), float(stance_angle(step_from_lift(found.lift_m, radius), radius))
+
+    def _predicted(self, phi: Array, omega: ArrayLike, gait: str) -> Prediction:
+        curve = KCurve(self.phi, self.k_n_per_m)
+        inputs, params = self.model.inputs(self.theta, curve(phi), omega, phi, clock([gait])[0], curve)
+        return predicted(self.model.walker, inputs, params, curve)
 
 
 def of_robot(predictor: Predictor, robot: Robot) -> Predictor:
@@ -126,7 +129,9 @@ def predictor_from_json(path: Path, robot: Robot | None = None) -> Predictor:
         phi, k = np.array([(row["phi"], row["value"]) for row in step["k_n_per_m"]], dtype=float).T
         stated = content.get("robot")
         own = robot_from_mapping(stated, f"{path}: robot") if stated is not None else robot or SANDBOT
-        model = model_of(content["model"], step["effects"], catalogue(), own)
+        # Older files say it once for all steps.
+        effects = under(step.get("variants", content.get("variants", {})), catalogue())
+        model = model_of(content["model"], step["effects"], effects, own)
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{path}: not a result of discover or compare: {type(error).__name__} {error}") from None
     if robot is not None and robot != own:
@@ -135,8 +140,10 @@ def predictor_from_json(path: Path, robot: Robot | None = None) -> Predictor:
 
 
 def _predictor(model: Model, values: Mapping[str, float], phi: Array, k: Array, where: str) -> Predictor:
-    for name in values:
-        if name not in model.names and name != "v_swim_m_s":
+    for name, value in values.items():
+        if name in model.names:
+            model.parameter(name).check(value, f"{where}: {name}")
+        elif name != "v_swim_m_s":
             raise InputError(f"{where}: {name!r} is no parameter of this model; it has {', '.join(model.names)}")
     starts = dict(zip(model.names, (parameter.start for parameter in model.parameters), strict=True))
     theta = np.array([values.get(name, start) for name, start in starts.items()], dtype=float)

@@ -142,14 +142,16 @@ def _as_number(one: Parameter) -> Parameter:
 
 
 class Variant(Effect):
-    """An effect under another convention; ``variant`` says which."""
+    """An effect under another convention; ``variant`` says which, ``as_formula`` is an effect of its own for it."""
 
     def __init__(self, family: Effect, variant: str, text: str) -> None:
         self.family = family
         self.identifier, self.stage, self.variant = family.identifier, family.stage, variant
         self.source, self.seen_in, self.replaces = family.source, family.seen_in, family.replaces
-        ranges = (f"{one.name} in {one.low}..{one.high}" for one in family.parameters)
-        self.acts = formula_effect("; ".join((f"{self.identifier}: {self.stage}: {text}", *ranges)), tried=True)
+        ranges = (f"{one.name} [{one.unit}] in {one.low}..{one.high}" for one in family.parameters)
+        acts = "; ".join((f"{self.stage}: {text}", *ranges))
+        self.acts = formula_effect(f"{self.identifier}: {acts}", tried=True)
+        self.as_formula = f"{self.identifier}_variant: {acts}"
         own = {one.name for one in family.parameters}
         self.parameters = (
             *family.parameters,
@@ -167,3 +169,9 @@ def variants_of(effect: Effect) -> tuple[Effect, ...]:
     if effect.variant or not type(effect).__module__.startswith(f"{__package__}.effects."):
         return ()
     return tuple(Variant(effect, name, text) for name, text in VARIANTS.get(effect.identifier, {}).items())
+
+
+def under(conventions: Mapping[str, str], effects: Mapping[str, Effect]) -> dict[str, Effect]:
+    """A catalogue with some effects under other conventions, by their names. Raises KeyError for one that is none."""
+    by_name = {name: {one.variant: one for one in variants_of(effects[name])} for name in conventions}
+    return {**effects, **{name: by_name[name][variant] for name, variant in conventions.items()}}

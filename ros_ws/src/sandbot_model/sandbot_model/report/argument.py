@@ -8,6 +8,7 @@ import yaml
 
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.next_trials import PENETRATION, NextTrial
+from sandbot_model.physics.gait import ASSUMED
 from sandbot_model.report import (
     apart,
     captions,
@@ -163,12 +164,13 @@ def plan(discovery: Discovery) -> str:
             "phi": round(trial.phi, 4),
             "omega_rad_s": round(trial.omega_rad_s, 3),
             "replicates": min(trial.replicates, MOST_REPLICATES),
+            "gait": trial.gait or ASSUMED,
         }
         for trial in _walks(discovery.next_trials)
     ]
     first, *others = asked
     content = {
-        "name": "next", "gait": discovery.cells.gait[0], "phi": [first["phi"]], "omega_rad_s": [first["omega_rad_s"]],
+        "name": "next", "gait": first["gait"], "phi": [first["phi"]], "omega_rad_s": [first["omega_rad_s"]],
         "replicates": first["replicates"], "extra_trials": others,
     }  # fmt: skip
     return yaml.safe_dump(content, sort_keys=False)

@@ -11,6 +11,7 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.fitting.text import UNDETERMINED, counted, to_error
 from sandbot_model.physics.observables import CM
+from sandbot_model.physics.variants import Variant
 from sandbot_model.report.effect_facts import words
 
 _STYLES = {"adequate": "good", "identified": "good", "untested": "bad"}
@@ -30,6 +31,9 @@ def of_discovery(found: Discovery) -> str:
     lines.append(filled(errors(found.steps), "  "))
     best = found.stability_in_words
     lines += ["", filled(f"why: {verdict.because}{best and f'; {best}'}")]
+    alike = [fit for fit in found.fits if fit.effects in verdict.alternatives]
+    for fit in alike if verdict.status == "ambiguous" else [found.fit]:
+        lines += _repeated_by(fit)
     if found.residual is not None:
         left = filled(f"what is left: {found.residual.sentence}")
         lines += ["", left, f"try: compare DATA {found.residual.options}"]
@@ -63,6 +67,18 @@ def _explains(fit: Fit) -> str:
 def _fails(fit: Fit) -> str:
     missed = cells_missed(fit.fails)
     return f"fails: lack of fit p = {fit.lack_of_fit_p:.2g}, {missed} of {counted(len(fit.cells), 'cell')} missed"
+
+
+def _repeated_by(fit: Fit) -> list[str]:
+    """How ``compare`` fits the same, where an effect is under another convention than the catalogue's."""
+    variants = [one for one in fit.model.effects if isinstance(one, Variant)]
+    if not variants:
+        return []
+    usual = ",".join(one for one in fit.effects if one not in fit.variants)
+    formulas = " ".join(f"--effect '{one.as_formula}'" for one in variants)
+    options = f"--model {fit.model.base} {f'--effects {usual} ' if usual else ''}{formulas}"
+    asked = f"compare --effects {','.join(fit.variants)} has the catalogue's convention; the one named is fitted by:"
+    return ["", filled(asked), f"compare DATA {options}"]
 
 
 def errors(steps: Sequence[Fit]) -> str:

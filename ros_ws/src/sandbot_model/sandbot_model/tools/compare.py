@@ -1,7 +1,6 @@
 """compare: fit a model, with effects added one by one, and show each step's error beside the noise floor."""
 
 import argparse
-import math
 import shlex
 import sys
 from collections.abc import Sequence
@@ -111,10 +110,7 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
 def _check_held(selection: Selection, model: "Model") -> None:
     """Raises InputError for a parameter that the model does not have or a value that it can't, whatever the data."""
     for name, value in selection.by_hand:
-        one = model.parameter(name)
-        if not one.hard_low <= value <= one.hard_high:
-            upper = f" and at most {one.hard_high:g}" if math.isfinite(one.hard_high) else ""
-            raise InputError(f"--hold {name}={value:g}: at least {one.hard_low:g}{upper} is needed")
+        model.parameter(name).check(value, f"--hold {name}")
 
 
 def _selection(args: argparse.Namespace) -> Selection:

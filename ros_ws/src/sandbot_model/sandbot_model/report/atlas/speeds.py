@@ -46,7 +46,7 @@ def phi_panel(panel: "Axes", material: Material) -> None:
     phi = np.linspace(cells.level_phi[0] - 0.001, cells.level_phi[-1] + 0.001, POINTS)
     column = nearest(trials.omega_rad_s, omegas)
     for number, (omega, colour) in enumerate(zip(omegas, omega_colours(len(omegas)), strict=True)):
-        found = material.fit.predict(phi, np.full_like(phi, omega), cells.clock[0])
+        found = material.fit.predict(phi, np.full_like(phi, omega))
         speed_line(panel, phi, found, _swim(material.fit), color=colour)
         here = column == number
         panel.plot(
