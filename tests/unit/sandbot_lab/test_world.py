@@ -88,6 +88,12 @@ def test_an_effect_drawn_beside_others_leaves_them_as_they_are(seed):
     kept = {key: values for key, values in world.effects.items() if key != name}
     assert dataclasses.replace(world, effects=kept) == before
     assert draw_beside(before, seed) == world
+    # What was drawn is left as it is, too, by the next seed; and then none is left.
+    full = draw_beside(world, seed)
+    assert len(full.effects) == 3
+    assert full.effects[name] == world.effects[name]
+    with pytest.raises(InputError, match="swimming_thrust and crater_refill are there already"):
+        draw_beside(full, seed)
 
 
 def test_noise_scale_changes_nothing_else():

@@ -87,21 +87,26 @@ def from_mapping(cls: type[T], mapping: Any, where: str) -> T:
 
     Raises InputError on an unknown key, a wrong type, a missing value, NaN or a value out of bounds.
     """
+    values = given(cls, mapping, where)
+    required = {f.name: f for f in dataclasses.fields(cls) if _required(f)}  # type: ignore[arg-type]
+    if missing := sorted(required.keys() - values.keys()):
+        raise InputError(f"{where}: missing key {missing[0]!r} ({required[missing[0]].metadata[_KEY]['doc']})")
+    try:
+        return cls(**values)
+    except InputError as error:  # values that contradict each other
+        said = str(error).removeprefix(f"{where}: ").removeprefix(f"{where.rpartition(': ')[2]}: ")
+        raise InputError(f"{where}: {said}") from None
+
+
+def given(cls: type, mapping: Any, where: str) -> dict[str, Any]:
+    """The values of a mapping that may leave any out, checked as ``from_mapping`` does. Raises InputError."""
     if not isinstance(mapping, Mapping):
         raise InputError(f"{where}: expected a mapping of parameters, got {mapping!r}")
     known = {spec.name: spec for spec in specs(cls)}
     for key in mapping:
         if key not in known:
             raise InputError(f"{where}: unknown key {key!r}{did_you_mean(str(key), known)}")
-    values = {key: check(known[key], value, where) for key, value in mapping.items()}
-    required = {f.name for f in dataclasses.fields(cls) if _required(f)}  # type: ignore[arg-type]
-    if missing := sorted(required - values.keys()):
-        raise InputError(f"{where}: missing key {missing[0]!r} ({known[missing[0]].doc})")
-    try:
-        return cls(**values)
-    except InputError as error:  # values that contradict each other
-        said = str(error).removeprefix(f"{where}: ").removeprefix(f"{where.rpartition(': ')[2]}: ")
-        raise InputError(f"{where}: {said}") from None
+    return {key: check(known[key], value, where) for key, value in mapping.items()}
 
 
 def check(spec: Spec, value: Any, where: str) -> Any:

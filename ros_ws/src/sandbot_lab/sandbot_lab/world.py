@@ -246,8 +246,14 @@ _BESIDE = {"swimming_thrust": {"a_m_s2": (0.42, 0.48)}, "crater_refill": {"z0_m"
 
 
 def draw_beside(world: World, seed: int) -> World:
-    """The world with one effect more, drawn, that can be told apart from those of `li09_world.yaml`."""
-    name, values = _drawn(seed, tuple(_BESIDE), _BESIDE)
+    """The world with one effect more, drawn, that can be told apart from those of `li09_world.yaml`.
+
+    Raises InputError where it has all that could be drawn.
+    """
+    names = tuple(name for name in _BESIDE if name not in world.effects)
+    if not names:
+        raise InputError(f"effects: {' and '.join(_BESIDE)} are there already, no other can be hidden beside them")
+    name, values = _drawn(seed, names, _BESIDE)
     return dataclasses.replace(world, effects={**world.effects, name: values})
 
 

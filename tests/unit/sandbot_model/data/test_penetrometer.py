@@ -123,6 +123,8 @@ def test_a_stiffness_is_pressed_at_the_depth_of_the_robot_that_walked(drawn, rob
         ("phi,depth_m,force_n\n6,0.03,5\n", "row 2, phi"),
         ("phi,depth_m,force_n\n0.6,3,5\n", "row 2, depth_m"),
         ("phi,depth_m,force_n,force_sd_n\n0.6,0.03,5,0\n", "row 2, force_sd_n"),
+        ("phi,depth_m,force_n,force_sd\n0.6,0.03,5,0.01\n", "'force_sd' is not known, did you mean 'force_sd_n'"),
+        ("phi,k_n_per_m,k_sd\n0.6,200,1\n", "'k_sd' is not known, did you mean 'k_sd_n_per_m'"),
         ("phi,depth_m,force_n\n0.6,0.03\n", "row 2: 2 values for 3 columns"),
     ],
 )
@@ -151,6 +153,23 @@ def test_any_bytes_give_readings_or_one_line(tmp_path_factory, content):
 def test_readings_elsewhere_are_refused_and_strays_left_out():
     levels = np.array([0.59, 0.61])
     table = Readings(*(np.array(column) for column in ([0.591, 0.63], [0.02, 0.02], [4.0, 4.0], [0.1, 0.1])))
-    assert len(at_levels(table, levels, SANDBOT)) == 1
+    found = at_levels(table, levels, SANDBOT)
+    assert len(found) == 1
+    assert found.notes == ("penetrometer: 1 of 2 readings is at no level of the trials: φ 0.630",)
+    assert not at_levels(table, np.array([0.591, 0.63]), SANDBOT).notes
     with pytest.raises(InputError, match=r"0\.591-0\.630"):
         at_levels(table, np.array([0.55]), SANDBOT)
+
+
+@pytest.mark.parametrize(
+    ("columns", "unread"),
+    [
+        ("depth_m,force_n,force_sd_n,note,force_sd", "note, force_sd"),
+        ("depth_m,k_n_per_m,note,sd,x", "depth_m, note, sd, x"),
+    ],
+)
+def test_a_column_that_is_none_of_a_reading_is_told(tmp_path, columns, unread):
+    path = tmp_path / "readings.csv"
+    path.write_text(f"phi,{columns}\n0.6,0.02,4,0.1,0.2,0.3\n")
+    (note,) = at_levels(read_readings(path), np.array([0.6]), SANDBOT).notes
+    assert note == f"penetrometer: columns that are not read: {unread}"

@@ -64,6 +64,13 @@ def test_what_is_odd_about_the_data_is_said_first(trials, found):
         sm.discover(porosity)
 
 
+def test_a_reading_that_is_not_used_is_said_with_what_is_odd(trials, tmp_path):
+    path = tmp_path / "readings.csv"
+    path.write_text(f"phi,k_n_per_m\n{trials.phi[0]},190\n0.7,260\n")
+    odd = sm.compare(trials, penetrometer=path)
+    assert odd.to_dict()["data"]["notes"] == ["penetrometer: 1 of 2 readings is at no level of the trials: φ 0.700"]
+
+
 def test_a_result_pickles_small_and_comes_back(found):
     packed = pickle.dumps(found)
     assert len(packed) < 1_000_000

@@ -30,6 +30,16 @@ def test_every_symbol_is_listed_with_its_unit_on_lines_of_a_terminal(printed):
     assert max(map(len, told.splitlines())) <= 80
 
 
+@pytest.mark.parametrize(
+    "other", [["leg_slip"], ["--json", "q.json"], ["--effect", "x"], ["--effects-from", "none.py"]]
+)
+def test_beside_the_symbols_nothing_else_is_asked_for(other, capsys):
+    assert effects.main(["--quantities", *other]) == 2
+    printed = capsys.readouterr()
+    assert "--quantities" in printed.err
+    assert not printed.out
+
+
 def shows(card):
     """The observables in which a card says that an effect shows."""
     return {observable.name for observable in Observable if f"  {observable.label}: " in card}

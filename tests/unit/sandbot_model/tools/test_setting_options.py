@@ -49,6 +49,14 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.fixture
+def served(monkeypatch):
+    """What the explorer's servers were to say, which none says."""
+    said = []
+    monkeypatch.setattr(explore, "_serve", lambda _desk, _first, _campaigns, line: said.append(line))
+    return said
+
+
 def told(*words):
     """The trials and the line that a command's options give."""
     parser = Parser(prog="test")
@@ -106,12 +114,15 @@ def test_data_beside_are_of_the_same_robot_or_refused(folder, monkeypatch):
         (["--cameras", "absent.yaml"], "absent.yaml: no such file"),
         (["--cameras", "big.yaml"], "no camera in it"),
         (["--cameras", "wrong.yaml"], "wrong.yaml: accuracy: unknown key 'lift'"),
+        (["--penetrometer", "absent.csv"], "absent.csv: no such file"),
+        (["--penetrometer", "t.csv"], "t.csv: columns phi, depth_m, force_n or phi, k_n_per_m and a row"),
     ],
 )
-def test_files_that_are_none_are_refused_in_one_line(folder, capsys, command, options, words):
+def test_files_that_are_none_are_refused_in_one_line(folder, served, capsys, command, options, words):
     assert command.main(["t.csv", *options]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert words in line
+    assert not served
 
 
 @pytest.mark.parametrize("command", [compare, discover])
@@ -123,8 +134,8 @@ def test_commands_fit_and_print_the_robot_named(folder, capsys, command):
     assert content["robot"] == to_mapping(BIG)
 
 
-def test_the_explorer_says_whose_robot_it_shows_and_saves_a_command_that_reads_the_same(folder, monkeypatch):
-    made, served = [], []
+def test_the_explorer_says_whose_robot_it_shows_and_saves_a_command_that_reads_the_same(folder, served, monkeypatch):
+    made = []
     shown = Explorer.__init__
 
     def seen(self, *words):
@@ -132,7 +143,6 @@ def test_the_explorer_says_whose_robot_it_shows_and_saves_a_command_that_reads_t
         made.append(self)
 
     monkeypatch.setattr(Explorer, "__init__", seen)
-    monkeypatch.setattr(explore, "_serve", lambda _app, _port, _query, said="": served.append(said))
     bed = ["--bed-scatter", "0.003"]
     assert explore.main(["t.csv", "--robot", "big.yaml", "--cameras", "fast.yaml", "--workers", "1", *bed]) == 0
     assert served == ["robot: big.yaml"]
@@ -145,6 +155,7 @@ def test_the_explorer_says_whose_robot_it_shows_and_saves_a_command_that_reads_t
     assert "--bed-scatter" not in command
 
 
+@pytest.mark.parametrize("command", [discover, explore])
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -153,8 +164,17 @@ def test_the_explorer_says_whose_robot_it_shows_and_saves_a_command_that_reads_t
         (["--bed-scatter", "0.7"], "--bed-scatter 0.7: a share above 0 and up to 0.3 is needed"),
     ],
 )
-def test_what_is_said_of_the_bed_in_vain_is_refused(words, said, folder, capsys):
-    assert discover.main(["t.csv", *words, "--json", "out.json"]) == 2
+def test_what_is_said_of_the_bed_in_vain_is_refused(command, words, said, folder, served, capsys):
+    out = ["--json", "out.json"] if command is discover else []
+    assert command.main(["t.csv", *words, *out]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line
     assert not (folder / "out.json").exists()
+    assert not served
+
+
+def test_data_that_can_not_be_used_still_open_a_page(folder, served, capsys):
+    (folder / "none.csv").write_text("phi,omega_rad_s,speed_m_s\n", encoding="utf-8")
+    assert explore.main(["none.csv", "--bed-drift", "0.01", "--workers", "1"]) == 0
+    assert served == [""]
+    assert "none.csv: no trials" in capsys.readouterr().err

@@ -238,6 +238,24 @@ def test_a_table_newer_than_the_bags_is_taken_as_it_is(tmp_path):
     assert read(folder).status.tolist() == ["camera knocked", "ok", "ok"]
 
 
+def test_columns_of_ones_own_are_not_written_over(tmp_path, capsys):
+    folder = campaign(tmp_path)
+    path = table.make(folder)
+    first, *rest = path.read_text().splitlines()
+    path.write_text("\n".join([f"{first},note", *(f"{line},wet" for line in rest)]))
+    written = path.read_text()
+    out = tmp_path / "out.csv"
+    for given in ([folder], [path, "--out", path], [folder / "trials" / "t0", "--out", path]):
+        assert table_tool.main([str(word) for word in given]) == 2
+        assert "trials.csv: has columns that a trials table has no place for (note)" in capsys.readouterr().err
+    assert path.read_text() == written
+    # Control: into another file they are left out, which is said; that one may be written over.
+    for _ in range(2):
+        assert table_tool.main([str(folder), "--out", str(out)]) == 0
+        assert "note: columns that are not read: note\n" in capsys.readouterr().out
+    assert out.read_text().splitlines()[0] == first
+
+
 def test_bags_that_give_no_row_are_named(tmp_path, capsys):
     folder = campaign(tmp_path)
     file = folder / "trials" / "t1" / "t1_0.mcap"

@@ -65,19 +65,23 @@ def test_a_mount_beside_the_robot_must_be_the_robots(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("dorsal: {frame_rate_hz: fast}", "frame_rate_hz: 'fast' is outside"),
+        ("dorsal: {frame_rate_hz: fast}", r"cameras\.yaml: dorsal: frame_rate_hz: 'fast' is not of type float"),
         ("dorsal: {frame_rate_hz: 0}", "frame_rate_hz: 0 is outside"),
+        ("dorsal: {frame_rate: 250.0}", "dorsal: unknown key 'frame_rate', did you mean 'frame_rate_hz'?"),
+        ("dorsal: {frame_rate_hz: 250.0, fx: x}", "dorsal: fx: 'x' is not of type float"),
+        ("dorsal: {frame_rate_hz: 250.0}\nlateral: 3", "lateral: expected a mapping"),
         ("dorsal: 3", "no camera in it"),
     ],
 )
-def test_frame_rates_that_are_none(tmp_path, text, words):
+def test_cameras_that_say_what_is_none(tmp_path, text, words):
     (tmp_path / "cameras.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=words):
         of_cameras(tmp_path / "cameras.yaml")
 
 
 def test_the_slowest_camera_counts(tmp_path):
-    (tmp_path / "c.yaml").write_text("dorsal: {frame_rate_hz: 200.0}\nlateral: {frame_rate_hz: 50}", encoding="utf-8")
+    text = "dorsal: {frame_rate_hz: 200.0}\nlateral: {frame_rate_hz: 50, fx: 9}"
+    (tmp_path / "c.yaml").write_text(text, encoding="utf-8")
     assert of_cameras(tmp_path / "c.yaml") == (50.0, None)
 
 

@@ -80,6 +80,11 @@ class Cells:
         """The observables measured in at least one cell."""
         return tuple(observable.name for observable in Observable if np.isfinite(self.mean[:, observable]).any())
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is odd about a penetrometer's readings, one sentence each."""
+        return self.pressed.notes if self.pressed else ()
+
     def __len__(self) -> int:
         return len(self.omega)
 

@@ -10,7 +10,7 @@ where d_r is the robot's ``stiffness_depth_m`` (SandBot's: 3.9 cm). A file does 
 force of a stiffness are known once the trials' robot is.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_csv
 from sandbot_common.robot import Robot
+from sandbot_common.suggest import near
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -42,6 +43,8 @@ class Readings:
     stiffness: tuple[Floats, Floats] | None = field(
         default=None, metadata={"unit": "N/m", "doc": "k and its sd, where those were read; all but φ is then NaN"}
     )
+    unread: tuple[str, ...] = ()
+    """Columns of the file that are none of a reading."""
 
     def of(self, robot: Robot) -> "Readings":
         """The same as forces at depths: a stiffness k is F = k d_r at d_r of this robot."""
@@ -49,7 +52,7 @@ class Readings:
             return self
         k, sd = self.stiffness
         depth = np.full_like(k, robot.stiffness_depth_m)
-        return Readings(self.phi, depth, k * depth, sd * depth)
+        return Readings(self.phi, depth, k * depth, sd * depth, unread=self.unread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +65,8 @@ class Pressed:
     depth: Floats
     force: Floats
     sd: Floats
+    notes: tuple[str, ...] = ()
+    """What of the readings is not used, one sentence each."""
 
     def __len__(self) -> int:
         return len(self.level)
@@ -76,27 +81,50 @@ def read_readings(path: Path) -> Readings:
         raise InputError(f"{path}: columns phi, depth_m, force_n or phi, k_n_per_m and a row a reading are needed")
     values = {name: _column(path, rows, name) for name in ("phi", *kind)}
     sd_name = kind[-1].replace("force_n", "force_sd_n").replace("k_n", "k_sd_n")
+    unread = _unread(path, columns, ("phi", *kind, sd_name))
     read = values[kind[-1]]
     sd = _column(path, rows, sd_name, (0.0, np.inf)) if sd_name in columns else USUAL_SD * read
     if "depth_m" in values:
-        return Readings(values["phi"], values["depth_m"], read, sd)
+        return Readings(values["phi"], values["depth_m"], read, sd, unread=unread)
     unknown = np.full(len(rows), np.nan)
-    return Readings(values["phi"], unknown, unknown, unknown, stiffness=(read, sd))
+    return Readings(values["phi"], unknown, unknown, unknown, stiffness=(read, sd), unread=unread)
+
+
+def _unread(path: Path, columns: list[str], known: tuple[str, ...]) -> tuple[str, ...]:
+    """Columns that are not ``known``. Raises InputError for one that may be meant for one that is missing."""
+    unread = tuple(column for column in columns if column and column not in known)
+    for column in unread:
+        missing = [name for name in known if name not in columns]
+        if meant := next((name for name in missing if name.startswith(column)), near(column, missing)):
+            raise InputError(f"{path}: row 1: column {column!r} is not known, did you mean {meant!r}?")
+    return unread
 
 
 def at_levels(readings: Readings, level_phi: Floats, robot: Robot) -> Pressed:
     """The readings that belong to φ levels ``(levels,)`` of this robot's trials. Raises InputError if there is none."""
     readings = readings.of(robot)
     gap = np.abs(readings.phi[:, None] - level_phi)
-    level, near = gap.argmin(axis=1), gap.min(axis=1) <= NEAR
-    if not near.any():
+    level, close = gap.argmin(axis=1), gap.min(axis=1) <= NEAR
+    if not close.any():
         raise InputError(
             f"penetrometer readings at φ {readings.phi.min():.3f}-{readings.phi.max():.3f} are not at the trials' "
             f"levels: {', '.join(f'{phi:.3f}' for phi in level_phi)}"
         )
     away = readings.phi - level_phi[level]
     columns = (level, away, readings.depth_m, readings.force_n, readings.force_sd_n)
-    return Pressed(*(column[near] for column in columns))
+    return replace(Pressed(*(column[close] for column in columns)), notes=_notes(readings, close))
+
+
+def _notes(readings: Readings, close: NDArray[np.bool_]) -> tuple[str, ...]:
+    """What of the readings, of which some are ``close`` to a level, is not used."""
+    found, strays = [], readings.phi[~close]
+    if readings.unread:
+        found.append(f"penetrometer: columns that are not read: {', '.join(readings.unread)}")
+    if len(strays):
+        are = "is" if len(strays) == 1 else "are"
+        at = ", ".join(f"{phi:.3f}" for phi in np.unique(strays.round(3)))
+        found.append(f"penetrometer: {len(strays)} of {len(close)} readings {are} at no level of the trials: φ {at}")
+    return tuple(found)
 
 
 def _column(

@@ -48,7 +48,7 @@ def provenance(trials: Trials, cells: Cells, lost: Sequence[tuple[str, str]] = (
     for trial_id, phi, omega, speed, status in rows:
         if reason := _reason({"phi": phi, "omega_rad_s": omega, "speed_m_s": speed}, str(status)):
             excluded.append((str(trial_id), reason))
-    return Provenance(cells.trials, tuple(excluded), limits(cells), checked(trials))
+    return Provenance(cells.trials, tuple(excluded), limits(cells), checked(trials) + cells.notes)
 
 
 def _reason(needed: Mapping[str, float], status: str) -> str:

@@ -167,13 +167,14 @@ def _filmed(args: argparse.Namespace, data: "Path | Sequence[Path]") -> "Trials"
 
 
 def check_setting(args: argparse.Namespace) -> None:
-    """Read what ``--robot`` and ``--cameras`` name, whatever DATA hold. Raises InputError."""
+    """Read what ``--robot``, ``--cameras`` and ``--penetrometer`` name, whatever DATA hold. Raises InputError."""
     from sandbot_record.trials.setting import of_cameras
 
     if args.robot is not None:
         read_robot(args.robot)
     if args.cameras is not None:
         of_cameras(args.cameras)
+    readings(args)
 
 
 def of_robot(trials: "Trials", robot: Robot, where: str) -> "tuple[Trials, str]":

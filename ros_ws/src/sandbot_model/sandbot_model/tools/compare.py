@@ -71,6 +71,7 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     readings = arguments.readings(args)
     notes = checked(trials)
     cells = cells_of(trials, readings)
+    notes += cells.notes
     steps = steps_of(selection, cells, effects)
     print(answer.of_comparison(steps), end="\n\n")
     print(filled(tables.data_line(steps[0])), filled(robot_line), sep="\n")

@@ -70,6 +70,7 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
     trials, robot_line = arguments.trials(args)
     notes = checked(trials)
     cells = arguments.cells(args, trials)
+    notes += cells.notes
     arguments.check_bed(args, cells)
     with fitters as fit_all, tqdm(unit="fit", file=sys.stderr, disable=None) as bar:
 

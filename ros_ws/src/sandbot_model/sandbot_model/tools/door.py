@@ -163,7 +163,7 @@ def discover(
             fit_all=fit_all,
             progress=progress,
         )
-    return Found(found, trials, notes)
+    return Found(found, trials, notes + cells.notes)
 
 
 def compare(
@@ -182,8 +182,9 @@ def compare(
     catalogue = _catalogue(model, effects_from, formulas)
     trials = _trials(data, robot)
     notes = _notes(trials)
-    found = comparing.compare(_cells(trials, penetrometer), catalogue, effects, base=model)
-    return Compared(found, trials, notes)
+    cells = _cells(trials, penetrometer)
+    found = comparing.compare(cells, catalogue, effects, base=model)
+    return Compared(found, trials, notes + cells.notes)
 
 
 def _catalogue(model: str, effects_from: Paths, formulas: Sequence[str]) -> Mapping[str, Effect]:

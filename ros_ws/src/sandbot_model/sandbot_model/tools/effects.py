@@ -27,6 +27,8 @@ def _effects(argv: Sequence[str]) -> None:
     parser.add_argument("--quantities", action="store_true", help="print the symbols that a formula may hold")
     args = parser.parse_args(argv)
     if args.quantities:
+        if args.names or args.effect or args.effects_from or args.json is not None:
+            raise InputError("--quantities: prints the symbols and nothing else; leave out what else is given")
         print(_quantities())
         return
     # Imported now that the options are understood: --help is answered at once.

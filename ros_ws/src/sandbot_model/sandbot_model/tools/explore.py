@@ -116,21 +116,20 @@ class _Desk:
 
         trials, robot_line = arguments.trials(self.args)
         checked(trials)
-        cells = arguments.cells(self.args, trials)
-        arguments.check_bed(self.args, cells)
-        return trials, robot_line, cells
+        return trials, robot_line, arguments.cells(self.args, trials)
 
     def made(self, dropped: Path | None) -> "Flask":
         """A server for the data as they are now, with a table that was dropped beside them."""
         return self.server(*self.read(), dropped)
 
     def server(self, trials: "Trials", robot_line: str, cells: "Cells", dropped: Path | None = None) -> "Flask":
-        """The explorer of these."""
+        """The explorer of these. Raises InputError for an option that they have no use for."""
         from sandbot_model.data.conditions import cells_of
         from sandbot_model.explore.app import Beside, Explorer
         from sandbot_model.explore.session import Session
 
         args = self.args
+        arguments.check_bed(args, cells)
         own = {"effect_files": args.effects_from, "criteria": arguments.criteria(args)}
         beside = None
         if (path := dropped or args.beside) is not None:

@@ -152,13 +152,17 @@ def _check_header(where: str, header: Sequence[str], given: Sequence[str]) -> No
             raise InputError(f"{where}: row 1: columns {both} are both {name}; leave one out")
 
 
+def foreign(given: Sequence[str]) -> list[str]:
+    """Columns that the table has no place for."""
+    return [column for column in _known_names(given) if column and column not in COLUMNS]
+
+
 def unread(given: Sequence[str]) -> tuple[str, ...]:
     """Columns that the table has no place for, and what they would have to become where that can be told."""
     header = _known_names(given)
-    foreign = [column for column in header if column and column not in COLUMNS]
     missing = [name for name in COLUMNS if name not in header]
     found, others = [], []
-    for column in foreign:
+    for column in foreign(given):
         # Where the quantity is there under its own name, another column may say what it likes: f [N] is a force.
         meant = _in_brackets(column)[0] or _OTHER_NAMES.get(_plain(column), "").partition(" ")[0]
         name = meant or near(column, missing)

@@ -128,7 +128,8 @@ def campaign(folder: Path, crew: Crew | None = None) -> Report:
     recorded = of_campaign(folder)
     if _table_is_newer(folder, bags):
         setting = shared([recorded, _measured(bags[0])[1]])
-        table = from_rows(read_csv(folder / TRIALS_CSV).rows(), *setting.for_table)
+        own = read_csv(folder / TRIALS_CSV)
+        table = replace(from_rows(own.rows(), *setting.for_table), unread=own.unread)
         return Report(table, (), len(bags))
     cache = Cache.read(folder)
     before = dict(cache.seen)
