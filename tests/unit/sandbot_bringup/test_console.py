@@ -1,7 +1,6 @@
 import json
 import math
 import socket
-import threading
 import urllib.request
 
 import pytest
@@ -236,12 +235,10 @@ def fake():
 
 @pytest.fixture
 def client(fake):
-    closing = threading.Event()
-    closing.set()  # a stream ends after its first snapshot
-    return app(fake, closing).test_client()
+    return app(fake).test_client()
 
 
-def test_page_library_stream_and_pictures_come_from_this_host(client):
+def test_page_library_state_and_pictures_come_from_this_host(client):
     page = "".join(
         client.get(f"/{name}").get_data(as_text=True) for name in ("", "console.js", "console.css", "base.css")
     )
@@ -249,7 +246,8 @@ def test_page_library_stream_and_pictures_come_from_this_host(client):
     assert "https://" not in page
     assert client.get("/console_page.py").status_code == 404
     assert b"plotly" in client.get("/plotly.js").data[:2000].lower()
-    assert client.get("/stream").get_data(as_text=True) == 'data: {"a": 1}\n\n'
+    # Whole, and over: an answer that goes on would keep a browser's connection from STOP.
+    assert client.get("/state").get_data() == b'{"a": 1}'
     assert client.get("/camera/dorsal.jpg").data == b"jpeg"
     assert client.get("/camera/lateral.jpg").status_code == 404
 
@@ -275,7 +273,7 @@ def test_nobody_else_is_obeyed(client, fake, path):
 
 
 def test_a_page_whose_name_points_here_sees_nothing(client):
-    for path in ("", "stream", "camera/dorsal.jpg", "console.js"):
+    for path in ("", "state", "camera/dorsal.jpg", "console.js"):
         assert client.get(f"/{path}", headers={"Host": "evil.example:8060"}).status_code == 403
         assert client.get(f"/{path}", headers={"Host": "127.0.0.1:8060"}).status_code == 200
 
@@ -299,16 +297,14 @@ def test_an_order_that_is_none_is_refused(client, fake, body, kind):
 
 
 def test_it_serves_on_loopback_and_a_taken_port_is_one_line(fake, listening):
-    closing = threading.Event()
-    server = serve(fake, 0, closing)
+    server = serve(fake, 0)
     try:
         assert listening(server.port) == {"127.0.0.1"}
         with urllib.request.urlopen(f"http://127.0.0.1:{server.port}/camera/dorsal.jpg", timeout=5) as answer:
             assert answer.read() == b"jpeg"
         with pytest.raises(InputError, match=f"port {server.port} of 127.0.0.1 is taken"):
-            serve(fake, server.port, closing)
+            serve(fake, server.port)
     finally:
-        closing.set()
         server.shutdown()
         server.server_close()
     assert server.socket.fileno() == -1

@@ -1,4 +1,4 @@
-"""The console over HTTP: one page, a stream of snapshots, two pictures, and what its operator asks for. No ROS here.
+"""The console over HTTP: one page, its state as often as it asks, two pictures, and what its operator asks for. No ROS.
 
 Loopback only, and it obeys this page alone: the Host must be this host (a name that was rebound to it is not) and a
 header is asked for that another site's page can't send.
@@ -7,7 +7,7 @@ header is asked for that another site's page can't send.
 import json
 import socket
 import threading
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from importlib.resources import files
 from typing import Any, Protocol
 from urllib.parse import urlsplit
@@ -19,7 +19,6 @@ from werkzeug.serving import BaseWSGIServer, WSGIRequestHandler, make_server
 from sandbot_common.errors import InputError
 
 HOST = "127.0.0.1"
-PERIOD_S = 0.2
 _OWN_HEADER = "X-Trackway"
 
 
@@ -60,8 +59,8 @@ def _texts() -> dict[str, tuple[str, str]]:
     }
 
 
-def app(source: Source, closing: threading.Event) -> Flask:
-    """The WSGI application; its streams end when ``closing`` is set."""
+def app(source: Source) -> Flask:
+    """The WSGI application. No answer goes on for ever: each would keep one of a browser's connections from STOP."""
     page = Flask("sandbot_bringup.console", static_folder=None)
 
     @page.before_request
@@ -71,12 +70,12 @@ def app(source: Source, closing: threading.Event) -> Flask:
         if request.method != "GET" and request.headers.get(_OWN_HEADER) is None:
             abort(403)
 
-    _show(page, source, closing)
+    _show(page, source)
     _obey(page, source)
     return page
 
 
-def _show(page: Flask, source: Source, closing: threading.Event) -> None:
+def _show(page: Flask, source: Source) -> None:
     texts = _texts()
 
     @page.get("/")
@@ -87,9 +86,10 @@ def _show(page: Flask, source: Source, closing: threading.Event) -> None:
         content, kind = texts[name]
         return Response(content, mimetype=kind, headers={"Cache-Control": "no-cache"})
 
-    @page.get("/stream")
-    def stream() -> Response:
-        return Response(_events(source.snapshot, closing), mimetype="text/event-stream")
+    @page.get("/state")
+    def state() -> Response:
+        content = json.dumps(source.snapshot(), allow_nan=False)
+        return Response(content, mimetype="application/json", headers={"Cache-Control": "no-store"})
 
     @page.get("/camera/<camera>.jpg")
     def picture(camera: str) -> Response:
@@ -124,7 +124,7 @@ def _answer(result: tuple[bool, str]) -> Response:
     return jsonify(success=result[0], message=result[1])
 
 
-def serve(source: Source, port: int, closing: threading.Event) -> BaseWSGIServer:
+def serve(source: Source, port: int) -> BaseWSGIServer:
     """Serve in a thread of its own; InputError where the port is taken. ``shutdown()`` of what is returned ends it."""
     try:
         # Bound here: werkzeug answers a taken port with advice of its own and an exit.
@@ -135,7 +135,7 @@ def serve(source: Source, port: int, closing: threading.Event) -> BaseWSGIServer
         server = make_server(
             HOST,
             listening.getsockname()[1],
-            app(source, closing),
+            app(source),
             threaded=True,
             request_handler=_Quiet,
             fd=listening.fileno(),
@@ -145,14 +145,7 @@ def serve(source: Source, port: int, closing: threading.Event) -> BaseWSGIServer
 
 
 class _Quiet(WSGIRequestHandler):
-    """Ten pictures a second are not news."""
+    """Five states and ten pictures a second are not news."""
 
     def log_request(self, code: int | str = "-", size: int | str = "-") -> None:
         """Say nothing of requests that went well; errors are logged elsewhere."""
-
-
-def _events(snapshot: Callable[[], Mapping[str, Any]], closing: threading.Event) -> Iterator[str]:
-    while True:
-        yield f"data: {json.dumps(snapshot(), allow_nan=False)}\n\n"
-        if closing.wait(PERIOD_S):
-            return
