@@ -1,8 +1,11 @@
 """The console's page where the line to it, or the console itself, is not as it should be: without a trackway."""
 
+import threading
 import time
 
 import pytest
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
 from sandbot_bringup.console import Console
@@ -14,12 +17,12 @@ PATIENCE_S = 60
 
 
 class Slow:
-    """A console that takes ``state_s`` to tell its state."""
+    """A console that takes ``state_s`` to tell its state, and never answers STOP until it is ``over``."""
 
     actions = ()
 
     def __init__(self):
-        self.state_s = 0.0
+        self.state_s, self.over = 0.0, threading.Event()
 
     def snapshot(self):
         made = Console({}).snapshot(time.monotonic())
@@ -29,7 +32,10 @@ class Slow:
     def picture(self, _camera):
         return None
 
-    stop = acknowledge = order = call = None
+    def stop(self):
+        self.over.wait()
+
+    acknowledge = order = call = None
 
 
 @pytest.fixture
@@ -39,6 +45,7 @@ def console(chromium):
     chromium.get(f"http://127.0.0.1:{server.port}/")
     until(chromium, "connection", "live")
     yield source
+    source.over.set()
     chromium.get("about:blank")
     server.shutdown()
     server.server_close()
@@ -56,3 +63,9 @@ def test_what_comes_late_is_not_called_live(console, chromium):
     until(chromium, "connection", "connection lost")
     console.state_s = 0.0
     until(chromium, "connection", "live")
+
+
+@pytest.mark.usefixtures("console")
+def test_who_stops_a_console_that_is_stuck_is_told_to_cut_the_power(chromium):
+    chromium.find_element(By.TAG_NAME, "body").send_keys(Keys.ESCAPE)
+    until(chromium, "said", "NO ANSWER FROM THE CONSOLE: cut the power")

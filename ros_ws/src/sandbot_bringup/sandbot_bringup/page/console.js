@@ -6,10 +6,18 @@ const headers = {"X-Trackway": "1", "Content-Type": "application/json"};
 
 // ---- what the operator asks for
 
+/** The console sees STOP through for 3 s and waits 5 s for the answer to all else; one that is frozen takes a call and says nothing. */
+const STOP_MS = 4000, CALL_MS = 7000;
+
+async function post(path, patience, body) {
+  const signal = AbortSignal.timeout(patience);
+  return (await fetch(path, {method: "POST", headers, signal, body: JSON.stringify(body ?? {})})).json();
+}
+
 async function ask(path, name, body) {
   by("said").textContent = `${name} …`;
   try {
-    const answer = await (await fetch(path, {method: "POST", headers, body: JSON.stringify(body ?? {})})).json();
+    const answer = await post(path, CALL_MS, body);
     by("said").textContent = `${name}: ${answer.success ? "" : "refused: "}${answer.message}`;
     return answer.success;
   } catch {
@@ -21,7 +29,7 @@ async function ask(path, name, body) {
 async function stop() {
   by("said").textContent = "STOP …";
   try {
-    const answer = await (await fetch("stop", {method: "POST", headers})).json();
+    const answer = await post("stop", STOP_MS);
     by("said").textContent = `STOP: ${answer.success ? "" : "NOT SEEN TO BE AT REST: "}${answer.message}`;
   } catch {
     by("said").textContent = "STOP: NO ANSWER FROM THE CONSOLE: cut the power";
