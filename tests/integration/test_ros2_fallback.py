@@ -164,7 +164,7 @@ def test_console_serves_what_it_hears(start, ros2):
     while "air on (0.25)" not in state()["safety"]["text"]:
         time.sleep(0.1)
     assert state()["safety"]["state"] == "unknown"  # nobody tells of the legs
-    request = urllib.request.Request(f"{url}/call/start", method="POST", headers={"X-Trackway": "1"})
+    request = urllib.request.Request(f"{url}/call/start", method="POST", headers={"X-Trackway": str(state()["at_s"])})
     with urllib.request.urlopen(request, timeout=30) as answer:
         assert json.load(answer) == {"success": False, "message": "nobody offers /clock/start"}
     assert console.stop() == 0

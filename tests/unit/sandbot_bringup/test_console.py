@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sandbot_bringup.console import HISTORY_S, Arrivals, Console, Packing, RecorderRate, Series, Throttle
-from sandbot_bringup.console_page import app, serve
+from sandbot_bringup.console_page import OLD_S, app, serve
 from sandbot_common import topics
 from sandbot_common.errors import InputError
 
@@ -203,10 +203,10 @@ def test_throttle_lets_through_once_a_period():
 
 
 class Fake:
-    actions = ("go", "prepare")
+    actions = ("go", "prepare", "halt")
 
     def __init__(self):
-        self.called = []
+        self.called, self.now_s = [], 1.0
 
     def snapshot(self):
         return {"a": 1}
@@ -235,7 +235,7 @@ def fake():
 
 @pytest.fixture
 def client(fake):
-    return app(fake).test_client()
+    return app(fake, lambda: fake.now_s).test_client()
 
 
 def test_page_library_state_and_pictures_come_from_this_host(client):
@@ -247,7 +247,7 @@ def test_page_library_state_and_pictures_come_from_this_host(client):
     assert client.get("/console_page.py").status_code == 404
     assert b"plotly" in client.get("/plotly.js").data[:2000].lower()
     # Whole, and over: an answer that goes on would keep a browser's connection from STOP.
-    assert client.get("/state").get_data() == b'{"a": 1}'
+    assert client.get("/state").get_data() == b'{"a": 1, "at_s": 1.0}'
     assert client.get("/camera/dorsal.jpg").data == b"jpeg"
     assert client.get("/camera/lateral.jpg").status_code == 404
 
@@ -261,6 +261,17 @@ def test_what_the_operator_asks_for_is_done(client, fake):
     order = {"do": "skip", "trial_id": "a"}
     assert client.post("/order", headers=OWN, json=order).json["success"]
     assert fake.called == ["stop", "acknowledge", "go", "prepare", order]
+
+
+def test_what_was_asked_long_ago_starts_nothing_and_ends_all_the_same(client, fake):
+    """A console that was frozen finds what was asked meanwhile, and a page that was acts on what it last saw."""
+    fake.now_s += OLD_S + 0.5
+    for path in ("call/go", "call/prepare", "order"):
+        answer = client.post(f"/{path}", headers=OWN, json={}).json
+        assert answer == {"success": False, "message": "what the page knew when it asked is 2 s old; ask again"}
+    assert fake.called == []
+    for path in ("stop", "acknowledge", "call/halt"):
+        assert client.post(f"/{path}", headers=OWN, json={}).json["success"]
 
 
 @pytest.mark.parametrize("path", ["stop", "acknowledge", "call/go", "order"])

@@ -2,7 +2,6 @@
 const by = id => document.getElementById(id);
 const number = (value, digits, unit = "", factor = 1) =>
   value == null ? "–" : (factor * value).toFixed(digits).replace("-", "−") + (unit && " " + unit);
-const headers = {"X-Trackway": "1", "Content-Type": "application/json"};
 
 // ---- what the operator asks for
 
@@ -10,6 +9,8 @@ const headers = {"X-Trackway": "1", "Content-Type": "application/json"};
 const STOP_MS = 4000, CALL_MS = 7000;
 
 async function post(path, patience, body) {
+  // What this page knew when it asked: a console that was frozen starts nothing that was asked long ago.
+  const headers = {"X-Trackway": last?.at_s ?? 0, "Content-Type": "application/json"};
   const signal = AbortSignal.timeout(patience);
   return (await fetch(path, {method: "POST", headers, signal, body: JSON.stringify(body ?? {})})).json();
 }
