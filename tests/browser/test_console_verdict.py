@@ -1,7 +1,6 @@
 """The console of a campaign until a verdict: what is known, what is still possible, and why the next trial is run."""
 
 import json
-import threading
 import time
 
 import pytest
@@ -71,12 +70,11 @@ class Watched:
 
 @pytest.fixture
 def watched(chromium):
-    source, closing = Watched(), threading.Event()
-    server = serve(source, 0, closing)
+    source = Watched()
+    server = serve(source, 0)
     source.open = lambda: chromium.get(f"http://127.0.0.1:{server.port}/")
     yield source, chromium
     chromium.get("about:blank")
-    closing.set()
     server.shutdown()
     server.server_close()
 

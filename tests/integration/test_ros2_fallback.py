@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -155,14 +156,15 @@ def test_console_serves_what_it_hears(start, ros2):
     line = console.until(lambda one: "http://127.0.0.1:" in one)
     url = line[line.index("http://") :].rstrip("/")
     start(sys.executable, "-c", TALKER.replace("/talk", "/bed/blower"))
-    with urllib.request.urlopen(f"{url}/stream", timeout=30) as stream:
-        for raw in stream:
-            if raw.startswith(b"data:"):
-                state = json.loads(raw[5:])
-                if "air on (0.25)" in state["safety"]["text"]:
-                    break
-    assert state["safety"]["state"] == "unknown"  # nobody tells of the legs
-    request = urllib.request.Request(f"{url}/call/start", method="POST", headers={"X-Trackway": "1"})
+
+    def state():
+        with urllib.request.urlopen(f"{url}/state", timeout=30) as answer:
+            return json.load(answer)
+
+    while "air on (0.25)" not in state()["safety"]["text"]:
+        time.sleep(0.1)
+    assert state()["safety"]["state"] == "unknown"  # nobody tells of the legs
+    request = urllib.request.Request(f"{url}/call/start", method="POST", headers={"X-Trackway": str(state()["at_s"])})
     with urllib.request.urlopen(request, timeout=30) as answer:
         assert json.load(answer) == {"success": False, "message": "nobody offers /clock/start"}
     assert console.stop() == 0

@@ -8,6 +8,7 @@ import pytest
 from sandbot_bed.bed_node import BedNode
 from sandbot_bed.bed_parameters import BedParameters
 from sandbot_bed.protocol import PulseProtocol
+from sandbot_common.standstill import Standstill
 
 TRIGGER = SimpleNamespace(success=None, message="")
 
@@ -32,7 +33,7 @@ def bed(monkeypatch):
     one._settings = one._command = one._phi = one._status = one._health = one._hardware = Silent()
     one._protocol, one._air_stops, one._reported = PulseProtocol(BedParameters()), {}, ""
     one._legs_moved_s = one._status_s = -float("inf")
-    one._step_s = time.monotonic() - 10.0
+    one._step_s, one._standstill = time.monotonic() - 10.0, Standstill()
     monkeypatch.setattr(BedNode, "_on_new_stage", lambda _, command: stages.append((command.stage, command.reason)))
     monkeypatch.setattr(BedNode, "get_clock", lambda _: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=1)))
     return one, stages
@@ -53,3 +54,10 @@ def test_what_holds_it_up_while_it_blows_does(bed):
     one._step_s -= 10.0
     one._step()
     assert stages[-1] == ("failed", "the bed node was held up for 10 s")
+
+
+def test_what_was_asked_of_a_frozen_bed_blows_no_air_when_it_thaws(bed):
+    one, stages = bed
+    one._standstill = SimpleNamespace(refusal=lambda now_s: "held up")
+    answer = one._on_prepare(None, TRIGGER)
+    assert (answer.success, answer.message, stages) == (False, "held up", [])

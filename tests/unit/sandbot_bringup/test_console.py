@@ -1,7 +1,6 @@
 import json
 import math
 import socket
-import threading
 import urllib.request
 
 import pytest
@@ -9,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sandbot_bringup.console import HISTORY_S, Arrivals, Console, Packing, RecorderRate, Series, Throttle
-from sandbot_bringup.console_page import app, serve
+from sandbot_bringup.console_page import OLD_S, app, serve
 from sandbot_common import topics
 from sandbot_common.errors import InputError
 
@@ -204,10 +203,10 @@ def test_throttle_lets_through_once_a_period():
 
 
 class Fake:
-    actions = ("go", "prepare")
+    actions = ("go", "prepare", "halt")
 
     def __init__(self):
-        self.called = []
+        self.called, self.now_s = [], 1.0
 
     def snapshot(self):
         return {"a": 1}
@@ -236,12 +235,10 @@ def fake():
 
 @pytest.fixture
 def client(fake):
-    closing = threading.Event()
-    closing.set()  # a stream ends after its first snapshot
-    return app(fake, closing).test_client()
+    return app(fake, lambda: fake.now_s).test_client()
 
 
-def test_page_library_stream_and_pictures_come_from_this_host(client):
+def test_page_library_state_and_pictures_come_from_this_host(client):
     page = "".join(
         client.get(f"/{name}").get_data(as_text=True) for name in ("", "console.js", "console.css", "base.css")
     )
@@ -249,7 +246,8 @@ def test_page_library_stream_and_pictures_come_from_this_host(client):
     assert "https://" not in page
     assert client.get("/console_page.py").status_code == 404
     assert b"plotly" in client.get("/plotly.js").data[:2000].lower()
-    assert client.get("/stream").get_data(as_text=True) == 'data: {"a": 1}\n\n'
+    # Whole, and over: an answer that goes on would keep a browser's connection from STOP.
+    assert client.get("/state").get_data() == b'{"a": 1, "at_s": 1.0}'
     assert client.get("/camera/dorsal.jpg").data == b"jpeg"
     assert client.get("/camera/lateral.jpg").status_code == 404
 
@@ -265,6 +263,17 @@ def test_what_the_operator_asks_for_is_done(client, fake):
     assert fake.called == ["stop", "acknowledge", "go", "prepare", order]
 
 
+def test_what_was_asked_long_ago_starts_nothing_and_ends_all_the_same(client, fake):
+    """A console that was frozen finds what was asked meanwhile, and a page that was acts on what it last saw."""
+    fake.now_s += OLD_S + 0.5
+    for path in ("call/go", "call/prepare", "order"):
+        answer = client.post(f"/{path}", headers=OWN, json={}).json
+        assert answer == {"success": False, "message": "what the page knew when it asked is 2 s old; ask again"}
+    assert fake.called == []
+    for path in ("stop", "acknowledge", "call/halt"):
+        assert client.post(f"/{path}", headers=OWN, json={}).json["success"]
+
+
 @pytest.mark.parametrize("path", ["stop", "acknowledge", "call/go", "order"])
 def test_nobody_else_is_obeyed(client, fake, path):
     assert client.post(f"/{path}", json={}).status_code == 403
@@ -275,7 +284,7 @@ def test_nobody_else_is_obeyed(client, fake, path):
 
 
 def test_a_page_whose_name_points_here_sees_nothing(client):
-    for path in ("", "stream", "camera/dorsal.jpg", "console.js"):
+    for path in ("", "state", "camera/dorsal.jpg", "console.js"):
         assert client.get(f"/{path}", headers={"Host": "evil.example:8060"}).status_code == 403
         assert client.get(f"/{path}", headers={"Host": "127.0.0.1:8060"}).status_code == 200
 
@@ -299,16 +308,14 @@ def test_an_order_that_is_none_is_refused(client, fake, body, kind):
 
 
 def test_it_serves_on_loopback_and_a_taken_port_is_one_line(fake, listening):
-    closing = threading.Event()
-    server = serve(fake, 0, closing)
+    server = serve(fake, 0)
     try:
         assert listening(server.port) == {"127.0.0.1"}
         with urllib.request.urlopen(f"http://127.0.0.1:{server.port}/camera/dorsal.jpg", timeout=5) as answer:
             assert answer.read() == b"jpeg"
         with pytest.raises(InputError, match=f"port {server.port} of 127.0.0.1 is taken"):
-            serve(fake, server.port, closing)
+            serve(fake, server.port)
     finally:
-        closing.set()
         server.shutdown()
         server.server_close()
     assert server.socket.fileno() == -1

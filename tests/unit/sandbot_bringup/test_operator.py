@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import bags
 import pytest
+import rclpy
 
 from sandbot_bringup.campaign_node import Operator
-from sandbot_bringup.endings import TrialFailed
+from sandbot_bringup.endings import Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import Plan, trials_of
+from sandbot_common.node import Stop, end_timers
+from sandbot_common.robot import SANDBOT
 from sandbot_record.bags.reader import Bag
 
 PLAN = Plan(name="one", phi=(0.605,), omega_rad_s=(12.0,), gait="UNIFORM")
@@ -61,6 +64,22 @@ def test_omega_is_set_of_legs_at_rest_and_again_before_they_start():
     with pytest.raises(TrialFailed):
         one._walk(TRIAL)
     assert one._orders.asked == ["/clock/home", ("clock", 12.0), "/clock/start"]
+
+
+@pytest.mark.ros
+def test_a_stop_is_heard_from_the_first_moment_and_holds_what_has_not_begun(domain):
+    rclpy.init()
+    one = Operator(PLAN, SANDBOT, Stop())
+    try:
+        assert {"campaign/stop", "campaign/pause", "campaign/go"} <= {service.srv_name for service in one.services}
+        one.hold.stop("stopped by the operator")
+        assert one._wait(lambda: True, 1.0)  # as it looks for its nodes
+        one._lease = object()  # all are there
+        with pytest.raises(Held):
+            one._wait(lambda: True, 1.0)
+    finally:
+        end_timers(one)
+        rclpy.try_shutdown()
 
 
 def run(tmp_path, damage):

@@ -3,10 +3,12 @@
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from sandbot_clock.clock_node import ClockNode
 from sandbot_common import messages, node, topics
 from sandbot_common.robot import Robot, to_mapping
 
@@ -20,6 +22,14 @@ def clock(domain):
     yield
     process.terminate()
     assert process.wait(timeout=30) == 0
+
+
+def test_what_was_asked_of_a_frozen_clock_moves_no_leg_when_it_thaws():
+    one = object.__new__(ClockNode)
+    one._running, one._settings = False, SimpleNamespace(current=SimpleNamespace(max_run_s=30.0))
+    one._standstill = SimpleNamespace(refusal=lambda now_s: "held up")
+    one.start = lambda: pytest.fail("legs move")
+    assert one._on_start(None, SimpleNamespace()) == SimpleNamespace(success=False, message="held up")
 
 
 def test_runs_on_schedule_stops_at_rest_and_heeds_the_air(clock, beside):

@@ -24,6 +24,7 @@ from sandbot_bed.status import status_message
 from sandbot_common import command_node, messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.process import real_time_while
+from sandbot_common.standstill import Standstill
 from sandbot_common.timer import Timer
 
 PRIORITY = 3
@@ -100,6 +101,7 @@ class BedNode(Node):
         node.subscription(self, topics.DIAGNOSTICS, self._on_diagnostics)
         self._legs_moved_s = self._status_s = -math.inf
         self._step_s = math.inf
+        self._standstill = Standstill()
         self._reported = ""
         self.create_service(Trigger, "bed/prepare", self._on_prepare)
         self.create_service(Trigger, "bed/abort", self._on_abort)
@@ -114,6 +116,7 @@ class BedNode(Node):
         if self._protocol.command.stage.busy and (reason := self._fault(now_s)):
             self._protocol.fail(reason)
         self._step_s = now_s
+        self._standstill.turn(now_s)
         self._obey(self._protocol.step(now_s, self._hardware.read_height_m()))
 
     def _fault(self, now_s: float) -> str:
@@ -183,7 +186,8 @@ class BedNode(Node):
         if self._legs_move:
             response.success, response.message = False, "legs move (/leg_setpoints); call /clock/stop first"
             return response
-        if reason := self._command.begin(self._settings.current.lease_s):
+        refusal = self._standstill.refusal(time.monotonic())
+        if reason := refusal or self._command.begin(self._settings.current.lease_s):
             response.success, response.message = False, reason
             return response
         self._air_stops_before = dict(self._air_stops)

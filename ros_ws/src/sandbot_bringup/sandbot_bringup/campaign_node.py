@@ -21,6 +21,7 @@ from sandbot_bringup.folder import CampaignFolder, frames_kept
 from sandbot_bringup.gate_node import DISCOVERY_S, Gate
 from sandbot_bringup.hearing_node import RECORDER, TRACKER_SPEED, Hearing, Told
 from sandbot_bringup.hold import Hold
+from sandbot_bringup.hold_node import HoldServices
 from sandbot_bringup.orders_node import CALL_S, Orders
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_bringup.provenance import trial_message
@@ -90,6 +91,7 @@ class Operator(Node):
         super().__init__("campaign")
         self._plan, self._robot, self._stop = plan, robot, stop
         self.hold = Hold()
+        self.hold_services = HoldServices(self, self.hold)
         self._executor = EventsExecutor()
         self._executor.add_node(self)
         self._trial = publisher(self, topics.TRIAL)
@@ -288,15 +290,20 @@ class Operator(Node):
         """Whether the condition came to hold; raises as soon as there is no point in waiting any longer."""
 
         def wrong() -> bool:
-            return self._ending or self.hold.now or bool(self._fault())
+            return self._ending or self._stopped or bool(self._fault())
 
         self._spin_until(lambda: condition() or wrong(), timeout_s)
         self._end_if_asked()
-        if self.hold.now:
+        if self._stopped:
             raise Held(self.hold.why)
         if fault := self._fault():
             raise TrialFailed(fault)
         return condition()
+
+    @property
+    def _stopped(self) -> bool:
+        """Whether what is under way is to end at once; while nodes are still looked for nothing is."""
+        return self.hold.now and self._lease is not None
 
     @property
     def _ending(self) -> bool:

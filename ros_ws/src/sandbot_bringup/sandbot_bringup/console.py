@@ -308,7 +308,7 @@ class Console:
 
 
 def _json(text: str, where: str) -> Any:
-    """What may go on to the page: JSON proper, for NaN would end its stream."""
+    """What may go on to the page: JSON proper, for it could read none with NaN."""
     try:
         content = parse_json(text, where)
         json.dumps(content, allow_nan=False)

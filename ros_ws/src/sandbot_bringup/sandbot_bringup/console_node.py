@@ -88,7 +88,7 @@ class ConsoleNode(Node):
         self._triggers = {name: self.create_client(Trigger, topics.relative(name)) for name in names}
         self._orders = node.publisher(self, topics.CAMPAIGN_COMMAND)
         self._closing = threading.Event()
-        self._server = serve(self, self._settings.port, self._closing)
+        self._server = serve(self, self._settings.port)
         for topic in SHOWN:
             kind = messages.message_class(topic.type)
             self.create_subscription(kind, topic.relative, self._listener(topic), delivery(topic), raw=True)
@@ -155,7 +155,7 @@ class ConsoleNode(Node):
         return self._said("acknowledge", True, "seen")
 
     def close(self) -> None:
-        """End the streams and the server."""
+        """End whoever waits, and the server."""
         self._closing.set()
         self._server.shutdown()
 

@@ -1,13 +1,15 @@
-"""The console over HTTP: one page, a stream of snapshots, two pictures, and what its operator asks for. No ROS here.
+"""The console over HTTP: one page, its state as often as it asks, two pictures, and what its operator asks for. No ROS.
 
 Loopback only, and it obeys this page alone: the Host must be this host (a name that was rebound to it is not) and a
-header is asked for that another site's page can't send.
+header is asked for that another site's page can't send. It holds the time of the state on which the page acts: what was
+asked of a process that was frozen meanwhile, or by a page that was, starts nothing.
 """
 
 import json
 import socket
 import threading
-from collections.abc import Callable, Collection, Iterator, Mapping
+import time
+from collections.abc import Callable, Collection, Mapping
 from importlib.resources import files
 from typing import Any, Protocol
 from urllib.parse import urlsplit
@@ -19,8 +21,11 @@ from werkzeug.serving import BaseWSGIServer, WSGIRequestHandler, make_server
 from sandbot_common.errors import InputError
 
 HOST = "127.0.0.1"
-PERIOD_S = 0.2
+OLD_S = 2.0
+"""Who asks for motion or air has seen a state of the trackway no older than that."""
 _OWN_HEADER = "X-Trackway"
+_ENDS = ("abort", "halt", "pause")
+"""What ends something is done however late."""
 
 
 class Source(Protocol):
@@ -60,8 +65,8 @@ def _texts() -> dict[str, tuple[str, str]]:
     }
 
 
-def app(source: Source, closing: threading.Event) -> Flask:
-    """The WSGI application; its streams end when ``closing`` is set."""
+def app(source: Source, now_s: Callable[[], float] = time.monotonic) -> Flask:
+    """The WSGI application. No answer goes on for ever: each would keep one of a browser's connections from STOP."""
     page = Flask("sandbot_bringup.console", static_folder=None)
 
     @page.before_request
@@ -71,12 +76,12 @@ def app(source: Source, closing: threading.Event) -> Flask:
         if request.method != "GET" and request.headers.get(_OWN_HEADER) is None:
             abort(403)
 
-    _show(page, source, closing)
-    _obey(page, source)
+    _show(page, source, now_s)
+    _obey(page, source, now_s)
     return page
 
 
-def _show(page: Flask, source: Source, closing: threading.Event) -> None:
+def _show(page: Flask, source: Source, now_s: Callable[[], float]) -> None:
     texts = _texts()
 
     @page.get("/")
@@ -87,9 +92,10 @@ def _show(page: Flask, source: Source, closing: threading.Event) -> None:
         content, kind = texts[name]
         return Response(content, mimetype=kind, headers={"Cache-Control": "no-cache"})
 
-    @page.get("/stream")
-    def stream() -> Response:
-        return Response(_events(source.snapshot, closing), mimetype="text/event-stream")
+    @page.get("/state")
+    def state() -> Response:
+        content = json.dumps({**source.snapshot(), "at_s": now_s()}, allow_nan=False)
+        return Response(content, mimetype="application/json", headers={"Cache-Control": "no-store"})
 
     @page.get("/camera/<camera>.jpg")
     def picture(camera: str) -> Response:
@@ -99,8 +105,13 @@ def _show(page: Flask, source: Source, closing: threading.Event) -> None:
         return Response(jpeg, mimetype="image/jpeg", headers={"Cache-Control": "no-store"})
 
 
-def _obey(page: Flask, source: Source) -> None:
+def _obey(page: Flask, source: Source, now_s: Callable[[], float]) -> None:
     at_once = {"stop": source.stop, "acknowledge": source.acknowledge}
+
+    def late() -> str:
+        """Why it is too late to start anything; an empty string where it is not."""
+        age_s = now_s() - request.headers.get(_OWN_HEADER, 0.0, type=float)
+        return "" if abs(age_s) <= OLD_S else f"what the page knew when it asked is {age_s:.0f} s old; ask again"
 
     @page.post("/<any(stop, acknowledge):what>")
     def simple(what: str) -> Response:
@@ -110,6 +121,8 @@ def _obey(page: Flask, source: Source) -> None:
     def call(action: str) -> Response:
         if action not in source.actions:
             abort(404)
+        if action not in _ENDS and (refusal := late()):
+            return _answer((False, refusal))
         return _answer(source.call(action))
 
     @page.post("/order")
@@ -117,6 +130,8 @@ def _obey(page: Flask, source: Source) -> None:
         what = request.get_json()
         if not isinstance(what, dict):
             abort(400)
+        if refusal := late():
+            return _answer((False, refusal))
         return _answer(source.order(what))
 
 
@@ -124,7 +139,7 @@ def _answer(result: tuple[bool, str]) -> Response:
     return jsonify(success=result[0], message=result[1])
 
 
-def serve(source: Source, port: int, closing: threading.Event) -> BaseWSGIServer:
+def serve(source: Source, port: int) -> BaseWSGIServer:
     """Serve in a thread of its own; InputError where the port is taken. ``shutdown()`` of what is returned ends it."""
     try:
         # Bound here: werkzeug answers a taken port with advice of its own and an exit.
@@ -135,7 +150,7 @@ def serve(source: Source, port: int, closing: threading.Event) -> BaseWSGIServer
         server = make_server(
             HOST,
             listening.getsockname()[1],
-            app(source, closing),
+            app(source),
             threaded=True,
             request_handler=_Quiet,
             fd=listening.fileno(),
@@ -145,14 +160,7 @@ def serve(source: Source, port: int, closing: threading.Event) -> BaseWSGIServer
 
 
 class _Quiet(WSGIRequestHandler):
-    """Ten pictures a second are not news."""
+    """Five states and ten pictures a second are not news."""
 
     def log_request(self, code: int | str = "-", size: int | str = "-") -> None:
         """Say nothing of requests that went well; errors are logged elsewhere."""
-
-
-def _events(snapshot: Callable[[], Mapping[str, Any]], closing: threading.Event) -> Iterator[str]:
-    while True:
-        yield f"data: {json.dumps(snapshot(), allow_nan=False)}\n\n"
-        if closing.wait(PERIOD_S):
-            return

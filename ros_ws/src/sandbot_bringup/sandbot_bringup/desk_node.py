@@ -1,8 +1,8 @@
 """The operator's desk of a running campaign: stop, pause, go; skip, repeat, add. What is asked is answered and kept.
 
-stop, pause and go are services (std_srvs/Trigger), so that anything can call them. What needs more words comes as JSON
-on campaign/command: ``{"id": "...", "do": "skip", "trial_id": "..."}``, ``repeat`` likewise, or ``{"do": "add", "phi":
-0.605, "omega_rad_s": 12, "replicates": 2, "gait": "UNIFORM"}``; campaign/status answers by ``id``.
+stop, pause and go are services (``hold_node``). What needs more words comes as JSON on campaign/command: ``{"id":
+"...", "do": "skip", "trial_id": "..."}``, ``repeat`` likewise, or ``{"do": "add", "phi": 0.605, "omega_rad_s": 12,
+"replicates": 2, "gait": "UNIFORM"}``; campaign/status answers by ``id``.
 """
 
 import json
@@ -10,13 +10,12 @@ import math
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from rclpy.node import Node
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
-from sandbot_bringup.hold import Hold
+from sandbot_bringup.hold_node import HoldServices
 from sandbot_bringup.journal import Journal
 from sandbot_bringup.plan import Plan
 from sandbot_bringup.queue import Queue
@@ -25,8 +24,6 @@ from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
 from sandbot_common.node import publisher, subscription
 from sandbot_common.timer import Timer
-
-T = TypeVar("T")
 
 STATUS_S = 1.0
 _ANSWERS, _TAIL = 20, 60
@@ -44,19 +41,18 @@ class Desk:
         node: Node,
         folder: Path,
         queue: Queue,
-        hold: Hold,
+        services: HoldServices,
         journal: Journal,
         keep_plan: Callable[[Plan], None],
     ) -> None:
-        self.queue, self.hold = queue, hold
+        self.queue, self.hold = queue, services.hold
         self._node, self._folder, self._journal, self._keep_plan = node, folder, journal, keep_plan
         self._stage = ""
         self.look: Mapping[str, Any] | None = None
         self._answers: dict[str, dict[str, Any]] = {}
         self._status = publisher(node, topics.CAMPAIGN_STATUS)
         subscription(node, topics.CAMPAIGN_COMMAND, self._on_command)
-        for name, answer in (("stop", self._stop), ("pause", self._pause), ("go", self._go)):
-            node.create_service(Trigger, f"campaign/{name}", _trigger(answer))
+        services.changed = self._on_hold
         Timer(node, STATUS_S, self.say)
         self.say()
 
@@ -96,22 +92,8 @@ class Desk:
             "events": self._journal.events[-_TAIL:],
         }
 
-    def _stop(self) -> tuple[bool, str]:
-        return True, self._if_changed("hold", lambda: self.hold.stop("stopped by the operator"))
-
-    def _pause(self) -> tuple[bool, str]:
-        return True, self._if_changed("pause", self.hold.pause)
-
-    def _go(self) -> tuple[bool, str]:
-        return self._if_changed("go", self.hold.go)
-
-    def _if_changed(self, do: str, change: Callable[[], T]) -> T:
-        """Change the hold; what is asked twice is written down once."""
-        before = self.hold.state
-        said = change()
-        if self.hold.state != before:
-            self.note(do, who="operator", **({"reason": self.hold.why} if self.hold.why else {}))
-        return said
+    def _on_hold(self, do: str) -> None:
+        self.note(do, who="operator", **({"reason": self.hold.why} if self.hold.why else {}))
 
     def _on_command(self, message: String) -> None:
         asked: Any = None
@@ -144,11 +126,3 @@ class Desk:
             self._keep_plan(self.queue.plan)
         self._journal.add("operator", do, **what, followed=said)
         return str(said)
-
-
-def _trigger(answer: Callable[[], tuple[bool, str]]) -> Callable[[Any, Any], Any]:
-    def on_request(_: Any, response: Any) -> Any:
-        response.success, response.message = answer()
-        return response
-
-    return on_request

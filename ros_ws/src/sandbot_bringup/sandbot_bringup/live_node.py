@@ -86,10 +86,12 @@ class _Campaign:
         finished = {trial.trial_id for trial in trials_of(plan)} - waiting
         self.queue = Queue(plan, finished, journal.earlier)
         self._desk = operator.desk = Desk(
-            operator, folder.path, self.queue, operator.hold, journal, lambda grown: folder.adopt(grown, files)
+            operator, folder.path, self.queue, operator.hold_services, journal, lambda grown: folder.adopt(grown, files)
         )
         self._desk.look = _shown(looks_of(folder))
         self._desk.note("begin", trials=len(self.queue.entries), finished=len(finished))
+        if operator.hold.why:  # since its node was there
+            self._desk.note("hold", who="operator", reason=operator.hold.why)
 
     def run_all(self) -> None:
         """Until nothing waits. However it ends, the journal says so."""

@@ -15,7 +15,7 @@ crew        who does work that can be shared out: worker processes, or
   workers   processes that leave Ctrl-C to their parent and end with it
   cluster   the workers of a Dask cluster
 process     which process a node is, whether it lives, real-time priority; neighbours: all nodes of this host
-lease       the right to move legs or blow air, for a while
+lease       the right to move legs or blow air, for a while; standstill: whether a loop was frozen
 messages    numpy to standard ROS messages (no rclpy)
 serialization  those messages to CDR bytes, without DDS
 topics      names, types and QoS of every topic, once

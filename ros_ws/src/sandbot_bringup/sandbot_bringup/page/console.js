@@ -2,14 +2,23 @@
 const by = id => document.getElementById(id);
 const number = (value, digits, unit = "", factor = 1) =>
   value == null ? "–" : (factor * value).toFixed(digits).replace("-", "−") + (unit && " " + unit);
-const headers = {"X-Trackway": "1", "Content-Type": "application/json"};
 
 // ---- what the operator asks for
+
+/** The console sees STOP through for 3 s and waits 5 s for the answer to all else; one that is frozen takes a call and says nothing. */
+const STOP_MS = 4000, CALL_MS = 7000;
+
+async function post(path, patience, body) {
+  // What this page knew when it asked: a console that was frozen starts nothing that was asked long ago.
+  const headers = {"X-Trackway": last?.at_s ?? 0, "Content-Type": "application/json"};
+  const signal = AbortSignal.timeout(patience);
+  return (await fetch(path, {method: "POST", headers, signal, body: JSON.stringify(body ?? {})})).json();
+}
 
 async function ask(path, name, body) {
   by("said").textContent = `${name} …`;
   try {
-    const answer = await (await fetch(path, {method: "POST", headers, body: JSON.stringify(body ?? {})})).json();
+    const answer = await post(path, CALL_MS, body);
     by("said").textContent = `${name}: ${answer.success ? "" : "refused: "}${answer.message}`;
     return answer.success;
   } catch {
@@ -21,7 +30,7 @@ async function ask(path, name, body) {
 async function stop() {
   by("said").textContent = "STOP …";
   try {
-    const answer = await (await fetch("stop", {method: "POST", headers})).json();
+    const answer = await post("stop", STOP_MS);
     by("said").textContent = `STOP: ${answer.success ? "" : "NOT SEEN TO BE AT REST: "}${answer.message}`;
   } catch {
     by("said").textContent = "STOP: NO ANSWER FROM THE CONSOLE: cut the power";
@@ -289,7 +298,8 @@ function drawNodes(nodes, topics) {
 const shown = {};
 function drawPictures(pictures) {
   for (const [camera, {number: count, seen}] of Object.entries(pictures)) {
-    if (shown[camera] === count) continue;
+    // One at a time: where they come slowly they are fewer, and leave the line to the rest.
+    if (shown[camera] === count || !by(camera).complete) continue;
     shown[camera] = count;
     by(camera).src = `camera/${camera}.jpg?n=${count}`;
     const title = camera[0].toUpperCase() + camera.slice(1) + " camera ";
@@ -326,7 +336,7 @@ function drawTrial(trial) {
   by("trial").textContent = trial.trial_id ? parts.filter(part => part != null).join(" · ") : "no trial announced";
 }
 
-// ---- the stream
+// ---- what the console says
 
 /** What must be said at once, and costs next to nothing. */
 function drawSafety(state) {
@@ -348,8 +358,9 @@ const PARTS = [
   state => drawPictures(state.pictures), state => drawNodes(state.nodes, state.topics),
   state => drawLog(state.log, state.campaign.events ?? []), drawLinks,
 ];
+const PERIOD_MS = 200, OLD_MS = 2000;
 const pause = ms => new Promise(then => setTimeout(then, ms));
-let last = null, heard = 0, wake = () => {};
+let last = null, heard = performance.now(), wake = () => {};
 
 /** Draws the newest state, part by part, and rests four times as long as it worked: STOP never waits behind a figure. */
 async function keepDrawn() {
@@ -365,21 +376,34 @@ async function keepDrawn() {
 }
 keepDrawn();
 
-const stream = new EventSource("stream");
-stream.onmessage = event => {
-  heard = performance.now();
-  last = JSON.parse(event.data);
-  drawSafety(last);
-  wake();
-};
 function lost() {
   by("connection").textContent = "connection lost; what is shown is old";
   by("connection").className = "lost";
   by("safety").textContent = "not known: the console does not answer";
   by("safety").className = "unknown";
 }
-stream.onerror = lost;
-setInterval(() => { if (last && performance.now() - heard > 2000) lost(); }, 500);
+
+/**
+ * Asks again once it is answered: what came is no older than the question, a slow line brings less and not later, and
+ * of the six connections that a browser has for a host none is kept from STOP, however many pages are open.
+ */
+async function keepHearing() {
+  for (;;) {
+    const asked = performance.now();
+    try {
+      const state = await (await fetch("state", {signal: AbortSignal.timeout(OLD_MS)})).json();
+      heard = asked;
+      last = state;
+      drawSafety(last);
+      wake();
+    } catch {
+      lost();
+    }
+    await pause(Math.max(PERIOD_MS - (performance.now() - asked), PERIOD_MS / 4));
+  }
+}
+keepHearing();
+setInterval(() => { if (performance.now() - heard > OLD_MS) lost(); }, 500);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   for (const name of ["speed", "packing", "curve"]) delete drawn[name];
   last = last && {...last};

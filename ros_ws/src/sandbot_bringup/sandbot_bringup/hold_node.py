@@ -1,0 +1,57 @@
+"""stop, pause and go of a campaign (std_srvs/Trigger), so that anything can call them.
+
+They are offered from the node's first moment: a campaign that is stopped while it still looks for its nodes is held.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from sandbot_bringup.hold import Hold
+from sandbot_common.standstill import Standstill
+from sandbot_common.timer import Timer
+
+T = TypeVar("T")
+
+_TURN_S = 0.1
+
+
+class HoldServices:
+    """``changed`` is called with what was asked wherever that changed the hold; what is asked twice, once."""
+
+    def __init__(self, node: Node, hold: Hold) -> None:
+        self.hold = hold
+        self.changed: Callable[[str], None] = lambda _: None
+        self._standstill = Standstill()
+        Timer(node, _TURN_S, lambda: self._standstill.turn(time.monotonic()))
+        for name, answer in (("stop", self._stop), ("pause", self._pause), ("go", self._go)):
+            node.create_service(Trigger, f"campaign/{name}", _trigger(answer))
+
+    def _stop(self) -> tuple[bool, str]:
+        return True, self._told("hold", lambda: self.hold.stop("stopped by the operator"))
+
+    def _pause(self) -> tuple[bool, str]:
+        return True, self._told("pause", self.hold.pause)
+
+    def _go(self) -> tuple[bool, str]:
+        if refusal := self._standstill.refusal(time.monotonic()):
+            return False, refusal
+        return self._told("go", self.hold.go)
+
+    def _told(self, do: str, change: Callable[[], T]) -> T:
+        before = self.hold.state
+        said = change()
+        if self.hold.state != before:
+            self.changed(do)
+        return said
+
+
+def _trigger(answer: Callable[[], tuple[bool, str]]) -> Callable[[Any, Any], Any]:
+    def on_request(_: Any, response: Any) -> Any:
+        response.success, response.message = answer()
+        return response
+
+    return on_request
