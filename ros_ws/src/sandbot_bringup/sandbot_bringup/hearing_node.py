@@ -107,6 +107,11 @@ class Hearing:
         steady = (("clock", topics.LEG_SETPOINTS), (_ROBOT, topics.LEG_STATES))
         self.watch(*(Sign(who, topic.name, steady_s) for who, topic in steady), TRACKER)
 
+    @property
+    def tells_motion(self) -> bool:
+        """Whether the robot says at present that its legs move; one that has died in the middle of a walk does not."""
+        return self.moving and self._supervisor.age_s(_ROBOT, topics.LEG_STATES.name, self.now_s) <= STEADY_S
+
     def watch_nobody(self) -> None:
         """Nothing is under way that anybody could spoil."""
         self._supervisor.watch(now_s=0.0)
