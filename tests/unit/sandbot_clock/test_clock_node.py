@@ -59,6 +59,11 @@ def test_runs_on_schedule_stops_at_rest_and_heeds_the_air(clock, beside):
         return tuple(setpoints[-1].name) == four.leg_order and len(setpoints[-1].position) == 4
 
     beside.until(of_four)
+    second = node.publisher(beside.node, topics.LEG_SETPOINTS)
+    beside.until(lambda: not any(setpoints[-1].velocity))
+    assert "beside and clock both publish" in beside.call("/clock/start").message
+    beside.node.destroy_publisher(second)
+    beside.until(lambda: beside.call("/clock/start").success)
     blower.publish(messages.float64(0.4))
     beside.until(lambda: not any(setpoints[-1].velocity))
     answer = beside.call("/clock/start")

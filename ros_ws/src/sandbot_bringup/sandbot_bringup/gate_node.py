@@ -69,9 +69,8 @@ class Gate:
             raise CampaignEnds(f"the {missing}; {_START_THEM}, then start the campaign again to go on")
         # A trial that failed may have left them moving, and the air comes next.
         if not self._wait(lambda: not self._hearing.tells_motion, DISCOVERY_S):
-            raise CampaignEnds(
-                f"legs do not come to rest ({topics.LEG_STATES.name}); stop them, then start the campaign again to go on"
-            )
+            where = topics.LEG_STATES.name
+            raise CampaignEnds(f"legs do not come to rest ({where}); stop them, then start the campaign again to go on")
         self._pace(plan)
         for topic in (topics.LEG_SETPOINTS, topics.BED_BLOWER, topics.OPERATOR_LEASE):
             if not self._wait(partial(self._has_one_publisher, topic), FORGOTTEN_S):

@@ -9,7 +9,7 @@ The legs stop by themselves, at the angles last sent, and /diagnostics says why,
 - the robot falls silent (/leg_states), if there is one;
 - a set-point is late by more than late_s, as in a process that was held up; what less is lost is regained by and by,
   for from one set-point to the next no leg ever turns further than in ten periods;
-- the bed's air is on (/bed/blower > 0): then the clock does not start either.
+- the bed's air is on (/bed/blower > 0), or another publishes /leg_setpoints: then the clock does not start either.
 """
 
 import math
@@ -53,6 +53,7 @@ class ClockNode(Node):
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         node.subscription(self, topics.LEG_STATES, self._on_states, raw=True)
         node.subscription(self, topics.TRIAL, self._on_trial)
+        self._rivals = node.Rivals(self, topics.LEG_SETPOINTS)
         self._command = node.Command(self, self._settings.current.lease_s)
         self._robot, self._robot_there = Lease(self._settings.current.robot_s), False
         self._blower: float | None = None
@@ -172,7 +173,7 @@ class ClockNode(Node):
             return f"the bed's air came on while the legs moved (/bed/blower is {self._blower:g})"
         if self._robot_there and self._robot.late(now_ns / NANO):
             return f"the robot was silent for {wanted.robot_s:g} s (/leg_states)"
-        return self._command.lost()
+        return self._rivals.fault() or self._command.lost()
 
     def _next(self, t_s: float, stopping: bool) -> PhaseClock:
         # Changes take effect at a scheduled instant, in the thread that owns the phase.

@@ -30,7 +30,7 @@ from rclpy.subscription import Subscription
 from sandbot_common import cli, messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
-from sandbot_common.neighbours import Neighbours
+from sandbot_common.neighbours import LOOK_S, Neighbours
 from sandbot_common.parameters import Spec, from_mapping, specs
 from sandbot_common.process import ask_for_real_time, own_name
 from sandbot_common.suggest import did_you_mean
@@ -298,6 +298,28 @@ def names_of(endpoints: Sequence[Any]) -> list[str]:
     Of two nodes of one name one has been killed, and DDS forgets it after 20 s, or is about to be refused (``Health``).
     """
     return sorted({str(endpoint.node_name) for endpoint in endpoints})
+
+
+class Rivals:
+    """Several commanders of the same legs. No message says who sent it, so whoever obeys looks who publishes."""
+
+    def __init__(self, node: Node, topic: topics.Topic) -> None:
+        self._node, self._topic = node, topic
+        self._looked_s, self._fault = -math.inf, ""
+
+    def fault(self) -> str:
+        """That "a and b both publish /leg_setpoints"; an empty string while one does, or nobody."""
+        now_s = time.monotonic()
+        if now_s - self._looked_s >= LOOK_S:
+            self._looked_s, self._fault = now_s, self._look()
+        return self._fault
+
+    def _look(self) -> str:
+        name = self._topic.relative
+        if self._node.count_publishers(name) < 2:  # costs a tenth of asking for their names
+            return ""
+        names = [one for one in names_of(self._node.get_publishers_info_by_topic(name)) if one != NAMELESS]
+        return f"{' and '.join(names)} both publish {self._topic.name}" if len(names) > 1 else ""
 
 
 class Health:
