@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -29,7 +29,8 @@ class Orders:
         self._triggers = {name: node.create_client(Trigger, topics.relative(name)) for name in _TRIGGERS}
         self._pause_images = node.create_client(SetBool, topics.relative(_PAUSE_IMAGES))
         self._setters = {
-            name: node.create_client(SetParameters, f"{name}/set_parameters") for name in ("clock", "bed", "lab")
+            name: node.create_client(SetParametersAtomically, f"{name}/set_parameters_atomically")
+            for name in ("clock", "bed", "lab")
         }
 
     def is_offered(self, name: str) -> bool:
@@ -47,12 +48,12 @@ class Orders:
         self._triggers[name].call_async(Trigger.Request())
 
     def set(self, node: str, values: Mapping[str, Any]) -> None:
-        """Set a node's parameters, one after another; TrialFailed where it refuses one."""
+        """Set a node's parameters together, for some fit only each other; TrialFailed where it refuses, and has set none."""
         asked = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
-        answer = self._ask(self._setters[node], SetParameters.Request(parameters=asked), f"parameters of {node}")
-        for (name, value), result in zip(values.items(), answer.results, strict=True):
-            if not result.successful:
-                raise TrialFailed(f"{node} refused {name}={value}: {result.reason}")
+        request = SetParametersAtomically.Request(parameters=asked)
+        result = self._ask(self._setters[node], request, f"parameters of {node}").result
+        if not result.successful:
+            raise TrialFailed(f"{node} refused its parameters: {result.reason}")
 
     def film(self) -> None:
         """Have the recorder keep frames from here on."""
