@@ -5,8 +5,9 @@ import pytest
 
 from sandbot_bringup.endings import CampaignEnds
 from sandbot_bringup.gate_node import Gate
-from sandbot_bringup.hearing_node import STEADY_S, Hearing
+from sandbot_bringup.hearing_node import RECORDER, STEADY_S, Hearing
 from sandbot_common import messages, topics
+from sandbot_common.node import PROCESS
 
 
 class Node:
@@ -42,3 +43,20 @@ def test_who_rests_or_died_in_the_middle_of_a_walk_does_not_say_that_he_moves(he
     assert not hearing.tells_motion
     tell_legs(hearing, 0.0)
     assert not hearing.tells_motion
+
+
+def test_another_recorder_is_not_taken_for_our_own(hearing):
+    def says(pid, text, level=0):
+        told = {PROCESS: f"host {pid} 77"}
+        hearing._on_diagnostics(messages.diagnostics(1, RECORDER, told, level=level, text=text))
+
+    hearing.expect_recorder(42)
+    says(41, "ok")
+    assert not hearing.heard_since(RECORDER, -1.0)
+    says(42, "ok")
+    hearing.require_recorder()
+    says(41, "ended: SIGINT", level=2)
+    assert hearing.told[RECORDER][:2] == (0, "ok")
+    assert not hearing.fault()
+    says(42, "ended: SIGTERM", level=2)
+    assert hearing.fault() == "the recorder ended: SIGTERM"

@@ -211,7 +211,7 @@ class Operator(Node):
         if not self._wait(lambda: recorder.ready or recorder.ended, CLOSE_S) or recorder.ended:
             raise TrialFailed(f"the recorder did not start: {recorder.last_line}")
         self._recorder, ready_s = recorder, self._hearing.now_s
-        self._hearing.expect_recorder()
+        self._hearing.expect_recorder(recorder.pid)
         # On a busy machine it may be found seconds after it is ready.
         if not self._wait(lambda: self._hearing.heard_since(RECORDER, ready_s), DISCOVERY_S):
             raise TrialFailed(f"the recorder is not heard on {topics.DIAGNOSTICS.name}")
