@@ -23,7 +23,10 @@ class StandIn:
         self.rng, self.phi, self.packs, self.legs_rate = np.random.default_rng(0), 0.6, False, 0.0
         self.level, self.stages, self.final, self.text = None, [], [], ""
         self.height = node.publisher(beside.node, topics.BED_HEIGHT)
-        self.setpoints = node.publisher(beside.node, topics.LEG_SETPOINTS)
+        self.setpoints, self.states = (
+            node.publisher(beside.node, topic) for topic in (topics.LEG_SETPOINTS, topics.LEG_STATES)
+        )
+        self.legs = self.setpoints
         node.subscription(beside.node, topics.BED_STATUS, self.on_status)
         node.subscription(beside.node, topics.BED_PHI, lambda message: self.final.append(message.data))
         # Last: the node meets subscriptions in their order, so once its blower is heard all else is as well.
@@ -50,7 +53,7 @@ class StandIn:
         self.height.publish(messages.range_(0, height_m, 0.05, 0.2, "trackway"))
         if self.legs_rate:
             legs = np.zeros(6)
-            self.setpoints.publish(messages.joint_state(0, topics.LEGS, legs, legs + self.legs_rate, legs))
+            self.legs.publish(messages.joint_state(0, topics.LEGS, legs, legs + self.legs_rate, legs))
 
 
 @pytest.fixture
@@ -61,7 +64,7 @@ def bed(beside):
     try:
         stand_in = StandIn(beside)
         stand_in.process = process
-        heard = (stand_in.height, stand_in.setpoints)
+        heard = (stand_in.height, stand_in.setpoints, stand_in.states)
         stand_in.until(lambda: stand_in.level == 0 and all(one.get_subscription_count() for one in heard))
         yield stand_in
     finally:
@@ -81,11 +84,12 @@ def test_prepares_refuses_beside_moving_legs_and_aborts(bed):
     bed.until(lambda: bed.level > 0)
     bed.legs_rate = 3.0
     bed.until(lambda: bed.stages[-1] == "failed" and bed.level == 0)
-    assert "legs began to move" in bed.text
+    assert "legs began to move (/leg_setpoints)" in bed.text
+    bed.legs = bed.states  # told nothing, and moving all the same
 
     def refused():
         answer = bed.call("/bed/prepare")
-        return not answer.success and "legs move" in answer.message
+        return not answer.success and "legs move (/leg_states)" in answer.message
 
     bed.until(refused)
 

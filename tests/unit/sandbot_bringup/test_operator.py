@@ -1,20 +1,28 @@
 """What a campaign asks for in which order, and what becomes of a bag it can't read: without a graph."""
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 
 import bags
 import pytest
 import rclpy
 
+from sandbot_bed.protocol import ProtocolParameters
 from sandbot_bringup.campaign_node import Operator
 from sandbot_bringup.endings import Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import Plan, trials_of
-from sandbot_common.node import Stop, end_timers
-from sandbot_common.robot import SANDBOT
+from sandbot_bringup.provenance import trial_message
+from sandbot_common.node import Stop
+from sandbot_common.robot import SANDBOT, Robot
+from sandbot_common.timer import end_timers
 from sandbot_record.bags.reader import Bag
 
 PLAN = Plan(name="one", phi=(0.605,), omega_rad_s=(12.0,), gait="UNIFORM")
+LAUNCHED = {
+    "bed": asdict(ProtocolParameters(fluidise_s=0.7)) | {"target_phi": 0.6},
+    "clock": {"max_run_s": 30.0},
+}
 (TRIAL,) = trials_of(replace(PLAN, replicates=1))
 
 
@@ -22,7 +30,7 @@ class Orders:
     """Keeps what was asked; refuses what is named."""
 
     def __init__(self, refused=""):
-        self.asked, self.refused = [], refused
+        self.asked, self.refused, self.values = [], refused, {}
 
     def call(self, name):
         self.asked.append(name)
@@ -31,6 +39,14 @@ class Orders:
 
     def set(self, node, values):
         self.asked.append((node, values.get("omega_rad_s")))
+        self.values[node] = values
+
+    def get(self, node, names):
+        return {name: LAUNCHED[node][name] for name in names}
+
+    def send_values(self, node, values):
+        self.values[node] = values
+        return type("Answer", (), {"done": lambda _: True})()
 
 
 class Hearing:
@@ -42,9 +58,10 @@ class Hearing:
         pass
 
 
-def operator(refused=""):
+def operator(refused="", plan=PLAN):
     one = object.__new__(Operator)
-    one._plan, one._orders, one._hearing = PLAN, Orders(refused), Hearing()
+    one._plan, one._orders, one._hearing = plan, Orders(refused), Hearing()
+    one._bed, one._found = plan.bed_protocol, {}
     one._gate = type("Gate", (), {"has_lab": False, "before_trial": lambda *_: None})()
     return one
 
@@ -80,6 +97,21 @@ def test_a_stop_is_heard_from_the_first_moment_and_holds_what_has_not_begun(doma
     finally:
         end_timers(one)
         rclpy.try_shutdown()
+
+
+def test_what_a_plan_says_of_the_bed_holds_for_its_own_campaign_alone():
+    one = operator(plan=replace(PLAN, bed={"settle_s": 0.4, "average_s": 0.2}))
+    one._look_at_settings()
+    one._set_up(TRIAL)
+    set_up = LAUNCHED["bed"] | {"settle_s": 0.4, "average_s": 0.2, "target_phi": 0.605}
+    assert one._orders.values["bed"] == set_up
+    one._orders.values["bed"]["settle_s"] = 9.0
+    one._look_at_settings()  # the next trial's: what is launched is what was there before the first
+    one.leave_as_found()
+    assert one._orders.values["bed"] == LAUNCHED["bed"]
+    assert one._orders.values["clock"] == {"max_run_s": 30.0}
+    told = json.loads(trial_message(one._plan, TRIAL, Robot(), 0, one._bed))
+    assert told["bed"] == {name: set_up[name] for name in set_up if name != "target_phi"}
 
 
 def run(tmp_path, damage):

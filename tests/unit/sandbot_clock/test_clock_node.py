@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from sandbot_clock.clock_node import ClockNode
+from sandbot_clock.clock_parameters import ClockParameters
+from sandbot_clock.schedule import NANO
 from sandbot_common import messages, node, topics
+from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot, to_mapping
 
 pytestmark = pytest.mark.ros
@@ -69,8 +72,38 @@ def test_runs_on_schedule_stops_at_rest_and_heeds_the_air(clock, beside):
         return tuple(setpoints[-1].name) == four.leg_order and len(setpoints[-1].position) == 4
 
     beside.until(of_four)
+    second = node.publisher(beside.node, topics.LEG_SETPOINTS)
+    beside.until(lambda: not any(setpoints[-1].velocity))
+    assert "beside and clock both publish" in beside.call("/clock/start").message
+    beside.node.destroy_publisher(second)
+    beside.until(lambda: beside.call("/clock/start").success)
     blower.publish(messages.float64(0.4))
     beside.until(lambda: not any(setpoints[-1].velocity))
     answer = beside.call("/clock/start")
     assert not answer.success
     assert "air is on (/bed/blower is 0.4)" in answer.message
+
+
+@pytest.fixture
+def running():
+    """A clock under way, and its settings: without a graph."""
+    one = object.__new__(ClockNode)
+    one._settings, one._running = SimpleNamespace(current=ClockParameters()), True
+    return one, one._settings
+
+
+def test_how_long_a_run_may_last_holds_at_once(running):
+    clock, settings = running
+    assert not clock._overrun(20 * NANO)
+    settings.current = ClockParameters(max_run_s=2.0)
+    assert clock._overrun(20 * NANO) == "the run was 2 s long (max_run_s)"
+
+
+@pytest.mark.parametrize("name", ["lease_s", "robot_s"])
+def test_what_a_run_began_with_is_not_changed_under_it(running, name):
+    clock, _ = running
+    with pytest.raises(InputError, match=f"{name} is of the run under way"):
+        clock._check(ClockParameters(**{name: 1.0}))
+    clock._check(ClockParameters(max_run_s=2.0, omega_rad_s=4.0))
+    clock._running = False
+    clock._check(ClockParameters(**{name: 1.0}))

@@ -11,13 +11,18 @@ SIX = np.ones(6)
 
 
 class Nobody:
-    """No partner has ended, and nothing goes out by a line."""
+    """No partner has ended, no rival is there, and nothing goes out by a line."""
 
     def __init__(self):
         self.written = []
 
+    rivals = ""
+
     def begin(self, _):
         pass
+
+    def fault(self):
+        return self.rivals
 
     def lost(self, *_):
         return ""
@@ -31,7 +36,8 @@ class Nobody:
 def legs():
     one = object.__new__(SerialLegs)
     one._order, one._partners, one._port, one._lease = topics.LEGS, Nobody(), Nobody(), Lease(1.0)
-    one._moving = one._lapsed = False
+    one._rivals, one._moving, one._lapsed = Nobody(), False, False
+    one.get_logger = lambda: type("Log", (), {"error": lambda *_: None})
     one._sent = one._refused = 0
     return one
 
@@ -47,3 +53,22 @@ def test_a_set_point_that_is_not_whole_is_refused(legs, spoil):
 def test_one_that_is_whole_goes_out(legs):
     legs._on_setpoint(messages.joint_state(1, topics.LEGS, SIX, SIX, SIX))
     assert (legs._refused, legs._sent, len(legs._port.written)) == (0, 1, 1)
+
+
+def test_a_second_commander_brings_the_legs_to_rest_until_one_has_told_them_rest(legs):
+    def send(rate):
+        legs._on_setpoint(messages.joint_state(1, topics.LEGS, SIX, rate * SIX, SIX))
+        return legs._moving
+
+    assert send(8.0)
+    legs._rivals.rivals = "clock and replay both publish /leg_setpoints"
+    assert not send(8.0)
+    assert legs._why == "legs stopped: clock and replay both publish /leg_setpoints"
+    assert legs._port.written[-1].split()[-7:-1] == [b"0.00000"] * 6
+    assert not send(8.0)
+    assert not send(0.0)  # his, perhaps, at angles of his own
+    assert len(legs._port.written) == 2
+    legs._rivals.rivals = ""
+    assert not send(8.0)
+    assert not send(0.0)
+    assert send(8.0)

@@ -11,6 +11,7 @@ from rig import setpoints
 
 from sandbot_common import messages, node, topics
 from sandbot_common.robot import SANDBOT, Robot, to_mapping
+from sandbot_lab.lab_node import LabNode
 from sandbot_lab.robot import simulate
 from sandbot_lab.world import null_world
 
@@ -107,3 +108,15 @@ def test_a_trial_over_dds_is_the_batch_trial(lab, beside, heard):
     # No topic of the lab's own carries more than the design's list, and that it lives.
     names = {name for name, _ in listener.get_publisher_names_and_types_by_node("lab", "/")}
     assert names <= {topic.name for topic in (*topics.ALL, topics.HEARTBEAT)} | {"/rosout", "/parameter_events"}
+
+
+def test_legs_obey_nobody_while_two_command_them():
+    lab, alarms = object.__new__(LabNode), []
+    lab._rivals = type("Rivals", (), {"fault": lambda _: "clock and replay both publish /leg_setpoints"})()
+    lab._standing = lab._legs_lapsed = False
+    lab._setpoints = lab._refused = 0
+    lab._trial, lab._alarm = None, alarms.append
+    for rate in (16.0, 0.0):
+        lab._on_setpoint(messages.joint_state(1, topics.LEGS, np.ones(6), np.full(6, rate), np.ones(6)))
+    assert alarms == ["legs stopped: clock and replay both publish /leg_setpoints"]
+    assert (lab._standing, lab._legs_lapsed, lab._refused) == (True, True, 2)

@@ -3,14 +3,16 @@
 /bed/prepare starts a preparation for the parameter target_phi and returns at once; /bed/status tells how it goes and
 /bed/volume_fraction (latched) its end. /bed/abort turns the air off, and so does the end of the node.
 
-Interlock: a preparation is refused while legs move, and fails if they begin to. It fails, too, where whoever commands
-(a campaign) does not renew /operator/lease, and where the node itself was held up: air nobody watches is turned off.
-And it fails where whoever drives the blower has turned it off by himself: the bed had less air than it was told.
+Interlock: a preparation is refused while legs are told to move or say that they do, and fails if they begin to; a robot
+that says nothing, or is not there, hinders none. It fails, too, where whoever commands (a campaign) does not renew
+/operator/lease, and where the node itself was held up: air nobody watches is turned off. And it fails where whoever
+drives the blower has turned it off by himself: the bed had less air than it was told.
 """
 
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
@@ -92,7 +94,9 @@ class BedNode(Node):
         )
         self._phi = node.publisher(self, topics.BED_PHI)
         self._status = node.publisher(self, topics.BED_STATUS)
-        node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoints)
+        for topic in (topics.LEG_SETPOINTS, topics.LEG_STATES):
+            # What comes all the time: a reliable reader would hear nothing until what was lost has been sent again.
+            node.subscription(self, topic, partial(self._on_legs, topic.name), best_effort=True)
         self._command = command_node.Command(self, settings.lease_s)
         self._health = node.Health(self, self._figures, sole=True)
         # By node that drives a blower, and as it was when the preparation began.
@@ -100,6 +104,7 @@ class BedNode(Node):
         self._air_stops_before: dict[str, str] = {}
         node.subscription(self, topics.DIAGNOSTICS, self._on_diagnostics)
         self._legs_moved_s = self._status_s = -math.inf
+        self._motion_told_on = ""
         self._step_s = math.inf
         self._standstill = Standstill()
         self._reported = ""
@@ -122,7 +127,7 @@ class BedNode(Node):
     def _fault(self, now_s: float) -> str:
         """Why a preparation under way must end; an empty string if it may go on."""
         if self._legs_move:
-            return "legs began to move (/leg_setpoints) while the bed was being prepared"
+            return f"legs began to move ({self._motion_told_on}) while the bed was being prepared"
         if (late_s := now_s - self._step_s) > self._settings.current.lease_s:
             return f"the bed node was held up for {late_s:.2g} s"
         return self._air_stopped or self._command.lost()
@@ -165,10 +170,10 @@ class BedNode(Node):
     def _legs_move(self) -> bool:
         return time.monotonic() - self._legs_moved_s < _LEGS_STILL_S
 
-    def _on_setpoints(self, message: JointState) -> None:
+    def _on_legs(self, topic: str, message: JointState) -> None:
         # NaN != 0: it counts as moving.
         if any(rate != 0 for rate in message.velocity):
-            self._legs_moved_s = time.monotonic()
+            self._legs_moved_s, self._motion_told_on = time.monotonic(), topic
 
     def _on_change(self, settings: BedParameters) -> None:
         if self._protocol.command.stage.busy:
@@ -184,7 +189,8 @@ class BedNode(Node):
             response.success, response.message = True, f"φ = {target_phi:g} was being prepared"
             return response
         if self._legs_move:
-            response.success, response.message = False, "legs move (/leg_setpoints); call /clock/stop first"
+            response.success = False
+            response.message = f"legs move ({self._motion_told_on}); call /clock/stop first"
             return response
         refusal = self._standstill.refusal(time.monotonic())
         if reason := refusal or self._command.begin(self._settings.current.lease_s):

@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -15,6 +16,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
+from sandbot_bed.protocol import ProtocolParameters
 from sandbot_bringup.desk_node import Desk
 from sandbot_bringup.endings import CampaignEnds, Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder, frames_kept
@@ -30,6 +32,7 @@ from sandbot_bringup.supervision import SILENCE_S, camera_fault
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.node import Health, Stop, publisher, spin_once
+from sandbot_common.parameters import from_mapping, specs
 from sandbot_common.process import real_time
 from sandbot_common.robot import Robot
 from sandbot_record.bags.reader import Bag
@@ -48,6 +51,7 @@ RENEW_S = 0.02
 """The lease is renewed that often: a dozen times before the clock takes it for lost."""
 EXPLAIN_S = 0.7
 """So long after legs came to rest unasked, whoever stopped them is listened for."""
+LEAVE_S = 2.0
 SAFE_S = 3.0
 """So long legs that still report motion are waited for, before the recorder is ended."""
 
@@ -102,6 +106,8 @@ class Operator(Node):
         self._hearing = Hearing(self, silence_s, RENEW_S)
         self._health = Health(self, lambda: {"trial": self._running}, sole=True)
         self._orders = Orders(self, self._wait)
+        self._found: dict[str, dict[str, Any]] = {}
+        self._bed = plan.bed_protocol
         self._gate = Gate(self, self._hearing, self._orders, self._wait)
 
     def find_nodes(self) -> None:
@@ -130,7 +136,8 @@ class Operator(Node):
         """
         # Recorded aside and renamed when complete and judged: a bag in trials/ is always a whole trial.
         aside = folder.aside(trial.trial_id)
-        self._gate.before_trial(self._plan, folder)
+        self._look_at_settings()
+        self._gate.before_trial(self._bed, folder)
         self._running = trial.trial_id
         self._set_up(trial)
         # Judging the bag takes a second of CPU and is nobody's lease.
@@ -172,13 +179,25 @@ class Operator(Node):
             self._end_recording(recorder, ended)
         return recorder
 
+    def _look_at_settings(self) -> None:
+        """Before the first trial: what the plan does not say of the bed is as it was launched, in all of them."""
+        if self._found:
+            return
+        bed = self._orders.get("bed", [spec.name for spec in specs(ProtocolParameters)])
+        where = f"plan {self._plan.name}: bed, beside what the bed node has"
+        self._bed = from_mapping(ProtocolParameters, {**bed, **self._plan.bed}, where)
+        target = self._orders.get("bed", ["target_phi"])
+        self._found = {"bed": bed | target, "clock": self._orders.get("clock", ["max_run_s"])}
+
+    def leave_as_found(self) -> None:
+        """Bed and clock get back what they had before the first trial: it is not for the next campaign."""
+        answers = [self._orders.send_values(name, values) for name, values in self._found.items()]
+        self._spin_until(lambda: all(answer.done() for answer in answers), LEAVE_S)
+
     def _set_up(self, trial: PlannedTrial) -> None:
         self._hearing.forget_trial()
-        plan = self._plan.of(trial)
         self._tell_gait(trial)
-        # What the plan does not say of the bed stays as it was launched.
-        protocol = {name: getattr(plan.bed_protocol, name) for name in plan.bed}
-        self._orders.set("bed", protocol | {"target_phi": trial.phi})
+        self._orders.set("bed", asdict(self._bed) | {"target_phi": trial.phi})
         if self._gate.has_lab:
             occasion = {"batch_seed": trial.occasion.batch_seed, "progress": trial.occasion.progress}
             self._orders.set("lab", {"trial_seed": trial.seed} | occasion)
@@ -194,13 +213,14 @@ class Operator(Node):
         if not self._wait(lambda: recorder.ready or recorder.ended, CLOSE_S) or recorder.ended:
             raise TrialFailed(f"the recorder did not start: {recorder.last_line}")
         self._recorder, ready_s = recorder, self._hearing.now_s
-        self._hearing.expect_recorder()
+        self._hearing.expect_recorder(recorder.pid)
         # On a busy machine it may be found seconds after it is ready.
         if not self._wait(lambda: self._hearing.heard_since(RECORDER, ready_s), DISCOVERY_S):
             raise TrialFailed(f"the recorder is not heard on {topics.DIAGNOSTICS.name}")
         self._hearing.require_recorder()
         # Only now: a bag begins with the state of its own trial.
-        self._trial.publish(messages.string(trial_message(self._plan.of(trial), trial, self._robot, time.time_ns())))
+        told = trial_message(self._plan.of(trial), trial, self._robot, time.time_ns(), self._bed)
+        self._trial.publish(messages.string(told))
 
     def _end_recording(self, recorder: RecorderProcess, ended: str) -> None:
         recorder.tell(ended)

@@ -6,11 +6,11 @@ from functools import partial
 
 from rclpy.node import Node
 
+from sandbot_bed.protocol import ProtocolParameters
 from sandbot_bringup.endings import CampaignEnds
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.hearing_node import DRIVERS, Hearing
 from sandbot_bringup.orders_node import Orders, Wait
-from sandbot_bringup.plan import Plan
 from sandbot_bringup.supervision import pace_fault
 from sandbot_common import topics
 from sandbot_common.errors import InputError
@@ -61,13 +61,17 @@ class Gate:
             missing = next(name for name in self._required if name not in self._hearing.told)
             raise InputError(f"the {missing} does not tell its health on {topics.DIAGNOSTICS.name}; {_START_THEM}")
 
-    def before_trial(self, plan: Plan, folder: CampaignFolder) -> None:
+    def before_trial(self, bed: ProtocolParameters, folder: CampaignFolder) -> None:
         """All that a trial needs is there, once, and alive; CampaignEnds with what is not."""
         self._hearing.require([*self._required, *(name for name in _HEARD if name in self._hearing.told)])
         if not self._wait(lambda: not self._hearing.missing(), DISCOVERY_S):
             missing = self._hearing.missing()[0]
             raise CampaignEnds(f"the {missing}; {_START_THEM}, then start the campaign again to go on")
-        self._pace(plan)
+        # A trial that failed may have left them moving, and the air comes next.
+        if not self._wait(lambda: not self._hearing.tells_motion, DISCOVERY_S):
+            where = topics.LEG_STATES.name
+            raise CampaignEnds(f"legs do not come to rest ({where}); stop them, then start the campaign again to go on")
+        self._pace(bed)
         for topic in (topics.LEG_SETPOINTS, topics.BED_BLOWER, topics.OPERATOR_LEASE):
             if not self._wait(partial(self._has_one_publisher, topic), FORGOTTEN_S):
                 names = " and ".join(self._who_publishes(topic)) or "nobody"
@@ -75,9 +79,9 @@ class Gate:
         if (free := shutil.disk_usage(folder.path).free) < FREE_BYTES:
             raise CampaignEnds(f"{folder.path}: only {free >> 20} MiB free, a trial needs {FREE_BYTES >> 20}")
 
-    def _pace(self, plan: Plan) -> None:
+    def _pace(self, bed: ProtocolParameters) -> None:
         """Sensors run at their rates; CampaignEnds with what does not."""
-        hearing, bed = self._hearing, plan.bed_protocol
+        hearing = self._hearing
         # With fewer heights than that a rest of the bed would time out.
         least_hz = bed.min_readings / (bed.average_s + bed.overrun_s)
         since_s, heights, before = hearing.now_s, hearing.heights, hearing.told["tracker"].values

@@ -55,6 +55,7 @@ class Hearing:
         self._bed = Sign("bed", topics.BED_STATUS.name, silence_s)
         self._vital = [self._bed]
         self._turned_ns: dict[str, int] = {}
+        self._recorder_pid = 0
         subscription(node, topics.BED_PHI, self._on_phi)
         subscription(node, topics.BED_HEIGHT, self._on_height, raw=True, best_effort=True)
         subscription(node, topics.LEG_STATES, self._on_legs)
@@ -86,8 +87,9 @@ class Hearing:
         """These nodes, and the bed's status, are vital to what comes."""
         self._vital = [Sign(name, LOOP, self._silence_s) for name in names] + [self._bed]
 
-    def expect_recorder(self) -> None:
-        """A recorder has been started: what the one before it said is forgotten."""
+    def expect_recorder(self, pid: int) -> None:
+        """A recorder has been started: what the one before it said is forgotten, and what others say is not meant."""
+        self._recorder_pid = pid
         self._neighbours.forget(RECORDER)
         self.told.pop(RECORDER, None)
         self.watch()
@@ -113,6 +115,11 @@ class Hearing:
         steady_s = max(STEADY_S, self._silence_s / 2)
         steady = (("clock", topics.LEG_SETPOINTS), (_ROBOT, topics.LEG_STATES))
         self.watch(*(Sign(who, topic.name, steady_s) for who, topic in steady), TRACKER_SPEED)
+
+    @property
+    def tells_motion(self) -> bool:
+        """Whether the robot says at present that its legs move; one that has died in the middle of a walk does not."""
+        return self.moving and self._supervisor.age_s(_ROBOT, topics.LEG_STATES.name, self.now_s) <= STEADY_S
 
     def watch_nobody(self) -> None:
         """Nothing is under way that anybody could spoil."""
@@ -162,6 +169,10 @@ class Hearing:
     def _heard(self, who: str, topic: topics.Topic) -> None:
         self._supervisor.heard(who, topic.name, self.now_s)
 
+    def _is_our_recorder(self, process: str) -> bool:
+        """Anybody may record beside us. Without /proc nobody tells his process: whoever speaks is taken for ours."""
+        return not process or process.split()[1:2] == [str(self._recorder_pid)]
+
     def _on_phi(self, message: Any) -> None:
         # The latched value of the trial before arrives on subscription only; forget_trial clears it.
         self.phi = float(message.data)
@@ -200,6 +211,8 @@ class Hearing:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             values = messages.values_of(status)
+            if status.name == RECORDER and not self._is_our_recorder(values.get(PROCESS, "")):
+                continue
             if not self._neighbours.meet(status.name, values.get(PROCESS, "")):
                 continue
             self._heard(status.name, topics.DIAGNOSTICS)

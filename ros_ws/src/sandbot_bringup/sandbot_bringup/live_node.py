@@ -64,9 +64,12 @@ def run_live(
             # One trackway has one campaign; here it is another one's, in another namespace or on another host.
             with folder.adopted(plan, files):
                 campaign = _Campaign(operator, plan, folder, files)
-                campaign.run_all()
-                if redo and campaign.repeat_failed():
+                try:
                     campaign.run_all()
+                    if redo and campaign.repeat_failed():
+                        campaign.run_all()
+                finally:
+                    operator.leave_as_found()
         finally:
             if operator is not None:
                 end_timers(operator)

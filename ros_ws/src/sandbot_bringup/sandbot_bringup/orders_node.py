@@ -1,12 +1,13 @@
 """What a campaign asks of the nodes: their services and parameters. An order that is refused fails the trial."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.client import Client
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from sandbot_bringup.endings import TrialFailed
@@ -29,8 +30,10 @@ class Orders:
         self._triggers = {name: node.create_client(Trigger, topics.relative(name)) for name in _TRIGGERS}
         self._pause_images = node.create_client(SetBool, topics.relative(_PAUSE_IMAGES))
         self._setters = {
-            name: node.create_client(SetParameters, f"{name}/set_parameters") for name in ("clock", "bed", "lab")
+            name: node.create_client(SetParametersAtomically, f"{name}/set_parameters_atomically")
+            for name in ("clock", "bed", "lab")
         }
+        self._getters = {name: node.create_client(GetParameters, f"{name}/get_parameters") for name in ("clock", "bed")}
 
     def is_offered(self, name: str) -> bool:
         """Whether anybody offers the service."""
@@ -47,12 +50,19 @@ class Orders:
         self._triggers[name].call_async(Trigger.Request())
 
     def set(self, node: str, values: Mapping[str, Any]) -> None:
-        """Set a node's parameters, one after another; TrialFailed where it refuses one."""
-        asked = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
-        answer = self._ask(self._setters[node], SetParameters.Request(parameters=asked), f"parameters of {node}")
-        for (name, value), result in zip(values.items(), answer.results, strict=True):
-            if not result.successful:
-                raise TrialFailed(f"{node} refused {name}={value}: {result.reason}")
+        """Set a node's parameters together, for some fit only each other; TrialFailed where it refuses: none is set."""
+        result = self._ask(self._setters[node], _set(values), f"parameters of {node}").result
+        if not result.successful:
+            raise TrialFailed(f"{node} refused its parameters: {result.reason}")
+
+    def send_values(self, node: str, values: Mapping[str, Any]) -> Future:
+        """The same without waiting for the answer."""
+        return self._setters[node].call_async(_set(values))
+
+    def get(self, node: str, names: Sequence[str]) -> dict[str, Any]:
+        """The values of a node's parameters; TrialFailed where it does not tell them."""
+        answer = self._ask(self._getters[node], GetParameters.Request(names=list(names)), f"parameters of {node}")
+        return dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
 
     def film(self) -> None:
         """Have the recorder keep frames from here on."""
@@ -65,3 +75,8 @@ class Orders:
         if answer is None:
             raise TrialFailed(f"no answer from {what} within {CALL_S:g} s")
         return answer
+
+
+def _set(values: Mapping[str, Any]) -> SetParametersAtomically.Request:
+    asked = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+    return SetParametersAtomically.Request(parameters=asked)

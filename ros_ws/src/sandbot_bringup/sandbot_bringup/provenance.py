@@ -2,17 +2,21 @@
 
 import json
 import subprocess
+from dataclasses import asdict
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
+from sandbot_bed.protocol import ProtocolParameters
 from sandbot_bringup.plan import Plan, PlannedTrial
 from sandbot_common.robot import Robot, to_mapping
 
 
-def trial_message(plan: Plan, trial: PlannedTrial, robot: Robot, start_ns: int) -> str:
-    """The JSON published latched on /trial: what is being run."""
+def trial_message(
+    plan: Plan, trial: PlannedTrial, robot: Robot, start_ns: int, bed: ProtocolParameters | None = None
+) -> str:
+    """The JSON published latched on /trial: what is being run. ``bed``: its protocol, if not the plan's alone."""
     return json.dumps(
         {
             "trial_id": trial.trial_id,
@@ -22,6 +26,7 @@ def trial_message(plan: Plan, trial: PlannedTrial, robot: Robot, start_ns: int) 
             "gait": plan.gait_name,
             "leg_mount_rad": robot.leg_mount_rad,
             "robot": to_mapping(robot),
+            "bed": asdict(bed or plan.bed_protocol),
             "replicate": trial.replicate,
             "seed": trial.seed,
             "batch": trial.batch,

@@ -40,6 +40,11 @@ class RecorderProcess:
         self._reader.start()
 
     @property
+    def pid(self) -> int:
+        """Its number on this host."""
+        return self._process.pid
+
+    @property
     def ended(self) -> bool:
         """Whether it is gone, and everything it said has been read; who was killed has no last words to wait for."""
         code = self._process.poll()

@@ -9,7 +9,7 @@ The legs stop by themselves, at the angles last sent, and /diagnostics says why,
 - the robot falls silent (/leg_states), if there is one;
 - a set-point is late by more than late_s, as in a process that was held up; what less is lost is regained by and by,
   for from one set-point to the next no leg ever turns further than in ten periods;
-- the bed's air is on (/bed/blower > 0): then the clock does not start either.
+- the bed's air is on (/bed/blower > 0), or another publishes /leg_setpoints: then the clock does not start either.
 """
 
 import math
@@ -28,7 +28,7 @@ from sandbot_clock.clock_parameters import ClockParameters
 from sandbot_clock.phase_clock import PhaseClock
 from sandbot_clock.schedule import NANO, Schedule, keep, missed_warning
 from sandbot_common import messages, node, topics
-from sandbot_common.command_node import Command
+from sandbot_common.command_node import Command, Rivals
 from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
 from sandbot_common.process import ask_for_real_time
@@ -57,6 +57,7 @@ class ClockNode(Node):
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
         node.subscription(self, topics.LEG_STATES, self._on_states, raw=True)
         node.subscription(self, topics.TRIAL, self._on_trial)
+        self._rivals = Rivals(self, topics.LEG_SETPOINTS)
         self._command = Command(self, self._settings.current.lease_s)
         self._robot, self._robot_there = Lease(self._settings.current.robot_s), False
         self._blower: float | None = None
@@ -99,7 +100,7 @@ class ClockNode(Node):
         to_ros_ns = self.get_clock().now().nanoseconds - schedule.start_ns
         self._thread = threading.Thread(
             target=self._run,
-            args=(schedule, to_ros_ns, wanted.max_run_s, self._robot_used.leg_order),
+            args=(schedule, to_ros_ns, self._robot_used.leg_order),
             name="clock",
             daemon=True,
         )
@@ -129,7 +130,7 @@ class ClockNode(Node):
         """Hold the legs before the node goes."""
         self.stop()
 
-    def _run(self, schedule: Schedule, to_ros_ns: int, max_run_s: float, legs: Sequence[str]) -> None:
+    def _run(self, schedule: Schedule, to_ros_ns: int, legs: Sequence[str]) -> None:
         """Publish until stopped; a fault holds the legs where the last set-point left them."""
         most_ns = math.ceil(_CATCH_UP * NANO / schedule.rate_hz)
         last_ns, lost_ns, fault, skipped = schedule.start_ns, 0, "", 0
@@ -141,7 +142,7 @@ class ClockNode(Node):
             self._late_ns.append(now_ns - instant_ns)
             # What was skipped is late as well: sending may have been held up, and the instant be the latest one due.
             first_ns, skipped = instant_ns - round(skipped * NANO / schedule.rate_hz), 0
-            fault = self._fault(now_ns, first_ns) or _overrun(instant_ns - schedule.start_ns, max_run_s)
+            fault = self._fault(now_ns, first_ns) or self._overrun(instant_ns - schedule.start_ns)
             moment_ns = now_ns if fault else instant_ns
             # The gait's own time goes on by a few periods at most, however late this is: what was lost is regained.
             passed_ns = moment_ns - last_ns
@@ -178,7 +179,11 @@ class ClockNode(Node):
             return f"the bed's air came on while the legs moved (/bed/blower is {self._blower:g})"
         if self._robot_there and self._robot.late(now_ns / NANO):
             return f"the robot was silent for {wanted.robot_s:g} s (/leg_states)"
-        return self._command.lost()
+        return self._rivals.fault() or self._command.lost()
+
+    def _overrun(self, run_ns: int) -> str:
+        longest_s = self._settings.current.max_run_s
+        return f"the run was {longest_s:g} s long (max_run_s)" if run_ns / NANO > longest_s else ""
 
     def _next(self, t_s: float, stopping: bool) -> PhaseClock:
         # Changes take effect at a scheduled instant, in the thread that owns the phase.
@@ -212,6 +217,9 @@ class ClockNode(Node):
     def _check(self, new: ClockParameters) -> None:
         if new.robot != self._settings.current.robot:
             raise InputError("clock parameters: robot is fixed when the node starts")
+        for name in ("lease_s", "robot_s"):
+            if self.running and getattr(new, name) != getattr(self._settings.current, name):
+                raise InputError(f"clock parameters: {name} is of the run under way; call /clock/stop first")
 
     def _start_once(self) -> None:
         self._autostart.cancel()
@@ -259,10 +267,6 @@ class ClockNode(Node):
             "late_p99_us": round(p99, 1),
             "bed_blower": "not heard" if self._blower is None else self._blower,
         }
-
-
-def _overrun(run_ns: int, max_run_s: float) -> str:
-    return f"the run was {max_run_s:g} s long (max_run_s)" if run_ns / NANO > max_run_s else ""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

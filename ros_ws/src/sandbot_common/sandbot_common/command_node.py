@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from sandbot_common import topics
 from sandbot_common.lease import Lease
-from sandbot_common.neighbours import Neighbours
+from sandbot_common.neighbours import LOOK_S, Neighbours
 from sandbot_common.node import NAMELESS, PROCESS, names_of, subscription
 
 
@@ -48,6 +48,28 @@ class Partners:
             process = next((pair.value for pair in status.values if pair.key == PROCESS), "")
             with self._lock:
                 self._neighbours.meet(status.name, process)
+
+
+class Rivals:
+    """Several commanders of the same legs. No message says who sent it, so whoever obeys looks who publishes."""
+
+    def __init__(self, node: Node, topic: topics.Topic) -> None:
+        self._node, self._topic = node, topic
+        self._looked_s, self._fault = -math.inf, ""
+
+    def fault(self) -> str:
+        """That "a and b both publish /leg_setpoints"; an empty string while one does, or nobody."""
+        now_s = time.monotonic()
+        if now_s - self._looked_s >= LOOK_S:
+            self._looked_s, self._fault = now_s, self._look()
+        return self._fault
+
+    def _look(self) -> str:
+        name = self._topic.relative
+        if self._node.count_publishers(name) < 2:  # costs a tenth of asking for their names
+            return ""
+        names = [one for one in names_of(self._node.get_publishers_info_by_topic(name)) if one != NAMELESS]
+        return f"{' and '.join(names)} both publish {self._topic.name}" if len(names) > 1 else ""
 
 
 class Command:

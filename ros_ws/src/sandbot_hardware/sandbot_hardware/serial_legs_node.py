@@ -1,7 +1,8 @@
 """The leg controller on a serial line: /leg_setpoints out, /leg_states and /sync_led in.
 
 Motion is leased here as everywhere: set-points that are late by legs_lease_s bring the legs to rest, until a set-point
-at rest has come. The controller does the same by itself when the line is silent.
+at rest has come. So does a second commander, and nobody's set-points are handed on while there are two. The controller
+does the same by itself when the line is silent.
 """
 
 import time
@@ -13,7 +14,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from sandbot_common import messages, node, topics
-from sandbot_common.command_node import Partners
+from sandbot_common.command_node import Partners, Rivals
 from sandbot_common.lease import Lease
 from sandbot_common.robot import SANDBOT, read_robot
 from sandbot_common.timer import Timer
@@ -36,8 +37,9 @@ class SerialLegs(Node):
         given = node.Parameters(self, LegsParameters, fixed).current
         self._order = (read_robot(given.robot) if given.robot else SANDBOT).leg_order
         self._lease, self._moving, self._lapsed = Lease(given.legs_lease_s), False, False
-        self._commanded_ns = 0
+        self._commanded_ns, self._why = 0, ""
         self._held, self._partners = [0.0] * len(self._order), Partners(self)
+        self._rivals = Rivals(self, topics.LEG_SETPOINTS)
         self._device_clock = DeviceClock()
         self._states, self._led = node.publisher(self, topics.LEG_STATES), node.publisher(self, topics.SYNC_LED)
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
@@ -63,7 +65,8 @@ class SerialLegs(Node):
         )
         self._watch()
         moving = any(rates)
-        if not np.isfinite([angles, rates]).all() or (self._lapsed and moving):
+        rest_first = self._lapsed and moving
+        if not np.isfinite([angles, rates]).all() or rest_first or self._rivals.fault():
             # Nothing goes on by itself: late commands of before a silence are no start.
             self._refused += 1
             return
@@ -75,10 +78,10 @@ class SerialLegs(Node):
         self._sent += self._say(self._commanded_ns, rates)
 
     def _watch(self) -> None:
-        if self._moving and (why := self._partners.lost(CLOCK, self._lease, "no set-point")):
-            self._lapsed = True
+        if self._moving and (why := self._rivals.fault() or self._partners.lost(CLOCK, self._lease, "no set-point")):
+            self._lapsed, self._why = True, f"legs stopped: {why}"
             self._rest()
-            self.get_logger().error(f"legs stopped: {why}")
+            self.get_logger().error(self._why)
 
     def _rest(self) -> None:
         self._moving = False
@@ -104,6 +107,9 @@ class SerialLegs(Node):
 
     def _figures(self) -> dict[str, Any]:
         self._health.level, self._health.text = self._port.health
+        if not self._health.level and (why := self._why if self._lapsed else self._rivals.fault()):
+            # A warning: an error would mean that the line is out.
+            self._health.level, self._health.text = 1, why
         return {
             "set_points": self._sent,
             "refused": self._refused,

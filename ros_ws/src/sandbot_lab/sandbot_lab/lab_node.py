@@ -4,8 +4,9 @@ A trial begins when the legs start after standing: the robot is back at the star
 fraction, and the LED flashes. Frames are taken on the robot's time, t0 + k / frame rate. No topic carries the truth.
 
 Legs and air stop by themselves where their commands are late, as those of a real driver must: a clock or bed that was
-killed or froze can't tell. Both then stay so until they have been told rest, and off; legs also by /lab/reset. While
-legs move or air blows the lab has real-time priority where it is granted: no robot of metal waits for a CPU to stop.
+killed or froze can't tell. Both then stay so until they have been told rest, and off; legs also by /lab/reset. So do
+legs that two command, and obey neither. While legs move or air blows the lab has real-time priority where it is
+granted: no robot of metal waits for a CPU to stop.
 """
 
 import time
@@ -20,7 +21,7 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from sandbot_common import messages, node, topics
-from sandbot_common.command_node import Partners
+from sandbot_common.command_node import Partners, Rivals
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
@@ -66,7 +67,7 @@ class LabNode(Node):
         self._legs, self._air = Lease(current.legs_lease_s), Lease(current.air_lease_s)
         self._legs_lapsed, self._air_lapsed, self._blower = False, False, 0.0
         self._urgent, self._air_stops = False, 0
-        self._partners = Partners(self)
+        self._partners, self._rivals = Partners(self), Rivals(self, topics.LEG_SETPOINTS)
         self._idle = self._idle_cameras()
         self._setpoints = self._refused = self._trials = 0
 
@@ -126,8 +127,10 @@ class LabNode(Node):
 
     def _on_setpoint(self, message: JointState) -> None:
         self._setpoints += 1
-        self._stop_late_legs()
-        if self._obey(message):
+        self._stop_legs()
+        if rivals := self._rivals.fault():
+            self._refuse(rivals)
+        elif self._obey(message):
             # After the work: what this took is not the commander's silence.
             self._legs.renew(time.monotonic())
 
@@ -148,10 +151,14 @@ class LabNode(Node):
                 self._advance(self._trial, t_ns, angles, rates)
                 self._held, self._commanded_ns = angles, t_ns
         except InputError as error:
-            self._refused += 1
-            self._health.level, self._health.text = 1, f"set-point refused: {error}"
+            self._refuse(str(error))
             return False
         return True
+
+    def _refuse(self, why: str) -> None:
+        self._refused += 1
+        if not self._legs_lapsed:  # why the legs were stopped says more
+            self._health.level, self._health.text = 1, f"set-point refused: {why}"
 
     def _begin(self, t_ns: int) -> None:
         self._partners.begin(CLOCK)
@@ -179,7 +186,7 @@ class LabNode(Node):
 
     def _watch(self) -> None:
         """Stop what is no longer commanded."""
-        self._stop_late_legs()
+        self._stop_legs()
         silence = f"nothing on {topics.BED_BLOWER.name}"
         if self._blower > 0 and (why := self._partners.lost(BED, self._air, silence)):
             self._end_air(why)
@@ -187,8 +194,10 @@ class LabNode(Node):
             self._urgent = commanded
             real_time_while(commanded, PRIORITY)
 
-    def _stop_late_legs(self) -> None:
-        if not self._standing and (why := self._partners.lost(CLOCK, self._legs, "no set-point")):
+    def _stop_legs(self) -> None:
+        if self._standing:
+            return
+        if why := self._rivals.fault() or self._partners.lost(CLOCK, self._legs, "no set-point"):
             self._legs_lapsed = self._standing = True
             if self._trial is not None:
                 # By his time, for his clock may be ahead of this one, and this one may have been set meanwhile.

@@ -1,3 +1,5 @@
+import math
+
 import bags
 import pytest
 
@@ -73,6 +75,9 @@ def test_seek(timeline):
     assert played(player, [11 * MS]) == [(11 * MS, 0)]
     player.seek(99.0, 11 * MS)
     assert played(player, [11 * MS]) == [(11 * MS, 499)]
+    for nowhere in (math.nan, math.inf, 1e300):
+        with pytest.raises(InputError, match="is not a number of seconds"):
+            player.seek(nowhere, 12 * MS)
 
 
 def test_change_of_rate_on_the_way(timeline):

@@ -281,6 +281,28 @@ def test_an_image_that_cannot_become_a_video_stops_with_the_reason(tmp_path):
     assert "even width and height" in made.last_line()
 
 
+@pytest.mark.parametrize("images", ["jpeg", "video"])
+def test_an_empty_image_stops_with_the_reason(tmp_path, images):
+    writer = BagWriter(tmp_path / "b", whole=False)
+    made = Recording(writer, limits=Limits(min_free=0), images=images, monotonic_s=time.monotonic)
+    made.add_topic("/cam", "sensor_msgs/msg/Image")
+    made.put(Received("/cam", to_cdr(messages.image(0, "cam", np.zeros((0, 0), np.uint8))), bags.T0, bags.T0, 1))
+    assert made.stopped.wait(10)
+    made.close()
+    assert made.failed
+    assert "an image of 0 x 0 pixels can't become" in Bag.open(tmp_path / "b").provenance["recording"]["exit_status"]
+
+
+def test_a_fault_of_the_writers_own_is_told_in_the_bag(tmp_path):
+    made = recording(tmp_path / "b")
+    made._convert["/x"] = lambda _: 1 // 0
+    put(made, [1])
+    assert made.stopped.wait(10)
+    made.close()
+    assert made.failed
+    assert Bag.open(tmp_path / "b").provenance["recording"]["exit_status"].startswith("ZeroDivisionError: ")
+
+
 def test_images_become_jpeg(tmp_path):
     pixels = np.tile(np.arange(64, dtype=np.uint8) * 4, (48, 1))
     writer = BagWriter(tmp_path / "b", whole=False)

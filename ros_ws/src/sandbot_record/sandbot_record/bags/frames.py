@@ -36,12 +36,15 @@ def encode_jpeg(pixels: Pixels) -> bytes:
 def pixels_of(cdr: bytes | memoryview, aim: str) -> tuple[Any, Pixels]:
     """A CDR sensor_msgs/Image and its pixels (height, width[, 3]), a view.
 
-    Raises InputError if it is neither mono8 nor bgr8, naming the ``aim``, or if its size is not that of its rows.
+    Raises InputError, naming the ``aim``, if it is neither mono8 nor bgr8 or has no pixels, or if its size is not that
+    of its rows.
     """
     image = interfaces.decode(cdr, RAW)
     channels = _CHANNELS.get(image.encoding)
     if channels is None:
         raise InputError(f"image encoding {image.encoding!r} can't become {aim}: mono8 or bgr8 is needed")
+    if not (image.height and image.width):
+        raise InputError(f"an image of {image.width} x {image.height} pixels can't become {aim}")
     try:
         rows = image.data.reshape(image.height, image.step)[:, : image.width * channels]
         return image, rows.reshape(image.height, image.width, channels) if channels > 1 else rows

@@ -207,7 +207,9 @@ class Player:
         self.paused = paused
 
     def seek(self, offset_s: float, now_ns: int) -> None:
-        """Go to ``offset_s`` after the first message of the bag, kept within the span."""
+        """Go to ``offset_s`` after the first message of the bag, kept within the span. InputError for no number."""
+        if not abs(offset_s) < 1e9:
+            raise InputError(f"position_s {offset_s} is not a number of seconds")
         target = int(self.timeline.times_ns[0]) + round(offset_s * SECOND_NS)
         self._hold(now_ns)
         self._position_ns = min(max(target, self.span.start_ns), self.span.end_ns)

@@ -295,6 +295,9 @@ class Recording:
             self.stop(f"{error.strerror}: {self._writer.path}")
         except InputError as error:
             self.stop(str(error))
+        except Exception as error:
+            # Of a codec, say. Whatever it is, a bag whose writer has died must not say that it is ok.
+            self.stop(f"{type(error).__name__}: {' '.join(str(error).split())}")
         finally:
             self.stopped.set()
             if not self._finish.is_set():

@@ -221,7 +221,7 @@ class Recorder(Node):
         new = False
         for full_name, types in self.get_topic_names_and_types():
             name = full_name.removeprefix(self._space)
-            ours = full_name == self._space + name
+            ours = full_name.startswith(f"{self._space}/")
             if ours and (self._selection(name) or name in self._by_name):
                 new |= self._look_at(name, types)
         self._announce(new)

@@ -1,0 +1,50 @@
+"""What a campaign asks of a node's parameters, at a real node in this process: no graph, no executor."""
+
+from types import SimpleNamespace
+
+import pytest
+import rclpy
+from rcl_interfaces.srv import SetParametersAtomically
+
+from sandbot_bed.bed_parameters import BedParameters
+from sandbot_bringup.endings import TrialFailed
+from sandbot_bringup.orders_node import Orders
+from sandbot_common.node import Parameters
+
+pytestmark = pytest.mark.ros
+SHORT = {"settle_s": 0.4, "average_s": 0.2}
+"""Neither fits what a bed has by default, in this order."""
+
+
+class Client:
+    """Answers at once, as the node's own service does."""
+
+    def __init__(self, bed, kind):
+        self.bed, self.kind = bed, kind
+
+    def call_async(self, request):
+        assert self.kind is SetParametersAtomically
+        given = [rclpy.parameter.Parameter.from_parameter_msg(one) for one in request.parameters]
+        response = SetParametersAtomically.Response(result=self.bed.set_parameters_atomically(given))
+        return SimpleNamespace(done=lambda: True, result=lambda: response)
+
+    def remove_pending_request(self, _):
+        pass
+
+
+@pytest.fixture
+def bed(domain):
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    yield rclpy.create_node("bed", context=context)
+    context.try_shutdown()
+
+
+def test_parameters_that_fit_only_together_are_set_together_or_not_at_all(bed):
+    settings = Parameters(bed, BedParameters)
+    orders = Orders(SimpleNamespace(create_client=lambda kind, _: Client(bed, kind)), lambda condition, _: condition())
+    orders.set("bed", SHORT)
+    assert (settings.current.settle_s, settings.current.average_s) == (0.4, 0.2)
+    with pytest.raises(TrialFailed, match=r"bed refused its parameters: .*average_s 0\.5 is longer than the rest"):
+        orders.set("bed", {"fluidise_s": 0.7, "average_s": 0.5})
+    assert settings.current.fluidise_s == 5.0
