@@ -58,6 +58,13 @@ def check_output(path: Path) -> Path:
     return path
 
 
+def same_file(one: Path, other: Path) -> bool:
+    """Whether two names are those of one file, there or still to be written; a terminal or /dev/null is no file."""
+    if one.exists() and other.exists():
+        return one.is_file() and one.samefile(other)
+    return one.resolve() == other.resolve()
+
+
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
     """A disk that refuses ``path`` after all is bad input, too."""
