@@ -42,6 +42,36 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
     assert os.listdir(tmp_path) == ["b.txt"]
 
 
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_goes_on_leading_to_the_file(tmp_path, there):
+    (tmp_path / "disk").mkdir()
+    file, link = tmp_path / "disk" / "b.txt", tmp_path / "b.txt"
+    if there:
+        file.write_text("old")
+    link.symlink_to(file)
+    write_text(check_output(link), "new")
+    assert link.is_symlink()
+    assert file.read_text() == "new"
+    assert os.listdir(tmp_path / "disk") == ["b.txt"]
+
+
+def test_a_pipe_is_written_into_and_stays_one(tmp_path):
+    pipe = tmp_path / "b.txt"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDWR | os.O_NONBLOCK)
+    write_text(check_output(pipe), "new")
+    assert os.read(reader, 10) == b"new"
+    os.close(reader)
+    assert pipe.is_fifo()
+    assert os.listdir(tmp_path) == ["b.txt"]
+
+
+def test_a_link_that_leads_nowhere_is_answered(tmp_path):
+    (tmp_path / "b.txt").symlink_to("b.txt")
+    write_text(check_output(tmp_path / "b.txt"), "new")
+    assert (tmp_path / "b.txt").read_text() == "new"
+
+
 def test_results_are_for_colleagues_too(tmp_path):
     path = tmp_path / "b.txt"
     before = os.umask(0o022)

@@ -24,7 +24,14 @@ from sandbot_common.errors import InputError
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary name beside ``path``; rename it onto ``path`` on success, remove it on any failure."""
+    """Yield a temporary name beside ``path``; rename it onto ``path`` on success, remove it on any failure.
+
+    A link goes on leading to the file, which is replaced; what is no file (/dev/null, a pipe) is written into.
+    """
+    if _is_special(path):
+        yield path
+        return
+    path = Path(os.path.realpath(path))
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     os.close(handle)
@@ -40,6 +47,11 @@ def whole_file(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def _is_special(path: Path) -> bool:
+    """Whether there is something that takes what is written, and is no file: a rename would remove it."""
+    return path.exists() and not path.is_file() and not path.is_dir()
+
+
 def write_text(path: Path, text: str) -> None:
     """Write ``text`` (UTF-8) to ``path``, whole or not at all."""
     with whole_file(path) as temporary:
@@ -50,7 +62,11 @@ def check_output(path: Path) -> Path:
     """``path``, if a file can be written there: told before minutes of work, not after. Raises InputError."""
     if path.is_dir():
         raise InputError(f"{path}: can't be written: it is a folder, a file is needed")
-    above = next(parent for parent in path.absolute().parents if parent.exists())
+    if _is_special(path):
+        if not os.access(path, os.W_OK):
+            raise InputError(f"{path}: can't be written: no permission")
+        return path
+    above = next(parent for parent in Path(os.path.realpath(path)).parents if parent.exists())
     if not above.is_dir():
         raise InputError(f"{path}: can't be written: {above} is not a folder")
     if not os.access(above, os.W_OK | os.X_OK):
@@ -62,7 +78,7 @@ def same_file(one: Path, other: Path) -> bool:
     """Whether two names are those of one file, there or still to be written; a terminal or /dev/null is no file."""
     if one.exists() and other.exists():
         return one.is_file() and one.samefile(other)
-    return one.resolve() == other.resolve()
+    return os.path.realpath(one) == os.path.realpath(other)
 
 
 @contextmanager
