@@ -106,6 +106,33 @@ def test_refuses_what_is_no_mapping_in_one_line(tmp_path, content, complaint):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("phi: [0.6]\nseed: 1\nphi: [0.62]\n", "line 3: key 'phi'"),
+        ("bed: {max_pulses: 8, max_pulses: 9}\n", "line 1: key 'max_pulses'"),
+        ("all:\n- x: 1\n- y: 1\n  x: 2\n  y: 3\n", "line 5: key 'y'"),
+    ],
+)
+def test_a_key_that_is_there_twice_is_refused(tmp_path, text, said):
+    path = tmp_path / "c.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError) as refused:
+        read_yaml(path)
+    assert str(refused.value) == f"{path}: not YAML: {said} is there twice"
+
+
+def test_merged_keys_may_be_overridden_and_merged_again(tmp_path):
+    path = tmp_path / "c.yaml"
+    path.write_text(
+        "a: &a {x: 1, y: 2}\nb: [[&b {<<: *a, x: 3}]]\nc: {<<: *b, y: 4}\nd: {<<: [*b, *a]}\n1: x\n'1': y\n"
+    )
+    x3y2 = {"x": 3, "y": 2}
+    assert read_yaml(path) == {
+        "a": {"x": 1, "y": 2}, "b": [[x3y2]], "c": {"x": 3, "y": 4}, "d": x3y2, 1: "x", "1": "y"
+    }  # fmt: skip
+
+
 def test_refuses_what_is_not_there_or_a_folder(tmp_path):
     for read in (read_yaml, read_json, read_csv):
         with pytest.raises(InputError, match="no such file"):
@@ -229,7 +256,12 @@ def test_numbers_with_a_comma_and_with_a_point_are_refused_together(tmp_path, si
 
 @given(
     table=st.lists(
-        st.tuples(st.floats(-1e3, 1e3), st.text('abc;,\t"\n .1', max_size=6).map(str.strip)), min_size=1, max_size=4
+        # Remarks with a letter: the reader rightly takes ",1" for a number.
+        st.tuples(
+            st.floats(-1e3, 1e3), st.just("") | st.text('abc;,\t"\n .1', max_size=6).map("{}a".format).map(str.strip)
+        ),
+        min_size=1,
+        max_size=4,
     ),
     sign=st.sampled_from(",;\t"),
     comma=st.booleans(),
