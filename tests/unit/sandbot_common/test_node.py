@@ -62,3 +62,21 @@ def test_who_may_not_have_it_runs_as_he_is(monkeypatch):
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     with node.real_time(5):
         assert os.sched_getscheduler(0) != os.SCHED_FIFO
+
+
+@pytest.mark.parametrize(
+    ("slip", "said"),
+    [
+        ("--bogus", "--bogus"),
+        ("--params-file nosuch.yaml", "'--params-file nosuch.yaml'"),
+        ("-r __ns:=bad-name", "'-r __ns:=bad-name'"),
+        ("--log-level nosuch", "'--log-level nosuch'"),
+        ("-p omega_rad_s:=[1", "'-p omega_rad_s:=[1'"),
+    ],
+)
+def test_a_slip_behind_ros_args_is_one_line(slip, said, capfd):
+    assert node.run(lambda: pytest.fail("a node was made"), ["--ros-args", *slip.split()]) == 2
+    err = capfd.readouterr().err
+    assert said in err
+    assert "/project/" not in err
+    assert err.count("\n") == 1

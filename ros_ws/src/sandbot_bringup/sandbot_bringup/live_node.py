@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from rclpy.signals import SignalHandlerOptions
 from tqdm import tqdm
 
 from sandbot_bringup.campaign_node import PRIORITY, Operator
@@ -25,7 +24,7 @@ from sandbot_bringup.streak import Streak
 from sandbot_bringup.supervision import SILENCE_S
 from sandbot_bringup.until import Entry, decided, looks_of
 from sandbot_common.errors import InputError
-from sandbot_common.node import end_timers, real_time, stop_signals, use_shared_memory
+from sandbot_common.node import end_timers, real_time, start_ros, stop_signals, use_shared_memory
 from sandbot_common.workers import pool
 from sandbot_record.trials.table import Row
 
@@ -53,7 +52,7 @@ def run_live(
         # ROS's own handlers would end the context before the legs are stopped.
         # The threads that hear, too: what they hear late would be taken for silence.
         with real_time(PRIORITY, inherited=True):
-            rclpy.init(args=[plan.name, *ros_arguments], signal_handler_options=SignalHandlerOptions.NO)
+            start_ros([plan.name, *ros_arguments])
         operator: Operator | None = None
         try:
             with real_time(PRIORITY, inherited=True):
