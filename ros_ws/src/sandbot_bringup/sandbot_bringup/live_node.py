@@ -36,15 +36,15 @@ def run_live(
     folder: CampaignFolder,
     files: Mapping[str, str],
     *,
-    redo: bool = False,
+    redo: Mapping[str, str] | None = None,
     silence_s: float = SILENCE_S,
     ros_arguments: Sequence[str] = (),
 ) -> Queue:
     """Run every trial that has no bag yet, and what the operator adds meanwhile; returns the queue as it was left.
 
-    ``redo``: what failed once more. ``silence_s``: a node that is silent for longer ends the trial under way.
-    ``ros_arguments``: as for any node, ``--ros-args -r __ns:=/robot1`` say. The nodes must be running
-    (``ros2 launch sandbot_bringup trackway.launch.py``); InputError where they are not.
+    ``redo``: these, which ended as they say, and once more what fails now. ``silence_s``: a node that is silent for
+    longer ends the trial under way. ``ros_arguments``: as for any node, ``--ros-args -r __ns:=/robot1`` say. The nodes
+    must be running (``ros2 launch sandbot_bringup trackway.launch.py``); InputError where they are not.
     On Ctrl-C, kill or a closed terminal legs and air are stopped and the bag under way is closed and set aside.
     """
     use_shared_memory(frames=False)
@@ -60,9 +60,10 @@ def run_live(
             operator.find_nodes()
             # One trackway has one campaign; here it is another one's, in another namespace or on another host.
             with folder.adopted(plan, files):
+                folder.set_aside(redo or {})
                 campaign = _Campaign(operator, plan, folder, files)
                 campaign.run_all()
-                if redo and campaign.repeat_failed():
+                if redo is not None and campaign.repeat_failed():
                     campaign.run_all()
         finally:
             if operator is not None:
