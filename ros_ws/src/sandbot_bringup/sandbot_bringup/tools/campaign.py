@@ -200,10 +200,11 @@ def _not_ok(folder: CampaignFolder) -> dict[str, str]:
 
 
 def _lab(plan: Plan, folder: CampaignFolder, files: Mapping[str, str], options: argparse.Namespace) -> "World":
-    """The virtual lab's world; InputError where there is none to choose, or its bed does not reach a φ."""
-    from sandbot_bringup.batch import choose_world
+    """The virtual lab's world; InputError where there is none to choose, or bed or cameras are none for the lab."""
+    from sandbot_bringup.batch import check_cameras, choose_world
 
     check_bed(plan)
+    check_cameras(files, plan.cameras or "cameras.yaml")
     return choose_world(folder, robot_of(files), options.world, options.hide)
 
 
