@@ -4,10 +4,14 @@ from pathlib import Path
 import pytest
 
 from sandbot_bringup import folder as folders
+from sandbot_bringup.batch import seal
+from sandbot_bringup.config import files_of
 from sandbot_bringup.folder import CampaignFolder, frames_kept, sample_trial
 from sandbot_bringup.plan import Plan, read_plan, trials_of
+from sandbot_bringup.tools import campaign
 from sandbot_bringup.tools.campaign import main
 from sandbot_common.errors import InputError
+from sandbot_lab.world import null_world
 
 PLAN = Plan(name="tiny", phi=(0.6, 0.62), omega_rad_s=(8.0, 16.0), replicates=2)
 EXTRA = {"phi": 0.61, "omega_rad_s": 12.0, "replicates": 1}
@@ -124,3 +128,19 @@ def test_frames_are_kept_as_the_plan_says(images: str, of_sample: str, of_others
 def test_campaign_without_a_plan_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_what_failed_is_set_aside_only_by_who_can_run_it_again(tmp_path, monkeypatch, capsys):
+    folder = CampaignFolder(tmp_path / "run")
+    folder.adopt(PLAN, files_of(PLAN, tmp_path, folder.path))
+    seal(folder, null_world())
+    bag = folder.bag(trials_of(PLAN)[0])
+    bag.mkdir(parents=True)
+    monkeypatch.setattr(campaign, "_not_ok", lambda _: {bag.name: "no markers"})
+    assert main([str(folder.path), "--batch", "--redo", "failed", "--dask", "tcp://127.0.0.1:1"]) == 2
+    assert "--dask" in capsys.readouterr().err
+    assert bag.is_dir()
+    # Control: who can.
+    folder.set_aside({bag.name: "no markers"})
+    assert not bag.exists()
+    assert (folder.trials / ".partial" / bag.name).is_dir()

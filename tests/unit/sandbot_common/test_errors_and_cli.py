@@ -1,10 +1,11 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from sandbot_common.cli import BAD_INPUT, INTERRUPTED, Parser, run
+from sandbot_common.cli import BAD_INPUT, INTERRUPTED, Parser, output, run
 from sandbot_common.errors import InputError
 
 
@@ -69,6 +70,50 @@ def test_an_option_is_never_read_as_a_longer_one():
     parser.add_argument("--effects-from")
     with pytest.raises(InputError, match="no option --effect, did you mean '--effects-from'"):
         parser.parse_args(["--effect", "x"])
+
+
+def wrote(*words):
+    parser = Parser(prog="compare")
+    parser.add_argument("data", type=Path, nargs="+", metavar="DATA")
+    parser.add_argument("--title")
+    for name in ("--json", "--html"):
+        parser.add_argument(name, type=output)
+    return parser.parse_args([*words])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("a.csv t.csv --json t.csv", "--json t.csv: would replace DATA t.csv; give another name"),
+        ("t.csv --json ./there/../t.csv", "--json there/../t.csv: would replace DATA t.csv"),
+        ("t.csv --json link.csv", "--json link.csv: would replace DATA t.csv"),
+        ("t.csv --json hard.csv", "--json hard.csv: would replace DATA t.csv"),
+        ("t.csv --json new.json --html new.json", "--json new.json: would replace --html new.json"),
+    ],
+)
+def test_no_output_replaces_what_it_is_made_from_nor_another(tmp_path, monkeypatch, words, said):
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_text("phi")
+    Path("there").mkdir()
+    Path("link.csv").symlink_to("t.csv")
+    Path("hard.csv").hardlink_to("t.csv")
+    with pytest.raises(InputError) as refused:
+        wrote(*words.split())
+    assert str(refused.value).startswith(said)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "t.csv --json new.json --html new.html",
+        "t.csv --json t.json --title t.json",
+        "t.csv --json /dev/null --html /dev/null",
+    ],
+)
+def test_other_outputs_are_taken(tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_text("phi")
+    assert wrote(*words.split()).json is not None
 
 
 def test_a_line_is_seen_through_a_pipe_when_it_is_said():

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sandbot_common import process
-from sandbot_common.node import use_shared_memory
+from sandbot_common import node, process
 
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
@@ -16,7 +15,7 @@ PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 def test_shared_memory_holds_a_second_of_two_cameras_where_frames_are_published(monkeypatch, frames, most_held):
     monkeypatch.delenv(PROFILE, raising=False)
     monkeypatch.delenv("FASTDDS_DEFAULT_PROFILES_FILE", raising=False)
-    use_shared_memory(frames=frames)
+    node.use_shared_memory(frames=frames)
     profile = Path(os.environ[PROFILE])
     monkeypatch.delenv(PROFILE)
     tree = ElementTree.parse(profile)
@@ -35,7 +34,7 @@ def test_shared_memory_holds_a_second_of_two_cameras_where_frames_are_published(
 def test_a_profile_of_the_users_own_stays(monkeypatch):
     monkeypatch.delenv(PROFILE, raising=False)
     monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", "mine.xml")
-    use_shared_memory(frames=False)
+    node.use_shared_memory(frames=False)
     assert PROFILE not in os.environ
 
 
@@ -62,3 +61,21 @@ def test_who_may_not_have_it_runs_as_he_is(monkeypatch):
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     with process.real_time(5):
         assert os.sched_getscheduler(0) != os.SCHED_FIFO
+
+
+@pytest.mark.parametrize(
+    ("slip", "said"),
+    [
+        ("--bogus", "--bogus"),
+        ("--params-file nosuch.yaml", "'--params-file nosuch.yaml'"),
+        ("-r __ns:=bad-name", "'-r __ns:=bad-name'"),
+        ("--log-level nosuch", "'--log-level nosuch'"),
+        ("-p omega_rad_s:=[1", "'-p omega_rad_s:=[1'"),
+    ],
+)
+def test_a_slip_behind_ros_args_is_one_line(slip, said, capfd):
+    assert node.run(lambda: pytest.fail("a node was made"), ["--ros-args", *slip.split()]) == 2
+    err = capfd.readouterr().err
+    assert said in err
+    assert "/project/" not in err
+    assert err.count("\n") == 1

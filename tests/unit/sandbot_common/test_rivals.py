@@ -2,7 +2,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from sandbot_common import command_node, topics
+from sandbot_common import command_node, node, topics
 from sandbot_common.neighbours import LOOK_S
 
 
@@ -36,7 +36,7 @@ def test_rivals_are_those_of_another_name(names, fault):
 
 def test_the_graph_is_not_looked_at_for_every_set_point(monkeypatch):
     now_s = [1.0]
-    monkeypatch.setattr(node.time, "monotonic", lambda: now_s[0])
+    monkeypatch.setattr(command_node.time, "monotonic", lambda: now_s[0])
     graph = Graph("clock")
     rivals = command_node.Rivals(graph, topics.LEG_SETPOINTS)
     assert [rivals.fault() for _ in range(9)] == [""] * 9

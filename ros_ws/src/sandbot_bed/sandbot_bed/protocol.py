@@ -312,6 +312,10 @@ class PreparationFailed(InputError):
         super().__init__(f"bed: target_phi {command.target_phi:g}: {command.reason}")
         self.command = command
 
+    def __reduce__(self) -> tuple[type["PreparationFailed"], tuple[Command]]:
+        """From the command, not from the line: one that can't come back from a worker takes the whole pool along."""
+        return type(self), (self.command,)
+
 
 @dataclass(frozen=True)
 class Span:

@@ -6,7 +6,8 @@ folder            what lies where; provenance: what a bag says of its trial; end
 runner            a campaign in batch, over worker processes; batch, trial_bag: one trial of it, and its bag
 until             a campaign until a verdict; truth: the lab's sealed world, opened afterwards
 live_node         a campaign over the real nodes
-  queue           what is done and to come; hold, hold_node: may it go on; streak: failures in a row; journal: what happened
+  queue           what is done and to come; streak: failures in a row; journal: what happened
+  hold, hold_node may it go on, and the services for that
   desk_node       what the operator asks for
   campaign_node   one trial; gate_node, orders_node: may it begin, what is asked of the nodes
   hearing_node    what is heard; supervision: who has fallen silent; recorder_process: the recorder

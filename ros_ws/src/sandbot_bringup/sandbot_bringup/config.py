@@ -6,6 +6,7 @@ from pathlib import Path
 from sandbot_bringup.plan import Plan
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
+from sandbot_common.files import read_text
 from sandbot_common.robot import Robot, read_robot, robot_from_text
 from sandbot_common.suggest import did_you_mean
 from sandbot_tracking.calibration import Camera, read_cameras
@@ -31,23 +32,24 @@ def shipped(path: Path) -> Path:
 
 
 def files_of(plan: Plan, beside: Path, campaign: Path) -> dict[str, str]:
-    """robot.yaml and cameras.yaml as text: the campaign's own once it has begun, else those the plan names (relative
-    to ``beside``), else the project's.
+    """robot.yaml and cameras.yaml as text: the campaign's own once a trial is finished or where it is resumed, else
+    those the plan names (relative to ``beside``), else the project's.
 
     Raises InputError where a file is missing or does not say what it should.
     """
     files = {}
+    # A campaign is one experiment: a calibration made later must not slip into its remaining trials.
+    bound = beside.resolve() == campaign.resolve() or any((campaign / "trials").glob("[!.]*/metadata.yaml"))
     readers: tuple[tuple[str, str, Callable[[Path], Robot | dict[str, Camera]]], ...] = (
         ("robot.yaml", plan.robot, read_robot),
         ("cameras.yaml", plan.cameras, read_cameras),
     )
     for name, given, reader in readers:
         path = beside / given if given else config_file(name)
-        # A campaign is one experiment: a calibration made later must not slip into its remaining trials.
-        if (campaign / name).exists():
+        if bound and (campaign / name).exists():
             path = campaign / name
         described = reader(path)
-        files[name] = path.read_text(encoding="utf-8")
+        files[name] = read_text(path)
         if not isinstance(described, Robot):
             _check_cameras(described, path)
     return files

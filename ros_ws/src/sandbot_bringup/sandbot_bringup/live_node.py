@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from rclpy.signals import SignalHandlerOptions
 from tqdm import tqdm
 
 from sandbot_bringup.campaign_node import PRIORITY, Operator
@@ -25,7 +24,7 @@ from sandbot_bringup.streak import Streak
 from sandbot_bringup.supervision import SILENCE_S
 from sandbot_bringup.until import Entry, decided, looks_of
 from sandbot_common.errors import InputError
-from sandbot_common.node import stop_signals, use_shared_memory
+from sandbot_common.node import start_ros, stop_signals, use_shared_memory
 from sandbot_common.process import real_time
 from sandbot_common.timer import end_timers
 from sandbot_common.workers import pool
@@ -39,15 +38,15 @@ def run_live(
     folder: CampaignFolder,
     files: Mapping[str, str],
     *,
-    redo: bool = False,
+    redo: Mapping[str, str] | None = None,
     silence_s: float = SILENCE_S,
     ros_arguments: Sequence[str] = (),
 ) -> Queue:
     """Run every trial that has no bag yet, and what the operator adds meanwhile; returns the queue as it was left.
 
-    ``redo``: what failed once more. ``silence_s``: a node that is silent for longer ends the trial under way.
-    ``ros_arguments``: as for any node, ``--ros-args -r __ns:=/robot1`` say. The nodes must be running
-    (``ros2 launch sandbot_bringup trackway.launch.py``); InputError where they are not.
+    ``redo``: these, which ended as they say, and once more what fails now. ``silence_s``: a node that is silent for
+    longer ends the trial under way. ``ros_arguments``: as for any node, ``--ros-args -r __ns:=/robot1`` say. The nodes
+    must be running (``ros2 launch sandbot_bringup trackway.launch.py``); InputError where they are not.
     On Ctrl-C, kill or a closed terminal legs and air are stopped and the bag under way is closed and set aside.
     """
     use_shared_memory(frames=False)
@@ -55,7 +54,7 @@ def run_live(
         # ROS's own handlers would end the context before the legs are stopped.
         # The threads that hear, too: what they hear late would be taken for silence.
         with real_time(PRIORITY, inherited=True):
-            rclpy.init(args=[plan.name, *ros_arguments], signal_handler_options=SignalHandlerOptions.NO)
+            start_ros([plan.name, *ros_arguments])
         operator: Operator | None = None
         try:
             with real_time(PRIORITY, inherited=True):
@@ -63,10 +62,11 @@ def run_live(
             operator.find_nodes()
             # One trackway has one campaign; here it is another one's, in another namespace or on another host.
             with folder.adopted(plan, files):
+                folder.set_aside(redo or {})
                 campaign = _Campaign(operator, plan, folder, files)
                 try:
                     campaign.run_all()
-                    if redo and campaign.repeat_failed():
+                    if redo is not None and campaign.repeat_failed():
                         campaign.run_all()
                 finally:
                     operator.leave_as_found()

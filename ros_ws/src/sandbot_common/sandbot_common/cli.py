@@ -9,12 +9,12 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.util import find_spec
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any, NoReturn, Protocol
 
 from sandbot_common.errors import InputError
-from sandbot_common.files import check_output
+from sandbot_common.files import check_output, same_file
 from sandbot_common.parameters import usage
 from sandbot_common.suggest import did_you_mean
 
@@ -33,7 +33,20 @@ class Parser(argparse.ArgumentParser):
         options, unknown = self.parse_known_args(args, namespace)
         if unknown:
             self.error(self._stranger(unknown[0]))
+        self._check_outputs(options)
         return options
+
+    def _check_outputs(self, options: argparse.Namespace) -> None:
+        """No ``output`` replaces what it is made from, nor another output."""
+        files = [
+            (action, path)
+            for action in self._actions
+            for path in _several(getattr(options, action.dest, None))
+            if isinstance(path, Path)
+        ]
+        for (action, path), (other, taken) in product(files, files):
+            if action.type is output and other is not action and same_file(path, taken):
+                self.error(f"{_name(action)} {path}: would replace {_name(other)} {taken}; give another name")
 
     def _stranger(self, word: str) -> str:
         if not word.startswith("-"):
@@ -45,6 +58,15 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise InputError in place of usage and exit."""
         raise InputError(f"{message} (see {self.prog} --help)")
+
+
+def _several(value: Any) -> Sequence[Any]:
+    return value if isinstance(value, list) else [value]
+
+
+def _name(action: argparse.Action) -> str:
+    """An argument as it is typed, or as ``--help`` names it."""
+    return action.option_strings[0] if action.option_strings else str(action.metavar or action.dest)
 
 
 def with_ros(parser: argparse.ArgumentParser, argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:

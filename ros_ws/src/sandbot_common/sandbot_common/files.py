@@ -10,7 +10,7 @@ import json
 import os
 import re
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -24,7 +24,14 @@ from sandbot_common.errors import InputError
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary name beside ``path``; rename it onto ``path`` on success, remove it on any failure."""
+    """Yield a temporary name beside ``path``; rename it onto ``path`` on success, remove it on any failure.
+
+    A link goes on leading to the file, which is replaced; what is no file (/dev/null, a pipe) is written into.
+    """
+    if _is_special(path):
+        yield path
+        return
+    path = Path(os.path.realpath(path))
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     os.close(handle)
@@ -40,6 +47,11 @@ def whole_file(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def _is_special(path: Path) -> bool:
+    """Whether there is something that takes what is written, and is no file: a rename would remove it."""
+    return path.exists() and not path.is_file() and not path.is_dir()
+
+
 def write_text(path: Path, text: str) -> None:
     """Write ``text`` (UTF-8) to ``path``, whole or not at all."""
     with whole_file(path) as temporary:
@@ -50,12 +62,23 @@ def check_output(path: Path) -> Path:
     """``path``, if a file can be written there: told before minutes of work, not after. Raises InputError."""
     if path.is_dir():
         raise InputError(f"{path}: can't be written: it is a folder, a file is needed")
-    above = next(parent for parent in path.absolute().parents if parent.exists())
+    if _is_special(path):
+        if not os.access(path, os.W_OK):
+            raise InputError(f"{path}: can't be written: no permission")
+        return path
+    above = next(parent for parent in Path(os.path.realpath(path)).parents if parent.exists())
     if not above.is_dir():
         raise InputError(f"{path}: can't be written: {above} is not a folder")
     if not os.access(above, os.W_OK | os.X_OK):
         raise InputError(f"{path}: can't be written: no permission to write in {above}")
     return path
+
+
+def same_file(one: Path, other: Path) -> bool:
+    """Whether two names are those of one file, there or still to be written; a terminal or /dev/null is no file."""
+    if one.exists() and other.exists():
+        return one.is_file() and one.samefile(other)
+    return os.path.realpath(one) == os.path.realpath(other)
 
 
 @contextmanager
@@ -90,9 +113,30 @@ def _decoded(content: bytes) -> str:
     return content.decode("utf-8-sig")
 
 
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """By libyaml where the wheel has it: ten times the speed of the Python loader. A key that is there twice is an
+    error, as YAML has it; of the two PyYAML takes the last without a word.
+    """
+
+    def flatten_mapping(self, node: Any) -> None:
+        # Before what `<<` merges comes in, which a mapping's own keys may override; and so only once.
+        if not hasattr(node, "checked"):
+            node.checked = True
+            _refuse_twice(key for key, _ in node.value if isinstance(key, yaml.ScalarNode))
+        super().flatten_mapping(node)
+
+
+def _refuse_twice(keys: Iterable[yaml.ScalarNode]) -> None:
+    seen: set[tuple[str, str]] = set()
+    for key in keys:
+        if (key.tag, key.value) in seen:
+            raise yaml.YAMLError(f"line {key.start_mark.line + 1}: key {key.value!r} is there twice")
+        seen.add((key.tag, key.value))
+
+
 def load_yaml(text: str) -> Any:
-    """What a YAML text holds, by libyaml where the wheel has it: ten times the speed of the Python loader."""
-    return yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    """What a YAML text holds."""
+    return yaml.load(text, Loader=_Loader)
 
 
 @lru_cache(maxsize=16)

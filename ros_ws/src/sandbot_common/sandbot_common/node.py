@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import signal
 import sys
 import threading
@@ -19,6 +20,8 @@ from rclpy.duration import Duration
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -233,6 +236,22 @@ def use_shared_memory(*, frames: bool) -> None:
         os.environ[_PROFILES[0]] = str(Path(__file__).with_name("fastdds_frames.xml" if frames else "fastdds.xml"))
 
 
+def start_ros(argv: Sequence[str]) -> None:
+    """``rclpy.init`` without its signal handlers. Raises InputError for arguments that ROS can't read."""
+    rclpy.logging.set_logger_level("rcl", LoggingSeverity.FATAL)  # it would add a line that says nothing
+    try:
+        rclpy.init(args=list(argv), signal_handler_options=SignalHandlerOptions.NO)
+    except _rclpy.UnknownROSArgsError as error:
+        raise InputError(f"--ros-args: ROS knows no {error}") from None
+    except _rclpy.RCLError as error:
+        # Without the places in ROS's own source.
+        reason = re.sub(r",? at /\S+:\d+", "", str(error)).removeprefix("failed to initialize rcl: ")
+        raise InputError(f"ROS does not start: {reason}") from None
+    finally:
+        if rclpy.logging.get_logger_level("rcl") == LoggingSeverity.FATAL:
+            rclpy.logging.set_logger_level("rcl", LoggingSeverity.UNSET)
+
+
 def run(
     make: Callable[[], Node],
     argv: Sequence[str] | None = None,
@@ -248,7 +267,7 @@ def run(
         use_shared_memory(frames=frames)
         # Our own signals: ROS's handlers end the context at once, and close() could no longer publish "air off".
         with stop_signals() as stop:
-            rclpy.init(args=[sys.argv[0], *arguments], signal_handler_options=SignalHandlerOptions.NO)
+            start_ros([sys.argv[0], *arguments])
             node: Node | None = None
             try:
                 node = make()

@@ -1,7 +1,7 @@
 """The lab's own reading of cameras.yaml: trackway to pixels. (The tracker has its own code for the way back.)"""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -29,7 +29,7 @@ class Calibration:
     rotation: list[Any] = parameter(doc="3 rows of 3: the camera's axes in the trackway frame")
     plane: dict[str, Any] = parameter(doc="plane of the markers: {normal, offset_m}")
     frame_rate_hz: float = parameter(100.0, unit="Hz", doc="frames per second", low=0.1, high=10000.0)
-    exposure_s: float = parameter(0.002, unit="s", doc="exposure time", low=0.0, high=1.0)
+    exposure_s: float = parameter(0.002, unit="s", doc="exposure time", low=0.0, high=10.0)
     distortion: tuple[float, ...] = parameter((0.0,) * 5, doc="k1, k2, p1, p2, k3")
     led_region: tuple[int, ...] | None = parameter(None, unit="px", doc="x, y, width, height of the sync LED", low=0)
 
@@ -65,6 +65,8 @@ class Calibration:
 def calibration(mapping: Mapping[str, Any], where: str) -> Calibration:
     """One camera's calibration from its section of cameras.yaml. Raises InputError naming section and value."""
     read = from_mapping(Calibration, mapping, where)
+    if len(read.distortion) == 4:  # OpenCV's own default
+        read = replace(read, distortion=(*read.distortion, 0.0))
     rotation = _numbers(read.rotation)
     if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6):
         raise InputError(f"{where}: rotation: {read.rotation} is not 3 orthonormal rows of 3 numbers")

@@ -55,16 +55,15 @@ def command(argv: Sequence[str]) -> int:
         return 0
     if options.batch and ros_arguments:
         raise InputError("--ros-args: --batch runs without ROS; leave one of the two out")
-    if options.redo:
-        _set_failed_aside(folder)
+    redo = _not_ok(folder) if options.redo else None
     if world is not None:
-        trials, failures = _batch(plan, folder, files, world, options)
+        trials, failures = _batch(plan, folder, files, world, options, redo or {})
     else:
         # The live runner starts ROS; batch and dry runs must not.
         from sandbot_bringup.live_node import run_live
 
         silence_s = SILENCE_S if options.silence is None else options.silence
-        queue = run_live(plan, folder, files, redo=bool(options.redo), silence_s=silence_s, ros_arguments=ros_arguments)
+        queue = run_live(plan, folder, files, redo=redo, silence_s=silence_s, ros_arguments=ros_arguments)
         # Its plan may have grown.
         trials, failures = trials_of(queue.plan), list(queue.failed.items())
     return _finish(folder, trials, failures)
@@ -190,37 +189,41 @@ def _until(plan: Plan, options: argparse.Namespace) -> Plan:
     return plan_of(grown, " ".join(f"--{key.replace('_', '-')} {value}" for key, value in given.items()))
 
 
-def _set_failed_aside(folder: CampaignFolder) -> None:
+def _not_ok(folder: CampaignFolder) -> dict[str, str]:
+    """The trials of the folder that are not ok, and what they are."""
     from sandbot_record.trials import from_bags as table
     from sandbot_record.trials.table import OK
 
     if not table.bags_in(folder.path):
-        return
-    with folder.alone():
-        for row in table.campaign(folder.path).trials.rows():
-            if row.status != OK:
-                (folder.trials / row.trial_id).rename(folder.aside(row.trial_id))
-                print(f"{row.trial_id}: {row.status}: set aside, to be run again")
+        return {}
+    return {row.trial_id: row.status for row in table.campaign(folder.path).trials.rows() if row.status != OK}
 
 
 def _lab(plan: Plan, folder: CampaignFolder, files: Mapping[str, str], options: argparse.Namespace) -> "World":
-    """The virtual lab's world; InputError where there is none to choose, or its bed does not reach a φ."""
-    from sandbot_bringup.batch import choose_world
+    """The virtual lab's world; InputError where there is none to choose, or bed or cameras are none for the lab."""
+    from sandbot_bringup.batch import check_cameras, choose_world
 
     check_bed(plan)
+    check_cameras(files, plan.cameras or "cameras.yaml")
     return choose_world(folder, robot_of(files), options.world, options.hide)
 
 
 def _batch(
-    plan: Plan, folder: CampaignFolder, files: Mapping[str, str], world: "World", options: argparse.Namespace
+    plan: Plan,
+    folder: CampaignFolder,
+    files: Mapping[str, str],
+    world: "World",
+    options: argparse.Namespace,
+    redo: Mapping[str, str],
 ) -> tuple[list[PlannedTrial], Sequence[tuple[str, str]]]:
-    """All trials of the plan, as far as it has grown, and those that failed."""
+    """All trials of the plan, as far as it has grown, and those that failed; those of ``redo`` once more."""
     from sandbot_bringup import batch, runner
     from sandbot_bringup.until import decided
 
     with crew_of(options) as crew, folder.adopted(plan, files, lambda: batch.seal(folder, world)):
         crew.check(folder.path)
         folder.clear_torn()
+        folder.set_aside(redo)
         failed: dict[str, str] = {}
         while True:
             trials = trials_of(plan)

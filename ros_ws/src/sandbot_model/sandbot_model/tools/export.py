@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sandbot_common import cli
+from sandbot_common.errors import InputError
 from sandbot_model.tools import arguments
 
 if TYPE_CHECKING:
@@ -25,13 +26,15 @@ def _export(argv: Sequence[str]) -> None:
     parser.add_argument("data", type=Path, nargs="+", metavar="DATA", help="a campaign folder, or bags")
     parser.add_argument("--trial", required=True, metavar="NAME", help="which trial, as the trials table names it")
     parser.add_argument(
-        "--out", type=_out, required=True, metavar="FILE", help=f"what to write: a name that ends in {_either()}"
+        "--out", type=cli.output, required=True, metavar="FILE", help=f"what to write: a name that ends in {_either()}"
     )
     arguments.add_model(parser)
     parser.add_argument("--effects", default="", metavar="a,b", help="effects of the model that is shown")
     arguments.add_catalogue(parser)
     arguments.add_setting(parser)
     args = parser.parse_args(argv)
+    if args.out.suffix not in KINDS:
+        raise InputError(f"--out {args.out}: a name that ends in {_either()} is needed")
     if args.out.suffix == ".rrd":
         from sandbot_model.explore.rrd import rerun
 
@@ -69,13 +72,6 @@ def _fitted(args: argparse.Namespace, trials: "Trials") -> "Fit":
 
     effects = catalogue(args.effects_from, tuple(args.effect))
     return steps_of(arguments.selection(args), cells_of(trials), effects)[-1]
-
-
-def _out(text: str) -> Path:
-    path = Path(text)
-    if path.suffix not in KINDS:
-        raise argparse.ArgumentTypeError(f"{text}: a name that ends in {_either()} is needed")
-    return cli.output(text)
 
 
 def _either() -> str:

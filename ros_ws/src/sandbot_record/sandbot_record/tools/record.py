@@ -5,13 +5,17 @@ import contextlib
 import ctypes
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
 from sandbot_record.bags.mcap_writer import COMPRESSIONS
 from sandbot_record.bags.video import CODECS
+
+if TYPE_CHECKING:
+    from sandbot_record.bags.recording import Recording
 
 MIB = 1 << 20
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
@@ -35,9 +39,8 @@ def _record(argv: Sequence[str]) -> int:
     _keep_memory()
     options, ros_arguments = cli.with_ros(_parser(), argv)
     _check(options)
+    attachments = {path.name: _content(path) for path in options.attach}
     # Imported now that the options are understood: --help and a slip in them are answered at once.
-    from sandbot_record.bags.recording import Limits, Recording
-    from sandbot_record.bags.writer import BagWriter, Split
     from sandbot_record.tools.recorder_node import Selection, record
 
     selection = Selection(
@@ -49,7 +52,17 @@ def _record(argv: Sequence[str]) -> int:
         options.fresh,
         options.end_with_stdin,
     )
-    attachments = {path.name: _content(path) for path in options.attach}
+    code, line = record(selection, lambda: _begin(options, attachments), ros_arguments)
+    if line:
+        print(line, flush=True)
+    return code
+
+
+def _begin(options: argparse.Namespace, attachments: Mapping[str, bytes]) -> "Recording":
+    """Open the bag. Raises InputError where it can't be."""
+    from sandbot_record.bags.recording import Limits, Recording
+    from sandbot_record.bags.writer import BagWriter, Split
+
     try:
         writer = BagWriter(
             options.out,
@@ -72,9 +85,7 @@ def _record(argv: Sequence[str]) -> int:
         raise InputError(f"{options.out}: {error.strerror}") from None
     for name, data in attachments.items():
         recording.attach(name, data)
-    code = record(selection, recording, ros_arguments)
-    print(recording.last_line(), flush=True)
-    return code
+    return recording
 
 
 def _parser() -> cli.Parser:

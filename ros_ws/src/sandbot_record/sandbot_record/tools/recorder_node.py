@@ -379,10 +379,21 @@ def _offered(publisher: TopicEndpointInfo) -> Qos:
     )
 
 
-def record(selection: Selection, recording: Recording, arguments: Sequence[str] = ()) -> int:
-    """Record until SIGINT, SIGTERM, /recorder/stop, a limit or a failure; 0, or 1 if something wanted is missing."""
+def record(selection: Selection, begin: Callable[[], Recording], arguments: Sequence[str] = ()) -> tuple[int, str]:
+    """Record until SIGINT, SIGTERM, /recorder/stop, a limit or a failure; 0, or 1 if something wanted is missing, and
+    the last line to print. ``begin`` opens the bag, once ROS has understood its arguments.
+    """
+    begun: list[Recording] = []
+
+    def make() -> Recorder:
+        begun.append(begin())
+        return Recorder(selection, begun[0])
+
     try:
-        code = run(lambda: Recorder(selection, recording), arguments)
+        code = run(make, arguments)
     finally:
-        recording.close()
-    return code or (1 if recording.failed or recording.refused else 0)
+        for recording in begun:
+            recording.close()
+    if not begun:
+        return code, ""
+    return code or (1 if begun[0].failed or begun[0].refused else 0), begun[0].last_line()

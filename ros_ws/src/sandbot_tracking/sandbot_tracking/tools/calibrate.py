@@ -74,7 +74,7 @@ def command(argv: Sequence[str]) -> int:
         "--marker", type=float, default=0.75, help="their side, in parts of the squares' (default: 0.75)"
     )
     parser.add_argument("--intrinsics", type=Path, help="cameras.yaml whose lens of that name is kept")
-    parser.add_argument("--out", type=cli.output, required=True, help="cameras.yaml to write or to change")
+    parser.add_argument("--out", type=_changed, required=True, help="cameras.yaml to write or to change")
     given = parser.parse_args(argv)
     ways = [f"--{name}" for name in ("chessboard", "charuco", "intrinsics") if getattr(given, name)]
     if len(ways) > 1:
@@ -97,6 +97,11 @@ def command(argv: Sequence[str]) -> int:
         write_text(given.out, yaml.safe_dump({**content, given.name: {**found, **kept}}, sort_keys=False))
     print(f"{given.out}: {given.name}, reprojection error {reprojection_px(camera, pixels, points):.3f} px rms")
     return 0
+
+
+def _changed(text: str) -> Path:
+    """An output that is read first, and so may be the file of --intrinsics, too."""
+    return cli.output(text)
 
 
 def _check(given: Any) -> None:

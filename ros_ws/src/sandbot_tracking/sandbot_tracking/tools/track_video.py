@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 def command(argv: Sequence[str]) -> int:
     """The command line."""
     parser = cli.Parser("track_video", description=__doc__)
-    parser.add_argument("dorsal", help="video of the dorsal camera")
-    parser.add_argument("lateral", nargs="?", help="video of the lateral camera, frame by frame in step")
+    parser.add_argument("dorsal", type=Path, help="video of the dorsal camera")
+    parser.add_argument("lateral", type=Path, nargs="?", help="video of the lateral camera, frame by frame in step")
     parser.add_argument("--cameras", type=Path, required=True, help="YAML file of the calibrated cameras")
     parser.add_argument("--robot", type=Path, help="YAML file of the robot (default: SandBot)")
     parser.add_argument("--omega", type=float, help="leg frequency [rad/s]: gives the observables")
@@ -31,7 +31,7 @@ def command(argv: Sequence[str]) -> int:
         raise InputError(f"--omega {given.omega}: 0.1 to 200 rad/s")
     if given.start is not None and not math.isfinite(given.start):
         raise InputError(f"--start {given.start} is not a time in s")
-    out = given.out or check_output(Path(given.dorsal).with_suffix(".csv"))
+    out = given.out or check_output(given.dorsal.with_suffix(".csv"))
     # Imported now that the options are understood: --help and a slip in them are answered at once.
     from sandbot_tracking.videos import track
 
