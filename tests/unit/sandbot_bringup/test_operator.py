@@ -8,6 +8,7 @@ import pytest
 from sandbot_bringup.campaign_node import Operator
 from sandbot_bringup.endings import TrialFailed
 from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.hearing_node import Told
 from sandbot_bringup.plan import Plan, trials_of
 from sandbot_record.bags.reader import Bag
 
@@ -33,7 +34,7 @@ class Orders:
 class Hearing:
     """A trackway at rest."""
 
-    told = {"tracker": (0, "ok", {})}
+    told = {"tracker": Told(0, "ok")}
 
     def forget_trial(self):
         pass
