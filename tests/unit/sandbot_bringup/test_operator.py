@@ -11,6 +11,7 @@ from sandbot_bed.protocol import ProtocolParameters
 from sandbot_bringup.campaign_node import Operator
 from sandbot_bringup.endings import Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
+from sandbot_bringup.hearing_node import Told
 from sandbot_bringup.plan import Plan, trials_of
 from sandbot_bringup.provenance import trial_message
 from sandbot_common.node import Stop
@@ -52,7 +53,7 @@ class Orders:
 class Hearing:
     """A trackway at rest."""
 
-    told = {"tracker": (0, "ok", {})}
+    told = {"tracker": Told(0, "ok")}
 
     def forget_trial(self):
         pass
