@@ -93,6 +93,39 @@ def test_a_result_is_run_under_the_convention_that_was_fitted(tmp_path, kept):
     assert abs(found - speed({}, {})) > 0.01
 
 
+BRAKE = "brake: speed: kept *= 1 - a; a [1] in 0..0.5"
+BRAKE_PY = """
+from sandbot_model import Chain, Effect, Parameter, Values
+
+
+class Brake(Effect):
+    identifier, stage, formula, source, seen_in = "brake", "speed", "kept *= 1 - a", "-", "v"
+    parameters = (Parameter("a", "1", 0.0, 0.5, 0.1, "share lost"),)
+
+    def apply(self, chain: Chain, p: Values) -> None:
+        chain.kept = chain.kept * (1 - p["a"])
+"""
+
+
+@pytest.mark.parametrize("given", ["effect", "effects_from"])
+def test_effects_of_your_own_are_run_by_name_and_in_a_result(tmp_path, given):
+    """Control: without them the effect is named, and the file is not said to be no result."""
+    file, result = tmp_path / "brake.py", tmp_path / "result.json"
+    file.write_text(BRAKE_PY)
+    step = {
+        "effects": ["brake"],
+        "parameters": {"delta_t_s": {"value": 0.4}, "brake.a": {"value": 0.2}},
+        "k_n_per_m": [{"phi": 0.6, "value": 205.0}, {"phi": 0.633, "value": 220.0}],
+    }
+    result.write_text(json.dumps({"model": "simple", "steps": [step]}))
+    own = {given: (BRAKE if given == "effect" else str(file),)}
+    braked = 0.8 * predictor_of(PARAMETERS).mean_speed(0.633, 16.0)
+    for asked in ({"effects": "brake", "values": "brake.a=0.2"}, {"result": str(result)}):
+        assert predictor_of(PredictorParameters(**asked, **own)).mean_speed(0.633, 16.0) == pytest.approx(braked)
+    with pytest.raises(InputError, match=r"result\.json: effect 'brake' is not in the catalogue; effect or"):
+        predictor_of(PredictorParameters(result=str(result)))
+
+
 def test_effects_and_values_by_name():
     found = predictor_of(PredictorParameters(effects="stance_overlap", values="stance_overlap.eta=0.2"))
     assert found.mean_speed(0.633, 16.0) == pytest.approx(0.8 * predictor_of(PARAMETERS).mean_speed(0.633, 16.0))

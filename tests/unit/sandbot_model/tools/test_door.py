@@ -130,6 +130,18 @@ def test_effects_given_as_one_text_are_refused(trials):
         sm.compare(trials, ["leg_slipp"])
 
 
+@pytest.mark.parametrize(
+    ("effects", "ladder"),
+    [([], ("brake",)), (["leg_slip"], ("leg_slip", "brake")), (["brake", "leg_slip"], ("brake", "leg_slip"))],
+)
+def test_a_formula_is_fitted_as_by_the_command(trials, effects, ladder):
+    """Control: ``effects`` says where in the order."""
+    found = sm.compare(trials, effects, formulas=["brake: speed: kept *= 1 - a; a in 0..0.5"])
+    assert found.fit.effects == tuple(name for name in found.fit.model.catalogue if name in ladder)
+    assert [len(step.effects) for step in found.steps] == list(range(len(ladder) + 1))
+    assert found.steps[1].effects == ladder[:1]
+
+
 def test_a_comparison_draws_measured_base_and_effect(trials):
     figure = sm.compare(trials, ["stance_overlap"]).plot()
     panels = [panel for panel in figure.axes if panel.get_visible()]

@@ -16,6 +16,7 @@ from sandbot_common.robot import SANDBOT, Robot, difference, read_robot, robot_f
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import stance_angle, step_from_lift
 from sandbot_model.physics.model import Model, model_of
@@ -31,6 +32,9 @@ class PredictorParameters:
     robot: str = parameter("", doc="robot file (empty: the result's, else the trial's own, else SandBot)")
     model: str = parameter("simple", doc="base model", choices=tuple(BASES))
     effects: str = parameter("", doc="effects, separated by commas")
+    # ROS knows no empty list of texts.
+    effect: tuple[str, ...] = parameter(("",), doc="your own effects as formulas, as --effect of compare")
+    effects_from: tuple[str, ...] = parameter(("",), doc="Python files with effects of your own")
     values: str = parameter("", doc="their parameters, e.g. 'stance_overlap.eta=0.1, ...' (default: each one's start)")
     phi: tuple[float, ...] = parameter((0.58, 0.6, 0.633), doc="volume fractions of the k table", low=0.3, high=0.8)
     k_n_per_m: tuple[float, ...] = parameter((170.0, 205.0, 220.0), unit="N/m", doc="k at those", low=1.0, high=1e5)
@@ -110,19 +114,25 @@ def of_robot(predictor: Predictor, robot: Robot) -> Predictor:
 def predictor_of(given: PredictorParameters) -> Predictor:
     """The predictor the parameters describe. Raises InputError where they do not fit together."""
     robot = read_robot(given.robot) if given.robot else None
+    effects = catalogue([Path(file) for file in given.effects_from if file], list(filter(None, given.effect)))
     if given.result:
-        return predictor_from_json(Path(given.result), robot)
+        return predictor_from_json(Path(given.result), robot, effects)
     if len(given.phi) != len(given.k_n_per_m) or list(given.phi) != sorted(set(given.phi)):
         raise InputError("phi must rise and have as many values as k_n_per_m")
     names = [name.strip() for name in given.effects.split(",") if name.strip()]
-    model = model_of(given.model, names, catalogue(), robot)
+    model = model_of(given.model, names, effects, robot)
     values = {"delta_t_s": given.delta_t_s, "v_swim_m_s": given.v_swim_m_s, **_assignments(given.values)}
     return _predictor(model, values, np.array(given.phi), np.array(given.k_n_per_m), "values")
 
 
-def predictor_from_json(path: Path, robot: Robot | None = None) -> Predictor:
-    """The last step of a result of ``discover --json`` or ``compare --json``, which must be of ``robot`` if given."""
-    content = read_json(path)
+def predictor_from_json(
+    path: Path, robot: Robot | None = None, effects: Mapping[str, Effect] | None = None
+) -> Predictor:
+    """The last step of a result of ``discover --json`` or ``compare --json``, which must be of ``robot`` if given.
+
+    ``effects`` are by default the catalogue's.
+    """
+    content, known = read_json(path), catalogue() if effects is None else effects
     try:
         step = content["steps"][-1]
         values = {name: float(entry["value"]) for name, entry in step["parameters"].items()}
@@ -130,8 +140,12 @@ def predictor_from_json(path: Path, robot: Robot | None = None) -> Predictor:
         stated = content.get("robot")
         own = robot_from_mapping(stated, f"{path}: robot") if stated is not None else robot or SANDBOT
         # Older files say it once for all steps.
-        effects = under(step.get("variants", content.get("variants", {})), catalogue())
-        model = model_of(content["model"], step["effects"], effects, own)
+        known = under(step.get("variants", content.get("variants", {})), known)
+        if absent := [name for name in step["effects"] if name not in known]:
+            raise InputError(f"effect {absent[0]!r} is not in the catalogue; effect or effects_from gives your own")
+        model = model_of(content["model"], step["effects"], known, own)
+    except InputError as error:
+        raise InputError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{path}: not a result of discover or compare: {type(error).__name__} {error}") from None
     if robot is not None and robot != own:

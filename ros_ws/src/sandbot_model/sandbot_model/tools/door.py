@@ -25,6 +25,7 @@ from sandbot_model.data.penetrometer import read_readings
 from sandbot_model.data.quality import checked
 from sandbot_model.discovery import compare as comparing
 from sandbot_model.discovery import discover as discovering
+from sandbot_model.discovery.choice import name_of
 from sandbot_model.discovery.compare import Comparison
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import Discovery
@@ -176,14 +177,18 @@ def compare(
     penetrometer: str | Path | None = None,
     robot: str | Path | Robot | None = None,
 ) -> Compared:
-    """The base model, then one of the named ``effects`` more a step, fitted to ``data``; else as ``discover``."""
+    """The base model, then one of the named ``effects`` more a step, fitted to ``data``; else as ``discover``.
+
+    ``formulas`` that are not named come last.
+    """
     if isinstance(effects, str):
         raise InputError(f"effects: {effects!r} is one text; a list of names is needed, [{effects!r}]")
     catalogue = _catalogue(model, effects_from, formulas)
     trials = _trials(data, robot)
     notes = _notes(trials)
+    names = [*effects, *(name for name in map(name_of, formulas) if name not in effects)]
     cells = _cells(trials, penetrometer)
-    found = comparing.compare(cells, catalogue, effects, base=model)
+    found = comparing.compare(cells, catalogue, names, base=model)
     return Compared(found, trials, notes + cells.notes)
 
 
