@@ -12,11 +12,12 @@ from sandbot_common.robot import SANDBOT, Robot
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.data.penetrometer import Readings, at_levels, read_readings
 from sandbot_model.discovery.verdict import passes
-from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.fitting.jacobian import readings_jacobian
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
+from sandbot_model.physics.walking import KCurve
 
 EFFECTS = catalogue()
 D_R = 0.039
@@ -77,6 +78,37 @@ def test_the_slope_of_the_readings_is_that_of_their_difference(drawn):
         ln_k[0, level] += 1e-5
         change = (at.pressed - problem.pressed(at.theta, ln_k, at.slope))[0] / 1e-5
         assert slopes[:, at.theta.shape[1] + level] == pytest.approx(change, rel=1e-3, abs=1e-4)
+
+
+def test_a_reading_feels_the_ground_at_another_volume_fraction_as_legs_do(drawn):
+    """With k -> K(φ + c), a leg pressed and a first step meet the same k; K(φ) is the reading's own."""
+    effects = catalogue(formulas=["denser: strength: k -> K(phi + c); c in -0.02..0.02"])
+    problem = Problem(model_of("simple", ("denser",), effects), cells_of(drawn(seed=5), readings(K * DEPTH)))
+    phi = problem.cells.level_phi
+    curve, depth = KCurve(phi, np.interp(phi, PHI[::4], K[::4])), np.full(len(phi), D_R)
+    ln_k = np.log(curve.k_n_per_m)
+
+    def met(c, k):
+        return problem.press(np.array([0.4, 0.02, c]), ln_k, k, phi, depth) / D_R
+
+    assert met(0.0, curve.k_n_per_m + 3.0) == pytest.approx(curve.k_n_per_m + 3.0)
+    assert met(0.01, curve.k_n_per_m) == pytest.approx(curve(phi + 0.01))
+    inputs, params = problem.model.inputs(np.array([0.4, 0.02, 0.01]), curve.k_n_per_m, 8.0, phi, k_of_phi=curve)
+    legs = problem.model.walker.chain(inputs, params, np.array([D_R]), first_step=True).k
+    assert met(0.01, curve.k_n_per_m) == pytest.approx(np.broadcast_to(legs, (len(phi), 1))[:, 0])
+    rows = np.log(np.stack([curve.k_n_per_m, 1.1 * curve.k_n_per_m]))
+    both = problem.press(np.array([[0.4, 0.02, 0.01]] * 2), rows, np.exp(rows), phi, depth)
+    np.testing.assert_allclose(both / D_R, np.outer([1.0, 1.1], curve(phi + 0.01)))
+
+
+def test_a_fit_says_of_a_pressed_leg_what_its_first_steps_meet(drawn):
+    found = fitted(drawn(seed=5), readings(K * DEPTH))
+    effects = catalogue(formulas=["denser: strength: k -> K(phi + 0.01)"])
+    denser = fitted_at(model_of("simple", ("denser",), effects), found.cells, found.point)
+    where, depth = np.array([0.59, 0.61]), np.full(2, D_R)
+    expected = found.press(where + 0.01, depth)[0]
+    assert denser.press(where, depth)[0] == pytest.approx(expected)
+    assert found.press(where, depth)[0] != pytest.approx(expected)
 
 
 @pytest.mark.parametrize(("robot", "depth_m"), [(SANDBOT, D_R), (SMALL, 0.013)])

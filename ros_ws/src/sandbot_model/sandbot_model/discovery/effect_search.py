@@ -11,6 +11,7 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.verdict import RESPONSE_TIME, Verdict, leaves_nothing, parts_of, passes, worth
+from sandbot_model.fitting.finite import check_finite
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import (
     HOPELESS,
@@ -64,6 +65,8 @@ class EffectSearch:
         """Sets beside what trials share, by how far the bed scatters and the fits they began at (``sharing``)."""
         inherent = {effect.identifier for effect in self.model(()).walker.effects}
         self.names = [name for name in effects if name not in inherent]
+        for name in self.names:
+            check_finite(self.model((name,)), cells)
 
     def run(self, max_effects: int, enough: Callable[[], bool] = lambda: False) -> None:
         """Try ever larger sets until one size settles it (see ``_settled``), or is ``enough``."""

@@ -9,6 +9,7 @@ import numpy as np
 from sandbot_common.data_frame import data_frame
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting import goodness
+from sandbot_model.fitting.finite import check_finite
 from sandbot_model.fitting.fitted import Fitted, state_at
 from sandbot_model.fitting.global_minimum import Point, WarmStart, solve
 from sandbot_model.fitting.goodness import Estimate
@@ -159,8 +160,9 @@ def fit(model: Model, cells: Cells, near: WarmStart | None = None) -> Fit:
     """The global minimum of the deviance over θ and one k per level.
 
     ``near`` is what a smaller model has found: its k(φ) is where the search begins, its parameters are tried as a
-    start.
+    start. Raises InputError where a user's effect gives no number.
     """
+    check_finite(model, cells)
     return fitted_at(model, cells, solve((model, cells, near)))
 
 

@@ -185,7 +185,7 @@ class Fitted:
         """Force [N] on a leg pressed into virgin ground (see ``penetrometer``) and its standard deviation, ``(n,)``."""
 
         def force(theta: Array, ln_k: Array) -> Array:
-            return self.problem.press(theta, np.interp(phi, self.level_phi, np.exp(ln_k)), phi, depth_m)
+            return self.problem.press(theta, ln_k, np.interp(phi, self.level_phi, np.exp(ln_k)), phi, depth_m)
 
         return force(self.point.theta, self.point.ln_k), self._propagated(force)
 

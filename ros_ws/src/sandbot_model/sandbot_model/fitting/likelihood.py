@@ -24,6 +24,7 @@ from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.states import States
 from sandbot_model.physics.arrays import Array, Bool, Ints
 from sandbot_model.physics.model import Model
+from sandbot_model.physics.walking import KCurve
 
 if TYPE_CHECKING:
     from sandbot_model.fitting.cell_means import CellMeans
@@ -147,12 +148,20 @@ class Problem:
         if readings is None:
             return np.zeros((*theta.shape[:-1], 0))
         k = np.exp(ln_k)[..., readings.level] + slope[..., readings.level] * readings.away
-        force = self.press(theta, k, self.cells.level_phi[readings.level] + readings.away, readings.depth)
+        force = self.press(theta, ln_k, k, self.cells.level_phi[readings.level] + readings.away, readings.depth)
         return np.asarray((readings.force - force) / readings.sd)
 
-    def press(self, theta: Array, k: Array, phi: Array, depth: Array) -> Array:
-        """Force [N] on a leg pressed slowly into virgin ground, of the shape of ``k (..., readings)``."""
-        inputs, params = self.model.inputs(theta[..., None, :], k, 1e-6, phi)
+    def press(self, theta: Array, ln_k: Array, k: Array, phi: Array, depth: Array) -> Array:
+        """Force [N] on a leg pressed slowly into virgin ground, of the shape of ``k (..., readings)``.
+
+        Ground at another φ is harder than ``k`` by as much as the curve through the levels, ``ln_k (..., levels)``.
+        """
+        curve = KCurve(self.cells.level_phi, np.exp(ln_k), inner=2)
+
+        def elsewhere(there: Array) -> Array:
+            return np.asarray(k[..., None] + curve(there) - curve(phi[:, None]))
+
+        inputs, params = self.model.inputs(theta[..., None, :], k, 1e-6, phi, k_of_phi=elsewhere)
         chain = self.model.walker.chain(inputs, params, depth[:, None], first_step=True, one_leg=True)
         return np.broadcast_to(chain.force + chain.extra_force, (*k.shape, 1))[..., 0]
 

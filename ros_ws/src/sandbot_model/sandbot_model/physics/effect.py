@@ -88,3 +88,8 @@ class Effect:
     def apply(self, chain: Chain, p: Values) -> None:
         """Change the chain's quantities; ``p`` holds this effect's parameters by name."""
         raise NotImplementedError
+
+
+def of_catalogue(effect: Effect) -> bool:
+    """Whether an effect is the catalogue's, under whatever convention; not one that a user has put in its place."""
+    return bool(effect.variant) or type(effect).__module__.startswith(f"{__package__}.effects.")

@@ -1,6 +1,6 @@
 """A base model with a set of effects and the parameters they share: what a fit searches."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from sandbot_common.suggest import did_you_mean
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.gait import EVEN, Clock
-from sandbot_model.physics.walking import BASES, V_SWIM_M_S, Inputs, KCurve, Params, Walker
+from sandbot_model.physics.walking import BASES, V_SWIM_M_S, Inputs, Params, Walker
 
 if TYPE_CHECKING:
     from sandbot_model.physics.tape import Tape
@@ -111,7 +111,7 @@ class Model:
         omega_rad_s: ArrayLike,
         phi: ArrayLike,
         clock: Clock = EVEN,
-        k_of_phi: KCurve | None = None,
+        k_of_phi: Callable[[Array], Array] | None = None,
     ) -> tuple[Inputs, Params]:
         """What the walker predicts from: conditions, and shared parameters ``theta (..., parameters)``.
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from sandbot_model.physics.chain import Chain
-from sandbot_model.physics.effect import Effect, Parameter, Values
+from sandbot_model.physics.effect import Effect, Parameter, Values, of_catalogue
 from sandbot_model.physics.formula import formula_effect
 
 _POWER = "; power [1] in {}..{}"
@@ -166,7 +166,7 @@ class Variant(Effect):
 
 def variants_of(effect: Effect) -> tuple[Effect, ...]:
     """The other conventions of a family; none of an effect that a user has put in its place."""
-    if effect.variant or not type(effect).__module__.startswith(f"{__package__}.effects."):
+    if effect.variant or not of_catalogue(effect):
         return ()
     return tuple(Variant(effect, name, text) for name, text in VARIANTS.get(effect.identifier, {}).items())
 

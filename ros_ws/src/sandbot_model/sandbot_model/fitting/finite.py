@@ -1,0 +1,55 @@
+"""Before a fit: whether a user's effect gives numbers at the cells, wherever its parameters plausibly are.
+
+What is no number passes for ground that never holds, and a fit for one of a robot that swims.
+"""
+
+import numpy as np
+
+from sandbot_common.errors import InputError
+from sandbot_model.data.conditions import Cells
+from sandbot_model.physics.arrays import Array, Bool
+from sandbot_model.physics.effect import of_catalogue
+from sandbot_model.physics.first_run import shown
+from sandbot_model.physics.geometry import critical_k_n_per_m
+from sandbot_model.physics.model import Model
+from sandbot_model.physics.walking import KCurve, depth_grid
+
+FIRM = 1.2
+"""k of the ground that is tried, over mg/(2R - h)."""
+
+
+def check_finite(model: Model, cells: Cells) -> None:
+    """Try every parameter of users' effects where it starts and at both ends of its range. Raises InputError."""
+    users = [effect.identifier for effect in model.walker.effects if not of_catalogue(effect)]
+    if not users:
+        return
+    at = [i for i, name in enumerate(model.names) if name.partition(".")[0] in users]
+    theta = np.repeat([[parameter.start for parameter in model.parameters]], 1 + 2 * len(at), axis=0)
+    for row, i in enumerate(at):
+        theta[1 + 2 * row : 3 + 2 * row, i] = model.parameters[i].low, model.parameters[i].high
+    rows, columns = np.nonzero(_no_number(model, cells, theta))
+    if not len(rows):
+        return
+    row, cell = int(rows[0]), int(columns[0])
+    name = model.names[at[(row - 1) // 2]] if row else ""
+    who = name.partition(".")[0] or " + ".join(users)
+    where = f"{name} is {theta[row, model.names.index(name)]:g}" if name else "its parameters start"
+    phi, omega = cells.level_phi[cells.level[cell]], cells.omega[cell]
+    raise InputError(
+        f"effect {who}: gives no number at φ {phi:.4g} and ω {omega:.4g} rad/s where {where}; "
+        "keep roots, logarithms and quotients in range, as in sqrt(maximum(..., 0))"
+    )
+
+
+def _no_number(model: Model, cells: Cells, theta: Array) -> Bool:
+    """Which cells ``(rows, cells)`` of these θ show something infinite or undefined at a depth where legs may stand."""
+    k = np.full(len(cells.level_phi), FIRM * critical_k_n_per_m(model.robot))
+    phi = cells.level_phi[cells.level]
+    inputs = model.inputs(theta[:, None], k[0], cells.omega, phi, cells.clock, KCurve(cells.level_phi, k))
+    # At the surface d_r/d is infinite, at the deepest the step is nothing: neither is a place to stand.
+    depth, found = depth_grid(model.robot)[1:-1:3], np.zeros((len(theta), len(cells)), dtype=bool)
+    with np.errstate(all="ignore"):
+        for first_step in {False, model.walker.remembers}:
+            for part in shown(model.walker.chain(*inputs, depth, first_step=first_step)):
+                found |= ~np.isfinite(part + 0.0 * depth).all(axis=-1)
+    return found
