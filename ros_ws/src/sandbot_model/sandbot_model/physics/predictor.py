@@ -108,6 +108,9 @@ def predictor_of(given: PredictorParameters) -> Predictor:
     """The predictor the parameters describe. Raises InputError where they do not fit together."""
     robot = read_robot(given.robot) if given.robot else None
     if given.result:
+        alone = PredictorParameters(given.result, given.robot)
+        if beside := [name for name, value in vars(given).items() if value != getattr(alone, name)]:
+            raise InputError(f"{beside[0]}: result {given.result} tells the whole model; leave one of the two out")
         return predictor_from_json(Path(given.result), robot)
     if len(given.phi) != len(given.k_n_per_m) or list(given.phi) != sorted(set(given.phi)):
         raise InputError("phi must rise and have as many values as k_n_per_m")
