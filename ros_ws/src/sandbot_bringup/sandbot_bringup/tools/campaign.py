@@ -204,11 +204,13 @@ def _set_failed_aside(folder: CampaignFolder) -> None:
 
 
 def _lab(plan: Plan, folder: CampaignFolder, files: Mapping[str, str], options: argparse.Namespace) -> "World":
-    """The virtual lab's world; InputError where there is none to choose, or its bed does not reach a φ."""
-    from sandbot_bringup.batch import choose_world
+    """The virtual lab's world; InputError where there is none to choose, or bed or cameras can't do what is asked."""
+    from sandbot_bringup.batch import check_film, choose_world
 
     check_bed(plan)
-    return choose_world(folder, robot_of(files), options.world, options.hide)
+    world = choose_world(folder, robot_of(files), options.world, options.hide)
+    check_film(world, files)
+    return world
 
 
 def _batch(
