@@ -2,11 +2,13 @@
 
 import pytest
 
-from sandbot_bringup.batch import choose_world
+from sandbot_bringup.batch import check_film, choose_world
+from sandbot_bringup.config import config_folder
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import Plan
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT
+from sandbot_lab.film import Film
 from sandbot_lab.world import World, draw_beside, draw_world, null_world, write_world
 
 GIVEN = World(delta_t_s=0.18, effects={"belly_coast": {"mu_b": 0.35}})
@@ -33,3 +35,10 @@ def test_a_campaign_without_a_truth_is_of_another_ground(tmp_path):
     folder.adopt(Plan(name="live", phi=(0.6,), omega_rad_s=(8.0,)), {})
     with pytest.raises(InputError, match=r"has a campaign and no truth/world\.yaml"):
         choose_world(folder, SANDBOT, None, None)
+
+
+def test_a_film_that_the_cameras_can_not_take_is_refused_before_anything_is_written():
+    files = {"cameras.yaml": (config_folder() / "cameras.yaml").read_text(encoding="utf-8")}
+    check_film(World(film=Film(jitter_s=0.004)), files)
+    with pytest.raises(InputError, match="film: jitter_s: 1 s is too much at 100 frames/s"):
+        check_film(World(film=Film(jitter_s=1.0)), files)

@@ -89,6 +89,12 @@ def test_instants_scatter_keep_their_order_and_are_one_triggers():
     assert instants.tolist() == [lateral.instant_s(number) for number in range(-100, 2000)]
 
 
+def test_instants_that_scatter_more_than_the_frame_rate_allows_are_refused():
+    LabCamera("dorsal", CAMERAS["dorsal"], 3, film=Film(jitter_s=0.004))
+    with pytest.raises(InputError, match=r"film: jitter_s: 0\.005 s is too much at 100 frames/s.* at most 0\.004 s"):
+        LabCamera("dorsal", CAMERAS["dorsal"], 3, film=Film(jitter_s=0.005))
+
+
 def test_a_world_keeps_its_film_and_says_nothing_of_one_that_is_sound(tmp_path):
     world = World(film=Film(defocus_px=1.5, glints=5))
     write_world(world, tmp_path / "bad.yaml")

@@ -148,6 +148,22 @@ def test_a_kept_lens_says_the_size(tmp_path, rng, capsys):
     assert (found.width, found.height, found.fx) == (1280, 960, 2000.0)
 
 
+@pytest.mark.parametrize(
+    ("option", "needs"),
+    [
+        (["--pattern", "7", "5"], "--pattern: only the board of --chessboard or --charuco has one"),
+        (["--square", "0.05"], "--square: only the board of --chessboard or --charuco has one"),
+        (["--marker", "0.5", "--chessboard", "board"], "--marker: only the board of --charuco has one"),
+        (["--dictionary", "5X5_100"], "--dictionary: only the board of --charuco has one"),
+    ],
+)
+def test_calibrate_refuses_what_is_said_of_a_board_that_is_not_there(option, needs, tmp_path, rng, capsys):
+    words = table_of(camera_from_mapping(DORSAL, "dorsal"), rng, tmp_path)
+    assert calibrate.main([*words, *option]) == 2
+    assert needs in capsys.readouterr().err
+    assert not (tmp_path / "c.yaml").exists()
+
+
 def test_calibrate_refuses_a_bad_row(tmp_path, capsys):
     table = tmp_path / "points.csv"
     table.write_text(",".join(calibrate.COLUMNS) + "\n" + "1,2,x,4,5\n" * 7)

@@ -70,6 +70,21 @@ def test_cameras_read_without_a_rate_know_that_they_have_none(film):
         camera(rate_is_known=True)
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"omega_rad_s": "12"}, "omega_rad_s: '12'; a number or None is needed"),
+        ({"start_s": "0"}, "start_s: '0'; a number or None is needed"),
+        ({"robot": None}, "robot: None; a text, Path or Robot is needed"),
+        ({"calibration": {"dorsal": DORSAL}}, "a text, Path or a mapping to Camera is needed"),
+        ({"omega_rad_s": 12, "start_s": np.float64(0)}, "nowhere.avi: no such video file"),
+    ],
+)
+def test_an_argument_of_another_type_is_named(given, said):
+    with pytest.raises(InputError, match=said):
+        track(**{"video": "nowhere.avi", "calibration": {"dorsal": camera()}, **given})
+
+
 def test_two_films_in_step_have_one_rate():
     known, unknown = camera(frame_rate_hz=100.0), camera()
     films = {"top.avi": 30.0, "side.avi": 29.97}

@@ -22,6 +22,7 @@ from sandbot_common.robot import Robot
 from sandbot_lab.bed import LabBed
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.robot import Trace, as_seen, simulate
+from sandbot_lab.spoiler import check_jitter
 from sandbot_lab.world import World, draw_beside, draw_world, null_world, read_world, write_world
 from sandbot_tracking.calibration import Camera, cameras_from_mapping
 from sandbot_tracking.offline import OfflineTracker
@@ -88,6 +89,11 @@ def choose_world(folder: CampaignFolder, robot: Robot, path: Path | None, hide: 
             f"{folder.path}: its trials were run in another world than the one asked for; give another --out"
         )
     return sealed
+
+
+def check_film(world: World, files: Mapping[str, str]) -> None:
+    """Raises InputError where these cameras can't film as the world says."""
+    check_jitter(world.film, cameras_from_mapping(load_yaml(files["cameras.yaml"]), "cameras")["dorsal"].frame_rate_hz)
 
 
 def seal(folder: CampaignFolder, world: World) -> None:

@@ -75,13 +75,11 @@ def one_a_cpu() -> Processes:
     return Processes(os.cpu_count() or 1)
 
 
-def add_crew(parser: argparse.ArgumentParser, work: str, default: int | None = None) -> None:
-    """Options ``--workers`` and ``--dask`` for those who do this ``work``."""
+def add_crew(parser: argparse.ArgumentParser, work: str, usual: int | None = None) -> None:
+    """Options ``--workers`` and ``--dask`` for those who do this ``work``: ``usual`` processes (None: one a CPU)."""
     who = parser.add_mutually_exclusive_group()
-    count = "one a CPU" if default is None else default
-    who.add_argument(
-        "--workers", type=_count, default=default, metavar="N", help=f"processes that {work} at once (default: {count})"
-    )
+    count = "one a CPU" if usual is None else usual
+    who.add_argument("--workers", type=_count, metavar="N", help=f"processes that {work} at once (default: {count})")
     who.add_argument(
         "--dask",
         metavar="ADDRESS",
@@ -102,13 +100,16 @@ def no_crew(options: argparse.Namespace, why: str) -> None:
             raise InputError(f"--{option}: {why}")
 
 
-def crew_of(options: argparse.Namespace, by_value: Sequence[ModuleType] = ()) -> AbstractContextManager[Crew]:
-    """Those whom ``--workers`` or ``--dask`` names. Raises InputError.
+def crew_of(
+    options: argparse.Namespace, usual: int | None = None, by_value: Sequence[ModuleType] = ()
+) -> AbstractContextManager[Crew]:
+    """Those whom ``--workers`` or ``--dask`` names, else ``usual`` processes (None: one a CPU). Raises InputError.
 
     The workers of a cluster get the modules ``by_value`` with their tasks.
     """
     if options.dask is None:
-        return nullcontext(one_a_cpu() if options.workers is None else Processes(options.workers))
+        count = options.workers or usual
+        return nullcontext(one_a_cpu() if count is None else Processes(count))
     from sandbot_common.cluster import connected
 
     return connected(options.dask, by_value=by_value)

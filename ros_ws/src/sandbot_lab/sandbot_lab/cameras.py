@@ -18,7 +18,7 @@ from sandbot_lab.calibration import Calibration, calibration
 from sandbot_lab.drawing import draw_box, draw_disc
 from sandbot_lab.film import Film
 from sandbot_lab.scenery import Scenery
-from sandbot_lab.spoiler import Spoiler
+from sandbot_lab.spoiler import Spoiler, check_jitter
 
 Floats = NDArray[np.float64]
 Frame = NDArray[np.uint8]
@@ -82,6 +82,7 @@ class LabCamera:
         if self.calibration.plane["normal"] != (along := _NORMAL[name]):
             raise InputError(f"camera {name}: plane: the robot's markers move across {along}, so normal is {along}")
         self._body, self._robot = body, robot
+        check_jitter(film or Film(), self.calibration.frame_rate_hz)
         self._spoiler = Spoiler(film or Film(), name, seed, _PEDESTAL)
         self._rng = np.random.default_rng([seed, len(name)])
         self._ground = _ground(self.calibration.height, self.calibration.width, self._rng)

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbot_common.errors import InputError
 from sandbot_lab.drawing import draw_box, draw_disc
 from sandbot_lab.film import Film
 
@@ -14,6 +15,15 @@ CABLE_AT = 0.4
 """Where the cable hangs, as a share of the picture's width: the robot walks past it."""
 MOST_JITTER = 0.4
 """Part of a period by which a frame is early or late at most: frames keep their order."""
+
+
+def check_jitter(film: Film, rate_hz: float) -> None:
+    """Raises InputError where instants are to scatter by more than frames at this rate can."""
+    if film.jitter_s * rate_hz > MOST_JITTER:
+        raise InputError(
+            f"film: jitter_s: {film.jitter_s:g} s is too much at {rate_hz:g} frames/s, which keep their order: at most "
+            f"{MOST_JITTER / rate_hz:g} s"
+        )
 
 
 class Spoiler:

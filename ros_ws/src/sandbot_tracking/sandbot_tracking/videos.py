@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sandbot_common.data_frame import data_frame
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot, read_robot
+from sandbot_common.typed import check_types
 from sandbot_tracking.calibration import Camera, read_cameras
 from sandbot_tracking.film_rate import film_rate
 from sandbot_tracking.led import LedEdge
@@ -98,6 +99,7 @@ def track(
     >>> print(f"{found.summary.speed_m_s:.2f} m/s")
     0.17 m/s
     """
+    check_types(track, locals())
     if omega_rad_s is not None and not 0.1 <= omega_rad_s <= 200:
         raise InputError(f"omega_rad_s: {omega_rad_s} is not a leg frequency of 0.1 to 200 rad/s")
     if start_s is not None and not np.isfinite(start_s):

@@ -53,6 +53,8 @@ def test_compare_gives_the_very_numbers_that_were_saved(session, trials, tmp_pat
         (["--hold", "delta_t_s"], "--hold 'delta_t_s': a finite number is needed"),
         (["--hold", "mass=1"], "the model has no parameter 'mass'; known: delta_t_s"),
         (["--hold", "delta_t_s=0.3", "--bootstrap", "2"], "has no standard error"),
+        (["--workers", "4"], "--workers: only the draws of --bootstrap N are shared out; give that too"),
+        (["--dask", "tcp://host:1"], "--dask: only the draws of --bootstrap N"),
         (["--hold", "delta_t_s=-1"], "--hold delta_t_s=-1: at least 0.02 is needed"),
         (["--effects", "leg_slip", "--hold", "leg_slip.sigma=2"], "sigma=2: at least 0 and at most 0.9 is needed"),
         (["--selection", "explorer.yaml", "--model", "full"], "leave out the options that say them too"),

@@ -115,6 +115,11 @@ def test_a_frame_without_speed_is_refused_by_row_and_column(trials):
         ({"formulas": "a: b: c"}, "formulas: 'a: b: c' is one text"),
         ({"effects_from": "nowhere.py"}, "nowhere.py: no such file"),
         ({"workers": 0}, "workers: 0; at least one process is needed"),
+        ({"max_effects": 1.5}, "max_effects: 1.5; a whole number is needed"),
+        ({"max_effects": "2"}, "max_effects: '2'; a whole number is needed"),
+        ({"workers": "2"}, "workers: '2'; a whole number is needed"),
+        ({"criteria": None}, "criteria: None; Criteria is needed"),
+        ({"progress": None}, "progress: None; a function is needed"),
     ],
 )
 def test_an_argument_that_cannot_be_used_is_named(trials, arguments, message):
@@ -140,6 +145,31 @@ def test_a_formula_is_fitted_as_by_the_command(trials, effects, ladder):
     assert found.fit.effects == tuple(name for name in found.fit.model.catalogue if name in ladder)
     assert [len(step.effects) for step in found.steps] == list(range(len(ladder) + 1))
     assert found.steps[1].effects == ladder[:1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"robot": {"leg_radius_m": 0.05}}, "robot: {'leg_radius_m': 0.05}; a text, Path, Robot or None is needed"),
+        ({"penetrometer": 3}, "penetrometer: 3; a text, Path or None is needed"),
+        ({"effects": None}, "effects: None; a list (a text each) is needed"),
+        ({"effects": [3]}, "effects: [3]; a list (a text each) is needed"),
+        ({"formulas": [3]}, "formulas: [3]; a list"),
+        ({"effects_from": 3}, "effects_from: 3; a text, Path or a list (a text or Path each) is needed"),
+        ({"model": []}, "model: []; a text is needed"),
+    ],
+)
+def test_an_argument_of_another_type_is_named(trials, arguments, message):
+    with pytest.raises(sm.InputError, match=re.escape(message)) as error:
+        sm.compare(trials, **arguments)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("value", ["22", True, None, float("nan")])
+def test_criteria_are_numbers(value):
+    with pytest.raises(sm.InputError, match=f"criteria: claim is {value!r}; a number"):
+        sm.Criteria(claim=value)
+    assert sm.Criteria(claim=np.float32(9)).claim == 9
 
 
 def test_a_comparison_draws_measured_base_and_effect(trials):

@@ -200,12 +200,14 @@ def _not_ok(folder: CampaignFolder) -> dict[str, str]:
 
 
 def _lab(plan: Plan, folder: CampaignFolder, files: Mapping[str, str], options: argparse.Namespace) -> "World":
-    """The virtual lab's world; InputError where there is none to choose, or bed or cameras are none for the lab."""
-    from sandbot_bringup.batch import check_cameras, choose_world
+    """The virtual lab's world; InputError where there is none to choose, or bed or cameras can't do what is asked."""
+    from sandbot_bringup.batch import check_cameras, check_film, choose_world
 
     check_bed(plan)
     check_cameras(files, plan.cameras or "cameras.yaml")
-    return choose_world(folder, robot_of(files), options.world, options.hide)
+    world = choose_world(folder, robot_of(files), options.world, options.hide)
+    check_film(world, files)
+    return world
 
 
 def _batch(

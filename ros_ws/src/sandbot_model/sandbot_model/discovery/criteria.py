@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from sandbot_common.errors import InputError
+from sandbot_common.typed import is_a
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Criteria:
     def __post_init__(self) -> None:
         for field in fields(self):
             value, most = getattr(self, field.name), 1.0 if field.name in SHARES else np.inf
-            if not 0.0 < value < most:
+            if not is_a(value, field.type) or not 0.0 < value < most:
                 raise InputError(f"criteria: {field.name} is {value!r}; a number between 0 and {most:g} is needed")
 
 

@@ -116,6 +116,11 @@ def predictor_of(given: PredictorParameters) -> Predictor:
     robot = read_robot(given.robot) if given.robot else None
     effects = catalogue([Path(file) for file in given.effects_from if file], list(filter(None, given.effect)))
     if given.result:
+        alone = PredictorParameters(
+            given.result, robot=given.robot, effect=given.effect, effects_from=given.effects_from
+        )
+        if beside := [name for name, value in vars(given).items() if value != getattr(alone, name)]:
+            raise InputError(f"{beside[0]}: result {given.result} tells the whole model; leave one of the two out")
         return predictor_from_json(Path(given.result), robot, effects)
     if len(given.phi) != len(given.k_n_per_m) or list(given.phi) != sorted(set(given.phi)):
         raise InputError("phi must rise and have as many values as k_n_per_m")

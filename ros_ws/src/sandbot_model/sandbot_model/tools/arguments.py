@@ -21,6 +21,8 @@ from sandbot_model.physics.walking import BASES
 
 ALL = 10**6
 """More rows than any table has."""
+FITTERS = 2
+"""Processes that fit at once where nothing else is said."""
 OF_LEGS = ("leg_mount_rad", "legs_per_tripod", "leg_order")
 """Keys of a robot by which bags were read: another file can't change them afterwards."""
 
@@ -221,7 +223,7 @@ def add_fitters(parser: Parser) -> None:
     """Options for those who fit."""
     from sandbot_common.crew import add_crew
 
-    add_crew(parser, "fit", default=2)
+    add_crew(parser, "fit", usual=FITTERS)
 
 
 @contextmanager
@@ -230,5 +232,5 @@ def fitters(args: argparse.Namespace) -> Iterator["Map"]:
     from sandbot_common.crew import crew_of
     from sandbot_model.fitting.parallel import users_modules
 
-    with crew_of(args, by_value=users_modules()) as crew, crew.map() as fit_all:
+    with crew_of(args, usual=FITTERS, by_value=users_modules()) as crew, crew.map() as fit_all:
         yield fit_all

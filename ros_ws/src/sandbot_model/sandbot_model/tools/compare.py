@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sandbot_common import cli
+from sandbot_common.crew import no_crew
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_json, writing
 from sandbot_common.terminal import filled
@@ -47,9 +48,9 @@ def _compare(argv: Sequence[str]) -> None:
     arguments.check_report(args)
     if args.bootstrap is not None and args.bootstrap < 2:
         raise InputError(f"--bootstrap {args.bootstrap}: 2 or more draws are needed, one tells no spread")
+    if args.bootstrap is None:
+        no_crew(args, "only the draws of --bootstrap N are shared out; give that too")
     fitters = arguments.fitters(args)
-    if args.dask is not None and args.bootstrap is None:
-        raise InputError("--dask: only the draws of --bootstrap N go to a cluster; give that too")
     _run(args, _selection(args), fitters)
 
 

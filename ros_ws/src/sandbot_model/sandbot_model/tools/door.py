@@ -20,6 +20,7 @@ from sandbot_common import files
 from sandbot_common.crew import Processes
 from sandbot_common.errors import InputError
 from sandbot_common.robot import Robot, read_robot
+from sandbot_common.typed import check_types
 from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.data.penetrometer import read_readings
 from sandbot_model.data.quality import checked
@@ -146,6 +147,7 @@ def discover(
     ``criteria`` say what it takes to claim an effect. ``workers`` processes fit at once; ``progress`` hears (stage,
     done, total). Raises InputError that names the argument.
     """
+    check_types(discover, locals())
     if workers < 1:
         raise InputError(f"workers: {workers}; at least one process is needed")
     if max_effects < 0:
@@ -181,8 +183,7 @@ def compare(
 
     ``formulas`` that are not named come last.
     """
-    if isinstance(effects, str):
-        raise InputError(f"effects: {effects!r} is one text; a list of names is needed, [{effects!r}]")
+    check_types(compare, locals())
     catalogue = _catalogue(model, effects_from, formulas)
     trials = _trials(data, robot)
     notes = _notes(trials)
@@ -195,8 +196,6 @@ def compare(
 def _catalogue(model: str, effects_from: Paths, formulas: Sequence[str]) -> Mapping[str, Effect]:
     if model not in BASES:
         raise InputError(f"model: {model!r} is not one of {', '.join(BASES)}")
-    if isinstance(formulas, str):
-        raise InputError(f"formulas: {formulas!r} is one text; a list is needed, [{formulas!r}]")
     files = [effects_from] if isinstance(effects_from, str | Path) else effects_from
     return catalogue([Path(file) for file in files], formulas)
 

@@ -27,6 +27,9 @@ Floats = NDArray[np.float64]
 
 DICTIONARIES = ("4X4_50", "4X4_250", "5X5_100", "6X6_250", "APRILTAG_36h11")
 USUAL_SIZE = (640, 480)
+OF_BOARD = {"pattern": (9, 6), "square": 0.02}
+OF_MARKERS = {"dictionary": "4X4_50", "marker": 0.75}
+"""What a board is like where the options do not say."""
 COLUMNS = ("u_px", "v_px", "x_m", "y_m", "z_m")
 
 
@@ -65,20 +68,18 @@ def command(argv: Sequence[str]) -> int:
     parser.add_argument("--plane", type=float, required=True, help="z (dorsal) or y (lateral) of its markers [m]")
     parser.add_argument("--chessboard", metavar="PATH", help="video or folder of images of a chessboard, for the lens")
     parser.add_argument("--charuco", metavar="PATH", help="the same of a ChArUco board, which may be partly in view")
-    parser.add_argument("--pattern", type=int, nargs=2, default=(9, 6), help="inner corners of the board")
-    parser.add_argument("--square", type=float, default=0.02, help="side of its squares [m]")
-    parser.add_argument(
-        "--dictionary", default="4X4_50", choices=DICTIONARIES, help="markers of the ChArUco board (default: 4X4_50)"
-    )
-    parser.add_argument(
-        "--marker", type=float, default=0.75, help="their side, in parts of the squares' (default: 0.75)"
-    )
+    parser.add_argument("--pattern", type=int, nargs=2, help="inner corners of the board (default: 9 6)")
+    parser.add_argument("--square", type=float, help="side of its squares [m] (default: 0.02)")
+    parser.add_argument("--dictionary", choices=DICTIONARIES, help="markers of the ChArUco board (default: 4X4_50)")
+    parser.add_argument("--marker", type=float, help="their side, in parts of the squares' (default: 0.75)")
     parser.add_argument("--intrinsics", type=Path, help="cameras.yaml whose lens of that name is kept")
     parser.add_argument("--out", type=_changed, required=True, help="cameras.yaml to write or to change")
     given = parser.parse_args(argv)
     ways = [f"--{name}" for name in ("chessboard", "charuco", "intrinsics") if getattr(given, name)]
     if len(ways) > 1:
         raise InputError(f"{' and '.join(ways)} both give the lens: choose one")
+    _describe(given, OF_BOARD, ("chessboard", "charuco"))
+    _describe(given, OF_MARKERS, ("charuco",))
     _check(given)
     # Imported now that the options are understood: --help and a slip in them are answered at once.
     from sandbot_tracking.lens import entry, place, reprojection_px
@@ -102,6 +103,16 @@ def command(argv: Sequence[str]) -> int:
 def _changed(text: str) -> Path:
     """An output that is read first, and so may be the file of --intrinsics, too."""
     return cli.output(text)
+
+
+def _describe(given: Any, usual: dict[str, Any], boards: tuple[str, ...]) -> None:
+    """What is not said of a board is ``usual``. Raises InputError where there is no such board to say it of."""
+    for name, value in usual.items():
+        if getattr(given, name) is None:
+            setattr(given, name, value)
+        elif not any(getattr(given, board) for board in boards):
+            ways = " or ".join(f"--{board}" for board in boards)
+            raise InputError(f"--{name}: only the board of {ways} has one; give that too")
 
 
 def _check(given: Any) -> None:

@@ -1,0 +1,55 @@
+"""Whether arguments are of the types that a function says: a door of Python is used where no type checker runs."""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from numbers import Integral, Real
+from textwrap import shorten
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin
+
+from sandbot_common.errors import InputError
+
+_NUMBERS: dict[object, type] = {int: Integral, float: Real}
+_WORDS = {NoneType: "None", Callable: "a function", int: "a whole number", float: "a number", str: "a text"}
+_LONGEST = 60
+"""Characters of a value in a message."""
+
+
+def check_types(function: Callable[..., Any], given: Mapping[str, Any]) -> None:
+    """Raises InputError for the first argument of another type than its annotation; one in quotes is not looked at."""
+    for name, kind in function.__annotations__.items():
+        if name in given and not isinstance(kind, str) and not is_a(given[name], kind):
+            value = given[name]
+            if isinstance(value, str) and _origin(kind) is Sequence:
+                raise InputError(f"{name}: {value!r} is one text; a list is needed, [{value!r}]")
+            raise InputError(f"{name}: {shorten(repr(value), _LONGEST)}; {_words(kind)} is needed")
+
+
+def is_a(value: Any, kind: Any) -> bool:
+    """Whether a value is what an annotation says. True is no number; any collection but a text will do as a list."""
+    origin, of = _origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        return any(is_a(value, one) for one in of)
+    if origin is Sequence:
+        several = isinstance(value, Collection) and not isinstance(value, str | bytes | Mapping)
+        return several and all(is_a(one, of[0]) for one in value)
+    if origin is Mapping:
+        return isinstance(value, Mapping) and all(is_a(one, of[1]) for one in value.values())
+    if origin in _NUMBERS:
+        return isinstance(value, _NUMBERS[origin]) and not isinstance(value, bool)
+    return isinstance(value, origin)
+
+
+def _words(kind: Any) -> str:
+    origin, of = _origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        return f"{', '.join(map(_words, of[:-1]))} or {_words(of[-1])}"
+    if origin is Sequence:
+        return f"a list ({_words(of[0])} each)"
+    if origin is Mapping:
+        return f"a mapping to {_words(of[1])}"
+    return _WORDS.get(origin) or str(origin.__name__)
+
+
+def _origin(kind: Any) -> Any:
+    """``Sequence`` of ``Sequence[str]``; a class is its own."""
+    return get_origin(kind) or kind
