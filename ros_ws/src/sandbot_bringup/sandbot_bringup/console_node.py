@@ -5,10 +5,12 @@ page must show what is now.
 """
 
 import json
+import math
 import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -20,10 +22,11 @@ from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
 from sandbot_bringup.console import Console, Throttle
-from sandbot_bringup.console_page import HOST, serve
+from sandbot_bringup.console_page import HOST, OLD_S, serve
 from sandbot_bringup.console_parameters import ConsoleParameters
 from sandbot_bringup.marks import SEEN_BY, Drawn, View
 from sandbot_bringup.nodes import table_path
+from sandbot_bringup.page_lease_node import PageLease
 from sandbot_common import messages, node, topics
 from sandbot_common.errors import InputError
 from sandbot_common.topics import Topic
@@ -39,6 +42,8 @@ ACTIONS: Mapping[str, str] = {
     "go": "/campaign/go",
 }
 """What the page's buttons call: std_srvs/Trigger services."""
+LEASED = ("prepare", "start")
+"""What goes on only while the console lives and a page looks on."""
 STOP: Mapping[str, str] = {"legs": "/clock/stop", "air": "/bed/abort", "campaign": "/campaign/stop"}
 """What STOP calls, all at once; each by itself is enough to end motion and air of a campaign."""
 
@@ -88,6 +93,7 @@ class ConsoleNode(Node):
         names = {*ACTIONS.values(), *STOP.values()}
         self._triggers = {name: self.create_client(Trigger, topics.relative(name)) for name in names}
         self._orders = node.publisher(self, topics.CAMPAIGN_COMMAND)
+        self._lease, self._watched_s = PageLease(self, self._goes_on), -math.inf
         self._closing = threading.Event()
         self._server = serve(self, self._settings.port)
         for topic in SHOWN:
@@ -97,6 +103,7 @@ class ConsoleNode(Node):
 
     def snapshot(self) -> Mapping[str, Any]:
         """What the page draws (called from the server's threads)."""
+        self._watched_s = time.monotonic()
         with self._lock:
             return {**self._state.snapshot(time.monotonic()), "explorer_port": self._settings.explorer_port}
 
@@ -106,7 +113,10 @@ class ConsoleNode(Node):
 
     def call(self, action: str) -> tuple[bool, str]:
         """Call the service of an action and wait for its answer (called from the server's threads)."""
-        service = ACTIONS[action]
+        with self._lease.taken() if action in LEASED else nullcontext():
+            return self._call(action, ACTIONS[action])
+
+    def _call(self, action: str, service: str) -> tuple[bool, str]:
         client = self._triggers[service]
         if not client.service_is_ready():
             return self._said(action, False, f"nobody offers {service}")
@@ -159,6 +169,12 @@ class ConsoleNode(Node):
         """End whoever waits, and the server."""
         self._closing.set()
         self._server.shutdown()
+
+    def _goes_on(self) -> bool:
+        """Whether legs or air do what they were told, and a page looks on."""
+        now_s = time.monotonic()
+        with self._lock:
+            return now_s - self._watched_s <= OLD_S and self._state.under_way(now_s)
 
     def _what_stopped(self, begun_s: float) -> str:
         now_s = time.monotonic()
