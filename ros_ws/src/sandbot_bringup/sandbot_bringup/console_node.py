@@ -214,7 +214,7 @@ class ConsoleNode(Node):
         changes: dict[Topic, Callable[[Any], None]] = {
             topics.LEG_STATES: lambda message: state.safety.on_legs(message.velocity, time.monotonic()),
             topics.BED_BLOWER: lambda message: state.safety.on_air(message.data, time.monotonic()),
-            topics.BED_STATUS: lambda message: state.set_bed(_values(message.status[0])),
+            topics.BED_STATUS: self._on_bed,
             topics.DIAGNOSTICS: self._on_diagnostics,
             topics.TRIAL: lambda message: state.set_trial(message.data),
             topics.CAMPAIGN_STATUS: lambda message: state.set_campaign(message.data, time.monotonic()),
@@ -227,6 +227,10 @@ class ConsoleNode(Node):
 
     def _setter(self, name: str) -> Callable[[Any], None]:
         return lambda message: self._state.values.update({name: message.data})
+
+    def _on_bed(self, message: Any) -> None:
+        for one in message.status:
+            self._state.set_bed(_values(one))
 
     def _on_diagnostics(self, message: Any) -> None:
         for one in message.status:
