@@ -31,7 +31,8 @@ class Journal:
             raise ValueError(f"{do!r} is no event; known: {', '.join(KINDS)}")
         at = datetime.fromtimestamp(self._now_s(), UTC).isoformat(timespec="milliseconds")
         event = {"at": at, "who": who, "do": do, **what}
-        with writing(self._path), self._path.open("a", encoding="utf-8") as file:
+        # Half a character, which JSON may hold and UTF-8 may not, is written as JSON escapes it.
+        with writing(self._path), self._path.open("a", encoding="utf-8", errors="backslashreplace") as file:
             file.write(json.dumps(event, ensure_ascii=False, allow_nan=False) + "\n")
         self.events.append(event)
 
