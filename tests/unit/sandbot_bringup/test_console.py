@@ -5,9 +5,11 @@ import threading
 import urllib.request
 
 import pytest
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from hypothesis import given
 from hypothesis import strategies as st
+from rclpy.parameter import Parameter
 from rclpy.qos import ReliabilityPolicy
 
 from sandbot_bringup.console import HISTORY_S, Arrivals, Console, Packing, RecorderRate, Series, Throttle
@@ -15,6 +17,7 @@ from sandbot_bringup.console_node import ConsoleNode, delivery
 from sandbot_bringup.console_page import OLD_S, app, serve
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
+from sandbot_common.node import end_timers
 
 NAN = float("nan")
 
@@ -343,6 +346,21 @@ def test_a_bed_that_says_nothing_does_not_end_the_console():
     show(DiagnosticArray())
     show(messages.diagnostics(1, "bed", {"stage": "pulse"}))
     assert one._state.bed == {"stage": "pulse"}
+
+
+@pytest.mark.ros
+def test_a_parameter_that_nothing_would_come_of_is_refused(domain):
+    rclpy.init(args=["console", "--ros-args", "-p", "port:=0"])
+    one = ConsoleNode()
+    try:
+        for name, value in (("port", 9999), ("picture_rate_hz", 1.0)):
+            (result,) = one.set_parameters([Parameter(name, value=value)])
+            assert not result.successful
+            assert "restart it" in result.reason
+    finally:
+        one.close()
+        end_timers(one)
+        rclpy.try_shutdown()
 
 
 def test_a_server_that_all_the_world_can_reach_would_be_seen(listening):

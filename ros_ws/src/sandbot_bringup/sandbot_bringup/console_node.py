@@ -84,7 +84,7 @@ class ConsoleNode(Node):
 
     def __init__(self) -> None:
         super().__init__("console")
-        self._settings = node.Parameters(self, ConsoleParameters).current
+        self._settings = node.Parameters(self, ConsoleParameters, _fixed).current
         self._lock = threading.Lock()
         self._state = Console({topic.name: topic.latched for topic in SHOWN})
         self._pictures: dict[str, bytes] = {}
@@ -306,6 +306,10 @@ def _values(status: Any) -> dict[str, str]:
 
 def _v_x(message: Any) -> tuple[float, float]:
     return messages.nanoseconds(message.header.stamp) / 1e9, message.twist.twist.linear.x
+
+
+def _fixed(_: ConsoleParameters) -> None:
+    raise InputError("the console's parameters are read at the start: restart it to change them")
 
 
 def _now() -> str:
