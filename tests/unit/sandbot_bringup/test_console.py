@@ -1,16 +1,23 @@
 import json
 import math
 import socket
+import threading
 import urllib.request
 
 import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from hypothesis import given
 from hypothesis import strategies as st
+from rclpy.parameter import Parameter
+from rclpy.qos import ReliabilityPolicy
 
 from sandbot_bringup.console import HISTORY_S, Arrivals, Console, Packing, RecorderRate, Series, Throttle
+from sandbot_bringup.console_node import ConsoleNode, delivery
 from sandbot_bringup.console_page import OLD_S, app, serve
-from sandbot_common import topics
+from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
+from sandbot_common.timer import end_timers
 
 NAN = float("nan")
 
@@ -322,10 +329,6 @@ def test_it_serves_on_loopback_and_a_taken_port_is_one_line(fake, listening):
 
 
 def test_a_console_that_is_held_up_keeps_few_pictures_and_every_word_of_safety():
-    from rclpy.qos import ReliabilityPolicy
-
-    from sandbot_bringup.console_node import delivery
-
     for topic in (topics.DORSAL_IMAGE, topics.LATERAL_IMAGE):
         heard = delivery(topic)
         assert heard.depth * 640 * 480 < 4e6
@@ -334,6 +337,30 @@ def test_a_console_that_is_held_up_keeps_few_pictures_and_every_word_of_safety()
         heard = delivery(topic)
         assert heard.depth == topic.depth
         assert heard.reliability == ReliabilityPolicy.RELIABLE
+
+
+def test_a_bed_that_says_nothing_does_not_end_the_console():
+    one = object.__new__(ConsoleNode)
+    one._lock, one._state = threading.Lock(), Console({})
+    show = one._shower(topics.BED_STATUS)
+    show(DiagnosticArray())
+    show(messages.diagnostics(1, "bed", {"stage": "pulse"}))
+    assert one._state.bed == {"stage": "pulse"}
+
+
+@pytest.mark.ros
+def test_a_parameter_that_nothing_would_come_of_is_refused(domain):
+    rclpy.init(args=["console", "--ros-args", "-p", "port:=0"])
+    one = ConsoleNode()
+    try:
+        for name, value in (("port", 9999), ("picture_rate_hz", 1.0)):
+            (result,) = one.set_parameters([Parameter(name, value=value)])
+            assert not result.successful
+            assert "restart it" in result.reason
+    finally:
+        one.close()
+        end_timers(one)
+        rclpy.try_shutdown()
 
 
 def test_a_server_that_all_the_world_can_reach_would_be_seen(listening):

@@ -24,6 +24,12 @@ def test_what_was_written_is_read_again(tmp_path_factory, events):
     assert [(one["do"], one["reason"]) for one in Journal(path, lambda: 2.0).earlier] == events
 
 
+def test_half_a_character_is_written_and_read_again(path):
+    Journal(path, lambda: 0.0).add("operator", "skip", reason="\\φ\ud800")
+    (event,) = read_journal(path)
+    assert event["reason"] == "\\φ\ud800"
+
+
 def test_a_line_torn_by_a_kill_is_lost_alone(path):
     journal = Journal(path, lambda: 0.0)
     journal.add("campaign", "begin")

@@ -2,12 +2,14 @@
 
 import json
 from dataclasses import asdict, replace
+from types import SimpleNamespace
 
 import bags
 import pytest
 import rclpy
 
 from sandbot_bed.protocol import ProtocolParameters
+from sandbot_bringup import orders_node
 from sandbot_bringup.campaign_node import Operator
 from sandbot_bringup.endings import Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
@@ -16,6 +18,7 @@ from sandbot_bringup.plan import Plan, trials_of
 from sandbot_bringup.provenance import trial_message
 from sandbot_common.node import Stop
 from sandbot_common.robot import SANDBOT, Robot
+from sandbot_common.standstill import AWAKE_S, OLD
 from sandbot_common.timer import end_timers
 from sandbot_record.bags.reader import Bag
 
@@ -82,6 +85,15 @@ def test_omega_is_set_of_legs_at_rest_and_again_before_they_start():
     with pytest.raises(TrialFailed):
         one._walk(TRIAL)
     assert one._orders.asked == ["/clock/home", ("clock", 12.0), "/clock/start"]
+
+
+def test_who_was_held_up_until_just_now_is_asked_again():
+    one, waited = object.__new__(orders_node.Orders), []
+    answers = iter([SimpleNamespace(success=False, message=OLD), SimpleNamespace(success=True, message="running")])
+    one._triggers, one._ask = {"/clock/start": None}, lambda *_: next(answers)
+    one._wait = lambda _, seconds: waited.append(seconds)
+    one.call("/clock/start")
+    assert waited == [AWAKE_S]
 
 
 @pytest.mark.ros

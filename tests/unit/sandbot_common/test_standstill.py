@@ -28,5 +28,6 @@ def test_what_comes_first_after_a_standstill_is_not_obeyed_whether_the_timer_cam
 def test_who_asks_again_is_obeyed():
     loop = turning()
     assert loop.refusal(THAWED_S)
-    loop.turn(THAWED_S + 0.6)
+    for second in range(1, 6):
+        loop.turn(THAWED_S + second)
     assert loop.refusal(THAWED_S + AWAKE_S + 0.1) == ""

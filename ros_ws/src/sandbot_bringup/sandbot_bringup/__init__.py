@@ -11,7 +11,8 @@ live_node         a campaign over the real nodes
   desk_node       what the operator asks for
   campaign_node   one trial; gate_node, orders_node: may it begin, what is asked of the nodes
   hearing_node    what is heard; supervision: who has fallen silent; recorder_process: the recorder
-console           the page's state; safety: legs and air; marks: pictures. console_node, console_page: heard and served
+console           the page's state; safety: legs and air; marks: pictures. console_node, console_page: heard and served;
+  page_lease_node whoever starts something from the page is watched
 scene             shapes for RViz and Foxglove; scene_messages, scene_node: as messages, and their node
 tools/            campaign, unseal
 """

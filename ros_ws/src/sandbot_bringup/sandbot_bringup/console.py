@@ -266,6 +266,11 @@ class Console:
             "log": list(self.log),
         }
 
+    def under_way(self, now_s: float) -> bool:
+        """Whether legs or air do what they were told, as clock and bed say of themselves."""
+        clock, bed = self._said("clock", now_s), self._said("bed", now_s)
+        return clock.get("running") == "True" or bed.get("stage") in BUSY
+
     @property
     def _topics(self) -> list[tuple[str, Arrivals]]:
         return list(self.arrivals.items())

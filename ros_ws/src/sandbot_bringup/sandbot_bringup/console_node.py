@@ -5,10 +5,12 @@ page must show what is now.
 """
 
 import json
+import math
 import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from datetime import UTC, datetime
 from typing import Any
 
@@ -19,9 +21,10 @@ from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
 from sandbot_bringup.console import Console, Throttle
-from sandbot_bringup.console_page import HOST, serve
+from sandbot_bringup.console_page import HOST, OLD_S, serve
 from sandbot_bringup.console_parameters import ConsoleParameters
 from sandbot_bringup.marks import SEEN_BY, Drawn, View
+from sandbot_bringup.page_lease_node import PageLease
 from sandbot_common import messages, node, topics
 from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
@@ -38,6 +41,8 @@ ACTIONS: Mapping[str, str] = {
     "go": "/campaign/go",
 }
 """What the page's buttons call: std_srvs/Trigger services."""
+LEASED = ("prepare", "start")
+"""What goes on only while the console lives and a page looks on."""
 STOP: Mapping[str, str] = {"legs": "/clock/stop", "air": "/bed/abort", "campaign": "/campaign/stop"}
 """What STOP calls, all at once; each by itself is enough to end motion and air of a campaign."""
 
@@ -78,7 +83,7 @@ class ConsoleNode(Node):
 
     def __init__(self) -> None:
         super().__init__("console")
-        self._settings = node.Parameters(self, ConsoleParameters).current
+        self._settings = node.Parameters(self, ConsoleParameters, _fixed).current
         self._lock = threading.Lock()
         self._state = Console({topic.name: topic.latched for topic in SHOWN})
         self._pictures: dict[str, bytes] = {}
@@ -87,6 +92,7 @@ class ConsoleNode(Node):
         names = {*ACTIONS.values(), *STOP.values()}
         self._triggers = {name: self.create_client(Trigger, topics.relative(name)) for name in names}
         self._orders = node.publisher(self, topics.CAMPAIGN_COMMAND)
+        self._lease, self._watched_s = PageLease(self, self._goes_on), -math.inf
         self._closing = threading.Event()
         self._server = serve(self, self._settings.port)
         for topic in SHOWN:
@@ -96,6 +102,7 @@ class ConsoleNode(Node):
 
     def snapshot(self) -> Mapping[str, Any]:
         """What the page draws (called from the server's threads)."""
+        self._watched_s = time.monotonic()
         with self._lock:
             return {**self._state.snapshot(time.monotonic()), "explorer_port": self._settings.explorer_port}
 
@@ -105,7 +112,10 @@ class ConsoleNode(Node):
 
     def call(self, action: str) -> tuple[bool, str]:
         """Call the service of an action and wait for its answer (called from the server's threads)."""
-        service = ACTIONS[action]
+        with self._lease.taken() if action in LEASED else nullcontext():
+            return self._call(action, ACTIONS[action])
+
+    def _call(self, action: str, service: str) -> tuple[bool, str]:
         client = self._triggers[service]
         if not client.service_is_ready():
             return self._said(action, False, f"nobody offers {service}")
@@ -159,6 +169,12 @@ class ConsoleNode(Node):
         self._closing.set()
         self._server.shutdown()
 
+    def _goes_on(self) -> bool:
+        """Whether legs or air do what they were told, and a page looks on."""
+        now_s = time.monotonic()
+        with self._lock:
+            return now_s - self._watched_s <= OLD_S and self._state.under_way(now_s)
+
     def _what_stopped(self, begun_s: float) -> str:
         now_s = time.monotonic()
         with self._lock:
@@ -197,7 +213,7 @@ class ConsoleNode(Node):
         changes: dict[Topic, Callable[[Any], None]] = {
             topics.LEG_STATES: lambda message: state.safety.on_legs(message.velocity, time.monotonic()),
             topics.BED_BLOWER: lambda message: state.safety.on_air(message.data, time.monotonic()),
-            topics.BED_STATUS: lambda message: state.set_bed(messages.values_of(message.status[0])),
+            topics.BED_STATUS: self._on_bed,
             topics.DIAGNOSTICS: self._on_diagnostics,
             topics.TRIAL: lambda message: state.set_trial(message.data),
             topics.CAMPAIGN_STATUS: lambda message: state.set_campaign(message.data, time.monotonic()),
@@ -210,6 +226,10 @@ class ConsoleNode(Node):
 
     def _setter(self, name: str) -> Callable[[Any], None]:
         return lambda message: self._state.values.update({name: message.data})
+
+    def _on_bed(self, message: Any) -> None:
+        for one in message.status:
+            self._state.set_bed(messages.values_of(one))
 
     def _on_diagnostics(self, message: Any) -> None:
         for one in message.status:
@@ -281,6 +301,10 @@ class _Asked:
 
 def _v_x(message: Any) -> tuple[float, float]:
     return messages.nanoseconds(message.header.stamp) / 1e9, message.twist.twist.linear.x
+
+
+def _fixed(_: ConsoleParameters) -> None:
+    raise InputError("the console's parameters are read at the start: restart it to change them")
 
 
 def _now() -> str:

@@ -72,8 +72,8 @@ class Desk:
         self.say()
 
     def say(self) -> None:
-        """Publish the status."""
-        self._status.publish(messages.string(json.dumps(self._content(), ensure_ascii=False, allow_nan=False)))
+        """Publish the status, in ASCII: what came as half a character in JSON is in no other encoding."""
+        self._status.publish(messages.string(json.dumps(self._content(), allow_nan=False)))
 
     def _content(self) -> Mapping[str, Any]:
         left_s = self.queue.left_s()

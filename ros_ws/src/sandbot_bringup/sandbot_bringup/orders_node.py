@@ -13,6 +13,7 @@ from std_srvs.srv import SetBool, Trigger
 from sandbot_bringup.endings import TrialFailed
 from sandbot_common import topics
 from sandbot_common.node import ask
+from sandbot_common.standstill import AWAKE_S, OLD
 
 CALL_S = 10.0
 _TRIGGERS = ("/clock/home", "/clock/start", "/clock/stop", "/bed/prepare", "/bed/abort", "/lab/reset")
@@ -42,6 +43,9 @@ class Orders:
     def call(self, name: str) -> None:
         """Give an order and have it obeyed; TrialFailed otherwise."""
         answer = self._ask(self._triggers[name], Trigger.Request(), name)
+        if answer.message == OLD:
+            self._wait(lambda: False, AWAKE_S)
+            answer = self._ask(self._triggers[name], Trigger.Request(), name)
         if not answer.success:
             raise TrialFailed(f"{name} refused: {answer.message}")
 

@@ -191,7 +191,8 @@ def write_json(path: Path, content: object) -> None:
 
 def append_line(path: Path, content: object) -> None:
     """Append ``content`` as one line of JSON. Raises InputError where it can't be written."""
-    with writing(path), path.open("a", encoding="utf-8") as file:
+    # Half a character, which JSON may hold and UTF-8 may not, is written as JSON escapes it.
+    with writing(path), path.open("a", encoding="utf-8", errors="backslashreplace") as file:
         file.write(json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n")
 
 

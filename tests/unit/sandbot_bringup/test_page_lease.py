@@ -1,0 +1,104 @@
+"""The lease of what is started from the page, without a graph."""
+
+import threading
+import time
+from contextlib import nullcontext
+from types import SimpleNamespace
+
+import pytest
+
+from sandbot_bringup import page_lease_node
+from sandbot_bringup.console import Console
+from sandbot_bringup.console_node import ConsoleNode
+from sandbot_bringup.page_lease_node import PageLease
+
+
+class Graph:
+    """A node, and the publisher of its lease; ``turn`` turns its loop once."""
+
+    def __init__(self):
+        self.commanders, self.renewals, self.offered, self.goes_on = 0, 0, False, True
+        self.now = SimpleNamespace(nanoseconds=1)
+
+    def offer(self, *_):
+        self.offered = True
+        return self
+
+    def publish(self, _):
+        self.renewals += 1
+
+    def wait_for_all_acked(self, _):
+        return True
+
+    def destroy_publisher(self, _):
+        self.offered = False
+
+    def count_publishers(self, _):
+        return self.commanders
+
+    def get_clock(self):
+        return SimpleNamespace(now=lambda: self.now)
+
+    def get_name(self):
+        return "console"
+
+
+@pytest.fixture
+def graph(monkeypatch):
+    one = Graph()
+    monkeypatch.setattr(page_lease_node.node, "publisher", one.offer)
+    monkeypatch.setattr(page_lease_node.node, "Timer", lambda _ros, _period, turn: setattr(one, "turn", turn))
+    monkeypatch.setattr(page_lease_node, "real_time_while", lambda *_: None)
+    # What waits is turned to: the loop is another thread's.
+    monkeypatch.setattr(page_lease_node.time, "sleep", lambda _: one.turn())
+    one.lease = PageLease(one, lambda: one.goes_on)
+    return one
+
+
+def test_what_the_page_starts_is_leased_until_it_is_over_or_nobody_looks_on(graph):
+    graph.turn()
+    assert not graph.offered  # a person at a terminal, or a campaign, may command
+    with graph.lease.taken():
+        assert graph.renewals == 1  # heard of before clock or bed are asked
+    graph.lease._until_s = 0.0  # they have had time to tell
+    graph.turn()
+    assert graph.renewals == 2
+    graph.goes_on = False
+    graph.turn()
+    assert (graph.renewals, graph.offered) == (2, False)
+    graph.goes_on = True  # by another's hand
+    graph.turn()
+    assert not graph.offered
+
+
+def test_a_campaign_that_commands_is_not_made_one_of_two(graph):
+    graph.commanders = 1
+    with graph.lease.taken():
+        graph.turn()
+        assert not graph.offered
+
+
+@pytest.mark.parametrize(
+    ("node", "said", "page_s", "goes_on"),
+    [
+        ("clock", {"running": "True"}, 0.5, True),
+        ("clock", {"running": "False"}, 0.5, False),
+        ("clock", {"running": "True"}, 5.0, False),
+        ("bed", {"stage": "pulse"}, 0.5, True),
+        ("bed", {"stage": "ready"}, 0.5, False),
+    ],
+)
+def test_it_goes_on_while_a_page_looks_on_and_clock_or_bed_are_at_it(node, said, page_s, goes_on):
+    one = object.__new__(ConsoleNode)
+    one._lock, one._state, one._watched_s = threading.Lock(), Console({}), time.monotonic() - page_s
+    one._state.set_node(node, 0, "ok", said, time.monotonic())
+    assert one._goes_on() is goes_on
+
+
+def test_only_what_moves_or_blows_is_called_under_it():
+    one, held = object.__new__(ConsoleNode), []
+    one._lease = SimpleNamespace(taken=lambda: held.append("taken") or nullcontext())
+    one._call = lambda action, service: held.append(service)
+    for action in ("start", "halt", "prepare"):
+        one.call(action)
+    assert held == ["taken", "/clock/start", "/clock/stop", "taken", "/bed/prepare"]
