@@ -154,6 +154,8 @@ def read_plan(path: Path) -> Plan:
 def plan_of(mapping: Mapping[str, Any], where: str) -> Plan:
     """A checked plan from a mapping; ``where`` opens every error line."""
     plan = from_mapping(Plan, mapping, where)
+    if plan.name in ("", ".", "..") or "/" in plan.name or not plan.name.isprintable():
+        raise InputError(f"{where}: name: {plan.name!r} can't be that of a folder beside the plan")
     for key in ("phi", "omega_rad_s"):
         values = getattr(plan, key)
         if not values:

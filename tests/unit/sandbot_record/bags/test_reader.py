@@ -14,8 +14,9 @@ from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.serialization import to_cdr
-from sandbot_record.bags import interfaces, metadata
+from sandbot_record.bags import interfaces, mcap_scan, metadata
 from sandbot_record.bags.reader import FIELD_STAMP, Bag, is_bag
+from sandbot_record.bags.recording import Limits
 from sandbot_record.bags.writer import BagWriter, Split
 
 TYPE = "sensor_msgs/msg/JointState"
@@ -297,3 +298,16 @@ def test_a_metadata_yaml_that_names_no_file_is_no_bag(tmp_path):
     metadata.write(tmp_path, metadata.BagInfo())
     with pytest.raises(InputError, match="names no storage file"):
         Bag.open(tmp_path)
+
+
+@pytest.mark.parametrize(("compression", "read"), [("none", 40), ("zstd", 0)])
+def test_only_what_is_compressed_has_a_limit(tmp_path, monkeypatch, compression, read):
+    monkeypatch.setattr(mcap_scan, "CHUNK_LIMIT", 5000)
+    bag = bags.legs_bag(tmp_path / "b", 40, compression=compression)
+    (file,) = bag.glob("*.mcap")
+    found = mcap_scan.scan(memoryview(file.read_bytes()))
+    assert sum(len(one.rows) for one in found if isinstance(one, mcap_scan.Batch)) == read
+
+
+def test_what_the_recorder_takes_is_within_the_limit():
+    assert Limits().queue_bytes < mcap_scan.CHUNK_LIMIT - (1 << 20)

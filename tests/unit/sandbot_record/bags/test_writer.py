@@ -141,3 +141,10 @@ def test_short_writes_are_continued(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "writev", lambda fd, parts: real(fd, [memoryview(b"".join(parts))[:1000]]))
     bag = bags.legs_bag(tmp_path / "b", 200)
     assert len(mcap_messages(bag)) == 200
+
+
+def test_a_name_that_cannot_stand_in_metadata_yaml_is_refused_before_anything_is_made(tmp_path):
+    name = os.fsdecode(b"y\xff")
+    with pytest.raises(InputError, match=r"y\\udcff': not UTF-8"):
+        BagWriter(tmp_path / name, whole=False)
+    assert not list(tmp_path.iterdir())

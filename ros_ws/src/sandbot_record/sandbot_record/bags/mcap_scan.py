@@ -22,8 +22,11 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from numpy.typing import NDArray
 
 MAGIC = b"\x89MCAP0\r\n"
-CHUNK_LIMIT = 256 << 20
-"""Uncompressed bytes; nobody writes larger chunks, so a larger figure is damage (and would eat the memory)."""
+CHUNK_LIMIT = 768 << 20
+"""Bytes a compressed chunk may become: a larger figure is damage (and would eat the memory). A chunk ends with the
+message that fills it, and what the recorder takes is smaller (``recording.Limits``)."""
+_RUN = 32 << 20
+"""Bytes of unchunked messages that are read together."""
 
 Definition: TypeAlias = Schema | Channel
 _PARSED = {
@@ -293,7 +296,7 @@ def _headers(data: bytes | memoryview, starts: NDArray[np.int64]) -> NDArray[np.
 
 def _decompressed(data: memoryview, compression: str, size: int) -> bytes | memoryview | None:
     """The chunk's content of exactly ``size`` bytes; None if that is not what comes out."""
-    if size > CHUNK_LIMIT:
+    if compression and size > CHUNK_LIMIT:
         return None
     try:
         if compression == "zstd":
@@ -325,7 +328,7 @@ def _end_of_messages(data: memoryview, at: int) -> int:
     """End of the run of message records (and of definitions between them) that begins at ``at``."""
     end = first = at
     for opcode, start, length in _records(data, at, len(data)):
-        if opcode not in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL) or end - first > CHUNK_LIMIT // 8:
+        if opcode not in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL) or end - first > _RUN:
             break
         end = start + length
     return end

@@ -87,6 +87,10 @@ class BagWriter:
             raise InputError(f"{path}: compression {compression!r} is not one of {', '.join(COMPRESSIONS)}")
         if path.exists():
             raise InputError(f"{path}: exists already, not overwriting")
+        try:
+            str(path).encode()
+        except UnicodeEncodeError:  # bytes of another encoding; metadata.yaml, which names its files, is UTF-8
+            raise InputError(f"{str(path)!r}: not UTF-8; give the bag another name") from None
         self.path = path
         self._final = path
         self._split, self._on_split = split, on_split
