@@ -4,9 +4,12 @@ from sandbot_common.errors import InputError
 from sandbot_record.tools import record
 
 
-def test_a_slip_behind_ros_args_leaves_no_bag(tmp_path, capfd):
-    assert record.main(["/leg_states", "--out", str(tmp_path / "bag"), "--ros-args", "--bogus"]) == 2
-    assert "--bogus" in capfd.readouterr().err
+@pytest.mark.parametrize(
+    ("slip", "said"), [("--bogus", "--bogus"), ("-p duration:=5.0", "-p duration: recorder is set by")]
+)
+def test_a_slip_behind_ros_args_leaves_no_bag(tmp_path, domain, capfd, slip, said):
+    assert record.main(["/leg_states", "--out", str(tmp_path / "bag"), "--ros-args", *slip.split()]) == 2
+    assert said in capfd.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

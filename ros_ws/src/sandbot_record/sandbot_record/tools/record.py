@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
+from sandbot_common.topics import NAME
 from sandbot_record.bags.mcap_writer import COMPRESSIONS
 from sandbot_record.bags.video import CODECS
 
@@ -139,7 +140,7 @@ def _check(options: argparse.Namespace) -> None:
         except re.error as error:
             raise InputError(f"--{name}: {getattr(options, name)!r} is not a regular expression: {error}") from None
     for topic in options.topics:
-        if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", topic):
+        if not NAME.fullmatch(topic):
             raise InputError(f"{topic!r} is not a topic name such as /leg_states")
     for name in ("duration", "max_size", "max_duration", "min_free"):
         if not 0 <= getattr(options, name) < 1e12:

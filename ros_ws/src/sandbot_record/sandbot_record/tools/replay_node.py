@@ -29,7 +29,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import Timer, names_of, run
+from sandbot_common.node import Timer, names_of, refuse_parameters, run
 from sandbot_record.bags.metadata import TopicInfo
 from sandbot_record.bags.playback import SECOND_NS, Player
 from sandbot_record.bags.reader import Message
@@ -65,6 +65,7 @@ class Replay(Node):
 
     def __init__(self, player: Player, options: Options) -> None:
         super().__init__("replay")
+        refuse_parameters(self)
         self._player, self._options = player, options
         self._lock = threading.Lock()
         self._changed, self._stop = threading.Event(), threading.Event()
