@@ -9,7 +9,7 @@ legs move or air blows the lab has real-time priority where it is granted: no ro
 """
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ from sandbot_common.process import real_time_while
 from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_lab.bed import LabBed
 from sandbot_lab.calibration import Calibration, calibration
-from sandbot_lab.cameras import LabCamera
+from sandbot_lab.cameras import LabCamera, check_cameras
 from sandbot_lab.lab_parameters import LabParameters
 from sandbot_lab.stage import NANO, LiveTrial, warm_up
 from sandbot_lab.week import Occasion
@@ -91,10 +91,7 @@ class LabNode(Node):
     def _read_cameras(self, path: str) -> dict[str, Any]:
         file = Path(path) if path else node.config_file("cameras.yaml")
         sections = read_yaml(file)
-        for name in CAMERAS:
-            if not isinstance(sections.get(name), Mapping):
-                raise InputError(f"{file}: no camera {name!r}")
-            calibration(sections[name], f"{file}: {name}")
+        check_cameras(sections, str(file))
         return {name: sections[name] for name in CAMERAS}
 
     @property

@@ -72,7 +72,10 @@ class TrackerNode(Node):
         }  # fmt: skip
         self._latency = Latency(given.latency_budget_s)
         self._unreadable = ""
-        cameras = read_cameras(given.cameras or node.config_file("cameras.yaml"))
+        path = given.cameras or node.config_file("cameras.yaml")
+        cameras = read_cameras(path)
+        if "dorsal" not in cameras:
+            raise InputError(f"{path}: no 'dorsal' camera in it")
         robot = read_robot(given.robot or node.config_file("robot.yaml"))
         # Before anything is heard: frames that came meanwhile would be lost once the queue is full.
         warm_up(cameras)

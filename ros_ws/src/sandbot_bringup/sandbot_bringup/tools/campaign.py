@@ -25,7 +25,7 @@ from sandbot_bringup.supervision import SILENCE_BOUNDS_S, SILENCE_S
 from sandbot_common import cli
 from sandbot_common.crew import add_crew, crew_of, no_crew
 from sandbot_common.errors import InputError
-from sandbot_common.files import parse_yaml
+from sandbot_common.files import load_yaml, parse_yaml
 from sandbot_common.terminal import filled
 
 if TYPE_CHECKING:
@@ -201,10 +201,11 @@ def _not_ok(folder: CampaignFolder) -> dict[str, str]:
 
 def _lab(plan: Plan, folder: CampaignFolder, files: Mapping[str, str], options: argparse.Namespace) -> "World":
     """The virtual lab's world; InputError where there is none to choose, or bed or cameras are none for the lab."""
-    from sandbot_bringup.batch import check_cameras, choose_world
+    from sandbot_bringup.batch import choose_world
+    from sandbot_lab.cameras import check_cameras
 
     check_bed(plan)
-    check_cameras(files, plan.cameras or "cameras.yaml")
+    check_cameras(load_yaml(files["cameras.yaml"]), plan.cameras or "cameras.yaml")
     return choose_world(folder, robot_of(files), options.world, options.hide)
 
 
