@@ -19,7 +19,7 @@ from sandbot_common.terminal import styled
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED_MEMORY = Path("/dev/shm")
-PATIENCE_S = 20.0
+PATIENCE_S, LONGEST_S = 20.0, 3600.0
 """For two processes to start and find each other on a busy machine."""
 GIB, MIB = 1 << 30, 1 << 20
 LITTLE, LEAST = 5 * GIB, 0.2 * GIB
@@ -41,7 +41,10 @@ def main(argv: Sequence[str]) -> int:
     """Print a line for each check; exit code 1 if one failed."""
     parser = cli.Parser(prog="trackway doctor", description=__doc__)
     parser.add_argument("--patience", type=float, default=PATIENCE_S, metavar="S", help="for a message's round trip")
-    return tell(checks(parser.parse_args(argv)))
+    args = parser.parse_args(argv)
+    if not 0 < args.patience <= LONGEST_S:
+        parser.error(f"--patience: {args.patience:g} is not above 0 and up to {LONGEST_S:g} s")
+    return tell(checks(args))
 
 
 def tell(findings: Iterable[Finding]) -> int:

@@ -3,13 +3,13 @@
 import pytest
 import yaml
 
-from sandbot_bringup.batch import check_cameras
 from sandbot_bringup.config import config_folder, files_of
 from sandbot_bringup.folder import CampaignFolder
 from sandbot_bringup.plan import Plan, trials_of
 from sandbot_bringup.tools import campaign
 from sandbot_common.errors import InputError
-from sandbot_common.files import read_yaml
+from sandbot_common.files import load_yaml, read_yaml
+from sandbot_lab.cameras import check_cameras
 
 PLAN = Plan(name="tiny", phi=(0.6,), omega_rad_s=(8.0,), cameras="mine.yaml", robot="robot.yaml")
 
@@ -62,7 +62,7 @@ def test_cameras_that_the_lab_cant_film_with_are_refused_before_anything_is_writ
 @pytest.mark.parametrize(("key", "value"), [("exposure_s", 2.0), ("distortion", [0.1, 0.0, 0.0, 0.0])])
 def test_what_the_tracker_reads_the_lab_films_with(tmp_path, write, key, value):
     write(**{key: value})
-    check_cameras(files_of(PLAN, tmp_path, tmp_path / "none"), "mine.yaml")
+    check_cameras(load_yaml(files_of(PLAN, tmp_path, tmp_path / "none")["cameras.yaml"]), "mine.yaml")
 
 
 def test_three_numbers_are_no_lens(tmp_path, write):

@@ -250,9 +250,10 @@ def launched(content, folder):
     """What a node table starts and offers: with the lab and without, with page and scene and without."""
     (folder / "nodes.yaml").write_text(dump_yaml(content), encoding="utf-8")
     table = read_table(folder / "nodes.yaml")
-    choices = [{"lab": lab, "console": seen, "scene": seen} for lab in ("true", "false") for seen in ("true", "false")]
+    grounds = ({"lab": "true", "world": "w.yaml"}, {"lab": "false"})
+    choices = [{**ground, "console": seen, "scene": seen} for ground in grounds for seen in ("true", "false")]
     choices.append({"lab": "false"} | {f"{one}_driver": "serial" for one in ("bed", "leg", "camera")})
-    started = [[dataclasses.astuple(node) for node in selected(table, {**one, "world": "w.yaml"})] for one in choices]
+    started = [[dataclasses.astuple(node) for node in selected(table, one)] for one in choices]
     return table.arguments, started, selected(table, {})
 
 

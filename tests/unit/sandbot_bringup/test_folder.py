@@ -144,3 +144,19 @@ def test_what_failed_is_set_aside_only_by_who_can_run_it_again(tmp_path, monkeyp
     folder.set_aside({bag.name: "no markers"})
     assert not bag.exists()
     assert (folder.trials / ".partial" / bag.name).is_dir()
+
+
+@pytest.mark.parametrize(
+    ("bed", "words", "said"),
+    [
+        ("{phi_close: 0.59}", "", "target_phi 0.6 can't be reached"),
+        ("{pulse_on_s: 0.01, pulse_min_s: 0.01}", "--batch", "pulse_on_s 0.01 s is shorter than a step"),
+        ("{}", "--batch --ros-args -r __ns:=/x", "--ros-args: --batch runs without ROS"),
+        ("{}", "--out /proc/x/y", "no file can be made in /proc"),
+    ],
+)
+def test_a_dry_run_refuses_what_the_run_would(tmp_path, capsys, bed, words, said):
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(f"name: tiny\nphi: [0.6]\nomega_rad_s: [8]\nbed: {bed}\n")
+    assert main([str(plan), "--dry-run", *words.split()]) == 2
+    assert said in capsys.readouterr().err

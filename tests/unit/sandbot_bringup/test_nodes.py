@@ -51,7 +51,7 @@ def test_wanted_and_only_if(tmp_path):
     made = table(tmp_path, entries, {"extra": {**SWITCH, "default": "false"}})
     assert names(nodes.selected(made, {})) == ["a", "b"]
     assert names(nodes.selected(made, {"extra": "true"})) == ["a", "b", "d"]
-    assert names(nodes.selected(made, {"extra": "true", "lab": "false"})) == ["a", "c"]
+    assert names(nodes.selected(made, {"lab": "false"})) == ["a", "c"]
 
 
 def test_arguments_are_put_into_parameters_with_their_type(tmp_path):
@@ -92,6 +92,31 @@ def test_parameters_given_are_of_the_types_the_node_declares():
     for node in own.nodes:
         with pytest.raises(InputError, match=f"launch arguments of {node.name}: unknown key 'nope'"):
             nodes.selected(own, {f"{node.name}.nope": "1"})
+
+
+@pytest.mark.parametrize(
+    ("typed", "needed"),
+    [
+        ("leg_driver:=serial", "lab:=false"),
+        ("bed_device:=/dev/ttyUSB3", "lab:=false bed_driver:=serial"),
+        ("bed_device:=/dev/ttyUSB3 lab:=false", "bed_driver:=serial"),
+        ("dorsal_video:=top.avi lab:=false camera_driver:=serial", "camera_driver:=video"),
+        ("world:=w.yaml lab:=false", "lab:=true"),
+        ("lab.seed:=3 lab:=false", "lab:=true"),
+        ("dorsal_camera.playback:=0.5", "lab:=false"),
+        ("console.port:=8061", "console:=true"),
+        ("scene.rate_hz:=5.0", "scene:=true"),
+    ],
+)
+def test_what_no_node_would_use_is_refused_with_what_it_takes(typed, needed):
+    own, given = nodes.read_table(nodes.table_path()), nodes.parse_arguments(typed.split())
+    with pytest.raises(InputError) as refused:
+        nodes.selected(own, given)
+    name = typed.partition(":=")[0]
+    assert str(refused.value) == f"launch argument {name}: no node that is started uses it; for it give {needed}"
+    # Control: what is said helps, and a default changes nothing, which the real launch gives for all.
+    defaults = {one.name: one.default_text for one in own.arguments.values()}
+    assert nodes.selected(own, defaults | given | nodes.parse_arguments(needed.split()))
 
 
 @pytest.mark.parametrize("space", ["robot1", "/robot1", "lab/robot_1"])

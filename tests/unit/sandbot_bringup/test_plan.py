@@ -148,3 +148,14 @@ def test_the_virtual_labs_bed_is_asked_for_every_phi():
     for odd in ({"phi": [0.59, 0.575]}, {"extra_trials": [{"phi": 0.575, "omega_rad_s": 8.0}]}):
         with pytest.raises(InputError, match=r"phi: bed: target_phi 0.575 can't be reached"):
             check_bed(plan_of({**GOOD, **odd}, "plan"))
+
+
+LOOSE = {"mass_kg": 79.75, "rho_grain_kg_m3": 1100.0, "area_m2": 1.25, "height_loose_m": 0.1}
+
+
+@pytest.mark.parametrize(("phi", "bed"), [(0.62, {"phi_close": 0.6}), (0.575, LOOSE)])
+def test_a_live_bed_is_asked_for_a_phi_beyond_the_end_that_the_plan_sets(phi, bed):
+    with pytest.raises(InputError, match=f"target_phi {phi} can't be reached"):
+        check_bed(plan_of({**GOOD, "phi": [phi], "bed": bed}, "plan"), live=True)
+    # Control: the bed node's own settings may reach it.
+    check_bed(plan_of({**GOOD, "phi": [0.575, 0.64], "bed": {"max_pulses": 8}}, "plan"), live=True)

@@ -3,11 +3,14 @@
 import contextlib
 import os
 import signal
+from types import SimpleNamespace
 
 import pytest
 
 from sandbot_bringup import recorder_process
 from sandbot_bringup.recorder_process import RecorderProcess
+from sandbot_common.cli import with_ros
+from sandbot_record.tools import record
 
 SCRIPT = """#!/bin/sh
 sleep 60 &
@@ -35,3 +38,14 @@ def test_who_was_killed_has_no_last_words_to_wait_for(end, over, tmp_path, monke
             os.kill(int(recorder.last_line), signal.SIGKILL)
         recorder._reader.join(60)
     assert recorder.ended
+
+
+@pytest.mark.parametrize("images", ["none", "jpeg"])
+def test_the_recorder_takes_what_it_is_told(images, tmp_path, monkeypatch):
+    told = []
+    monkeypatch.setattr(recorder_process.subprocess, "Popen", lambda command, **_: told.extend(command))
+    monkeypatch.setattr(recorder_process.threading, "Thread", lambda **_: SimpleNamespace(start=lambda: None))
+    RecorderProcess(tmp_path / "bag", images, [tmp_path / "campaign.yaml"])
+    options, _ = with_ros(record._parser(), told[3:])
+    record._check(options)
+    assert options.pause_images is (images != "none")

@@ -7,12 +7,14 @@ import sys
 
 import numpy as np
 import pytest
+import yaml
 
 from sandbot_bringup.config import config_folder
 from sandbot_common import messages, node, topics
 from sandbot_common.files import read_yaml
 from sandbot_common.robot import Robot, to_mapping
 from sandbot_lab.cameras import LabCamera
+from sandbot_tracking import tracker_node
 
 pytestmark = pytest.mark.ros
 
@@ -30,6 +32,13 @@ def tracker(domain):
     yield process
     process.terminate()
     assert process.wait(30) in (0, -signal.SIGTERM)
+
+
+def test_cameras_without_a_dorsal_one_are_refused_in_one_line(domain, tmp_path, capfd):
+    file = tmp_path / "lateral-only.yaml"
+    file.write_text(yaml.safe_dump({"lateral": read_yaml(config_folder() / "cameras.yaml")["lateral"]}))
+    assert tracker_node.main(["--ros-args", "-p", f"cameras:={file}"]) == 2
+    assert capfd.readouterr().err.endswith(f"error: {file}: no 'dorsal' camera in it\n")
 
 
 def test_the_robot_that_a_trial_tells_is_tracked(tracker, beside):

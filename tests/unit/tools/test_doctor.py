@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from sandbot_common.errors import InputError
 from trackway_door import doctor
 from trackway_door.doctor import Finding
 
@@ -21,6 +22,12 @@ def test_a_failure_is_exit_1_and_a_warning_is_not(capsys):
     assert "nothing" not in out
     assert "→ mend it" in out
     assert doctor.tell([*warned, Finding("fail", "c", "broken")]) == 1
+
+
+@pytest.mark.parametrize("patience", ["inf", "nan", "0", "-3"])
+def test_a_patience_that_is_none_is_refused(patience):
+    with pytest.raises(InputError, match=f"--patience: {patience} is not above 0"):
+        doctor.main(["--patience", patience])
 
 
 def test_python():

@@ -96,6 +96,11 @@ class ProtocolParameters:
                 f"to {self.phi_close:.4f} (close)"
             )
 
+    def check_step(self, dt_s: float) -> None:
+        """Raises InputError if steps of ``dt_s`` are too coarse for a pulse."""
+        if not 0 < dt_s <= self.pulse_on_s:
+            raise InputError(f"bed: pulse_on_s {self.pulse_on_s:g} s is shorter than a step of this bed, {dt_s:g} s")
+
 
 class Stage(StrEnum):
     """Where a preparation stands."""
@@ -350,8 +355,7 @@ def prepare(
     ``observe(t_s, command)`` sees every step, for a bag. The air is off afterwards, whatever happens. Raises InputError
     if the target is out of reach or dt_s too coarse for the pulses, PreparationFailed (an InputError) if the bed fails.
     """
-    if not 0 < dt_s <= params.pulse_on_s:
-        raise InputError(f"bed: dt_s {dt_s} is not in (0, {params.pulse_on_s}] s, the length of a pulse")
+    params.check_step(dt_s)
     protocol = PulseProtocol(params)
     protocol.prepare(target_phi)
     spans: list[Span] = []

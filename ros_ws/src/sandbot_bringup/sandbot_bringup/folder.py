@@ -12,7 +12,7 @@ from pathlib import Path
 
 from sandbot_bringup.plan import Plan, PlannedTrial, read_plan, to_yaml, trials_of
 from sandbot_common.errors import InputError
-from sandbot_common.files import write_text, writing
+from sandbot_common.files import check_output, write_text, writing
 
 PATIENCE_S = 3.0
 PARTIAL = ".partial"
@@ -93,6 +93,8 @@ class CampaignFolder:
             raise InputError(f"{self.path}: {blocking} is a file; give another --out")
         elif self.path.exists() and any(one != self.truth.parent for one in self.path.iterdir()):
             raise InputError(f"{self.path}: exists, is not empty and holds no campaign.yaml; give another --out")
+        else:
+            check_output(self.plan_file)
 
     def adopt(self, plan: Plan, files: Mapping[str, str]) -> None:
         """Write the plan and the robot's and cameras' files, or check the plan against the one already there.

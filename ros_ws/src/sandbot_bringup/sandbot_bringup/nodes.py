@@ -131,7 +131,8 @@ def selected(table: NodeTable, given: Mapping[str, str]) -> tuple[NodeEntry, ...
     """The nodes wanted under these launch arguments, with their parameters.
 
     A name is a launch argument of the table or ``node.parameter``, which sets one parameter of one node. Raises
-    InputError for an unknown name, a parameter that the node does not have, or a value that does not fit.
+    InputError for an unknown name, a parameter that the node does not have, a value that does not fit, or one that
+    none of these nodes uses.
     """
     values: dict[str, Any] = {CONFIG: str(Path(table.where).parent)}
     values |= {name: argument.default for name, argument in table.arguments.items()}
@@ -144,7 +145,10 @@ def selected(table: NodeTable, given: Mapping[str, str]) -> tuple[NodeEntry, ...
             values[name] = _chosen(table, name, value)
     nodes = {node.name: {**node.parameters, **_checked(node, own[node.name])} for node in table.nodes}
     space = _namespace(values.get(NAMESPACE, ""))
-    unwanted = "hardware" if values[LAB] == _TRUE else "lab"
+    for name, value in given.items():
+        # The real launch gives every argument, those that nobody typed with their defaults.
+        if name not in table.arguments or value != table.arguments[name].default_text:
+            _check_used(table, name, values)
     return tuple(
         dataclasses.replace(
             entry,
@@ -152,8 +156,35 @@ def selected(table: NodeTable, given: Mapping[str, str]) -> tuple[NodeEntry, ...
             parameters={k: _put_in(v, values) for k, v in nodes[entry.name].items()},
         )
         for entry in table.nodes
-        if entry.wanted != unwanted and _holds(entry.only_if, values)
+        if not _missing(entry, values)
     )
+
+
+def _check_used(table: NodeTable, name: str, values: Mapping[str, Any]) -> None:
+    """Raise InputError, naming the switches that are missing, where no node that is started uses what was given."""
+    missing = [_missing(entry, values, name) for entry in table.nodes if _uses(entry, name)]
+    if missing and all(missing):
+        raise InputError(f"launch argument {name}: no node that is started uses it; for it give {' '.join(missing[0])}")
+
+
+def _uses(entry: NodeEntry, name: str) -> bool:
+    """Whether a launch argument is for a node: a parameter of its own, put into one, or what it is started by."""
+    put_in = {found for value in entry.parameters.values() for found in _PUT_IN.findall(str(value))}
+    return name in put_in or name.startswith(f"{entry.name}.") or name == _switch(entry)[0]
+
+
+def _missing(entry: NodeEntry, values: Mapping[str, Any], apart_from: str = "") -> list[str]:
+    """The launch arguments that would start a node and are not given so; none for one that is started."""
+    lab = {"lab": _TRUE, "hardware": _FALSE}
+    wanted = [(LAB, lab[entry.wanted])] if entry.wanted in lab else []
+    switch = [_switch(entry)] if entry.only_if else []
+    return [f"{name}:={value}" for name, value in wanted + switch if name != apart_from and values[name] != value]
+
+
+def _switch(entry: NodeEntry) -> tuple[str, str]:
+    """The launch argument that starts a node, and with which value."""
+    name, _, choice = entry.only_if.partition("=")
+    return name, choice or _TRUE
 
 
 def _chosen(table: NodeTable, name: str, value: str) -> Any:
@@ -209,11 +240,9 @@ def _arguments(content: Any, path: Path) -> dict[str, LaunchArgument]:
 
 
 def _check_node(node: NodeEntry, arguments: Mapping[str, LaunchArgument], where: str) -> None:
-    name, _, choice = node.only_if.partition("=")
-    if name and (name not in arguments or (choice or _TRUE) not in arguments[name].choices):
-        raise InputError(
-            f"{where}: only_if: {node.only_if!r} is not a launch argument with the choice {choice or _TRUE}"
-        )
+    name, choice = _switch(node)
+    if name and (name not in arguments or choice not in arguments[name].choices):
+        raise InputError(f"{where}: only_if: {node.only_if!r} is not a launch argument with the choice {choice}")
     for key, value in node.parameters.items():
         if not isinstance(key, str):
             raise InputError(f"{where}: parameters: {key!r} is not a name")
@@ -225,11 +254,6 @@ def _check_node(node: NodeEntry, arguments: Mapping[str, LaunchArgument], where:
         for name in _PUT_IN.findall(value) if isinstance(value, str) else ():
             if name not in arguments and name != CONFIG:
                 raise InputError(f"{where}: parameters: {key}: {value!r}: no launch argument {name!r}")
-
-
-def _holds(condition: str, values: Mapping[str, Any]) -> bool:
-    name, _, choice = condition.partition("=")
-    return not name or values[name] == (choice or _TRUE)
 
 
 def _is_switch(argument: LaunchArgument) -> bool:

@@ -196,12 +196,21 @@ def _check_until(plan: Plan, where: str) -> None:
         raise InputError(f"{where}: {given[0]}: {getattr(plan, given[0])} without until: {VERDICT} has no meaning")
 
 
-def check_bed(plan: Plan) -> None:
-    """Raise InputError for a φ that the plan's bed can't be prepared for: the virtual lab has no other."""
+_OF_LOOSE = {"mass_kg", "rho_grain_kg_m3", "area_m2", "height_loose_m"}
+"""What says how loose a bed gets."""
+
+
+def check_bed(plan: Plan, *, live: bool = False) -> None:
+    """Raise InputError for a φ that the plan's bed can't be prepared for: the virtual lab has no other.
+
+    A ``live`` one has settings of its own; there only that end of its range counts which the plan itself sets.
+    """
     bed = plan.bed_protocol
     try:
         for phi in (*plan.phi, *(float(extra["phi"]) for extra in plan.extra_trials)):
-            bed.check_target(phi)
+            sets_end = "phi_close" in plan.bed if phi > bed.phi_close else plan.bed.keys() >= _OF_LOOSE
+            if sets_end or not live:
+                bed.check_target(phi)
     except InputError as error:
         raise InputError(f"plan {plan.name}: phi: {error}") from None
 

@@ -23,7 +23,8 @@ class RecorderProcess:
         bag.parent.mkdir(parents=True, exist_ok=True)
         left_out = _ENCODED if images != "none" else _ENCODED | _FRAMES
         names = [topic.name for topic in topics.ALL if topic not in left_out]
-        command = [sys.executable, "-m", "sandbot_record.tools.record", *names, "--images", images, "--pause-images"]
+        command = [sys.executable, "-m", "sandbot_record.tools.record", *names, "--images", images]
+        command += ["--pause-images"] if images != "none" else []
         command += ["--fresh", "--end-with-stdin", "--out", str(bag), "--attach", *map(str, attachments)]
         command += ["--ros-args", "-r", f"__ns:={namespace}"]
         # A session of its own: Ctrl-C and a closed terminal reach us first, and the legs are stopped while it records.

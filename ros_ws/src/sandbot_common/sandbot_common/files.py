@@ -69,9 +69,12 @@ def check_output(path: Path) -> Path:
     above = next(parent for parent in Path(os.path.realpath(path)).parents if parent.exists())
     if not above.is_dir():
         raise InputError(f"{path}: can't be written: {above} is not a folder")
-    if not os.access(above, os.W_OK | os.X_OK):
-        raise InputError(f"{path}: can't be written: no permission to write in {above}")
-    return path
+    try:
+        # Tried: of a disk that is read-only, or of /proc, no permission tells.
+        with tempfile.TemporaryFile(dir=above):
+            return path
+    except OSError as error:
+        raise InputError(f"{path}: can't be written: no file can be made in {above} ({error.strerror})") from None
 
 
 def same_file(one: Path, other: Path) -> bool:

@@ -392,11 +392,21 @@ def stop_signals() -> Iterator[Stop]:
 
 
 def _refuse_unknown(node: Node, where: str) -> None:
-    # ROS drops a misspelt -p without a word.
     known = list(node._parameters)
-    for name in node._parameter_overrides:
-        if not node.has_parameter(name) and not name.startswith("qos_overrides."):
-            raise InputError(f"{where}: unknown parameter {name!r}{did_you_mean(name, known)}")
+    for name in _undeclared(node):
+        raise InputError(f"{where}: unknown parameter {name!r}{did_you_mean(name, known)}")
+
+
+def refuse_parameters(node: Node) -> None:
+    """Raise InputError where a node that begins by options of its own was given a parameter; before it declares any."""
+    for name in _undeclared(node):
+        raise InputError(f"--ros-args -p {name}: {node.get_name()} is set by options of its own (see --help)")
+
+
+def _undeclared(node: Node) -> list[str]:
+    # ROS drops a misspelt -p without a word.
+    given = node._parameter_overrides
+    return [name for name in given if not node.has_parameter(name) and not name.startswith("qos_overrides.")]
 
 
 def _descriptor(spec: Spec) -> ParameterDescriptor:

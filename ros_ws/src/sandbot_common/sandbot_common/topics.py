@@ -5,6 +5,7 @@ namespace (``-r __ns:=/robot1``) a whole trackway is on its own: topics, service
 """
 
 import math
+import re
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,6 +14,9 @@ LEGS = ("front_left", "middle_right", "rear_left", "front_right", "middle_left",
 
 FRAME = "trackway"
 """x along the track, z up from the undisturbed surface."""
+
+NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+"""What ROS takes for the full name of a topic."""
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from sandbot_hardware.films import CAMERAS, film
 from sandbot_hardware.lines import Line
 from sandbot_hardware.terminal import Terminal
 from sandbot_lab.bed import LabBed
+from sandbot_lab.cameras import check_cameras
 from sandbot_lab.stage import NANO, LiveTrial, warm_up
 from sandbot_lab.world import START_X_M, null_world
 
@@ -38,8 +39,7 @@ class Trackway:
 
     def __init__(self, folder: Path, cameras: Path, robot: Robot, seed: int, phi: float, lease_s: float) -> None:
         sections: dict[str, Any] = read_yaml(cameras)
-        if missing := [name for name in CAMERAS if name not in sections]:
-            raise InputError(f"{cameras}: no {missing[0]!r} camera in it")
+        check_cameras(sections, str(cameras))
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
         self._world, self._phi, self._seed = null_world().walked_by(robot), phi, seed

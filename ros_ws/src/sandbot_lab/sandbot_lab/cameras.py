@@ -168,6 +168,17 @@ class LabCamera:
         draw_box(image, left, right, top, bottom, BODY_GREY - _PEDESTAL)
 
 
+def check_cameras(sections: Mapping[str, Any], where: str) -> None:
+    """Raise InputError, opened by ``where``, unless both cameras are there and can film."""
+    for name in _NORMAL:
+        if not isinstance(sections.get(name), Mapping):
+            raise InputError(f"{where}: no {name!r} camera in it")
+        try:
+            LabCamera(name, sections[name], 0)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+
+
 def _ground(rows: int, columns: int, rng: np.random.Generator) -> Frame:
     """Grains as they lie, with a few dim glints; lower by the pedestal that the noise tile carries."""
     frame = _window(_grain_tile(rows + _SLACK[0], columns + _SLACK[1]), rows, columns, rng).copy()

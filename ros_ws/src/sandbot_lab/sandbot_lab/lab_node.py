@@ -10,7 +10,7 @@ granted: no robot of metal waits for a CPU to stop.
 """
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ from sandbot_common.robot import read_robot, robot_of_trial
 from sandbot_common.timer import Timer
 from sandbot_lab.bed import LabBed
 from sandbot_lab.calibration import Calibration, calibration
-from sandbot_lab.cameras import LabCamera
+from sandbot_lab.cameras import LabCamera, check_cameras
 from sandbot_lab.lab_parameters import LabParameters
 from sandbot_lab.stage import NANO, LiveTrial, warm_up
 from sandbot_lab.week import Occasion
@@ -95,10 +95,7 @@ class LabNode(Node):
     def _read_cameras(self, path: str) -> dict[str, Any]:
         file = Path(path) if path else config_file("cameras.yaml")
         sections = read_yaml(file)
-        for name in CAMERAS:
-            if not isinstance(sections.get(name), Mapping):
-                raise InputError(f"{file}: no camera {name!r}")
-            calibration(sections[name], f"{file}: {name}")
+        check_cameras(sections, str(file))
         return {name: sections[name] for name in CAMERAS}
 
     @property

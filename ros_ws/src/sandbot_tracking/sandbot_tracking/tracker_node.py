@@ -64,7 +64,10 @@ class TrackerNode(Node):
         self._publish = {name: node.publisher(self, topic) for name, topic in named.items()}
         self._latency = Latency(given.latency_budget_s)
         self._unreadable = ""
-        cameras = read_cameras(given.cameras or config_file("cameras.yaml"))
+        path = given.cameras or config_file("cameras.yaml")
+        cameras = read_cameras(path)
+        if "dorsal" not in cameras:
+            raise InputError(f"{path}: no 'dorsal' camera in it")
         robot = read_robot(given.robot or config_file("robot.yaml"))
         # Before anything is heard: frames that came meanwhile would be lost once the queue is full.
         warm_up(cameras)

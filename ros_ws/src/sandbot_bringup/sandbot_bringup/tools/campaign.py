@@ -25,7 +25,7 @@ from sandbot_bringup.supervision import SILENCE_BOUNDS_S, SILENCE_S
 from sandbot_common import cli
 from sandbot_common.crew import add_crew, crew_of, no_crew
 from sandbot_common.errors import InputError
-from sandbot_common.files import parse_yaml
+from sandbot_common.files import load_yaml, parse_yaml
 from sandbot_common.terminal import filled
 
 if TYPE_CHECKING:
@@ -46,15 +46,16 @@ def command(argv: Sequence[str]) -> int:
     plan, folder = _plan_and_folder(options)
     files = files_of(plan, options.plan if options.plan.is_dir() else options.plan.parent, folder.path)
     trials = sorted(trials_of(plan), key=lambda trial: trial.run_order)
+    if options.batch and ros_arguments:
+        raise InputError("--ros-args: --batch runs without ROS; leave one of the two out")
     folder.check(plan)
+    check_bed(plan, live=not options.batch)
     world = _lab(plan, folder, files, options) if options.batch else None
     if options.dry_run:
         from sandbot_bringup.foresight import foresight
 
         print(describe(plan, trials), filled(foresight(plan, trials, files)), sep="\n")
         return 0
-    if options.batch and ros_arguments:
-        raise InputError("--ros-args: --batch runs without ROS; leave one of the two out")
     redo = _not_ok(folder) if options.redo else None
     if world is not None:
         trials, failures = _batch(plan, folder, files, world, options, redo or {})
@@ -201,10 +202,11 @@ def _not_ok(folder: CampaignFolder) -> dict[str, str]:
 
 def _lab(plan: Plan, folder: CampaignFolder, files: Mapping[str, str], options: argparse.Namespace) -> "World":
     """The virtual lab's world; InputError where there is none to choose, or bed or cameras can't do what is asked."""
-    from sandbot_bringup.batch import check_cameras, check_film, choose_world
+    from sandbot_bringup.batch import BED_STEP_S, check_film, choose_world
+    from sandbot_lab.cameras import check_cameras
 
-    check_bed(plan)
-    check_cameras(files, plan.cameras or "cameras.yaml")
+    plan.bed_protocol.check_step(BED_STEP_S)
+    check_cameras(load_yaml(files["cameras.yaml"]), plan.cameras or "cameras.yaml")
     world = choose_world(folder, robot_of(files), options.world, options.hide)
     check_film(world, files)
     return world

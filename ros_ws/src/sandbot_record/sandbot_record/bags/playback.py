@@ -40,6 +40,8 @@ class Timeline:
         self._names = list(wanted)
         self._shown = list(wanted.values())
         self._videos = {shown[name].name: VideoFrames(file) for name, file in bag.videos.items()}
+        self.decoded = [info.name for name, info in wanted.items() if info.name not in (name, *self._videos)]
+        """The topics of JPEG messages that are played as raw images."""
         # What rosbags reads can't be fetched block by block, so it is kept.
         self._kept: list[Batch] | None = [] if foreign.is_foreign(bag.files[0], bag.info) else None
         self._files = [] if self._kept is not None else [reader.mapped(path) for path in bag.files]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
+from sandbot_common.topics import NAME
 from sandbot_record.bags.mcap_writer import COMPRESSIONS
 from sandbot_record.bags.video import CODECS
 
@@ -139,13 +140,27 @@ def _check(options: argparse.Namespace) -> None:
         except re.error as error:
             raise InputError(f"--{name}: {getattr(options, name)!r} is not a regular expression: {error}") from None
     for topic in options.topics:
-        if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", topic):
+        if not NAME.fullmatch(topic):
             raise InputError(f"{topic!r} is not a topic name such as /leg_states")
-    if options.video_codec is not None and options.images != "video":
-        raise InputError(f"--video-codec: --images is {options.images}, not video: nothing would be coded")
     for name in ("duration", "max_size", "max_duration", "min_free"):
         if not 0 <= getattr(options, name) < 1e12:
             raise InputError(f"--{name.replace('_', '-')}: {getattr(options, name)} is not a number from 0 up")
+    if 0 < options.max_size * MIB < 1:
+        raise InputError(f"--max-size: {options.max_size:g} MiB is less than a byte; 0 never begins a new file")
+    _check_ignored(options)
+
+
+def _check_ignored(options: argparse.Namespace) -> None:
+    """Raise InputError for what would have no effect."""
+    if options.exclude and not (options.all or options.regex):
+        raise InputError("--exclude: of topics that are named none is left out; it is for --all or --regex")
+    if options.pause_images and options.images == "none":
+        raise InputError("--pause-images: --images none records none to pause")
+    if options.video_codec is not None and options.images != "video":
+        raise InputError(f"--video-codec: --images is {options.images}, not video: nothing would be coded")
+    names = [path.name for path in options.attach]
+    if twice := next((name for name in names if names.count(name) > 1), ""):
+        raise InputError(f"--attach: two files are named {twice}, and a bag carries one of a name")
 
 
 if __name__ == "__main__":

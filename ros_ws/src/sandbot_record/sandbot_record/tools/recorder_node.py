@@ -28,7 +28,7 @@ from std_srvs.srv import SetBool, Trigger
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.files import parse_json
-from sandbot_common.node import Health, run
+from sandbot_common.node import Health, refuse_parameters, run
 from sandbot_common.timer import Timer
 from sandbot_record.bags import frames, interfaces, metadata
 from sandbot_record.bags.mcap_writer import LIBRARY
@@ -154,8 +154,10 @@ class _Receiver:
 class Recorder(Node):
     """Records the selected topics; see ``sandbot_record.tools.record`` for the options."""
 
-    def __init__(self, selection: Selection, recording: Recording) -> None:
+    def __init__(self, selection: Selection, begin: Callable[[], Recording]) -> None:
         super().__init__("recorder")
+        refuse_parameters(self)
+        recording = begin()
         # In a namespace: what is in it, by the names it has there, so that bags of any trackway look alike.
         self._space = self.get_namespace().rstrip("/")
         self._selection, self._recording = selection, recording
@@ -385,12 +387,12 @@ def record(selection: Selection, begin: Callable[[], Recording], arguments: Sequ
     """
     begun: list[Recording] = []
 
-    def make() -> Recorder:
+    def keep() -> Recording:
         begun.append(begin())
-        return Recorder(selection, begun[0])
+        return begun[0]
 
     try:
-        code = run(make, arguments)
+        code = run(lambda: Recorder(selection, keep), arguments)
     finally:
         for recording in begun:
             recording.close()

@@ -1,11 +1,13 @@
 """replay: publish a bag's messages as they were recorded. Space pauses, left/right seek by 1 s, up/down change the
 rate."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
+from sandbot_common.suggest import did_you_mean
+from sandbot_common.topics import NAME
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -35,18 +37,28 @@ def _replay(argv: Sequence[str]) -> int:
     from sandbot_record.tools.replay_node import Options, replay
 
     timeline = Timeline(Bag.open(options.bag), options.topics, decode_jpeg=options.decode_jpeg)
+    if options.decode_jpeg and not timeline.decoded:
+        raise InputError("--decode-jpeg: none of the topics that are played has JPEG frames")
+    remap = _remap(options.remap, timeline.topics)
     player = Player(timeline, rate=options.rate, loop=options.loop, start_s=options.start, until_s=options.until)
-    remap = dict(_pair(text) for text in options.remap)
     code, line = replay(player, Options(remap, options.clock, options.delay, options.with_commands), ros_arguments)
-    print(line, flush=True)
+    if line:
+        print(line, flush=True)
     return code
 
 
-def _pair(text: str) -> tuple[str, str]:
-    old, separator, new = text.partition(":=")
-    if not separator or not old.startswith("/") or not new.startswith("/"):
-        raise InputError(f"--remap {text!r} is not /old:=/new")
-    return old, new
+def _remap(texts: Sequence[str], played: Collection[str]) -> dict[str, str]:
+    """New names by the old ones, which are played."""
+    pairs: dict[str, str] = {}
+    for text in texts:
+        old, _, new = text.partition(":=")
+        if not NAME.fullmatch(new):
+            raise InputError(f"--remap {text!r} is not /old:=/new, topic names such as /leg_states")
+        if old not in played:
+            raise InputError(f"--remap {text}: {old} is not played{did_you_mean(old, played)}")
+        if pairs.setdefault(old, new) != new:
+            raise InputError(f"--remap {text}: {old} is {pairs[old]} already")
+    return pairs
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import names_of, run
+from sandbot_common.node import names_of, refuse_parameters, run
 from sandbot_common.timer import Timer
 from sandbot_record.bags.metadata import TopicInfo
 from sandbot_record.bags.playback import SECOND_NS, Player
@@ -66,6 +66,7 @@ class Replay(Node):
 
     def __init__(self, player: Player, options: Options) -> None:
         super().__init__("replay")
+        refuse_parameters(self)
         self._player, self._options = player, options
         self._lock = threading.Lock()
         self._changed, self._stop = threading.Event(), threading.Event()

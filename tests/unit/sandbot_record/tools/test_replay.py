@@ -1,0 +1,38 @@
+import bags
+import pytest
+
+from sandbot_common import topics
+from sandbot_record.bags.playback import Timeline
+from sandbot_record.bags.reader import Bag
+from sandbot_record.bags.writer import BagWriter
+from sandbot_record.tools import replay
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--remap /leg_states:=/a/1b", "--remap '/leg_states:=/a/1b' is not /old:=/new"),
+        ("--remap /leg_states", "--remap '/leg_states' is not /old:=/new"),
+        ("--remap /leg_state:=/a", "--remap /leg_state:=/a: /leg_state is not played, did you mean '/leg_states'?"),
+        ("--remap /leg_states:=/a /leg_states:=/b", "--remap /leg_states:=/b: /leg_states is /a already"),
+        ("--decode-jpeg", "--decode-jpeg: none of the topics that are played has JPEG frames"),
+        ("--ros-args -p rate:=50.0", "--ros-args -p rate: replay is set by options of its own (see --help)"),
+    ],
+)
+def test_what_would_be_ignored_is_refused_in_one_line(tmp_path, domain, capfd, words, said):
+    assert replay.main([str(bags.legs_bag(tmp_path / "bag", 3)), *words.split()]) == 2
+    error = capfd.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_topics_that_are_played_get_new_names():
+    assert replay._remap(["/a:=/b/c_1", "/d:=/e"], ["/a", "/d"]) == {"/a": "/b/c_1", "/d": "/e"}
+
+
+def test_jpeg_frames_are_known_as_such(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.write(topics.DORSAL_JPEG, b"", 1)
+    bag = Bag.open(tmp_path / "bag")
+    assert Timeline(bag, decode_jpeg=True).decoded
+    assert not Timeline(bag).decoded
