@@ -4,10 +4,10 @@ import argparse
 import contextlib
 import dataclasses
 import io
+import json
 import math
 import os
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from html import escape
 from importlib import import_module
@@ -185,52 +185,99 @@ def formulas() -> str:
 
 
 def schemas() -> str:
-    """The keys of what compare and discover write, taken from what they write of the example."""
-    from sandbot_model.tools import compare, discover
-
+    """The keys of what compare and discover write, taken from results of the example and of parts of it."""
     parts = [
-        f"{MADE}# Keys of JSON results\n\nAs written of {EXAMPLE}; `[]` is one of a list, `*` a name of its own.\n"
+        f"{MADE}# Keys of JSON results\n\nAs written of {EXAMPLE}, whole, without replicates, with fewer observables, "
+        "and with a first step that no effect explains; `[]` is one of a list, `*` a name of its own. What is not "
+        "known or not there is null.\n"
     ]
-    for name, run in (("compare", compare.main), ("discover", discover.main)):
-        content = _written(run)
-        parts.append(f"## {name} --json (`{content['schema']}`)\n")
-        parts.append(table(("key", "type"), sorted(dict.fromkeys(_paths(content)))) + "\n")
+    for name, contents in results().items():
+        parts.append(f"## {name} --json (`{contents[0]['schema']}`)\n")
+        parts.append(table(("key", "type"), merged(contents)) + "\n")
     return "\n".join(parts)
 
 
-def _written(run: Any) -> dict[str, Any]:
-    import json
+def results() -> dict[str, list[dict[str, Any]]]:
+    """Results by command: an identified, an untested, an adequate, an ambiguous and a partial one have all there is."""
+    from sandbot_model.data.conditions import cells_of
+    from sandbot_model.data.quality import checked
+    from sandbot_model.discovery.compare import compare
+    from sandbot_model.discovery.discover import discover
+    from sandbot_model.physics.effects import CATALOGUE
+    from sandbot_record.trials.read import read
+    from sandbot_record.trials.table import from_rows
 
-    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
-        out = Path(folder) / "out.json"
-        more = (
-            ["--max-effects", "1", "--workers", "1"]
-            if "discover" in run.__module__
-            else ["--effects", "stance_overlap"]
-        )
-        with contextlib.redirect_stderr(io.StringIO()):
-            assert run([str(ROOT / EXAMPLE), *more, "--json", str(out)]) == 0
-        found: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
-        return found
+    whole, overlap = read(ROOT / EXAMPLE), "stance_overlap"
+    effects = {effect.identifier: effect for effect in CATALOGUE}
+
+    def changed(*left_out: str, first_step: float = 1.0) -> Any:
+        missing = dict.fromkeys(left_out, math.nan)
+        rows = [dataclasses.replace(row, first_step_m=first_step * row.first_step_m) for row in whole.rows()]
+        return from_rows([dataclasses.replace(row, **missing) for row in rows])
+
+    once = from_rows([row for row in whole.rows() if row.replicate == 1])
+    speed = changed("lift_m", "peak_speed_m_s", "first_step_m")
+    tried = (
+        (whole, (overlap, "cohesion", "inertial_drag")),
+        (once, (overlap,)),
+        (speed, (overlap, "leg_slip")),
+        (changed("peak_speed_m_s", "first_step_m"), (overlap, "leg_slip", "cable_drag")),
+        (changed(first_step=1.3), (overlap,)),
+    )
+
+    def written(found: Any, trials: Any) -> Any:
+        content = found.to_dict()
+        content["data"]["notes"] = checked(trials)
+        return json.loads(json.dumps(content))
+
+    return {
+        "compare": [written(compare(cells_of(trials), effects, [overlap]), trials) for trials in (whole, once, speed)],
+        "discover": [
+            written(discover(cells_of(trials), {name: effects[name] for name in names}, max_effects=1), trials)
+            for trials, names in tried
+        ],
+    }
 
 
 NAMED = ("parameters", "rmse", "cv_rmse", "lack_of_fit", "noise_floor", "variants", "correlations")
 """Keys below which are names of parameters, observables or effects."""
-_TYPES = {str: "text", bool: "true or false", int: "number", float: "number", type(None): "null or number"}
+_TYPES = {str: "text", bool: "true or false", int: "number", float: "number", type(None): "null"}
+
+
+def merged(contents: Sequence[dict[str, Any]]) -> list[tuple[str, str]]:
+    """Every key of several results and all that it holds in one of them, null first."""
+    found: dict[str, set[str]] = {}
+    for content in contents:
+        for key, kind in _paths(content):
+            found.setdefault(key, set()).add(kind)
+    inner = {key for key in found if any(other.startswith((f"{key}.", f"{key}[]")) for other in found)}
+    for key in inner:
+        # What is in a list or an object has lines of its own.
+        found[key] = {"null", "object"} if "null" in found[key] else set()
+    for key in found.keys() - inner:
+        # Of these only a number may be unknown.
+        found[key] |= {"number"} if found[key] == {"null"} else set()
+    return [
+        (f"`{key}`", " or ".join(sorted(kinds, key=lambda kind: (kind != "null", kind))))
+        for key, kinds in sorted(found.items())
+        if kinds
+    ]
 
 
 def _paths(content: Any, above: str = "") -> Iterator[tuple[str, str]]:
     if isinstance(content, dict):
+        if not content:
+            yield above, "object"
         for key, value in content.items():
             own = "*" if above.split(".")[-1] in NAMED else key
             yield from _paths(value, f"{above}.{own}".lstrip("."))
     elif isinstance(content, list):
         if not content:
-            yield f"`{above}`", "list"
+            yield above, "list"
         for value in content:
             yield from _paths(value, f"{above}[]")
     else:
-        yield f"`{above}`", _TYPES[type(content)]
+        yield above, _TYPES[type(content)]
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -46,6 +46,32 @@ def test_the_page_of_json_knows_what_the_design_promises():
         assert f"| `{key}` |" in page
 
 
+def test_the_types_of_json_are_those_of_all_results_together():
+    whole = {"a": 1.5, "b": {"c": "x"}, "l": [], "parameters": {"k": 1}, "d": None, "m": [{"e": 1}], "v": {}}
+    untested = {"a": None, "b": None, "l": ["x"], "parameters": {"z": None}, "d": None, "m": [], "v": {}}
+    assert reference.merged([whole]) == [
+        *(("`a`", "number"), ("`b.c`", "text"), ("`d`", "null or number"), ("`l`", "list"), ("`m[].e`", "number")),
+        *(("`parameters.*`", "number"), ("`v`", "object")),
+    ]
+    assert reference.merged([whole, untested]) == [
+        *(("`a`", "null or number"), ("`b`", "null or object"), ("`b.c`", "text"), ("`d`", "null or number")),
+        *(("`l[]`", "text"), ("`m[].e`", "number"), ("`parameters.*`", "null or number"), ("`v`", "object")),
+    ]
+
+
+@pytest.mark.slow
+def test_the_page_of_json_is_what_results_hold():
+    page = (DOCS / "lookup" / "json.md").read_text(encoding="utf-8")
+    assert page == reference.schemas(), "make reference writes it anew"
+    of_discover = page.partition("## discover")[2]
+    for key in ("stability", "noise_floor_m_s", "noise_floor.*", "steps[].lack_of_fit_p", "steps[].rmse.*"):
+        assert f"| `{key}` | null or number |" in of_discover
+    for key in ("partial", "residual"):
+        assert f"| `{key}` | null or object |" in of_discover
+    for key in ("phi", "omega_rad_s", "observable", "separates[]", "expected_gap_sd", "replicates", "depth_m"):
+        assert f"| `next_trials[].{key}` |" in of_discover
+
+
 def listed(nav):
     """The pages of a navigation, however deep."""
     for entry in nav:

@@ -76,5 +76,19 @@ def test_writing_into_an_array_is_refused(name):
     def write(chain, _):
         getattr(chain, name)[...] = 1.0
 
-    with pytest.raises(ValueError, match="read-only"):
-        Walker((effect("speed", write),)).predict(arrays()[0], [{"a": 0.1}])
+    def write_into_the_curve(chain, _):
+        here = chain.k_of_phi(chain.phi)
+        here *= 0.9
+
+    for writes in (write, write_into_the_curve):
+        with pytest.raises(ValueError, match="read-only"):
+            Walker((effect("speed", writes),)).predict(arrays()[0], [{"a": 0.1}])
+
+
+def test_what_is_written_into_a_copy_is_not():
+    def write(chain, _):
+        copy = np.array(chain.kept)
+        copy[...] = 0.9
+        chain.kept = copy
+
+    assert (Walker((effect("speed", write),)).predict(arrays()[0], [{"a": 0.1}]).speed_m_s > 0).all()

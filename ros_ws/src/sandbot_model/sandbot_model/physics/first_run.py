@@ -27,7 +27,7 @@ def changes_something(effect: Effect) -> bool:
     changed = [
         np.any(here != there)
         for first_step in (False, True)
-        for here, there in zip(_ends(effect, (effect,), first_step), _ends(effect, (), first_step), strict=True)
+        for here, there in zip(_all_seen(effect, (effect,), first_step), _all_seen(effect, (), first_step), strict=True)
     ]
     return any(changed)
 
@@ -38,7 +38,7 @@ def shown(chain: Chain) -> tuple[Array, ...]:
     return chain.margin, *seen, chain.sigma_phi
 
 
-def _ends(effect: Effect, effects: tuple[Effect, ...], first_step: bool) -> Iterator[Array]:
+def _all_seen(effect: Effect, effects: tuple[Effect, ...], first_step: bool) -> Iterator[Array]:
     """What shows, and what effects of later stages may read of the rest."""
     walker = Walker(effects)
     params: Params = [

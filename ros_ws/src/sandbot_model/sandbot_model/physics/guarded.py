@@ -36,7 +36,7 @@ def apply(effect: Effect, chain: Chain, p: Values) -> None:
     effect.apply(chain, {name: _quantity(value) for name, value in p.items()})
     for name in _set(chain):
         value = getattr(chain, name)
-        setattr(chain, name, np.asarray(value) if isinstance(value, np.ndarray | float | int) else value)
+        setattr(chain, name, np.asarray(value, dtype=float) if isinstance(value, np.ndarray | float | int) else value)
 
 
 def _set(chain: Chain) -> list[str]:

@@ -293,7 +293,9 @@ def _secant(low: Array, high: Array, margin_low: Array, margin_high: Array) -> A
 
 
 def _column(value: ArrayLike) -> Array:
-    return np.asarray(value, dtype=np.float64)[..., None]
+    column = np.asarray(value, dtype=np.float64)[..., None]
+    column.flags.writeable = False  # it is the trials' own
+    return column
 
 
 def _flat(value: Array) -> Array:
