@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.data.penetrometer import Readings
+from sandbot_model.data.penetrometer import SCALE_SD, Readings
 from sandbot_model.discovery import error_rates as module
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.error_rates import Rate, error_rates, pressed_anew, simulated
@@ -133,9 +133,11 @@ def test_readings_are_drawn_anew_from_the_truth_as_uncertain_as_they_were(harder
     np.testing.assert_array_equal(first.force_sd_n, pressed().force_sd_n)
     many = np.array([pressed_anew(truth, np.random.default_rng(seed)).force_n for seed in range(400)])
     said, _ = truth.press(first.phi, first.depth_m)
-    z = (many - said) / first.force_sd_n
+    z = (many - said) @ truth.cells.pressed.whiten.T
     assert np.abs(z.mean(axis=0)).max() < 0.3
     assert z.std() == pytest.approx(1.0, abs=0.05)
+    # Each by its own error, and all by the scale of the gauge.
+    assert np.std(many / said, axis=0) == pytest.approx(np.hypot(first.force_sd_n / said, SCALE_SD), rel=0.15)
 
 
 def test_a_campaign_without_readings_has_none_drawn(drawn):

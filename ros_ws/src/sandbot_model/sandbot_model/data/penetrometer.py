@@ -11,6 +11,7 @@ force of a stiffness are known once the trials' robot is.
 """
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,8 @@ Ints = NDArray[np.int64]
 
 USUAL_SD = 0.02
 """Relative standard deviation of a reading that comes without one."""
+SCALE_SD = 0.02
+"""Relative standard deviation that all readings share: of the gauge, and of whose leg and which zero of the depth."""
 NEAR = 4e-3
 """A reading counts for the φ level of the trials that is no farther away than this."""
 LIMITS = {"phi": (0.4, 0.8), "depth_m": (1e-3, 0.2), "force_n": (0.0, 1e3), "k_n_per_m": (0.0, 1e5)}
@@ -65,11 +68,23 @@ class Pressed:
     depth: Floats
     force: Floats
     sd: Floats
+    """Of each alone, see ``SCALE_SD``."""
     notes: tuple[str, ...] = ()
     """What of the readings is not used, one sentence each."""
 
     def __len__(self) -> int:
         return len(self.level)
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Of the forces [N²] ``(n, n)``: each scatters by itself, and the scale is one for all."""
+        shared = SCALE_SD * self.force
+        return np.asarray(np.diag(self.sd**2) + np.outer(shared, shared))
+
+    @cached_property
+    def whiten(self) -> Floats:
+        """L⁻¹ with the covariance L Lᵀ, ``(n, n)``."""
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
 
 
 def read_readings(path: Path) -> Readings:

@@ -119,13 +119,15 @@ def simulated(trials: Trials, truth: Fit, rng: np.random.Generator) -> Trials:
 def pressed_anew(truth: Fit, rng: np.random.Generator) -> Readings | None:
     """Readings of a fit's ground, at the φ and depths of those it was fitted to and as uncertain; None without any.
 
-    As in the fit a reading scatters by its own standard deviation; what batches of trials share is not in it.
+    As in the fit a reading scatters by its own standard deviation and all of them by one scale; what batches of trials
+    share is not in it.
     """
     real = truth.cells.pressed
     if real is None:
         return None
-    force = real.force - real.sd * truth.state.pressed[0]
-    drawn = force + real.sd * rng.standard_normal(len(real))
+    state = truth.state
+    force = real.force - truth.problem.missed_forces(state.theta, state.ln_k, state.slope)[0]
+    drawn = force + np.linalg.solve(real.whiten, rng.standard_normal(len(real)))
     return Readings(truth.level_phi[real.level] + real.away, real.depth, drawn, real.sd)
 
 

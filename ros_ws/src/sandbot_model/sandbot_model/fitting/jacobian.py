@@ -57,7 +57,7 @@ def cell_jacobian(problem: Problem, states: States, *, switches: bool = False) -
 
 
 def readings_jacobian(problem: Problem, states: States) -> Array:
-    """d(model of the readings)/d(θ, ln k of a level) in standard deviations, ``(rows, readings, θ + levels)``."""
+    """d(whitened model of the readings)/d(θ, ln k of a level), ``(rows, readings, θ + levels)``."""
     rows, count = states.theta.shape
     readings = problem.cells.pressed
     if readings is None:
@@ -67,13 +67,14 @@ def readings_jacobian(problem: Problem, states: States) -> Array:
     theta[np.arange(count), :, np.arange(count)] += step.T
     ln_k = np.repeat(states.ln_k[None], count + 1, axis=0)
     ln_k[count] += STEP
-    moved = problem.pressed(theta, ln_k, np.repeat(states.slope[None], count + 1, axis=0))
+    moved = problem.missed_forces(theta, ln_k, np.repeat(states.slope[None], count + 1, axis=0))
     steps = np.concatenate([step.T, np.full((1, rows), STEP)])
-    each = (states.pressed - moved) / steps[..., None]
+    here = problem.missed_forces(states.theta, states.ln_k, states.slope)
+    each = (here - moved) / steps[..., None]
     found = np.zeros((rows, len(readings), count + ln_k.shape[-1]))
     found[..., :count] = np.moveaxis(each[:count], 0, -1)
     found[:, np.arange(len(readings)), count + readings.level] = each[count]
-    return found
+    return np.asarray(readings.whiten @ found)
 
 
 def tangent_basis(problem: Problem, states: States) -> Array:

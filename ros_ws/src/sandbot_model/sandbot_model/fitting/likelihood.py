@@ -143,13 +143,18 @@ class Problem:
         return np.asarray(whiten @ np.where(self.measured[..., None], slope, 0.0))
 
     def pressed(self, theta: Array, ln_k: Array, slope: Array) -> Array:
-        """Penetrometer readings minus model, in standard deviations ``(..., readings)``."""
+        """Penetrometer readings minus model, whitened ``(..., readings)``."""
+        missed, readings = self.missed_forces(theta, ln_k, slope), self.cells.pressed
+        return missed if readings is None else missed @ readings.whiten.T
+
+    def missed_forces(self, theta: Array, ln_k: Array, slope: Array) -> Array:
+        """Penetrometer readings minus model [N] ``(..., readings)``."""
         readings = self.cells.pressed
         if readings is None:
             return np.zeros((*theta.shape[:-1], 0))
         k = np.exp(ln_k)[..., readings.level] + slope[..., readings.level] * readings.away
         force = self.press(theta, ln_k, k, self.cells.level_phi[readings.level] + readings.away, readings.depth)
-        return np.asarray((readings.force - force) / readings.sd)
+        return np.asarray(readings.force - force)
 
     def press(self, theta: Array, ln_k: Array, k: Array, phi: Array, depth: Array) -> Array:
         """Force [N] on a leg pressed slowly into virgin ground, of the shape of ``k (..., readings)``.

@@ -120,10 +120,12 @@ def profile(problem: Problem, theta: Array, slope: Array, k_curve: Array, k_grid
 
 
 def _pressed_table(problem: Problem, theta: Array, k_grid: Array, slope: Array) -> Array:
-    """Penetrometer readings minus model in standard deviations ``(readings, m, k)``."""
+    """Penetrometer readings minus model in standard deviations ``(readings, m, k)``, as if they shared nothing: every
+    level has its own k, and only these tables are added up."""
+    assert problem.cells.pressed is not None
     ln_k = np.repeat(np.log(k_grid)[:, None], len(problem.cells.level_phi), axis=1)
-    missed = [problem.pressed(np.repeat(row[None], len(k_grid), axis=0), ln_k, slope) for row in theta]
-    return np.moveaxis(np.array(missed), -1, 0)
+    missed = [problem.missed_forces(np.repeat(row[None], len(k_grid), axis=0), ln_k, slope) for row in theta]
+    return np.moveaxis(np.array(missed) / np.sqrt(np.diag(problem.cells.pressed.covariance)), -1, 0)
 
 
 def search_box(model: Model) -> tuple[Array, Array]:
