@@ -178,6 +178,19 @@ def test_offsets_that_grow_with_the_frequency_are_no_scatter(drawn, batch, told)
     assert at_random(plain, DEFAULT)
 
 
+@pytest.mark.parametrize(("gaits", "told"), [(("UNIFORM", "SGCS"), True), (("UNIFORM", "UNIFORM"), False)])
+def test_offsets_from_gait_to_gait_are_no_scatter(drawn, gaits, told):
+    """In every other cell, so that nothing but the gait tells; control: of one gait they may be the bed's."""
+    plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="")))
+    own = shared_by(plain, DEFAULT, 0.01)
+    every_other = np.arange(len(plain.cells)) % 2
+    by_cell = own.slope[:, :, [name == BATCH for name in own.names]]
+    cells = dataclasses.replace(
+        plain.cells, mean=plain.cells.mean + by_cell @ (0.04 * every_other), gait=tuple(gaits[i] for i in every_other)
+    )
+    assert (trend_p_of(fitted_at(plain.model, cells, plain.point, own), DEFAULT) < STRUCTURE) == told
+
+
 def test_blocks_without_an_order_follow_no_trend(drawn):
     cells = dataclasses.replace(cells_of(table(drawn, batch="block{row.replicate:g}")), order=None)
     plain = fit(model_of("simple", (), OVERLAP), cells)

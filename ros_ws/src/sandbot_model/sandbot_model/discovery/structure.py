@@ -1,7 +1,7 @@
 """Whether the offsets of batches are random: a bed that scatters follows nothing, a model that is wrong does.
 
 A missing effect that is granted to the bed, condition by condition, leaves offsets of ln k with a trend over φ, ω or
-the order, or smooth over φ and ω at some length.
+the order, or from gait to gait, or smooth over φ and ω at some length.
 """
 
 import numpy as np
@@ -39,7 +39,7 @@ def at_random(fit: Fit, criteria: Criteria) -> bool:
 
 
 def trend_p_of(fit: Fit, criteria: Criteria) -> float:
-    """p-value of no trend of the batches' offsets over φ, ω (to second order) and run order, averaged over σ_b.
+    """p-value of no trend of the batches' offsets over φ, ω (to second order), run order and gait, averaged over σ_b.
 
     NaN where there is no such trend.
     """
@@ -95,11 +95,18 @@ def _where(fit: Fit) -> Array:
 
 
 def _trends(fit: Fit) -> Array:
-    """Smooth functions of where and when a batch was ``(batches, t)``."""
-    at = _where(fit)
+    """Smooth functions of where and when a batch was, and in which gait ``(batches, t)``."""
+    at, gaits = _where(fit), _gaits(fit)
     phi, omega = at[:, 0], at[:, 1]
-    trends = np.stack([*at.T, phi**2, omega**2, phi * omega], axis=1)
+    trends = np.stack([*at.T, phi**2, omega**2, phi * omega, *gaits.T, *(omega * gaits.T)], axis=1)
     return np.asarray(trends - trends.mean(axis=0))
+
+
+def _gaits(fit: Fit) -> Array:
+    """Share of each batch that is of each gait but the first ``(batches, gaits - 1)``."""
+    share, names = batch_share(fit), np.array(fit.cells.gait)
+    other = (names[:, None] == np.unique(names)[1:]).astype(float)
+    return np.asarray((share / share.sum(axis=0)).T @ other)
 
 
 def batch_share(fit: Fit) -> Array:
