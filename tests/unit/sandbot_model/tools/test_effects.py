@@ -67,7 +67,7 @@ def test_a_card_says_where_an_effect_would_show(name, where, printed):
 
 
 def test_a_fingerprint_of_nothing_is_empty():
-    nothing = formula_effect("nothing: strength: k*(1 + 0*a); a [1] in 0..1")
+    nothing = formula_effect("nothing: strength: k*(1 + 0*a); a [1] in 0..1", tried=True)
     assert np.abs(fingerprint(nothing, {"nothing": nothing}).missed).max() < SEEN / 4
 
 
