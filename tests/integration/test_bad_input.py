@@ -339,8 +339,8 @@ def lens_case(name, line, *words, **files):
 
 LENSES = [
     lens_case("size", "--out @/o.yaml --size -5 3", "--size", "-5"),
-    lens_case("pattern", "--out @/o.yaml --pattern 1 1", "--pattern", "1 1"),
-    lens_case("square", "--out @/o.yaml --square nan", "--square", "nan"),
+    lens_case("pattern", "--out @/o.yaml --chessboard @/b --pattern 1 1", "--pattern", "1 1"),
+    lens_case("square", "--out @/o.yaml --chessboard @/b --square nan", "--square", "nan"),
     lens_case("onto-another-yaml", "--out @/o.yaml", "o.yaml", "lateral", "3", o__yaml="lateral: 3\n"),
 ]
 
