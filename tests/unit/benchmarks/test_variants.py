@@ -40,7 +40,7 @@ def observables(form):
 
 
 def test_every_form_is_of_a_family_or_of_none_and_moves_something():
-    without = observables(variants.Form("none", "nothing acts", {"speed": "kept"}))
+    without = observables(variants.Form("none", "nothing acts", {}))
     for form in variants.FORMS:
         assert form.family in {*catalogue(), variants.OUTSIDE}
         # The same noise in both.

@@ -47,7 +47,7 @@ class Graph:
 def graph(monkeypatch):
     one = Graph()
     monkeypatch.setattr(page_lease_node.node, "publisher", one.offer)
-    monkeypatch.setattr(page_lease_node.node, "Timer", lambda _ros, _period, turn: setattr(one, "turn", turn))
+    monkeypatch.setattr(page_lease_node, "Timer", lambda _ros, _period, turn: setattr(one, "turn", turn))
     monkeypatch.setattr(page_lease_node, "real_time_while", lambda *_: None)
     # What waits is turned to: the loop is another thread's.
     monkeypatch.setattr(page_lease_node.time, "sleep", lambda _: one.turn())
