@@ -76,6 +76,9 @@ def delivery(topic: Topic) -> QoSProfile:
     return node.qos(topic, best_effort=best_effort, depth=PICTURES_KEPT if topic in _IMAGES else None)
 
 
+_FIXED = node.fixed("the console's parameters are read at the start: restart it to change them")
+
+
 class ConsoleNode(Node):
     """Messages come serialized; only what is shown is ever decoded, and pictures only as often as they are shown."""
 
@@ -83,7 +86,7 @@ class ConsoleNode(Node):
 
     def __init__(self) -> None:
         super().__init__("console")
-        self._settings = node.Parameters(self, ConsoleParameters, _fixed).current
+        self._settings = node.Parameters(self, ConsoleParameters, _FIXED).current
         self._lock = threading.Lock()
         self._state = Console({topic.name: topic.latched for topic in SHOWN})
         self._pictures: dict[str, bytes] = {}
@@ -301,10 +304,6 @@ class _Asked:
 
 def _v_x(message: Any) -> tuple[float, float]:
     return messages.nanoseconds(message.header.stamp) / 1e9, message.twist.twist.linear.x
-
-
-def _fixed(_: ConsoleParameters) -> None:
-    raise InputError("the console's parameters are read at the start: restart it to change them")
 
 
 def _now() -> str:

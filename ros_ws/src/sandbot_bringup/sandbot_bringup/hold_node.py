@@ -11,12 +11,9 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from sandbot_bringup.hold import Hold
-from sandbot_common.standstill import Standstill
-from sandbot_common.timer import Timer
+from sandbot_common.timer import watched
 
 T = TypeVar("T")
-
-_TURN_S = 0.1
 
 
 class HoldServices:
@@ -25,8 +22,7 @@ class HoldServices:
     def __init__(self, node: Node, hold: Hold) -> None:
         self.hold = hold
         self.changed: Callable[[str], None] = lambda _: None
-        self._standstill = Standstill()
-        Timer(node, _TURN_S, lambda: self._standstill.turn(time.monotonic()))
+        self._standstill = watched(node)
         for name, answer in (("stop", self._stop), ("pause", self._pause), ("go", self._go)):
             node.create_service(Trigger, f"campaign/{name}", _trigger(answer))
 

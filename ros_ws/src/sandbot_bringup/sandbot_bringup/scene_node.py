@@ -22,12 +22,15 @@ from sandbot_tracking.calibration import read_cameras
 BODY_FRAME = "base_link"
 
 
+_FIXED = node.fixed("the scene's parameters are read at the start: restart it to change them")
+
+
 class SceneNode(Node):
     """Keeps the last word on everything, and draws it where somebody looks."""
 
     def __init__(self) -> None:
         super().__init__("scene")
-        given = node.Parameters(self, SceneParameters, _fixed).current
+        given = node.Parameters(self, SceneParameters, _FIXED).current
         cameras = read_cameras(given.cameras or config_file("cameras.yaml"))
         self._cameras = {topics.optical_frame(name): camera_pose(camera) for name, camera in cameras.items()}
         self._robot = read_robot(given.robot) if given.robot else SANDBOT
@@ -73,10 +76,6 @@ class SceneNode(Node):
             self._robot = robot_of_trial(message.data) or self._robot
         except InputError as error:
             self.get_logger().error(str(error))
-
-
-def _fixed(_: SceneParameters) -> None:
-    raise InputError("the scene's parameters are read at the start: restart it to change them")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

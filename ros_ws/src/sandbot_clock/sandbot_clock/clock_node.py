@@ -33,12 +33,10 @@ from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
 from sandbot_common.process import ask_for_real_time
 from sandbot_common.robot import SANDBOT, read_robot, robot_of_trial
-from sandbot_common.standstill import Standstill
-from sandbot_common.timer import Timer
+from sandbot_common.timer import Timer, watched
 
 # Long enough to hear whether a bed blows before legs move by themselves.
 _AUTOSTART_DELAY_S = 1.0
-_TURN_S = 0.1
 _CATCH_UP = 10
 """Periods that one set-point makes up for at most; what passes in more slowly changes the gait (decision 16)."""
 # Real-time priorities of the schedule's thread and of the rest of the process.
@@ -69,8 +67,7 @@ class ClockNode(Node):
         self._published = self._published_before = self._missed = 0
         self._real_time = False
         self._health = node.Health(self, self._figures, sole=True)
-        self._standstill = Standstill()
-        Timer(self, _TURN_S, lambda: self._standstill.turn(time.monotonic()))
+        self._standstill = watched(self)
         self.create_service(Trigger, "clock/start", self._on_start)
         self.create_service(Trigger, "clock/stop", self._on_stop)
         self.create_service(Trigger, "clock/home", self._on_home)

@@ -8,7 +8,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
-from sandbot_common import topics
+from sandbot_common import messages, topics
 from sandbot_common.lease import Lease
 from sandbot_common.neighbours import LOOK_S, Neighbours
 from sandbot_common.node import NAMELESS, PROCESS, names_of, subscription
@@ -45,9 +45,8 @@ class Partners:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            process = next((pair.value for pair in status.values if pair.key == PROCESS), "")
             with self._lock:
-                self._neighbours.meet(status.name, process)
+                self._neighbours.meet(status.name, messages.values_of(status).get(PROCESS, ""))
 
 
 class Rivals:

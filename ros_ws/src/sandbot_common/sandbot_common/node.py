@@ -122,6 +122,15 @@ def ask(client: Client, request: Any, wait: Callable[[Callable[[], bool], float]
     return next((future.result() for future in asked if future.done()), None)
 
 
+def fixed(why: str) -> Callable[[object], None]:
+    """For ``Parameters``: refuses every change, saying ``why``."""
+
+    def refuse(_: object) -> None:
+        raise InputError(why)
+
+    return refuse
+
+
 class Parameters(Generic[T]):
     """ROS parameters declared from a parameter dataclass; ``current`` is always a valid instance.
 

@@ -6,6 +6,10 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
+from sandbot_common.standstill import Standstill
+
+TURN_S = 0.1
+
 
 class Timer:
     """Calls back in the node's loop, by the time that has passed: for what commands, watches or tells that it lives.
@@ -50,6 +54,13 @@ class Timer:
             # The executor of these wheels dies of a task that raises; ``spin_once`` has the node's loop raise it.
             self._node.failed = error
             self._ending.set()
+
+
+def watched(node: Node) -> Standstill:
+    """One that turns with the node's loop: whatever is asked while the loop stands still starts nothing."""
+    found = Standstill()
+    Timer(node, TURN_S, lambda: found.turn(time.monotonic()))
+    return found
 
 
 def end_timers(node: Node) -> None:

@@ -21,12 +21,15 @@ from sandbot_tracking.source import Source
 SETTLE_S = 1.0
 
 
+_FIXED = node.fixed("the source is opened at the start: restart the camera node to change it")
+
+
 class CameraNode(Node):
     """Publishes one source frame by frame."""
 
     def __init__(self) -> None:
         super().__init__("camera")
-        given = node.Parameters(self, CameraParameters, _fixed).current
+        given = node.Parameters(self, CameraParameters, _FIXED).current
         if not given.video:
             raise InputError("camera parameters: video: give a file or device, --ros-args -p video:=dorsal.avi")
         self._frame = topics.optical_frame(given.camera)
@@ -95,10 +98,6 @@ def _camera(path: str, name: str) -> Camera:
 
 def _info(camera: Camera, frame: str) -> CameraInfo:
     return messages.camera_info(0, frame, (camera.width, camera.height), camera.matrix, camera.distortion)
-
-
-def _fixed(_: CameraParameters) -> None:
-    raise InputError("the source is opened at the start: restart the camera node to change it")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

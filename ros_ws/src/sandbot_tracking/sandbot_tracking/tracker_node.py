@@ -53,12 +53,15 @@ class ImageInput:
         self._now = wanted
 
 
+_FIXED = node.fixed("what the tracker knows is read at the start: restart the tracker to change it")
+
+
 class TrackerNode(Node):
     """Wires a LiveTracker to the topics."""
 
     def __init__(self) -> None:
         super().__init__("tracker")
-        self._settings = node.Parameters(self, TrackerParameters, _fixed)
+        self._settings = node.Parameters(self, TrackerParameters, _FIXED)
         given = self._settings.current
         named = {**topics.LANDMARKS, "speed": topics.SPEED, "mean": topics.SPEED_MEAN, "lift": topics.LIFT}
         self._publish = {name: node.publisher(self, topic) for name, topic in named.items()}
@@ -174,10 +177,6 @@ def _of(view: View) -> dict[str, object]:
         "led_unannounced": clock.unannounced,
         "clock_jumps": clock.jumps,
     }
-
-
-def _fixed(_: TrackerParameters) -> None:
-    raise InputError("what the tracker knows is read at the start: restart the tracker to change it")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -89,9 +89,9 @@ def _batches(fit: Fit) -> Bool:
 
 def _where(fit: Fit) -> Array:
     """φ, ω and, where it is told, run order of each batch ``(batches, 2 or 3)``, standardised over cells."""
-    share, cells = batch_share(fit), fit.cells
+    cells = fit.cells
     at = np.stack([cells.phi, cells.omega, *([] if cells.order is None else [cells.order])], axis=1)
-    return np.asarray((share / share.sum(axis=0)).T @ ((at - at.mean(axis=0)) / np.maximum(at.std(axis=0), 1e-12)))
+    return _of_batches(fit, (at - at.mean(axis=0)) / np.maximum(at.std(axis=0), 1e-12))
 
 
 def _trends(fit: Fit) -> Array:
@@ -104,9 +104,14 @@ def _trends(fit: Fit) -> Array:
 
 def _gaits(fit: Fit) -> Array:
     """Share of each batch that is of each gait but the first ``(batches, gaits - 1)``."""
-    share, names = batch_share(fit), np.array(fit.cells.gait)
-    other = (names[:, None] == np.unique(names)[1:]).astype(float)
-    return np.asarray((share / share.sum(axis=0)).T @ other)
+    names = np.array(fit.cells.gait)
+    return _of_batches(fit, (names[:, None] == np.unique(names)[1:]).astype(float))
+
+
+def _of_batches(fit: Fit, of_cells: Array) -> Array:
+    """The mean over the trials of each batch ``(batches, n)`` of what cells ``(cells, n)`` have."""
+    share = batch_share(fit)
+    return np.asarray((share / share.sum(axis=0)).T @ of_cells)
 
 
 def batch_share(fit: Fit) -> Array:

@@ -63,14 +63,15 @@ def readings_jacobian(problem: Problem, states: States) -> Array:
     if readings is None:
         return np.zeros((rows, 0, count + states.ln_k.shape[1]))
     step = STEP * np.maximum(np.abs(states.theta), 1e-3)
-    theta = np.repeat(states.theta[None], count + 1, axis=0)
+    # One parameter moved in each, then ln k, then nothing.
+    theta, ln_k, slope = (
+        np.repeat(part[None], count + 2, axis=0) for part in (states.theta, states.ln_k, states.slope)
+    )
     theta[np.arange(count), :, np.arange(count)] += step.T
-    ln_k = np.repeat(states.ln_k[None], count + 1, axis=0)
     ln_k[count] += STEP
-    moved = problem.missed_forces(theta, ln_k, np.repeat(states.slope[None], count + 1, axis=0))
+    *moved, here = problem.missed_forces(theta, ln_k, slope)
     steps = np.concatenate([step.T, np.full((1, rows), STEP)])
-    here = problem.missed_forces(states.theta, states.ln_k, states.slope)
-    each = (here - moved) / steps[..., None]
+    each = (here - np.array(moved)) / steps[..., None]
     found = np.zeros((rows, len(readings), count + ln_k.shape[-1]))
     found[..., :count] = np.moveaxis(each[:count], 0, -1)
     found[:, np.arange(len(readings)), count + readings.level] = each[count]

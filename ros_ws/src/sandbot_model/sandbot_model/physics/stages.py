@@ -19,8 +19,7 @@ def through(chain: Chain, effects: Active) -> Chain:
     def act(stage: str) -> None:
         for effect, values in effects:
             if effect.stage == stage:
-                own = type(effect).__module__.startswith(f"{__package__}.")
-                effect.apply(chain, values) if own else guarded.apply(effect, chain, values)
+                guarded.apply(effect, chain, values)
 
     robot = chain.robot
     act("clock")
