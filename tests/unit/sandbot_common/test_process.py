@@ -69,35 +69,40 @@ def test_waiting_for_a_cpu_is_counted_and_sleeping_is_not(other):
 
 HURRY = """
 import os, sys, threading
-from sandbot_common.process import ask_for_real_time, real_time_while
+from sandbot_common.process import ask_for_real_time, ordinary, real_time_while
 
 def look(own):
-    if own:
+    if own == "own":
         ask_for_real_time(5)
+    if own == "resends":
+        with open(f"/proc/self/task/{threading.get_native_id()}/comm", "w") as name:
+            name.write("dds.asyn.0.0")
     ready.wait()
     while not done.wait(0.001):
         seen[own] = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
 
-seen, ready, done = {}, threading.Barrier(3), threading.Event()
-for own in (False, True):
+seen, ready, done = {}, threading.Barrier(4), threading.Event()
+for own in ("ordinary", "own", "resends"):
     threading.Thread(target=look, args=(own,)).start()
 ready.wait()
 for needed in (True, False):
     real_time_while(needed, 1)
     seen.clear()
-    while len(seen) < 2:
+    while len(seen) < 3:
         done.wait(0.001)
-    print(os.sched_getscheduler(0), seen[False], seen[True], flush=True)
+    with ordinary():
+        within = os.sched_getscheduler(0)
+    print(os.sched_getscheduler(0), within, *(seen[own] for own in ("ordinary", "own", "resends")), flush=True)
 done.set()
 """
 
 
-def test_all_threads_hurry_together_but_for_those_that_had_a_priority_of_their_own():
+def test_all_threads_hurry_but_for_those_with_a_priority_of_their_own_and_the_one_that_sends_again():
     told = subprocess.check_output([sys.executable, "-c", HURRY], text=True, timeout=60).splitlines()
     if told[0].startswith(f"{os.SCHED_OTHER} "):
         pytest.skip("real-time priority is not granted here")
-    own = (os.SCHED_FIFO, 5)
+    own, without = (os.SCHED_FIFO, 5), (os.SCHED_OTHER, 0)
     assert told == [
-        f"{os.SCHED_FIFO} {(os.SCHED_FIFO, 1)} {own}",
-        f"{os.SCHED_OTHER} {(os.SCHED_OTHER, 0)} {own}",
+        f"{os.SCHED_FIFO} {os.SCHED_OTHER} {(os.SCHED_FIFO, 1)} {own} {without}",
+        f"{os.SCHED_OTHER} {os.SCHED_OTHER} {without} {own} {without}",
     ]

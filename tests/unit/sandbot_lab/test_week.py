@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from rig import QUIET
+from test_cameras import CAMERAS
 
 from sandbot_common.errors import InputError
 from sandbot_lab.direct import ReadingErrors, direct_trials
@@ -105,11 +106,12 @@ def test_cameras_show_the_same_live_and_in_batch():
     assert seen.z_m[0] == pytest.approx(trace.z_m[0] - 1e-3)
     assert (seen.z_m[1:] == trace.z_m[1:]).all()
     assert np.ptp(seen.x_m) == pytest.approx(1.02 * np.ptp(trace.x_m))
-    live = LiveTrial(world, 0.61, 3, trace.x_m[0], {}, 0, LATE)
+    live = LiveTrial(world, 0.61, 3, trace.x_m[0], {"dorsal": CAMERAS["dorsal"]}, 0, LATE)
     for index, t in enumerate(t_s[:60]):
         live.advance(round(t * 1e9), angles[index], rates[index])
-    np.testing.assert_allclose(live._motion.x_m, seen.x_m[:60], atol=1e-12)
-    np.testing.assert_allclose(live._motion.z_m, seen.z_m[:60], atol=1e-12)
+    shown = live._motion.until(t_s[59])
+    np.testing.assert_allclose(shown.x_m, seen.x_m[:60], atol=1e-12)
+    np.testing.assert_allclose(shown.z_m, seen.z_m[:60], atol=1e-12)
 
 
 def test_a_week_is_written_and_read_back(tmp_path):

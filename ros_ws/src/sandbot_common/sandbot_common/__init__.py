@@ -22,4 +22,5 @@ topics      names, types and QoS of every topic, once
 node        parameters, diagnostics, start and stop of a node
   timer     what calls it back, by the time that passes
   command_node  who commands it
+  window_node   that it sends no more than its readers take
 """

@@ -32,7 +32,7 @@ from rclpy.subscription import Subscription
 from sandbot_common import cli, messages, topics
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import Spec, from_mapping, specs
-from sandbot_common.process import ask_for_real_time, own_name
+from sandbot_common.process import ask_for_real_time, keep_memory, own_name
 from sandbot_common.suggest import did_you_mean
 from sandbot_common.timer import Timer, end_timers
 
@@ -274,6 +274,7 @@ def run(
 
     def command(arguments: Sequence[str]) -> int:
         use_shared_memory(frames=frames)
+        keep_memory()
         # Our own signals: ROS's handlers end the context at once, and close() could no longer publish "air off".
         with stop_signals() as stop:
             start_ros([sys.argv[0], *arguments])

@@ -1,5 +1,6 @@
 """Which process a node is, and what the system says of it: on one host nobody need be guessed dead from his silence."""
 
+import ctypes
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -10,6 +11,19 @@ _PROC = Path("/proc")
 _STATE, _START = 0, 19
 """Places in /proc/PID/stat after the command's name (proc(5), fields 3 and 22)."""
 _FROZEN, _ENDED = ("T", "t"), ("Z", "X", "x")
+_RESENDING = "dds.asyn"
+"""How Fast DDS names the thread that sends again what a reader has missed."""
+_MIB = 1 << 20
+_KEPT = {-1: 256 * _MIB, -2: 16 * _MIB, -3: 32 * _MIB}
+"""M_TRIM_THRESHOLD, M_TOP_PAD and M_MMAP_THRESHOLD of malloc.h [bytes]."""
+
+
+def keep_memory() -> None:
+    """Have glibc keep what is freed: fetching and giving back memory for each frame was half of a reader's CPU."""
+    with suppress(OSError, AttributeError):
+        mallopt = ctypes.CDLL(None).mallopt
+        for parameter, size in _KEPT.items():
+            mallopt(parameter, size)
 
 
 def own_name() -> str:
@@ -30,13 +44,33 @@ def ask_for_real_time(priority: int) -> bool:
 
 
 def real_time_while(needed: bool, priority: int) -> None:
-    """While ``needed``, give all ordinary threads of this process real-time priority; otherwise take it back."""
+    """While ``needed``, give all ordinary threads of this process real-time priority; otherwise take it back.
+
+    Not the one that sends again: frames sent with priority to a reader that gets no CPU keep it from getting any.
+    """
     before, after = ((os.SCHED_OTHER, 0), (os.SCHED_FIFO, priority))[:: 1 if needed else -1]
     for task in (_PROC / "self/task").glob("*"):
         thread = int(task.name)
         with suppress(AttributeError, OSError):  # a thread may end meanwhile, or none may have it
+            if (task / "comm").read_text().startswith(_RESENDING):
+                continue
             if (os.sched_getscheduler(thread), os.sched_getparam(thread).sched_priority) == before:
                 os.sched_setscheduler(thread, after[0], os.sched_param(after[1]))
+
+
+@contextmanager
+def ordinary() -> Iterator[None]:
+    """No real-time priority while in here, for the calling thread."""
+    try:
+        before = os.sched_getscheduler(0), os.sched_getparam(0)
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    except (AttributeError, OSError):
+        yield
+        return
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, *before)
 
 
 @contextmanager
@@ -83,10 +117,8 @@ class Neighbour:
     @property
     def starved_s(self) -> float:
         """For how long so far its main thread was ready to run and got no CPU; 0 where the system does not tell."""
-        try:
-            return int((_PROC / str(self.pid) / "schedstat").read_text().split()[1]) * 1e-9
-        except (OSError, IndexError, ValueError):
-            return 0.0
+        told = _read(f"{_PROC}/{self.pid}/schedstat").split()
+        return int(told[1]) * 1e-9 if len(told) > 1 else 0.0
 
 
 def _host() -> str:
@@ -99,7 +131,18 @@ def _host() -> str:
 
 
 def _stat(pid: int) -> list[str]:
+    return _read(f"{_PROC}/{pid}/stat").rpartition(")")[2].split()
+
+
+def _read(path: str) -> str:
+    """A file of /proc; empty where there is none. By hand: a campaign looks 300 times a second."""
     try:
-        return (_PROC / str(pid) / "stat").read_text().rpartition(")")[2].split()
+        file = os.open(path, os.O_RDONLY)
     except OSError:
-        return []
+        return ""
+    try:
+        return os.read(file, 4096).decode("ascii", "replace")
+    except OSError:
+        return ""
+    finally:
+        os.close(file)

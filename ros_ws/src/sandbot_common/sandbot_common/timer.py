@@ -46,14 +46,25 @@ class Timer:
 
     def _call(self) -> None:
         self._due = False
-        if self._ending.is_set():
-            return
-        try:
-            self._callback()
-        except Exception as error:
-            # The executor of these wheels dies of a task that raises; ``spin_once`` has the node's loop raise it.
-            self._node.failed = error
+        if not self._ending.is_set() and not _called(self._node, self._callback):
             self._ending.set()
+
+
+def call_soon(node: Node, callback: Callable[[], None]) -> None:
+    """Have the node's loop call back, behind what has come for it by now."""
+    if (executor := node.executor) is not None:
+        executor.create_task(_called, node, callback)
+
+
+def _called(node: Node, callback: Callable[[], None]) -> bool:
+    """Call back; False where that raises."""
+    try:
+        callback()
+    except Exception as error:
+        # The executor of these wheels dies of a task that raises; ``spin_once`` has the node's loop raise it.
+        node.failed = error
+        return False
+    return True
 
 
 def watched(node: Node) -> Standstill:

@@ -6,11 +6,12 @@ fraction, and the LED flashes. Frames are taken on the robot's time, t0 + k / fr
 Legs and air stop by themselves where their commands are late, as those of a real driver must: a clock or bed that was
 killed or froze can't tell. Both then stay so until they have been told rest, and off; legs also by /lab/reset. So do
 legs that two command, and obey neither. While legs move or air blows the lab has real-time priority where it is
-granted: no robot of metal waits for a CPU to stop.
+granted: no robot of metal waits for a CPU to stop. Frames have none: each waits behind the set-points that have come,
+and for its readers, so that a machine too slow for two cameras shows them late, and loses none.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +27,13 @@ from sandbot_common.config import config_file
 from sandbot_common.errors import InputError
 from sandbot_common.files import read_yaml
 from sandbot_common.lease import Lease
-from sandbot_common.process import real_time_while
+from sandbot_common.process import ordinary, real_time_while
 from sandbot_common.robot import read_robot, robot_of_trial
-from sandbot_common.timer import Timer
+from sandbot_common.timer import Timer, call_soon
+from sandbot_common.window_node import Window
 from sandbot_lab.bed import LabBed
 from sandbot_lab.calibration import Calibration, calibration
-from sandbot_lab.cameras import LabCamera, check_cameras
+from sandbot_lab.cameras import Frame, LabCamera, check_cameras
 from sandbot_lab.lab_parameters import LabParameters
 from sandbot_lab.stage import NANO, LiveTrial, warm_up
 from sandbot_lab.week import Occasion
@@ -44,6 +46,8 @@ SENSOR_RANGE_M = (0.02, 0.5)
 CAMERAS = ("dorsal", "lateral")
 PRIORITY = 1
 """Below all who command."""
+ON_THEIR_WAY = 40
+"""Frames, of both cameras, that readers may not have taken: a fifth of the memory they share with the lab."""
 CLOCK, BED = "clock", "bed"
 """Who commands legs and air: of those on this host the system tells when they are gone."""
 
@@ -62,6 +66,8 @@ class LabNode(Node):
         warm_up(self._sections)
         self._bed, self._bed_s = LabBed(current.seed), time.monotonic()
         self._trial: LiveTrial | None = None
+        self._frames: Iterator[tuple[str, int, Frame]] | None = None
+        self._filming = False
         self._standing = True
         self._held, self._commanded_ns = np.zeros(len(self._order)), 0
         self._legs, self._air = Lease(current.legs_lease_s), Lease(current.air_lease_s)
@@ -75,6 +81,7 @@ class LabNode(Node):
         self._led = node.publisher(self, topics.SYNC_LED)
         self._height = node.publisher(self, topics.BED_HEIGHT)
         self._images = {name: node.publisher(self, view.image) for name, view in topics.VIEWS.items()}
+        self._window = Window(list(self._images.values()), ON_THEIR_WAY)
         self._infos = {name: node.publisher(self, view.info) for name, view in topics.VIEWS.items()}
         node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
         node.subscription(self, topics.BED_BLOWER, self._on_blower)
@@ -164,6 +171,7 @@ class LabNode(Node):
         phi = current.phi or self._bed.phi
         occasion = Occasion(current.batch_seed, current.trial_seed, current.progress)
         self._trial = LiveTrial(self._world, phi, current.trial_seed, current.start_x, cameras, t_ns, occasion)
+        self._frames = None
         self._trials += 1
         self._health.level, self._health.text = 0, "ok"
         self._led.publish(messages.header(t_ns, "sync_led"))
@@ -172,8 +180,31 @@ class LabNode(Node):
         state = trial.advance(t_ns, angles, rates)
         legs = state.leg_angle_rad, state.leg_rate_rad_s, state.leg_effort_n_m
         self._states.publish(messages.joint_state(t_ns, self._order, *legs))
-        for name, stamp_ns, pixels in trial.frames():
-            self._publish_frame(name, stamp_ns, pixels)
+        self._film_soon()
+
+    def _film_soon(self) -> None:
+        """Have the loop take a frame, if one is due and there is room for it, after what has come by now."""
+        if not self._filming and self._behind and self._window.open:
+            self._filming = True
+            call_soon(self, self._film)
+
+    def _film(self) -> None:
+        self._filming = False
+        if self._frames is None and self._trial is not None:
+            self._frames = self._trial.frames()
+        with ordinary():
+            frame = next(self._frames, None) if self._frames is not None else None
+            if frame is not None:
+                self._publish_frame(*frame)
+                self._window.sent()
+        if frame is None:
+            self._frames = None
+        self._film_soon()
+
+    @property
+    def _behind(self) -> bool:
+        """Whether frames of the trial wait to be taken."""
+        return self._frames is not None or (self._trial is not None and self._trial.due)
 
     def _publish_frame(self, name: str, t_ns: int, pixels: Any) -> None:
         info = self._info[name]
@@ -190,6 +221,7 @@ class LabNode(Node):
         if self._urgent != (commanded := not self._standing or self._blower > 0):
             self._urgent = commanded
             real_time_while(commanded, PRIORITY)
+        self._film_soon()  # its readers may have made room
 
     def _stop_legs(self) -> None:
         if self._standing:
@@ -244,17 +276,18 @@ class LabNode(Node):
 
     def _publish_idle(self) -> None:
         current = self._settings.current
-        if not (current.images and current.idle_frames and self._standing):
+        if not (current.images and current.idle_frames and self._standing) or self._behind:
             return
         now_ns = self._now_ns()
-        for name, camera in self._idle.items():
-            self._publish_frame(name, now_ns, camera.render(current.start_x, self._world.body.axle_height_m))
+        with ordinary():
+            for name, camera in self._idle.items():
+                self._publish_frame(name, now_ns, camera.render(current.start_x, self._world.body.axle_height_m))
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not self._standing:
             response.success, response.message = False, "the legs are moving; stop the clock first"
             return response
-        self._trial, self._legs_lapsed = None, False
+        self._trial, self._frames, self._legs_lapsed = None, None, False
         self._health.level, self._health.text = 0, "ok"
         self._idle = self._idle_cameras()
         response.success, response.message = True, "the robot is at the start, the ground is virgin"

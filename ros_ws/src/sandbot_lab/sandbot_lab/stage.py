@@ -1,8 +1,10 @@
 """One live trial: set-points in, leg states and frames out, on the robot's own time (no ROS)."""
 
+import math
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import islice, takewhile
 from typing import Any
 
 import numpy as np
@@ -21,46 +23,41 @@ LED_ON_S = 0.05
 _REMEMBERED = 64
 
 
+@dataclass(frozen=True)
+class Moments:
+    """A piece of the body's motion as a camera needs it (``cameras.Motion``): (n,), and (n, legs) the legs."""
+
+    t_s: Floats
+    x_m: Floats
+    z_m: Floats
+    pitch_rad: Floats
+    leg_angle_rad: Floats
+
+
 class RecentMotion:
-    """The last moments of the body, as much as a film camera needs of a trace."""
+    """What the body has done and no frame has shown yet, with the last moments before it."""
 
     def __init__(self) -> None:
         """Nothing has moved yet."""
-        self._moments: deque[tuple[float, float, float, float]] = deque(maxlen=_REMEMBERED)
-        self._legs: deque[Floats] = deque(maxlen=_REMEMBERED)
+        self._states: deque[BodyState] = deque()
 
     def append(self, state: BodyState) -> None:
         """The newest moment."""
-        self._moments.append((state.t_s, state.x_m, state.z_m, state.pitch_rad))
-        self._legs.append(state.leg_angle_rad)
-
-    def _column(self, index: int) -> Floats:
-        return np.array([moment[index] for moment in self._moments])
+        self._states.append(state)
 
     @property
-    def t_s(self) -> Floats:
-        """Time since the legs started, (n,)."""
-        return self._column(0)
+    def newest_s(self) -> float:
+        """Time of the newest moment; -inf before the first."""
+        return self._states[-1].t_s if self._states else -math.inf
 
-    @property
-    def x_m(self) -> Floats:
-        """Place of the com along the track, (n,)."""
-        return self._column(1)
-
-    @property
-    def z_m(self) -> Floats:
-        """Axle height, (n,)."""
-        return self._column(2)
-
-    @property
-    def pitch_rad(self) -> Floats:
-        """Nose-up pitch, (n,)."""
-        return self._column(3)
-
-    @property
-    def leg_angle_rad(self) -> Floats:
-        """Shaft angles of the legs, (n, legs)."""
-        return np.array(self._legs)
+    def until(self, t_s: float) -> Moments:
+        """The moments up to the first one at or after ``t_s``; what came long before them is forgotten."""
+        count = 1 + sum(1 for _ in takewhile(lambda state: state.t_s < t_s, self._states))
+        for _ in range(count - _REMEMBERED):
+            self._states.popleft()
+        shown = list(islice(self._states, min(count, _REMEMBERED)))
+        t, x, z, pitch = np.array([(state.t_s, state.x_m, state.z_m, state.pitch_rad) for state in shown]).T
+        return Moments(t, x, z, pitch, np.array([state.leg_angle_rad for state in shown]))
 
 
 class LiveTrial:
@@ -92,21 +89,35 @@ class LiveTrial:
         state = self._robot.advance((t_ns - self.t0_ns) / NANO, angles, rates)
         # As the cameras see it (`as_seen`): off their scale, and a lift read too high began too low.
         x_m = self._week.seen_x_m(state.x_m, self._start_x_m)
-        self._motion.append(replace(state, x_m=x_m, z_m=state.z_m - self._sunk_m))
+        if self._cameras:
+            self._motion.append(replace(state, x_m=x_m, z_m=state.z_m - self._sunk_m))
         self._sunk_m = 0.0
         return state
 
+    @property
+    def due(self) -> bool:
+        """Whether a frame waits to be taken: its exposure has ended."""
+        return bool(self._cameras) and self._next()[1] <= self._motion.newest_s
+
     def frames(self) -> Iterator[tuple[str, int, Frame]]:
-        """Camera, stamp [ns] and pixels of every frame whose exposure has ended since the last call."""
-        if not self._taken:
-            return
-        now_s = float(self._motion.t_s[-1])
-        for name, camera in self._cameras.items():
-            while (t_s := camera.instant_s(self._taken[name])) + camera.calibration.exposure_s / 2 <= now_s:
-                come, self._taken[name] = camera.comes(self._taken[name]), self._taken[name] + 1
-                frame = camera.film(self._motion, t_s, t_s < LED_ON_S)
-                for _ in range(come):
-                    yield name, self.t0_ns + round(t_s * NANO), frame
+        """Camera, stamp [ns] and pixels of every frame that waits to be taken, the earliest first."""
+        while self.due:
+            name, end_s = self._next()
+            camera, number = self._cameras[name], self._taken[name]
+            self._taken[name] += 1
+            t_s = camera.instant_s(number)
+            frame = camera.film(self._motion.until(end_s), t_s, t_s < LED_ON_S)
+            for _ in range(camera.comes(number)):
+                yield name, self.t0_ns + round(t_s * NANO), frame
+
+    def _next(self) -> tuple[str, float]:
+        """The camera whose next exposure ends first, and when [s since the legs started]."""
+        ends = {
+            name: camera.instant_s(self._taken[name]) + camera.calibration.exposure_s / 2
+            for name, camera in self._cameras.items()
+        }
+        name = min(ends, key=ends.__getitem__)
+        return name, ends[name]
 
 
 def warm_up(cameras: Mapping[str, Mapping[str, Any]]) -> None:

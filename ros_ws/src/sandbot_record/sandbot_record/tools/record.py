@@ -1,8 +1,6 @@
 """record: topics to a bag that loses nothing and outlives a crash."""
 
 import argparse
-import contextlib
-import ctypes
 import re
 import time
 from collections.abc import Mapping, Sequence
@@ -11,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from sandbot_common import cli
 from sandbot_common.errors import InputError
+from sandbot_common.process import keep_memory
 from sandbot_common.topics import NAME
 from sandbot_record.bags.mcap_writer import COMPRESSIONS
 from sandbot_record.bags.video import CODECS
@@ -19,8 +18,6 @@ if TYPE_CHECKING:
     from sandbot_record.bags.recording import Recording
 
 MIB = 1 << 20
-_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
-"""M_TRIM_THRESHOLD and M_MMAP_THRESHOLD of malloc.h."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -28,16 +25,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     return cli.run(_record, argv)
 
 
-def _keep_memory() -> None:
-    """Have glibc keep what is freed: giving back and fetching each camera frame is 15,000 page faults a second."""
-    with contextlib.suppress(OSError, AttributeError):
-        mallopt = ctypes.CDLL(None).mallopt
-        mallopt(_TRIM_THRESHOLD, 256 * MIB)
-        mallopt(_MMAP_THRESHOLD, 32 * MIB)
-
-
 def _record(argv: Sequence[str]) -> int:
-    _keep_memory()
+    keep_memory()
     options, ros_arguments = cli.with_ros(_parser(), argv)
     _check(options)
     attachments = {path.name: _content(path) for path in options.attach}

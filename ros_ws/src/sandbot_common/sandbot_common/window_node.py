@@ -1,0 +1,39 @@
+"""Large messages are sent no faster than they are taken."""
+
+import time
+from collections.abc import Sequence
+
+from rclpy.duration import Duration
+from rclpy.publisher import Publisher
+
+PATIENCE_S = 1.0
+_AT_ONCE = Duration(seconds=0)
+
+
+class Window:
+    """Whether there is room for one more message: at most so many of some publishers are on their way to their readers.
+
+    Reliable delivery does not hold back who sends. A reader that gets no CPU leaves shared memory full, and then every
+    topic of the sender loses messages (decision 6). One that takes nothing for ``PATIENCE_S`` has died or is frozen,
+    and is not waited for until it takes all again.
+    """
+
+    def __init__(self, publishers: Sequence[Publisher], most: int) -> None:
+        self._publishers, self._most = publishers, most
+        self._sent, self._full_s = 0, 0.0
+
+    @property
+    def open(self) -> bool:
+        """Whether to send. Asked before each message."""
+        if self._sent < self._most:
+            return True
+        if all(publisher.wait_for_all_acked(_AT_ONCE) for publisher in self._publishers):
+            self._sent = 0
+            return True
+        return time.monotonic() - self._full_s > PATIENCE_S
+
+    def sent(self) -> None:
+        """One message more is on its way."""
+        self._sent += 1
+        if self._sent == self._most:
+            self._full_s = time.monotonic()
