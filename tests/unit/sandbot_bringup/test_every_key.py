@@ -239,7 +239,7 @@ def test_an_accuracy_changes_standard_errors(key):
         ]
         several, single = (cells_of(from_rows(some, accuracy=accuracy)) for some in (rows, rows[::2]))
         if key in ("lift_zero_m", "speed_scale"):
-            return [shared_by(fit(model_of("simple", (), {}), several), DEFAULT, 0.0).sd]
+            return [shared_by(fit(model_of("simple", (), {}), several), DEFAULT).sd]
         return [several.sem, single.sem]
 
     assert not same(sem(CAMERAS), sem(changed(CAMERAS, (SECTION, key))))

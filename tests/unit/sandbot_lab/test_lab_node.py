@@ -116,8 +116,11 @@ from rclpy.executors import ExternalShutdownException
 from sandbot_common import node, topics
 
 rclpy.init()
-reader, heard = rclpy.create_node("slow_reader"), []
+reader, heard, height = rclpy.create_node("slow_reader"), [], []
 node.subscription(reader, topics.DORSAL_IMAGE, heard.append)
+node.subscription(reader, topics.BED_HEIGHT, height.append)
+while not height:
+    rclpy.spin_once(reader, timeout_sec=1.0)
 print("ready", flush=True)
 try:
     while len(heard) < %d:
@@ -131,21 +134,20 @@ print(len(heard), flush=True)
 def test_frames_wait_for_a_reader_that_stands_still_and_the_legs_do_not(lab, beside, heard):
     legs = node.publisher(beside.node, topics.LEG_SETPOINTS)
     beside.until(lambda: legs.get_subscription_count() and heard["/bed/height"])
-    t_s, angles, rates = setpoints(16.0)
+    # Fewer than are sent again, should a busy machine keep the reader still for longer than he is waited for.
+    t_s, angles, rates = (values[: 2 * SETPOINTS] for values in setpoints(16.0))
     rates[-1] = 0.0
-    wanted = len(t_s[::2])
+    wanted = SETPOINTS
     reader = subprocess.Popen([sys.executable, "-c", SLOW_READER % wanted], stdout=subprocess.PIPE, text=True)
     try:
         assert reader.stdout.readline() == "ready\n"
         frames = heard[topics.DORSAL_IMAGE.name]
-        images = topics.DORSAL_IMAGE.relative
-        beside.until(lambda: len(beside.node.get_subscriptions_info_by_topic(images)) == 2)
         reader.send_signal(signal.SIGSTOP)
         t0_ns = beside.node.get_clock().now().nanoseconds
         for t, angle, rate in zip(t_s, angles, rates, strict=True):
             legs.publish(messages.joint_state(t0_ns + round(t * 1e9), topics.LEGS, angle, rate, np.zeros(6)))
         beside.until(lambda: len(heard["/leg_states"]) == len(t_s))
-        assert len(frames) < wanted  # the legs have come to rest, frames are still to come
+        assert len(frames) < wanted / 2  # the legs have come to rest, frames are still to come
         reader.send_signal(signal.SIGCONT)
         beside.until(lambda: len(frames) == wanted)
         assert reader.communicate(timeout=60)[0] == f"{wanted}\n"

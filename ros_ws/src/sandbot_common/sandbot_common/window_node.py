@@ -19,7 +19,7 @@ class Window:
     """
 
     def __init__(self, publishers: Sequence[Publisher], most: int) -> None:
-        self._publishers, self._most = publishers, most
+        self._outlets, self._most = publishers, most
         self._sent, self._full_s = 0, 0.0
 
     @property
@@ -27,7 +27,7 @@ class Window:
         """Whether to send. Asked before each message."""
         if self._sent < self._most:
             return True
-        if all(publisher.wait_for_all_acked(_AT_ONCE) for publisher in self._publishers):
+        if all(publisher.wait_for_all_acked(_AT_ONCE) for publisher in self._outlets):
             self._sent = 0
             return True
         return time.monotonic() - self._full_s > PATIENCE_S

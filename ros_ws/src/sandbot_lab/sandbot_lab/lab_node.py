@@ -11,7 +11,7 @@ and for its readers, so that a machine too slow for two cameras shows them late,
 """
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,7 @@ from sandbot_common.timer import Timer, call_soon
 from sandbot_common.window_node import Window
 from sandbot_lab.bed import LabBed
 from sandbot_lab.calibration import Calibration, calibration
-from sandbot_lab.cameras import Frame, LabCamera, check_cameras
+from sandbot_lab.cameras import LabCamera, check_cameras
 from sandbot_lab.lab_parameters import LabParameters
 from sandbot_lab.stage import NANO, LiveTrial, warm_up
 from sandbot_lab.week import Occasion
@@ -66,7 +66,6 @@ class LabNode(Node):
         warm_up(self._sections)
         self._bed, self._bed_s = LabBed(current.seed), time.monotonic()
         self._trial: LiveTrial | None = None
-        self._frames: Iterator[tuple[str, int, Frame]] | None = None
         self._filming = False
         self._standing = True
         self._held, self._commanded_ns = np.zeros(len(self._order)), 0
@@ -171,7 +170,6 @@ class LabNode(Node):
         phi = current.phi or self._bed.phi
         occasion = Occasion(current.batch_seed, current.trial_seed, current.progress)
         self._trial = LiveTrial(self._world, phi, current.trial_seed, current.start_x, cameras, t_ns, occasion)
-        self._frames = None
         self._trials += 1
         self._health.level, self._health.text = 0, "ok"
         self._led.publish(messages.header(t_ns, "sync_led"))
@@ -190,21 +188,17 @@ class LabNode(Node):
 
     def _film(self) -> None:
         self._filming = False
-        if self._frames is None and self._trial is not None:
-            self._frames = self._trial.frames()
-        with ordinary():
-            frame = next(self._frames, None) if self._frames is not None else None
-            if frame is not None:
-                self._publish_frame(*frame)
-                self._window.sent()
-        if frame is None:
-            self._frames = None
+        if self._trial is not None and self._behind:
+            with ordinary():
+                for frame in self._trial.take():
+                    self._publish_frame(*frame)
+                    self._window.sent()
         self._film_soon()
 
     @property
     def _behind(self) -> bool:
         """Whether frames of the trial wait to be taken."""
-        return self._frames is not None or (self._trial is not None and self._trial.due)
+        return self._trial is not None and self._trial.due
 
     def _publish_frame(self, name: str, t_ns: int, pixels: Any) -> None:
         info = self._info[name]
@@ -287,7 +281,7 @@ class LabNode(Node):
         if not self._standing:
             response.success, response.message = False, "the legs are moving; stop the clock first"
             return response
-        self._trial, self._frames, self._legs_lapsed = None, None, False
+        self._trial, self._legs_lapsed = None, False
         self._health.level, self._health.text = 0, "ok"
         self._idle = self._idle_cameras()
         response.success, response.message = True, "the robot is at the start, the ground is virgin"

@@ -100,15 +100,18 @@ class LiveTrial:
         return bool(self._cameras) and self._next()[1] <= self._motion.newest_s
 
     def frames(self) -> Iterator[tuple[str, int, Frame]]:
-        """Camera, stamp [ns] and pixels of every frame that waits to be taken, the earliest first."""
+        """Every frame that waits to be taken, the earliest first."""
         while self.due:
-            name, end_s = self._next()
-            camera, number = self._cameras[name], self._taken[name]
-            self._taken[name] += 1
-            t_s = camera.instant_s(number)
-            frame = camera.film(self._motion.until(end_s), t_s, t_s < LED_ON_S)
-            for _ in range(camera.comes(number)):
-                yield name, self.t0_ns + round(t_s * NANO), frame
+            yield from self.take()
+
+    def take(self) -> list[tuple[str, int, Frame]]:
+        """Camera, stamp [ns] and pixels of the frame that is due first, as often as it is sent."""
+        name, end_s = self._next()
+        camera, number = self._cameras[name], self._taken[name]
+        self._taken[name] += 1
+        t_s = camera.instant_s(number)
+        frame = camera.film(self._motion.until(end_s), t_s, t_s < LED_ON_S)
+        return [(name, self.t0_ns + round(t_s * NANO), frame)] * camera.comes(number)
 
     def _next(self) -> tuple[str, float]:
         """The camera whose next exposure ends first, and when [s since the legs started]."""

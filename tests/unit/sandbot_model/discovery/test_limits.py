@@ -24,7 +24,7 @@ def found(trials):
     search = EffectSearch(cells_of(trials), EFFECTS, "simple")
     search.run(0)
     plain = search.fits[()]
-    shared = shared_by(plain, search.criteria, 0.0)
+    shared = shared_by(plain, search.criteria)
     point = solve_near((plain.model, plain.cells, (plain.warm_start,), shared))
     named = fitted_at(plain.model, plain.cells, point, shared)
     return search, named, {limit.effect: limit for limit in limits(search, named)}

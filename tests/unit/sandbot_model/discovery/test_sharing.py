@@ -7,11 +7,12 @@ import pytest
 
 from sandbot_common.accuracy import USUAL
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.batch_sd import BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.nuisances_about import averaged_over_scatter, bed_scatter, shared_by
+from sandbot_model.discovery.nuisances_about import averaged_over_scatter, batches_apart, shared_by
 from sandbot_model.discovery.sharing import refitted_globally
-from sandbot_model.discovery.structure import BATCH, STRUCTURE, at_random, smooth_p, trend_p_of
+from sandbot_model.discovery.structure import STRUCTURE, at_random, smooth_p, trend_p_of
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
@@ -43,6 +44,51 @@ def test_a_lift_read_one_grain_too_high_is_no_overlap(drawn):
     zero = next(one for one in found.to_dict()["nuisances"] if one["name"] == "lift_zero_m")
     assert zero["value"] == pytest.approx(1e-3, abs=3 * zero["stderr"])
     assert zero["prior_sd"] == USUAL.lift_zero_m
+
+
+DAYS_MM = dict(zip((4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 30.0), (-0.3, 0.7, -0.6, -0.1, 0.5, -0.4, 0.5), strict=True))
+"""Another zero each day, and one frequency a day."""
+
+
+def zeroed_each_day(trials, *, told=True, times=1.0):
+    rows = [
+        dataclasses.replace(
+            row,
+            lift_m=row.lift_m + times * 1e-3 * DAYS_MM[row.omega_rad_s],
+            batch=f"day{row.omega_rad_s:g}" if told else "",
+        )
+        for row in trials.rows()
+    ]
+    return from_rows(rows)
+
+
+def test_a_lift_zero_set_anew_each_day_is_granted(drawn):
+    found = verdict(zeroed_each_day(table(drawn)))
+    assert found.verdict.status == "adequate"
+    assert "a lift zero that scatters by" in found.verdict.because
+    assert "from batch to batch (prior 0.6 mm)" in found.verdict.because
+    zeros = next(one for one in found.to_dict()["nuisances"] if one["name"] == BATCH_ZERO)
+    assert zeros["count"] == 7
+    assert zeros["value"] == pytest.approx(0.48e-3, rel=0.3)
+
+
+@pytest.mark.parametrize("how", [{"told": False}, {"times": 10.0}])
+def test_a_lift_zero_of_days_that_nobody_told_or_believes_is_not(drawn, how):
+    assert verdict(zeroed_each_day(table(drawn), **how)).verdict.status != "adequate"
+
+
+def test_an_overlap_is_named_beside_a_lift_zero_set_anew_each_day(drawn):
+    found = verdict(zeroed_each_day(table(drawn, ("stance_overlap",))))
+    assert (found.verdict.status, found.verdict.effects) == ("identified", ("stance_overlap",))
+
+
+def test_how_far_batches_differ_is_told_apart(drawn):
+    """A zero and a scale of each day are not taken for k of the bed."""
+    plain = fit(model_of("simple", (), OVERLAP), cells_of(zeroed_each_day(table(drawn))))
+    apart = batches_apart(plain, DEFAULT)
+    assert apart[BATCH_ZERO] == pytest.approx(0.5e-3, rel=0.4)
+    assert apart[BATCH] < 0.5 * DEFAULT.bed_scatter
+    assert apart[BATCH_SCALE] == 0.0
 
 
 def test_an_overlap_is_no_lift_zero(drawn):
@@ -79,7 +125,7 @@ def test_a_claim_beside_which_no_scale_is_believable_is_reported_beside_what_is(
 
 def test_a_bed_that_does_not_scatter_is_found_not_to(drawn):
     plain = fit(model_of("simple", (), OVERLAP), cells_of(drawn(seed=3)))
-    assert bed_scatter(plain, DEFAULT) == 0.0
+    assert not batches_apart(plain, DEFAULT)
 
 
 def test_batches_and_order_of_a_table_are_those_of_its_cells(drawn):
@@ -106,7 +152,7 @@ def test_no_order_told_is_none_known(drawn):
 
 def test_nuisances_move_what_they_are_said_to_move(drawn):
     plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="day{row.omega_rad_s:g}")))
-    own = shared_by(plain, DEFAULT, 0.005)
+    own = shared_by(plain, DEFAULT, BatchSd(0.005))
     assert own.names == (*[BATCH] * 7, "drift", "lift_zero_m", "speed_scale")
     zero = own.slope[:, :, own.names.index("lift_zero_m")]
     assert (zero[:, Observable.lift] == 1.0).all()
@@ -127,12 +173,12 @@ def test_nuisances_move_what_they_are_said_to_move(drawn):
 def wider(cells, off):
     """How much larger errors of Δt and k are that average over the bed's scatter; batches are ``off`` in ln k."""
     model = model_of("simple", (), OVERLAP)
-    own = shared_by(fit(model, cells), DEFAULT, 0.005)
+    own = shared_by(fit(model, cells), DEFAULT, BatchSd(0.005))
     by_ln_k = own.slope[:, :, [name == BATCH for name in own.names]].sum(axis=-1)
     mean = cells.mean + by_ln_k * (cells.batch_share @ off)[:, None]
     moved = dataclasses.replace(cells, mean=mean, batch_mean=cells.batch_mean + by_ln_k[:, None] * off[:, None])
     plain = fit(model, moved)
-    beside = fitted_at(model, moved, plain.point, shared_by(plain, DEFAULT, 0.0))
+    beside = fitted_at(model, moved, plain.point, shared_by(plain, DEFAULT))
     averaged = averaged_over_scatter(beside, DEFAULT)
     assert averaged.point is beside.point
     ratio = averaged.stderr / beside.stderr
@@ -155,7 +201,7 @@ def test_blocks_tell_how_far_they_differ(drawn):
 
 def test_the_offsets_of_all_batches_are_one_line_of_the_json(drawn):
     plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="day{row.omega_rad_s:g}")))
-    beside = fitted_at(plain.model, plain.cells, plain.point, shared_by(plain, DEFAULT, 0.005))
+    beside = fitted_at(plain.model, plain.cells, plain.point, shared_by(plain, DEFAULT, BatchSd(0.005)))
     batches, *others = beside.nuisances_to_dict()
     assert (batches["name"], batches["count"], batches["prior_sd"], batches["stderr"]) == (BATCH, 7, 0.005, None)
     offsets = [value for value, _ in beside.shared[:7]]
@@ -168,7 +214,7 @@ def test_the_offsets_of_all_batches_are_one_line_of_the_json(drawn):
 def test_offsets_that_grow_with_the_frequency_are_no_scatter(drawn, batch, told):
     """Of one offset a condition; seven days that scatter may do so too."""
     plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch=batch)))
-    own = shared_by(plain, DEFAULT, 0.005)
+    own = shared_by(plain, DEFAULT, BatchSd(0.005))
     assert trend_p_of(fitted_at(plain.model, plain.cells, plain.point, own), DEFAULT) > STRUCTURE
     omega = (plain.cells.omega - 15) / 15
     slope = own.slope[:, :, [name == BATCH for name in own.names]].sum(axis=2)
@@ -182,7 +228,7 @@ def test_offsets_that_grow_with_the_frequency_are_no_scatter(drawn, batch, told)
 def test_offsets_from_gait_to_gait_are_no_scatter(drawn, gaits, told):
     """In every other cell, so that nothing but the gait tells; control: of one gait they may be the bed's."""
     plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="")))
-    own = shared_by(plain, DEFAULT, 0.01)
+    own = shared_by(plain, DEFAULT, BatchSd(0.01))
     every_other = np.arange(len(plain.cells)) % 2
     by_cell = own.slope[:, :, [name == BATCH for name in own.names]]
     cells = dataclasses.replace(
@@ -194,7 +240,7 @@ def test_offsets_from_gait_to_gait_are_no_scatter(drawn, gaits, told):
 def test_blocks_without_an_order_follow_no_trend(drawn):
     cells = dataclasses.replace(cells_of(table(drawn, batch="block{row.replicate:g}")), order=None)
     plain = fit(model_of("simple", (), OVERLAP), cells)
-    beside = fitted_at(plain.model, cells, plain.point, shared_by(plain, DEFAULT, 0.005))
+    beside = fitted_at(plain.model, cells, plain.point, shared_by(plain, DEFAULT, BatchSd(0.005)))
     assert np.isnan(trend_p_of(beside, DEFAULT))
     assert at_random(beside, DEFAULT)
 
@@ -202,7 +248,7 @@ def test_blocks_without_an_order_follow_no_trend(drawn):
 def test_offsets_that_are_smooth_are_no_scatter(drawn):
     """A resonance is no trend of second order over φ and ω, but it is smooth."""
     plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="")))
-    own = shared_by(plain, DEFAULT, 0.01)
+    own = shared_by(plain, DEFAULT, BatchSd(0.01))
     by_cell = own.slope[:, :, [name == BATCH for name in own.names]]
     scattered = 0.02 * np.random.default_rng(1).standard_normal(len(plain.cells))
     resonant = 0.06 * np.exp(-0.5 * ((plain.cells.omega - 12) / 4) ** 2)
@@ -219,8 +265,8 @@ def test_a_fit_in_another_valley_is_brought_to_the_deepest_where_legs_meet_what_
     effects, cells = catalogue(), cells_of(table(drawn, batch="day{row.omega_rad_s:g}"))
     plain = fit(model_of("simple", ("disturbed_ground",), effects), cells)
     off = dataclasses.replace(plain.point, theta=plain.point.theta * [1.3, 1.0, 1.0, 1.0])
-    astray = fitted_at(plain.model, cells, off, shared_by(plain, DEFAULT, 0.005))
+    astray = fitted_at(plain.model, cells, off, shared_by(plain, DEFAULT, BatchSd(0.005)))
     assert refitted_globally(astray).deviance < astray.deviance - 10
     base = fit(model_of("simple", (), effects), cells)
-    for stays in (base, fitted_at(base.model, cells, base.point, shared_by(base, DEFAULT, 0.005))):
+    for stays in (base, fitted_at(base.model, cells, base.point, shared_by(base, DEFAULT, BatchSd(0.005)))):
         assert refitted_globally(stays) is stays

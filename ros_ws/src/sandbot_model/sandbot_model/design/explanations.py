@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sandbot_model.design.places import Places
+from sandbot_model.discovery.batch_sd import BATCH_SCALE, BATCH_ZERO, granted
 from sandbot_model.discovery.nuisances_about import ALONG, LIFT_ZERO, SPEED_SCALE
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import Estimate
@@ -62,11 +63,18 @@ def readings(fit: Fit, phi: Array, omega: Array, clock: Clock | None = None) -> 
 
 
 def read_with(fit: Fit) -> tuple[Estimate, Estimate]:
-    """Lift zero [m] and speed scale: as they were found, else as well as the cameras' file knows them."""
-    found = {} if fit.nuisances is None else dict(zip(fit.nuisances.names, fit.shared, strict=True))
+    """Lift zero [m] and speed scale of trials to come: as they were found, else as well as the cameras' file knows
+    them; the next batch has its own, where batches differ."""
     accuracy = fit.cells.accuracy
-    zero_m = found.get(LIFT_ZERO, Estimate(0.0, accuracy.lift_zero_m))
-    return zero_m, found.get(SPEED_SCALE, Estimate(0.0, accuracy.speed_scale))
+    unknown = Estimate(0.0, accuracy.lift_zero_m), Estimate(0.0, accuracy.speed_scale)
+    if fit.nuisances is None:
+        return unknown
+    found, apart = dict(zip(fit.nuisances.names, fit.shared, strict=True)), granted(fit)
+    zero, scale = found.get(LIFT_ZERO, unknown[0]), found.get(SPEED_SCALE, unknown[1])
+    return (
+        Estimate(zero.value, float(np.hypot(zero.stderr, apart[BATCH_ZERO]))),
+        Estimate(scale.value, float(np.hypot(scale.stderr, apart[BATCH_SCALE]))),
+    )
 
 
 def readings_off(predicted: Array, zero_m: float, scale: float) -> Array:

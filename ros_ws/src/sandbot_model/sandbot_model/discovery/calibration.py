@@ -35,7 +35,7 @@ READINGS = {LIFT_ZERO: "zero of the lift", SPEED_SCALE: "scale along the track"}
 
 def _freed(search: EffectSearch, fit: Fit, name: str) -> Fit:
     """A set fitted with one reading free."""
-    own = shared_by(fit, search.criteria, 0.0)
+    own = shared_by(fit, search.criteria)
     sd = own.sd.copy()
     sd[own.names.index(name)] *= FREE
     freed = replace(own, sd=sd)

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sandbot_model.discovery.batch_sd import granted
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.nuisances_about import scatter_granted, shared_by
+from sandbot_model.discovery.nuisances_about import shared_by
 from sandbot_model.discovery.verdict import leaves_nothing, overdispersion, parts_of, passes, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import far_above, solve, solve_below, solve_near
@@ -70,7 +71,7 @@ def _beside(search: EffectSearch, fit: Fit, named: Fit) -> Fit:
     """A set beside what trials share, the bed as rough as it is beside another."""
     if named.nuisances is None:
         return fit
-    own = shared_by(fit, search.criteria, scatter_granted(named))
+    own = shared_by(fit, search.criteria, granted(named))
     return fitted_at(fit.model, fit.cells, solve_near((fit.model, fit.cells, (fit.warm_start,), own)), own)
 
 

@@ -15,10 +15,10 @@ import numpy as np
 from sandbot_model.data.conditions import Cells, cell_of, cells_of
 from sandbot_model.data.distributions import beta_ppf
 from sandbot_model.data.penetrometer import Readings
+from sandbot_model.discovery.batch_sd import BATCH, BATCH_SCALE, BATCH_ZERO, granted
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.nuisances_about import ALONG, LIFT_ZERO, SPEED_SCALE
-from sandbot_model.discovery.structure import BATCH
+from sandbot_model.discovery.nuisances_about import ALONG, DRIFT
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.physics.arrays import Array
@@ -144,6 +144,8 @@ def _observed(trials: Trials, cell: Array, truth: Fit, rng: np.random.Generator)
     accuracy = truth.cells.accuracy
     values[:, Observable.lift] += accuracy.lift_zero_m * rng.standard_normal()
     values[:, ALONG] *= 1 + accuracy.speed_scale * rng.standard_normal()
+    values[:, Observable.lift] += _of_each_batch(trials, cell, truth, BATCH_ZERO, rng)
+    values[:, ALONG] *= 1 + _of_each_batch(trials, cell, truth, BATCH_SCALE, rng)[:, None]
     return values
 
 
@@ -153,15 +155,21 @@ def _ln_k_offset(trials: Trials, cell: Array, truth: Fit, rng: np.random.Generat
     own = truth.nuisances
     if own is None:
         return offset
-    known = dict(zip(own.names, own.sd.tolist(), strict=True))
-    if BATCH in known:
-        names = cell if truth.cells.batch_share is None else np.asarray(trials.batch)
-        _, batch = np.unique(names, return_inverse=True)
-        offset += known[BATCH] * rng.standard_normal(int(batch.max()) + 1)[batch]
+    offset += _of_each_batch(trials, cell, truth, BATCH, rng)
     for name, (value, _) in zip(own.names, truth.shared, strict=True):
-        if name not in (BATCH, LIFT_ZERO, SPEED_SCALE) and truth.cells.order is not None:
+        if name == DRIFT and truth.cells.order is not None:
             offset += value * truth.cells.order[cell]
     return offset
+
+
+def _of_each_batch(trials: Trials, cell: Array, truth: Fit, name: str, rng: np.random.Generator) -> Array:
+    """What each trial's batch has of this name of its own, drawn; 0 where the fit does not grant that."""
+    sd = granted(truth)[name] if truth.nuisances is not None else 0.0
+    if not sd:
+        return np.zeros(len(trials))
+    names = cell if truth.cells.batch_share is None else np.asarray(trials.batch)
+    _, batch = np.unique(names, return_inverse=True)
+    return sd * rng.standard_normal(int(batch.max()) + 1)[batch]
 
 
 def _root(cells: Cells) -> Array:

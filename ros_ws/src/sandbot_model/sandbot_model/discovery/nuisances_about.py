@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, NAMES, BatchSd, granted, priors
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.structure import BATCH, batch_share
+from sandbot_model.discovery.structure import batch_share
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.fitting.jacobian import cell_jacobian, without_nuisances
@@ -28,33 +29,28 @@ DRIFT, LIFT_ZERO, SPEED_SCALE = "drift", "lift_zero_m", "speed_scale"
 """Names of the drift of k along the run order, the zero of the lift and the scale along the track."""
 
 
-def shared_by(fit: Fit, criteria: Criteria, scatter: float) -> Nuisances:
-    """Nuisances about a fit; ``scatter`` is σ_b. How well readings are known is said beside the cameras.
+def shared_by(fit: Fit, criteria: Criteria, apart: BatchSd = ALIKE) -> Nuisances:
+    """Nuisances about a fit; ``apart`` is how far batches differ.
 
-    They begin at what the fit has found of them.
+    They begin at what the fit has found of them. How well readings are known is said beside the cameras.
     """
     slope, share, order = _by_ln_k(fit), batch_share(fit), fit.cells.order
-    found: list[tuple[str, float, Array, Array]] = []
-    if scatter:
-        found += [(BATCH, scatter, slope * batch[:, None], batch) for batch in share.T]
-    if order is not None:
-        found.append((DRIFT, criteria.drift, slope * order[:, None], order))
     none, (lift, along) = np.zeros(len(fit.cells)), np.zeros((2, *slope.shape))
     lift[:, Observable.lift] = 1.0
     along[:, ALONG] = fit.predicted[:, ALONG]
+    found: list[tuple[str, float, Array, Array]] = []
+    for name, of_one, moves_k in ((BATCH, slope, True), (BATCH_ZERO, lift, False), (BATCH_SCALE, along, False)):
+        if sd := apart[name]:
+            found += [(name, sd, of_one * batch[:, None], batch if moves_k else none) for batch in share.T]
+    if order is not None:
+        found.append((DRIFT, criteria.drift, slope * order[:, None], order))
     if "lift" in fit.cells.observables:
         found.append((LIFT_ZERO, fit.cells.accuracy.lift_zero_m, lift, none))
     found.append((SPEED_SCALE, fit.cells.accuracy.speed_scale, along, none))
-    names, sd, slopes, by_ln_k = zip(*found, strict=True)
+    names, sds, slopes, by_ln_k = zip(*found, strict=True)
     about, stderr = _found(fit, names)
-    own = np.sqrt(share**2 @ np.minimum(scatter, stderr[: share.shape[1]]) ** 2) if scatter else none
-    return Nuisances(names, np.array(sd), np.stack(slopes, axis=-1), own, about, np.stack(by_ln_k, axis=-1))
-
-
-def scatter_granted(fit: Fit) -> float:
-    """σ_b that a fit's nuisances take for granted; 0 where they take the bed for exact."""
-    assert fit.nuisances is not None
-    return float(dict(zip(fit.nuisances.names, fit.nuisances.sd, strict=True)).get(BATCH, 0.0))
+    own = np.sqrt(share**2 @ np.minimum(apart.ln_k, stderr[: share.shape[1]]) ** 2) if apart.ln_k else none
+    return Nuisances(names, np.array(sds), np.stack(slopes, axis=-1), own, about, np.stack(by_ln_k, axis=-1))
 
 
 def _found(fit: Fit, names: Sequence[str]) -> tuple[Array, Array]:
@@ -77,15 +73,38 @@ def _by_ln_k(fit: Fit) -> Array:
     return np.asarray(np.einsum("cij,cj->ci", np.linalg.inv(fit.state.whiten[0]), white))
 
 
-def bed_scatter(fit: Fit, criteria: Criteria) -> float:
-    """σ_b about a fit, beside all other nuisances; 0 where batches need not differ."""
-    scatter, gain = scatter_of_batches(*_linear(fit, criteria), sizes_tried(criteria.bed_scatter), criteria.bed_scatter)
-    return scatter if gain > criteria.shared else 0.0
+def batches_apart(fit: Fit, criteria: Criteria) -> BatchSd:
+    """How far batches differ about a fit, beside all other nuisances; in nothing where they need not."""
+    return _apart(fit, criteria, criteria.shared)[0]
 
 
-def gain_of_scatter(fit: Fit, criteria: Criteria) -> float:
-    """What batches that differ would gain over a fit beside all other nuisances, in -2 ln of the posterior of σ_b."""
-    return scatter_of_batches(*_linear(fit, criteria), sizes_tried(criteria.bed_scatter), criteria.bed_scatter)[1]
+def gain_of_batches(fit: Fit, criteria: Criteria) -> float:
+    """What batches that differ would gain over a fit beside all other nuisances, in -2 ln of the posterior."""
+    return _apart(fit, criteria, 0.0)[1]
+
+
+def _apart(fit: Fit, criteria: Criteria, least: float) -> tuple[BatchSd, float]:
+    """How far batches differ, what gains most first and each beside those before it, and what they gain together."""
+    prior, found, total = priors(fit, criteria), ALIKE, 0.0
+    left = {name for name in NAMES if prior[name]}
+    while left:
+        tried = {name: _differ_in(fit, criteria, name, found) for name in left}
+        best = max(left, key=lambda name: (tried[name][1], name))
+        sd, gain = tried[best]
+        if gain <= least:
+            break
+        found, total = found.having(best, sd), total + gain
+        left.remove(best)
+    if sum(map(bool, map(found.__getitem__, NAMES))) > 1:
+        for name in filter(found.__getitem__, NAMES):
+            found = found.having(name, _differ_in(fit, criteria, name, found)[0])
+    return found, total
+
+
+def _differ_in(fit: Fit, criteria: Criteria, name: str, beside: BatchSd) -> tuple[float, float]:
+    """The standard deviation of what batches have of this name, and what it gains, beside the others."""
+    prior = priors(fit, criteria)[name]
+    return scatter_of_batches(*_linear(fit, criteria, name, beside), sizes_tried(prior), prior)
 
 
 def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
@@ -100,13 +119,13 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
     stderr = np.where(np.isnan(fit.stderr), np.nan, np.sqrt(np.diag(moments)))
     averaged = replace(fit, stderr=stderr, covariance=moments)
     scatter = float(np.sqrt(probability(gain) @ sizes**2))
-    beside = Problem(fit.model, fit.cells, shared_by(fit, criteria, scatter))
+    beside = Problem(fit.model, fit.cells, shared_by(fit, criteria, granted(fit).having(BATCH, scatter)))
     return with_profiled_errors(averaged, beside)
 
 
 def _possible(fit: Fit, criteria: Criteria) -> tuple[tuple[Array, Array, Array, Array], Array, Array]:
     """What is linear about a fit, with how batches differ within cells, the σ_b tried and what each gains by it."""
-    residual, unknowns, batches, others = _linear(fit, criteria)
+    residual, unknowns, batches, others = _linear(fit, criteria, BATCH, granted(fit))
     apart, between = _within_cells(fit)
     residual, batches = np.concatenate([residual, apart]), np.concatenate([batches, between])
     unknowns, others = (np.pad(slopes, ((0, len(apart)), (0, 0))) for slopes in (unknowns, others))
@@ -135,12 +154,13 @@ def _within_cells(fit: Fit) -> tuple[Array, Array]:
     return np.concatenate(apart), np.concatenate(slopes)
 
 
-def _linear(fit: Fit, criteria: Criteria) -> tuple[Array, Array, Array, Array]:
-    """Whitened residuals without any nuisance, and their slopes by what was fitted, by each batch's ln k, and by the
-    other nuisances in units of their priors."""
-    own, (residual, unknowns, _) = shared_by(fit, criteria, 1.0), without_nuisances(fit.problem, fit.state)
+def _linear(fit: Fit, criteria: Criteria, name: str, beside: BatchSd) -> tuple[Array, Array, Array, Array]:
+    """Whitened residuals without any nuisance, and their slopes by what was fitted, by what each batch has of this
+    name, and by the other nuisances in units of their priors."""
+    own = shared_by(fit, criteria, beside.having(name, 1.0))
+    residual, unknowns, _ = without_nuisances(fit.problem, fit.state)
     unit = np.zeros((len(residual), len(own.sd)))
     shift = fit.problem.whitened(fit.state.whiten, own.slope)[0]
     unit[: shift[..., 0].size] = shift.reshape(-1, len(own.sd)) * own.sd
-    batches = np.array([name == BATCH for name in own.names])
+    batches = np.array([one == name for one in own.names])
     return residual, unknowns, unit[:, batches], unit[:, ~batches]

@@ -81,7 +81,7 @@ def expected(design: Trials, criteria: Criteria = DEFAULT) -> Fit:
     values = values + usual_noise(design.accuracy or USUAL) * noise
     columns: dict[str, Any] = {one.column: values[:, one] for one in Observable}
     plain = fit(model, cells_of(replace(design, **columns)))
-    return fitted_at(model, plain.cells, plain.point, shared_by(plain, criteria, 0.0))
+    return fitted_at(model, plain.cells, plain.point, shared_by(plain, criteria))
 
 
 def _weakest(search: EffectSearch, base: Fit, name: str, parameter: Parameter) -> float | None:

@@ -14,13 +14,14 @@ from itertools import combinations
 import numpy as np
 
 from sandbot_model.data.distributions import chi2_sf, f_isf
+from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, NAMES, BatchSd, priors
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.nuisances_about import (
     LIFT_ZERO,
     SPEED_SCALE,
-    bed_scatter,
-    gain_of_scatter,
+    batches_apart,
+    gain_of_batches,
     shared_by,
 )
 from sandbot_model.discovery.structure import at_random
@@ -68,15 +69,15 @@ def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
     says less. Where readings off their zero or scale are enough, the bed does not scatter.
     """
     if plain.status == "adequate":
-        scatter = bed_scatter(search.fits[()], search.criteria)
-        found = _beside(search, plain, 0, scatter) if scatter else None
-        return found or _standing(search, plain, _refitted(search, [()], 0.0)[()])
+        apart = batches_apart(search.fits[()], search.criteria)
+        found = _beside(search, plain, 0, apart) if apart else None
+        return found or _standing(search, plain, _refitted(search, [()], ALIKE)[()])
     for size in range(1, 1 + max(1, *map(len, search.fits))):
         if found := _of_size(search, plain, size):
             stands = found.verdict.status != "identified" or _beats_scatter(search, found.verdict.effects)
-            return found if stands else _beside(search, plain, size, _scatter_about(search, search.fits[()])) or found
+            return found if stands else _beside(search, plain, size, _apart_about(search, search.fits[()])) or found
     # No credible alternative to the claim was found: the claim stands, refitted beside the nuisances.
-    return _standing(search, plain, _refitted(search, [plain.effects], 0.0)[plain.effects]) if plain.effects else None
+    return _standing(search, plain, _refitted(search, [plain.effects], ALIKE)[plain.effects]) if plain.effects else None
 
 
 def refitted_globally(fit: Fit) -> Fit:
@@ -103,12 +104,12 @@ def nuisances_suffice(search: EffectSearch) -> bool:
 def _of_size(search: EffectSearch, plain: Verdict, size: int) -> Shared | None:
     """The verdict among sets of up to ``size`` effects; None where it is no better."""
     claimed = len(plain.effects) == size
-    scatter = _scatter_about(search, search.fits[plain.effects] if claimed else _best(search, size))
-    if claimed and (survivor := _if_still_earned(search, plain.effects, scatter)):
+    apart = _apart_about(search, search.fits[plain.effects] if claimed else _best(search, size))
+    if claimed and (survivor := _if_still_earned(search, plain.effects, apart)):
         return Shared(plain, search.fits, survivor)
-    found = _readings(search, plain, scatter) or _beside(search, plain, size, scatter)
+    found = _readings(search, plain, apart) or _beside(search, plain, size, apart)
     larger = found is not None and len(plain.effects) > len(found.verdict.effects) and not claimed
-    survivor = _if_still_earned(search, plain.effects, scatter) if larger else None
+    survivor = _if_still_earned(search, plain.effects, apart) if larger else None
     return Shared(plain, search.fits, survivor) if survivor else found
 
 
@@ -119,30 +120,30 @@ def _standing(search: EffectSearch, plain: Verdict, named: Fit) -> Shared:
     return Shared(replace(plain, because=because), search.fits, named)
 
 
-def _readings(search: EffectSearch, plain: Verdict, scatter: float) -> Shared | None:
+def _readings(search: EffectSearch, plain: Verdict, apart: BatchSd) -> Shared | None:
     """The base model alone beside readings off their zero or scale, where a bed that scatters need not be granted.
 
     It is where it is clearly there all the same, and the base model passes beside it: k would be known too well.
     """
-    if not scatter or judge(_refitted(search, [()], 0.0), search.criteria).status != "adequate":
+    if not apart or judge(_refitted(search, [()], ALIKE), search.criteria).status != "adequate":
         return None
-    found = _beside(search, plain, 1, 0.0)
+    found = _beside(search, plain, 1, ALIKE)
     if found is None or found.verdict.status != "adequate":
         return None
-    there = bed_scatter(found.named, search.criteria)
+    there = batches_apart(found.named, search.criteria)
     rough = _beside(search, plain, 1, there) if there else None
     return rough if rough and rough.verdict.status == "adequate" else found
 
 
-def _scatter_about(search: EffectSearch, fit: Fit) -> float:
-    """σ_b about a set, and again about where it comes to once that much is granted."""
-    scatter = bed_scatter(fit, search.criteria)
-    if not scatter:
-        return 0.0
-    there = _refitted(search, [fit.effects], scatter)[fit.effects]
+def _apart_about(search: EffectSearch, fit: Fit) -> BatchSd:
+    """How far batches differ about a set, and again about where it comes to once that much is granted."""
+    apart = batches_apart(fit, search.criteria)
+    if not apart:
+        return ALIKE
+    there = _refitted(search, [fit.effects], apart)[fit.effects]
     # Beside offsets and without them: where cells walk or swim by chance, these may be what takes the bed for rough.
     bare = fitted_at(fit.model, fit.cells, there.point)
-    return max(bed_scatter(one, search.criteria) for one in (there, bare))
+    return batches_apart(there, search.criteria).or_more(batches_apart(bare, search.criteria))
 
 
 def _best(search: EffectSearch, size: int) -> Fit:
@@ -150,14 +151,14 @@ def _best(search: EffectSearch, size: int) -> Fit:
     return min(filter(sound, some), key=lambda fit: fit.bic, default=search.fits[()])
 
 
-def _beside(search: EffectSearch, plain: Verdict, size: int, scatter: float) -> Shared | None:
+def _beside(search: EffectSearch, plain: Verdict, size: int, apart: BatchSd) -> Shared | None:
     """The verdict beside nuisances among sets of up to ``size`` effects; None where it is no better."""
-    fits = _refitted(search, _leading(search, plain, size), scatter)
+    fits = _refitted(search, _leading(search, plain, size), apart)
     if judge(fits, search.criteria).status == "unexplained":
         return None
-    fits |= _refitted(search, [names for names in search.fits if len(names) == 1], scatter)
+    fits |= _refitted(search, [names for names in search.fits if len(names) == 1], apart)
     verdict = judge(fits, search.criteria)
-    while verdict.effects and (lower := _smaller_from(fits, verdict.effects, search.criteria, scatter)):
+    while verdict.effects and (lower := _smaller_from(fits, verdict.effects, search.criteria, apart)):
         fits |= lower
         verdict = judge(fits, search.criteria)
     named = fits[verdict.effects]
@@ -165,14 +166,14 @@ def _beside(search: EffectSearch, plain: Verdict, size: int, scatter: float) -> 
         return None
     if plain.status == "adequate" != verdict.status:
         return None
-    return Shared(_with_nuisances(verdict, plain, named, scatter, search.criteria), fits, named)
+    return Shared(_with_nuisances(verdict, plain, named, apart, search.criteria), fits, named)
 
 
-def _if_still_earned(search: EffectSearch, names: Names, scatter: float) -> Fit | None:
+def _if_still_earned(search: EffectSearch, names: Names, apart: BatchSd) -> Fit | None:
     """A set beside the nuisances, where every effect of it still earns its place."""
     parts = parts_of(names, search.fits)
-    fits = _refitted(search, [names, *parts], scatter)
-    fits |= _smaller_from(fits, names, search.criteria, scatter)
+    fits = _refitted(search, [names, *parts], apart)
+    fits |= _smaller_from(fits, names, search.criteria, apart)
     return fits[names] if all(worth(fits, names, part, search.criteria) for part in parts) else None
 
 
@@ -186,8 +187,8 @@ def _beats_scatter(search: EffectSearch, names: Names) -> bool:
     if share is None or share.max(axis=1).min() < 1.0 or share.sum(axis=0).min() < SEVERAL:
         return True
     parts = parts_of(names, search.fits)
-    fits = _refitted(search, [names, *parts], 0.0)
-    left = {one: fit.deviance - gain_of_scatter(fit, search.criteria) for one, fit in fits.items()}
+    fits = _refitted(search, [names, *parts], ALIKE)
+    left = {one: fit.deviance - gain_of_batches(fit, search.criteria) for one, fit in fits.items()}
     return all(left[part] - left[names] > _price(fits[names], share.shape[1], search.criteria) for part in parts)
 
 
@@ -202,7 +203,7 @@ def _price(fit: Fit, batches: int, criteria: Criteria) -> float:
     return float(max(claim(fit, criteria), ratio * overdispersion(fit)))
 
 
-def _smaller_from(fits: dict[Names, Fit], names: Names, criteria: Criteria, scatter: float) -> dict[Names, Fit]:
+def _smaller_from(fits: dict[Names, Fit], names: Names, criteria: Criteria, apart: BatchSd) -> dict[Names, Fit]:
     """Sets with one effect less that fit better than so far.
 
     They are tried near where the larger set has come to.
@@ -211,7 +212,7 @@ def _smaller_from(fits: dict[Names, Fit], names: Names, criteria: Criteria, scat
     assert larger.nuisances is not None
     for part in parts_of(names, fits):
         before = fits[part]
-        own = replace(shared_by(before, criteria, scatter), about=larger.nuisances.about)
+        own = replace(shared_by(before, criteria, apart), about=larger.nuisances.about)
         point = solve_near((before.model, before.cells, (larger.warm_start,), own))
         better = fitted_at(before.model, before.cells, point, own)
         if better.deviance < before.deviance - GAINED:
@@ -229,21 +230,21 @@ def _leading(search: EffectSearch, plain: Verdict, most: int) -> list[Names]:
     return sorted((found | parts | {()}) & set(search.fits), key=len)
 
 
-def _refitted(search: EffectSearch, sets: Sequence[Names], scatter: float) -> dict[Names, Fit]:
+def _refitted(search: EffectSearch, sets: Sequence[Names], apart: BatchSd) -> dict[Names, Fit]:
     """Sets fitted before, with nuisances; those that began at the same fits before are not fitted again."""
-    begun = {names: (scatter, *_origins(search, names)) for names in sets}
+    begun = {names: (apart, *_origins(search, names)) for names in sets}
     new = [names for names in begun if begun[names] not in search.beside]
-    for names, fit in zip(new, _settled(search, new, scatter), strict=True):
+    for names, fit in zip(new, _settled(search, new, apart), strict=True):
         search.beside[begun[names]] = fit
     return {names: search.beside[start] for names, start in begun.items()}
 
 
-def _settled(search: EffectSearch, sets: Sequence[Names], scatter: float) -> list[Fit]:
+def _settled(search: EffectSearch, sets: Sequence[Names], apart: BatchSd) -> list[Fit]:
     """The same sets where they come to beside nuisances, never above where they were."""
     fits = [search.fits[names] for names in sets]
     origins = [tuple(fit.warm_start for fit in _origins(search, names)) for names in sets]
     for again in range(PASSES):
-        own = [shared_by(fit, search.criteria, scatter) for fit in fits]
+        own = [shared_by(fit, search.criteria, apart) for fit in fits]
         starts = [fit.point for fit in fits] if again else origins
         tasks = [(fit.model, fit.cells, *at) for fit, *at in zip(fits, starts, own, strict=True)]
         points = search.fit_all(solve_on if again else solve_near, tasks)
@@ -259,17 +260,28 @@ def _origins(search: EffectSearch, names: Names) -> tuple[Fit, ...]:
     return (search.fits[names], *sorted(smaller, key=lambda part: part.deviance)[:1])
 
 
-def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, scatter: float, criteria: Criteria) -> Verdict:
+def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, apart: BatchSd, criteria: Criteria) -> Verdict:
     """The verdict with what it takes for granted, and what would be said otherwise."""
-    kind = "condition" if fit.cells.batch_share is None else "batch"
-    bed = f"k that scatters by {scatter:.2%} from {kind} to {kind} (prior {criteria.bed_scatter:.1%})"
-    words = [bed] * bool(scatter) + _significant(fit)
+    words = _differing(fit, apart, criteria) + _significant(fit)
     named = f"{plain.status}: {' + '.join(plain.effects)}" if plain.effects else plain.status
     taken = " and ".join(words) or "a drift that these data can't show"
     because = f"{verdict.because}, granted {taken}"
     if plain.status != verdict.status or plain.effects != verdict.effects:
         because = f"{because}; without that the verdict would be {named}"
     return replace(verdict, because=because)
+
+
+def _differing(fit: Fit, apart: BatchSd, criteria: Criteria) -> list[str]:
+    """What is taken for granted of how batches differ."""
+    kind, prior = "condition" if fit.cells.batch_share is None else "batch", priors(fit, criteria)
+    words = {
+        BATCH: f"k that scatters by {apart[BATCH]:.2%} from {kind} to {kind} (prior {prior[BATCH]:.1%})",
+        BATCH_ZERO: f"a lift zero that scatters by {1e3 * apart[BATCH_ZERO]:.2g} mm from batch to batch "
+        f"(prior {1e3 * prior[BATCH_ZERO]:.1g} mm)",
+        BATCH_SCALE: f"a speed scale that scatters by {apart[BATCH_SCALE]:.2%} from batch to batch "
+        f"(prior {prior[BATCH_SCALE]:.1%})",
+    }
+    return [words[name] for name in NAMES if apart[name]]
 
 
 def _believable(fit: Fit) -> bool:

@@ -1,11 +1,12 @@
 """Whether the offsets of batches are random: a bed that scatters follows nothing, a model that is wrong does.
 
 A missing effect that is granted to the bed, condition by condition, leaves offsets of ln k with a trend over φ, ω or
-the order, or from gait to gait, or smooth over φ and ω at some length.
+the order, or from gait to gait, or smooth over φ and ω at some length. So do zeros and scales of batches.
 """
 
 import numpy as np
 
+from sandbot_model.discovery.batch_sd import BATCH, NAMES, granted, priors
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.smooth import gain_of_any, kernels
 from sandbot_model.fitting.fit import Fit
@@ -18,10 +19,8 @@ from sandbot_model.fitting.nuisances import (
     sizes_tried,
     trend_p,
 )
-from sandbot_model.physics.arrays import Array, Bool
+from sandbot_model.physics.arrays import Array
 
-BATCH = "ln_k"
-"""Name of every batch's offset."""
 STRUCTURE = 0.005
 """p-value of either test below which offsets follow something, and are no nuisance."""
 Offsets = tuple[Array, Array, Array, Array]
@@ -32,31 +31,32 @@ DRAWS = 1000
 
 def at_random(fit: Fit, criteria: Criteria) -> bool:
     """Whether the batches' offsets follow nothing: neither a trend nor anything smooth."""
-    if fit.nuisances is None or BATCH not in fit.nuisances.names:
+    if fit.nuisances is None:
         return True
     # Blocks that each hold all of φ and ω, in no order that is told, have no trend.
-    return bool(np.nanmin([trend_p_of(fit, criteria), smooth_p(fit, criteria)]) >= STRUCTURE)
+    found = [p(fit, criteria, name) for name in NAMES if granted(fit)[name] for p in (trend_p_of, smooth_p)]
+    return not found or bool(np.nanmin(found) >= STRUCTURE)
 
 
-def trend_p_of(fit: Fit, criteria: Criteria) -> float:
-    """p-value of no trend of the batches' offsets over φ, ω (to second order), run order and gait, averaged over σ_b.
+def trend_p_of(fit: Fit, criteria: Criteria, name: str = BATCH) -> float:
+    """p-value of no trend over φ, ω (to second order), run order and gait of what each batch has of this name.
 
-    NaN where there is no such trend.
+    Averaged over how far batches may differ; NaN where there is no such trend.
     """
-    residual, unknowns, batches, others = seen = _offsets(fit)
+    residual, unknowns, batches, others = seen = _offsets(fit, name)
     trends, found = batches @ _trends(fit), 0.0
-    for size, share in zip(*_scatter(seen, criteria), strict=True):
+    for size, share in zip(*_scatter(seen, priors(fit, criteria)[name]), strict=True):
         if share > LEAST_SHARE:
             every = np.column_stack([size * batches, others])
             found += share * trend_p(residual, unknowns, np.eye(len(residual)) + every @ every.T, trends)
     return found
 
 
-def smooth_p(fit: Fit, criteria: Criteria) -> float:
+def smooth_p(fit: Fit, criteria: Criteria, name: str = BATCH) -> float:
     """p-value of offsets that are no smoother over φ and ω than those of a bed that scatters, drawn at each σ_b as
     often as it is likely."""
-    residual, unknowns, batches, others = seen = _offsets(fit)
-    contrasts, (sizes, share) = free_of(unknowns, others), _scatter(seen, criteria)
+    residual, unknowns, batches, others = seen = _offsets(fit, name)
+    contrasts, (sizes, share) = free_of(unknowns, others), _scatter(seen, priors(fit, criteria)[name])
     axes, scale, turned = np.linalg.svd(contrasts @ batches, full_matrices=False)
     slope, draw = scale[:, None] * turned, np.random.default_rng(0)
     count, every = slope.shape
@@ -67,24 +67,19 @@ def smooth_p(fit: Fit, criteria: Criteria) -> float:
     return float(np.mean(gain >= gain[0]))
 
 
-def _scatter(offsets: Offsets, criteria: Criteria) -> tuple[Array, Array]:
-    """σ_b tried, and how likely each is about a fit."""
-    sizes = sizes_tried(criteria.bed_scatter)
-    return sizes, probability(gains_of_scatter(*offsets, sizes, criteria.bed_scatter))
+def _scatter(offsets: Offsets, prior: float) -> tuple[Array, Array]:
+    """Standard deviations tried, and how likely each is about a fit."""
+    sizes = sizes_tried(prior)
+    return sizes, probability(gains_of_scatter(*offsets, sizes, prior))
 
 
-def _offsets(fit: Fit) -> Offsets:
-    """Whitened residuals without any nuisance, and their slopes by what was fitted, by each batch's ln k, and by the
-    other nuisances in units of their priors."""
+def _offsets(fit: Fit, name: str) -> Offsets:
+    """Whitened residuals without any nuisance, and their slopes by what was fitted, by what each batch has of this
+    name, and by the other nuisances in units of their priors."""
     residual, unknowns, shift = without_nuisances(fit.problem, fit.state)
     assert fit.nuisances is not None
-    sd, batches = fit.nuisances.sd, _batches(fit)
+    sd, batches = fit.nuisances.sd, np.array([own == name for own in fit.nuisances.names])
     return residual, unknowns, shift[:, batches], shift[:, ~batches] * sd[~batches]
-
-
-def _batches(fit: Fit) -> Bool:
-    assert fit.nuisances is not None
-    return np.array([name == BATCH for name in fit.nuisances.names])
 
 
 def _where(fit: Fit) -> Array:
