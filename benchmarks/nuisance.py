@@ -47,6 +47,11 @@ NUISANCES: Mapping[str, tuple[str, Mapping[str, float], Mapping[str, float]]] = 
     "lift zero": ("replicate", {"lift_zero_m": 0.3 * GRAIN_M}, {"lift_zero_m": GRAIN_M}),
     "speed scale": ("replicate", {"speed_scale": 0.003}, {"speed_scale": 0.01}),
     "phi zero": ("replicate", {"phi_zero": 0.001}, {"phi_zero": 0.003}),
+    "readings set anew each day": (
+        "omega",
+        {"lift_zero_batch_sd_m": 0.2 * GRAIN_M, "speed_scale_batch_sd": 0.003},
+        {"lift_zero_batch_sd_m": 0.6 * GRAIN_M, "speed_scale_batch_sd": 0.01},
+    ),
     "a bad week": (
         "omega",
         {"k_batch_sd": 0.005, "k_drift": 0.01, "lift_zero_m": 0.3 * GRAIN_M, "speed_scale": 0.003},

@@ -30,7 +30,7 @@ def test_a_world_that_says_nothing_of_its_week_is_the_same_at_any_moment():
     assert world.week.strength(LATE) == 1.0
     assert world.week.lift_offset_m(LATE) == 0.0
     x_m = np.random.default_rng(0).normal(size=50)
-    assert (world.week.seen_x_m(x_m, 0.15) == x_m).all()
+    assert (world.week.seen_x_m(x_m, 0.15, LATE) == x_m).all()
     plain = direct_trials(world, [0.6], [8.0], replicates=2)
     told = direct_trials(world, [0.6], [8.0], replicates=2, order="randomised", batches="replicate")
     for one, other in zip(plain, told, strict=True):
@@ -96,8 +96,18 @@ def test_readings_off_their_zero_and_scale():
     assert read_high["phi"] == pytest.approx(0.61)
 
 
+def test_readings_set_anew_each_day_are_off_alike_within_one_and_at_random_from_day_to_day():
+    week = Week(lift_zero_batch_sd_m=5e-4, speed_scale_batch_sd=0.01)
+    zeros, scales = np.array(
+        [(week.lift_offset_m(Occasion(day)), week.seen_x_m(1.0, 0.0, Occasion(day)) - 1.0) for day in range(300)]
+    ).T
+    assert (np.std(zeros), np.std(scales)) == (pytest.approx(5e-4, rel=0.15), pytest.approx(0.01, rel=0.15))
+    assert abs(np.corrcoef(zeros, scales)[0, 1]) < 0.2
+    assert week.seen_x_m(1.0, 0.0, Occasion(3, 1)) == week.seen_x_m(1.0, 0.0, Occasion(3, 2, 0.5))
+
+
 def test_cameras_show_the_same_live_and_in_batch():
-    world = in_a_week(k_drift=0.1, lift_zero_m=1e-3, speed_scale=0.02, phi_zero=0.004)
+    world = in_a_week(k_drift=0.1, lift_zero_m=1e-3, speed_scale=0.02, speed_scale_batch_sd=0.01, phi_zero=0.004)
     t_s = np.arange(200) / 200.0
     angles = np.tile((10.0 * t_s)[:, None], (1, 6))
     rates = np.full((200, 6), 10.0)
@@ -105,7 +115,9 @@ def test_cameras_show_the_same_live_and_in_batch():
     seen = as_seen(trace, world.week, LATE)
     assert seen.z_m[0] == pytest.approx(trace.z_m[0] - 1e-3)
     assert (seen.z_m[1:] == trace.z_m[1:]).all()
-    assert np.ptp(seen.x_m) == pytest.approx(1.02 * np.ptp(trace.x_m))
+    scale = world.week.seen_x_m(1.0, 0.0, LATE)
+    assert abs(scale - 1.02) > 1e-4
+    assert np.ptp(seen.x_m) == pytest.approx(scale * np.ptp(trace.x_m))
     live = LiveTrial(world, 0.61, 3, trace.x_m[0], {"dorsal": CAMERAS["dorsal"]}, 0, LATE)
     for index, t in enumerate(t_s[:60]):
         live.advance(round(t * 1e9), angles[index], rates[index])

@@ -186,7 +186,8 @@ def readings(trace: Trace, leg_mount_rad: float = 0.0) -> Readings:
 def _as_read(truth: Readings, world: World, occasion: Occasion) -> Readings:
     """What instruments that are off their zero or their scale make of the truth."""
     along = {
-        name: world.week.seen_x_m(getattr(truth, name), 0.0) for name in ("speed_m_s", "peak_speed_m_s", "first_step_m")
+        name: world.week.seen_x_m(getattr(truth, name), 0.0, occasion)
+        for name in ("speed_m_s", "peak_speed_m_s", "first_step_m")
     }
     return Readings(**along, lift_m=truth.lift_m + world.week.lift_offset_m(occasion))
 

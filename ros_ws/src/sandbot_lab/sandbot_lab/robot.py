@@ -137,7 +137,7 @@ def as_seen(trace: Trace, week: Week, occasion: Occasion) -> Trace:
     """The motion that cameras off their scale and zero show: a lift read too high began too low."""
     z_m = trace.z_m.copy()
     z_m[0] -= week.lift_offset_m(occasion)
-    return replace(trace, x_m=week.seen_x_m(trace.x_m, float(trace.x_m[0])), z_m=z_m)
+    return replace(trace, x_m=week.seen_x_m(trace.x_m, float(trace.x_m[0]), occasion), z_m=z_m)
 
 
 def checked_phi(phi: float) -> float:

@@ -39,6 +39,9 @@ class Week:
     speed_scale: float = parameter(
         0.0, doc="share by which distances along the track are read too long", low=-0.3, high=0.3
     )
+    speed_scale_batch_sd: float = parameter(
+        0.0, doc="scatter of the scale along the track from batch to batch", low=0.0, high=0.1
+    )
     phi_zero: float = parameter(0.0, doc="volume fraction is read too high by this", low=-0.05, high=0.05)
 
     def strength(self, occasion: "Occasion") -> float:
@@ -53,9 +56,10 @@ class Week:
         """What a reading of the lift is too high by."""
         return self.lift_zero_m + self.lift_zero_batch_sd_m * _normal(occasion.batch_seed, _DAY, 1)
 
-    def seen_x_m(self, x_m: T, start_x_m: float) -> T:
-        """Where the dorsal camera takes the body to be, its scale being off by ``speed_scale``."""
-        return x_m + self.speed_scale * (x_m - start_x_m)
+    def seen_x_m(self, x_m: T, start_x_m: float, occasion: "Occasion") -> T:
+        """Where the dorsal camera takes the body to be, its scale being off."""
+        off = self.speed_scale + self.speed_scale_batch_sd * _normal(occasion.batch_seed, _DAY, 2)
+        return x_m + off * (x_m - start_x_m)
 
 
 @dataclass(frozen=True)
