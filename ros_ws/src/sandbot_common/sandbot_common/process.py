@@ -2,8 +2,8 @@
 
 import ctypes
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,28 +58,22 @@ def real_time_while(needed: bool, priority: int) -> None:
                 os.sched_setscheduler(thread, after[0], os.sched_param(after[1]))
 
 
-@contextmanager
-def ordinary() -> Iterator[None]:
+def ordinary() -> AbstractContextManager[None]:
     """No real-time priority while in here, for the calling thread."""
-    try:
-        before = os.sched_getscheduler(0), os.sched_getparam(0)
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    except (AttributeError, OSError):
-        yield
-        return
-    try:
-        yield
-    finally:
-        os.sched_setscheduler(0, *before)
+    return _scheduled(lambda: os.SCHED_OTHER, 0)
+
+
+def real_time(priority: int, *, inherited: bool = False) -> AbstractContextManager[None]:
+    """Real-time priority while in here, for the calling thread; what it starts has none, unless ``inherited``."""
+    return _scheduled(lambda: os.SCHED_FIFO if inherited else os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, priority)
 
 
 @contextmanager
-def real_time(priority: int, *, inherited: bool = False) -> Iterator[None]:
-    """Real-time priority while in here, for the calling thread; what it starts has none, unless ``inherited``."""
+def _scheduled(policy: Callable[[], int], priority: int) -> Iterator[None]:
+    """Another priority of the calling thread while in here, where the system knows such and grants it."""
     try:
         before = os.sched_getscheduler(0), os.sched_getparam(0)
-        policy = os.SCHED_FIFO if inherited else os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-        os.sched_setscheduler(0, policy, os.sched_param(priority))
+        os.sched_setscheduler(0, policy(), os.sched_param(priority))
     except (AttributeError, OSError):
         yield
         return
