@@ -25,12 +25,14 @@ class Window:
     @property
     def open(self) -> bool:
         """Whether to send. Asked before each message."""
-        if self._sent < self._most:
-            return True
         if all(publisher.wait_for_all_acked(_AT_ONCE) for publisher in self._outlets):
             self._sent = 0
-            return True
-        return time.monotonic() - self._full_s > PATIENCE_S
+        return self._sent < self._most or time.monotonic() - self._full_s > PATIENCE_S
+
+    @property
+    def unread(self) -> int:
+        """How many at most were on their way when it was asked last."""
+        return self._sent
 
     def sent(self) -> None:
         """One message more is on its way."""

@@ -6,12 +6,13 @@ fraction, and the LED flashes. Frames are taken on the robot's time, t0 + k / fr
 Legs and air stop by themselves where their commands are late, as those of a real driver must: a clock or bed that was
 killed or froze can't tell. Both then stay so until they have been told rest, and off; legs also by /lab/reset. So do
 legs that two command, and obey neither. While legs move or air blows the lab has real-time priority where it is
-granted: no robot of metal waits for a CPU to stop. Frames have none: each waits behind the set-points that have come,
-and for its readers, so that a machine too slow for two cameras shows them late, and loses none.
+granted: no robot of metal waits for a CPU to stop. Frames have none while their readers are behind: each waits behind the
+set-points that have come, and for its readers, so that a machine too slow for two cameras shows them late, and loses none.
 """
 
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,8 @@ PRIORITY = 1
 """Below all who command."""
 ON_THEIR_WAY = 40
 """Frames, of both cameras, that readers may not have taken: a fifth of the memory they share with the lab."""
+KEEPING_UP = 6
+"""Frames unread from which readers are behind: the lab's priority would keep the CPU from them."""
 CLOCK, BED = "clock", "bed"
 """Who commands legs and air: of those on this host the system tells when they are gone."""
 
@@ -189,7 +192,7 @@ class LabNode(Node):
     def _film(self) -> None:
         self._filming = False
         if self._trial is not None and self._behind:
-            with ordinary():
+            with ordinary() if self._window.unread > KEEPING_UP else nullcontext():
                 for frame in self._trial.take():
                     self._publish_frame(*frame)
                     self._window.sent()
