@@ -6,8 +6,9 @@ fraction, and the LED flashes. Frames are taken on the robot's time, t0 + k / fr
 Legs and air stop by themselves where their commands are late, as those of a real driver must: a clock or bed that was
 killed or froze can't tell. Both then stay so until they have been told rest, and off; legs also by /lab/reset. So do
 legs that two command, and obey neither. While legs move or air blows the lab has real-time priority where it is
-granted: no robot of metal waits for a CPU to stop. Frames have none while their readers are behind: each waits behind the
-set-points that have come, and for its readers, so that a machine too slow for two cameras shows them late, and loses none.
+granted: no robot of metal waits for a CPU to stop. Frames have none while their readers are behind: each waits behind
+the set-points that have come, and for its readers, so that a machine too slow for two cameras shows them late, and
+loses none.
 """
 
 import time
