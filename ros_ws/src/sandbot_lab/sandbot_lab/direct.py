@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sandbot_clock.gait import Gait, leg_angles
 from sandbot_common.errors import InputError
 from sandbot_lab.robot import Trace, simulate
-from sandbot_lab.week import Occasion, batch_seed
+from sandbot_lab.week import Occasion, batch_seed, seen_x_m
 from sandbot_lab.world import World
 
 Floats = NDArray[np.float64]
@@ -185,10 +185,8 @@ def readings(trace: Trace, leg_mount_rad: float = 0.0) -> Readings:
 
 def _as_read(truth: Readings, world: World, occasion: Occasion) -> Readings:
     """What instruments that are off their zero or their scale make of the truth."""
-    along = {
-        name: world.week.seen_x_m(getattr(truth, name), 0.0, occasion)
-        for name in ("speed_m_s", "peak_speed_m_s", "first_step_m")
-    }
+    off = world.week.scale_off(occasion)
+    along = {name: seen_x_m(getattr(truth, name), 0.0, off) for name in ("speed_m_s", "peak_speed_m_s", "first_step_m")}
     return Readings(**along, lift_m=truth.lift_m + world.week.lift_offset_m(occasion))
 
 

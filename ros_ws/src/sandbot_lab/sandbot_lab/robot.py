@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from sandbot_common.errors import InputError
 from sandbot_lab import kernel, resistive_kernel
 from sandbot_lab.physics import fresh_state, physics_record
-from sandbot_lab.week import Occasion, Week
+from sandbot_lab.week import Occasion, Week, seen_x_m
 from sandbot_lab.world import START_X_M, World
 
 Floats = NDArray[np.float64]
@@ -137,7 +137,8 @@ def as_seen(trace: Trace, week: Week, occasion: Occasion) -> Trace:
     """The motion that cameras off their scale and zero show: a lift read too high began too low."""
     z_m = trace.z_m.copy()
     z_m[0] -= week.lift_offset_m(occasion)
-    return replace(trace, x_m=week.seen_x_m(trace.x_m, float(trace.x_m[0]), occasion), z_m=z_m)
+    x_m = seen_x_m(trace.x_m, float(trace.x_m[0]), week.scale_off(occasion))
+    return replace(trace, x_m=x_m, z_m=z_m)
 
 
 def checked_phi(phi: float) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sandbot_common.topics import LEGS
 from sandbot_lab.cameras import Frame, LabCamera
 from sandbot_lab.robot import BodyState, LabRobot
-from sandbot_lab.week import FIRST, Occasion
+from sandbot_lab.week import FIRST, Occasion, seen_x_m
 from sandbot_lab.world import START_X_M, World, null_world
 
 Floats = NDArray[np.float64]
@@ -76,7 +76,7 @@ class LiveTrial:
         """``cameras``: sections of cameras.yaml by name; none for a trial without images. Raises InputError."""
         self.t0_ns = t0_ns
         self._robot = LabRobot(world.at(occasion), phi - world.week.phi_zero, seed, start_x_m)
-        self._week, self._start_x_m, self._occasion = world.week, start_x_m, occasion
+        self._start_x_m, self._scale_off = start_x_m, world.week.scale_off(occasion)
         self._sunk_m = world.week.lift_offset_m(occasion)
         self._cameras = {
             name: LabCamera(name, camera, seed, world.body, world.film) for name, camera in cameras.items()
@@ -88,8 +88,8 @@ class LiveTrial:
         """The robot at a set-point's time. Raises InputError if time runs backwards or a value isn't finite."""
         state = self._robot.advance((t_ns - self.t0_ns) / NANO, angles, rates)
         # As the cameras see it (`as_seen`): off their scale, and a lift read too high began too low.
-        x_m = self._week.seen_x_m(state.x_m, self._start_x_m, self._occasion)
         if self._cameras:
+            x_m = seen_x_m(state.x_m, self._start_x_m, self._scale_off)
             self._motion.append(replace(state, x_m=x_m, z_m=state.z_m - self._sunk_m))
         self._sunk_m = 0.0
         return state

@@ -56,10 +56,9 @@ class Week:
         """What a reading of the lift is too high by."""
         return self.lift_zero_m + self.lift_zero_batch_sd_m * _normal(occasion.batch_seed, _DAY, 1)
 
-    def seen_x_m(self, x_m: T, start_x_m: float, occasion: "Occasion") -> T:
-        """Where the dorsal camera takes the body to be, its scale being off."""
-        off = self.speed_scale + self.speed_scale_batch_sd * _normal(occasion.batch_seed, _DAY, 2)
-        return x_m + off * (x_m - start_x_m)
+    def scale_off(self, occasion: "Occasion") -> float:
+        """Share by which the dorsal camera takes distances along the track for too long."""
+        return self.speed_scale + self.speed_scale_batch_sd * _normal(occasion.batch_seed, _DAY, 2)
 
 
 @dataclass(frozen=True)
@@ -74,6 +73,11 @@ class Occasion:
 
 FIRST = Occasion()
 """A campaign of one trial."""
+
+
+def seen_x_m(x_m: T, start_x_m: float, scale_off: float) -> T:
+    """Where a camera whose scale is off takes the body to be."""
+    return x_m + scale_off * (x_m - start_x_m)
 
 
 def batch_seed(seed: int, batch: str) -> int:

@@ -19,7 +19,12 @@ class BatchSd:
 
     def __bool__(self) -> bool:
         """Whether batches differ in anything."""
-        return any(self[name] for name in NAMES)
+        return bool(self.names)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of what batches differ in."""
+        return tuple(name for name in NAMES if self[name])
 
     def __getitem__(self, name: str) -> float:
         """By the nuisance's name."""

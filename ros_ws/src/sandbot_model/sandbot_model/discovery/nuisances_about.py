@@ -1,11 +1,11 @@
 """What trials share, linear about a fit: the nuisances with their priors, and how far the bed scatters."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, NAMES, BatchSd, granted, priors
+from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd, granted, priors
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.structure import batch_share
 from sandbot_model.fitting.fit import Fit
@@ -85,26 +85,25 @@ def gain_of_batches(fit: Fit, criteria: Criteria) -> float:
 
 def _apart(fit: Fit, criteria: Criteria, least: float) -> tuple[BatchSd, float]:
     """How far batches differ, what gains most first and each beside those before it, and what they gain together."""
-    prior, found, total = priors(fit, criteria), ALIKE, 0.0
-    left = {name for name in NAMES if prior[name]}
+    prior, linear, found, total = priors(fit, criteria), _linear(fit, criteria), ALIKE, 0.0
+
+    def differ_in(name: str) -> tuple[float, float]:
+        """The standard deviation of what batches have of this name, and what it gains, beside what was found."""
+        return scatter_of_batches(*linear.of(name, found), sizes_tried(prior[name]), prior[name])
+
+    left = set(prior.names)
     while left:
-        tried = {name: _differ_in(fit, criteria, name, found) for name in left}
+        tried = {name: differ_in(name) for name in left}
         best = max(left, key=lambda name: (tried[name][1], name))
         sd, gain = tried[best]
         if gain <= least:
             break
         found, total = found.having(best, sd), total + gain
         left.remove(best)
-    if sum(map(bool, map(found.__getitem__, NAMES))) > 1:
-        for name in filter(found.__getitem__, NAMES):
-            found = found.having(name, _differ_in(fit, criteria, name, found)[0])
+    if len(found.names) > 1:
+        for name in found.names:
+            found = found.having(name, differ_in(name)[0])
     return found, total
-
-
-def _differ_in(fit: Fit, criteria: Criteria, name: str, beside: BatchSd) -> tuple[float, float]:
-    """The standard deviation of what batches have of this name, and what it gains, beside the others."""
-    prior = priors(fit, criteria)[name]
-    return scatter_of_batches(*_linear(fit, criteria, name, beside), sizes_tried(prior), prior)
 
 
 def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
@@ -125,7 +124,7 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
 
 def _possible(fit: Fit, criteria: Criteria) -> tuple[tuple[Array, Array, Array, Array], Array, Array]:
     """What is linear about a fit, with how batches differ within cells, the σ_b tried and what each gains by it."""
-    residual, unknowns, batches, others = _linear(fit, criteria, BATCH, granted(fit))
+    residual, unknowns, batches, others = _linear(fit, criteria).of(BATCH, granted(fit))
     apart, between = _within_cells(fit)
     residual, batches = np.concatenate([residual, apart]), np.concatenate([batches, between])
     unknowns, others = (np.pad(slopes, ((0, len(apart)), (0, 0))) for slopes in (unknowns, others))
@@ -154,13 +153,29 @@ def _within_cells(fit: Fit) -> tuple[Array, Array]:
     return np.concatenate(apart), np.concatenate(slopes)
 
 
-def _linear(fit: Fit, criteria: Criteria, name: str, beside: BatchSd) -> tuple[Array, Array, Array, Array]:
-    """Whitened residuals without any nuisance, and their slopes by what was fitted, by what each batch has of this
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """Whitened residuals without any nuisance, and their slopes by what was fitted, by what each batch has of each
     name, and by the other nuisances in units of their priors."""
-    own = shared_by(fit, criteria, beside.having(name, 1.0))
+
+    residual: Array
+    unknowns: Array
+    batches: dict[str, Array]
+    others: Array
+
+    def of(self, name: str, beside: BatchSd) -> tuple[Array, Array, Array, Array]:
+        """The same with batches that differ in one thing, what else they do among the other nuisances."""
+        else_ = [beside[one] * slopes for one, slopes in self.batches.items() if one != name and beside[one]]
+        return self.residual, self.unknowns, self.batches[name], np.column_stack([*else_, self.others])
+
+
+def _linear(fit: Fit, criteria: Criteria) -> _Linear:
+    possible = priors(fit, criteria).names
+    own = shared_by(fit, criteria, BatchSd(**dict.fromkeys(possible, 1.0)))
     residual, unknowns, _ = without_nuisances(fit.problem, fit.state)
     unit = np.zeros((len(residual), len(own.sd)))
     shift = fit.problem.whitened(fit.state.whiten, own.slope)[0]
     unit[: shift[..., 0].size] = shift.reshape(-1, len(own.sd)) * own.sd
-    batches = np.array([one == name for one in own.names])
-    return residual, unknowns, unit[:, batches], unit[:, ~batches]
+    names = np.array(own.names)
+    batches = {name: unit[:, names == name] for name in possible}
+    return _Linear(residual, unknowns, batches, unit[:, ~np.isin(names, possible)])

@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from sandbot_model.data.distributions import chi2_sf, f_isf
-from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, NAMES, BatchSd, priors
+from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd, priors
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.nuisances_about import (
@@ -281,7 +281,7 @@ def _differing(fit: Fit, apart: BatchSd, criteria: Criteria) -> list[str]:
         BATCH_SCALE: f"a speed scale that scatters by {apart[BATCH_SCALE]:.2%} from batch to batch "
         f"(prior {prior[BATCH_SCALE]:.1%})",
     }
-    return [words[name] for name in NAMES if apart[name]]
+    return [words[name] for name in apart.names]
 
 
 def _believable(fit: Fit) -> bool:
