@@ -60,6 +60,24 @@ def test_a_lift_read_one_grain_too_high_is_no_effect():
     assert "a lift zero off by" in one.verdict.because
 
 
+ANEW = {"lift_zero_batch_sd_m": 6e-4, "speed_scale_batch_sd": 0.01}
+
+
+def test_an_effect_is_named_beside_readings_set_anew_each_day():
+    """One frequency a day: a formula alone would have the zeros of days for its own."""
+    one = found(1014, "omega", {"phi_dependent_response": {"b": 0.6}}, order="randomised", **ANEW)
+    assert one.headline == "identified: phi_dependent_response"
+    assert "a lift zero that scatters by" in one.verdict.because
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("loss", [0.05, 0.1, 0.3])
+def test_a_world_outside_the_catalogue_is_no_effect_beside_readings_set_anew(loss):
+    """At the frequency of one day, whose scale would have to be 5 to 30 times its prior off."""
+    resonance = {"x_resonance": {"loss": loss, "omega_0_rad_s": 12.0, "width_rad_s": 2.0}}
+    assert found(1001, "omega", resonance, order="randomised", **ANEW).verdict.status == "unexplained"
+
+
 def test_a_drift_in_the_order_of_the_frequencies_is_in_the_standard_error():
     delta_t = found(1, order="as_listed", max_effects=0, k_drift=0.03).fit.parameters["delta_t_s"]
     assert abs(delta_t.value - 0.4) < 2 * delta_t.stderr

@@ -20,14 +20,13 @@ def fit(*effects, bic):
 def test_a_claim_of_several_effects_that_a_formula_outdoes_is_refused(monkeypatch, bic, refused):
     asked = []
 
-    def formula(_search, effects, _hopeless):
-        asked.append(effects)
-        return SimpleNamespace(bic=bic, sentence="so much") if effects else None
+    def formula(_search, fit, _hopeless):
+        asked.append(fit.effects)
+        return SimpleNamespace(bic=bic, sentence="so much") if fit.effects else None
 
-    monkeypatch.setattr(formula_search, "formula_on_top_of", formula)
+    monkeypatch.setattr(formula_search, "_on_top_of", formula)
     fits = [fit(bic=300.0), fit("a", bic=200.0), fit("b", bic=150.0), fit("c", bic=140.0), fit("a", "b", bic=100.0)]
-    search = SimpleNamespace(fits={one.effects: one for one in fits}, criteria=DEFAULT)
-    found = outdone_by_a_formula(search, CLAIM)
+    found = outdone_by_a_formula(SimpleNamespace(criteria=DEFAULT), CLAIM, {one.effects: one for one in fits})
     assert asked == [(), ("b",)]
     assert (found is not None) == refused
     assert found is None or (found.status == "unexplained" and "ΔBIC -30" in found.because)

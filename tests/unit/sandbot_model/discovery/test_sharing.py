@@ -11,6 +11,7 @@ from sandbot_model.discovery.batch_sd import BATCH, BATCH_SCALE, BATCH_ZERO, Bat
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter, batches_apart, shared_by
+from sandbot_model.discovery.residual import suggest_formula
 from sandbot_model.discovery.sharing import refitted_globally
 from sandbot_model.discovery.structure import STRUCTURE, at_random, smooth_p, trend_p_of
 from sandbot_model.fitting.fit import fit, fitted_at
@@ -80,6 +81,34 @@ def test_a_lift_zero_of_days_that_nobody_told_or_believes_is_not(drawn, how):
 def test_an_overlap_is_named_beside_a_lift_zero_set_anew_each_day(drawn):
     found = verdict(zeroed_each_day(table(drawn, ("stance_overlap",))))
     assert (found.verdict.status, found.verdict.effects) == ("identified", ("stance_overlap",))
+
+
+KICKED = "kicked: speed: kept *= 1 - a*R*omega**2/g; a [1] in 0.03..0.06"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("planted", [(), (KICKED,)])
+def test_no_formula_has_the_zeros_of_days_for_its_own(drawn, planted):
+    """What is to speak against a claim takes for granted what the claim does."""
+    trials = zeroed_each_day(drawn(seed=2, levels=4, noise=0.4, formulas=planted), times=2.0)
+    base = fit(model_of("simple", (), OVERLAP), cells_of(trials))
+    anew = shared_by(base, DEFAULT, BatchSd(lift_zero_of_batch_m=1e-3))
+    found = suggest_formula(fitted_at(base.model, base.cells, base.point, anew), OVERLAP)
+    assert suggest_formula(base, OVERLAP) is not None
+    assert found.passes() if planted else found is None
+
+
+@pytest.mark.parametrize(("off", "granted"), [(0.02, True), (0.08, False)])
+def test_a_scale_of_one_day_that_no_calibration_is_off_by_explains_nothing(drawn, off, granted):
+    """What happens at one frequency only is no scale of its day, were that the only one so far off."""
+    rows = zeroed_each_day(table(drawn), times=0.0).rows()
+    scales = [1.0 - off if row.omega_rad_s == 12 else 1.0 for row in rows]
+    along = ("speed_m_s", "peak_speed_m_s", "first_step_m")
+    rows = [
+        dataclasses.replace(row, **{column: scale * getattr(row, column) for column in along})
+        for row, scale in zip(rows, scales, strict=True)
+    ]
+    assert (verdict(from_rows(rows)).verdict.status == "adequate") == granted
 
 
 def test_how_far_batches_differ_is_told_apart(drawn):

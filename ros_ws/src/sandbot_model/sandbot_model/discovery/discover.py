@@ -27,7 +27,13 @@ from sandbot_model.discovery.nuisances_about import averaged_over_scatter
 from sandbot_model.discovery.partial import Partial, beyond_its_range, partly
 from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
-from sandbot_model.discovery.sharing import Shared, nuisances_suffice, reconsidered, refitted_globally
+from sandbot_model.discovery.sharing import (
+    Shared,
+    beside_readings,
+    nuisances_suffice,
+    reconsidered,
+    refitted_globally,
+)
 from sandbot_model.discovery.smooth import taken_back
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
@@ -255,7 +261,7 @@ def _imitated(search: EffectSearch, found: Shared) -> Shared | None:
         return None
     if not several and judge(search.fits, search.criteria).status != "unexplained":
         return None
-    refused = outdone_by_a_formula(search, found.verdict)
+    refused = outdone_by_a_formula(search, found.verdict, beside_readings(search, found))
     return None if refused is None else Shared(refused, dict(search.fits), search.fits[()])
 
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.residual import SuggestedFormula, suggest_formula
-from sandbot_model.discovery.verdict import Verdict, best_earned, claim, overdispersion, sound
-from sandbot_model.fitting.fit import fitted_at
+from sandbot_model.discovery.verdict import Sets, Verdict, best_earned, claim, overdispersion, sound
+from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import far_above, solve
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.model import model_of
@@ -36,17 +36,18 @@ def formula_to_try(search: EffectSearch) -> SuggestedFormula | None:
     return more if more is not None and more.bic < best.bic else best
 
 
-def outdone_by_a_formula(search: EffectSearch, claim: Verdict) -> Verdict | None:
+def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> Verdict | None:
     """Unexplained, where one formula on fewer effects, picked from many, fits clearly better than what is claimed.
 
-    Several effects together, or one beside a bed that scatters, can imitate what none of them is.
+    Several effects together, or one beside a bed that scatters, can imitate what none of them is. ``fits`` are those
+    that the claim rests on: what these take for granted the formula has, too.
     """
-    claimed = search.fits[claim.effects]
-    parts = [fit for names, fit in search.fits.items() if len(names) == 1 and set(names) < set(claim.effects)]
-    on_top = [(), *(fit.effects for fit in sorted(parts, key=lambda fit: fit.bic)[:1])]
+    claimed = fits[claim.effects]
+    parts = [fit for names, fit in fits.items() if len(names) == 1 and set(names) < set(claim.effects)]
+    on_top = [fits[()], *sorted(parts, key=lambda fit: fit.bic)[:1]]
     lead = search.criteria.clearly * overdispersion(claimed) + 2 * np.log(TERMS)
-    for effects in on_top:
-        formula = formula_on_top_of(search, effects, far_above(claimed.deviance, 1.0))
+    for fit in on_top:
+        formula = _on_top_of(search, fit, far_above(claimed.deviance, 1.0))
         if formula is not None and formula.bic < claimed.bic - lead:
             because = (
                 f"{' + '.join(claim.effects)} leaves replicates little to explain, but one formula fits better (ΔBIC "
@@ -56,12 +57,17 @@ def outdone_by_a_formula(search: EffectSearch, claim: Verdict) -> Verdict | None
     return None
 
 
-def formula_on_top_of(search: EffectSearch, effects: Names, hopeless: float = np.inf) -> SuggestedFormula | None:
-    """The formula that repairs most of what a set misses; None where its first look stays above a deviance."""
+def formula_on_top_of(search: EffectSearch, effects: Names) -> SuggestedFormula | None:
+    """The formula that repairs most of what a set misses."""
     if effects not in search.fits:
         search.fit("formula, beside an effect", [effects], nearby=False)
+    return _on_top_of(search, search.fits[effects])
+
+
+def _on_top_of(search: EffectSearch, fit: Fit, hopeless: float = np.inf) -> SuggestedFormula | None:
+    """The same for a fit; None where its first look stays above a deviance."""
     return suggest_formula(
-        search.fits[effects],
+        fit,
         search.effects,
         search.criteria,
         fit_all=search.fit_all,

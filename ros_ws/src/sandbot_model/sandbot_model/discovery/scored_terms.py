@@ -126,6 +126,6 @@ def _slopes(found: Fit, lever: Lever) -> Array:
     model = model_of(found.model.base, (*found.effects, name), {**catalogue, name: change}, found.model.robot)
     at = model.names.index(f"{name}.c")
     theta = np.insert(found.state.theta[0], at, 0.0)
-    problem = Problem(model, found.cells)
-    states = problem.states(theta[None], found.state.ln_k, found.state.slope)
+    problem = Problem(model, found.cells, found.nuisances)
+    states = problem.states(theta[None], found.state.ln_k, found.state.slope, found.problem.shared(found.state))
     return np.asarray(cell_jacobian(problem, states)[0][..., at])

@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from sandbot_model.data.distributions import chi2_sf, f_isf
-from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd, priors
+from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd, granted, priors
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.nuisances_about import (
@@ -87,6 +87,17 @@ def refitted_globally(fit: Fit) -> Fit:
         return fit
     found = fitted_at(fit.model, fit.cells, point_at(fit.problem, best_state(fit.problem)), fit.nuisances)
     return min(fit, found, key=lambda fit: fit.deviance)
+
+
+def beside_readings(search: EffectSearch, found: Shared) -> dict[Names, Fit]:
+    """The claim, what is in it and the base model, with zeros and scales where batches have their own; else all fits
+    without nuisances, since a bed that scatters takes its share of any formula."""
+    apart = granted(found.named) if found.named.nuisances else ALIKE
+    if not (apart[BATCH_ZERO] or apart[BATCH_SCALE]):
+        return search.fits
+    claimed = found.verdict.effects
+    sets = {(), claimed, *((name,) for name in claimed)}
+    return _refitted(search, [names for names in search.fits if names in sets], apart)
 
 
 def nuisances_suffice(search: EffectSearch) -> bool:
@@ -162,7 +173,9 @@ def _beside(search: EffectSearch, plain: Verdict, size: int, apart: BatchSd) -> 
         fits |= lower
         verdict = judge(fits, search.criteria)
     named = fits[verdict.effects]
-    if verdict.status == "unexplained" or not (_believable(named) and at_random(named, search.criteria)):
+    if verdict.status == "unexplained" or not (
+        _believable(named, search.criteria) and at_random(named, search.criteria)
+    ):
         return None
     if plain.status == "adequate" != verdict.status:
         return None
@@ -284,11 +297,15 @@ def _differing(fit: Fit, apart: BatchSd, criteria: Criteria) -> list[str]:
     return [words[name] for name in apart.names]
 
 
-def _believable(fit: Fit) -> bool:
-    """Whether drift, zero and scale are within what their priors can mean."""
+def _believable(fit: Fit, criteria: Criteria) -> bool:
+    """Whether drift, zeros and scales are within what their priors can mean, those of each batch as well."""
     assert fit.nuisances is not None
+    prior = priors(fit, criteria)
+    of_batch = {name: prior[name] for name in (BATCH_ZERO, BATCH_SCALE)}
     named = zip(fit.nuisances.names, fit.nuisances.sd, fit.shared, strict=True)
-    return all(abs(value) < FAR_OFF * sd for name, sd, (value, _) in named if name in WORDS)
+    return all(
+        abs(value) < FAR_OFF * of_batch.get(name, sd) for name, sd, (value, _) in named if name in {*WORDS, *of_batch}
+    )
 
 
 def _significant(fit: Fit) -> list[str]:

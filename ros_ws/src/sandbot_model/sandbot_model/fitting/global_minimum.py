@@ -88,6 +88,13 @@ def solve(task: tuple[Model, Cells, WarmStart | None]) -> Point:
     return point_at(problem, best_state(problem, near))
 
 
+def solve_beside(task: tuple[Model, Cells, WarmStart, Nuisances]) -> Point:
+    """The same with nuisances."""
+    model, cells, near, nuisances = task
+    problem = Problem(model, cells, nuisances)
+    return point_at(problem, best_state(problem, near))
+
+
 def solve_first(task: tuple[Model, Cells, WarmStart]) -> Found:
     """Where the first part of it comes to: a coarse search and short descents."""
     model, cells, near = task
