@@ -78,6 +78,16 @@ def test_a_world_outside_the_catalogue_is_no_effect_beside_readings_set_anew(los
     assert found(1001, "omega", resonance, order="randomised", **ANEW).verdict.status == "unexplained"
 
 
+@pytest.mark.whole
+@pytest.mark.parametrize("seed", [1002, 1004])
+def test_no_effect_is_bent_to_what_readings_set_anew_leave(seed):
+    """Advance lost beyond a frequency: a slip that grows by a power of its own, beside days' scales, is as good."""
+    clogging = {"x_foot_clogging": {"loss": 0.1, "omega_0_rad_s": 15.0, "width_rad_s": 4.0}}
+    one = found(seed, "omega", clogging, order="randomised", **ANEW)
+    assert one.verdict.status == "unexplained"
+    assert "above ω = 18 rad/s" in one.residual.sentence
+
+
 def test_a_drift_in_the_order_of_the_frequencies_is_in_the_standard_error():
     delta_t = found(1, order="as_listed", max_effects=0, k_drift=0.03).fit.parameters["delta_t_s"]
     assert abs(delta_t.value - 0.4) < 2 * delta_t.stderr

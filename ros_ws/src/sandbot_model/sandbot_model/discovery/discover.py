@@ -31,6 +31,7 @@ from sandbot_model.discovery.sharing import (
     Shared,
     beside_readings,
     nuisances_suffice,
+    read_anew,
     reconsidered,
     refitted_globally,
 )
@@ -38,7 +39,7 @@ from sandbot_model.discovery.smooth import taken_back
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
 from sandbot_model.discovery.untested import repeats, untested
-from sandbot_model.discovery.verdict import Sets, Verdict, judge, sound
+from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Map, Progress
@@ -215,7 +216,7 @@ def _found(search: EffectSearch, at_once: Verdict | None, max_effects: int) -> t
     # From one observable alone no convention can be told from another.
     if found.verdict.status == "unexplained" and not at_once and len(search.cells.observables) > 1:
         found, partial = _under_other_conventions(search, found)
-        found = imitated if imitated and found.verdict.status == "identified" else found
+        found = (imitated if imitated and found.verdict.status == "identified" else _imitated(search, found)) or found
     return found, partial
 
 
@@ -257,7 +258,7 @@ def _in_full(
 def _imitated(search: EffectSearch, found: Shared) -> Shared | None:
     """The refusal of a claim of several effects, or of one that needs a bed that scatters, which a formula outdoes."""
     several = len(found.verdict.effects) > 1
-    if found.verdict.status != "identified":
+    if found.verdict.status not in CLAIMS:
         return None
     if not several and judge(search.fits, search.criteria).status != "unexplained":
         return None
@@ -281,15 +282,24 @@ def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple
     # believes.
     if (most := beyond_its_range(search)) and not conventions([search.fits[most[0].effects]]):
         return _in_part(search, most)
-    if better and (found := _beside_nuisances(search)).verdict.status != "unexplained":
+    if better and _stands(found := _beside_nuisances(search)):
         return found, None
     for fits in (usual, search.fits):
         search.fits = fits
         if most := partly(search):
             return _in_part(search, most)
-    if other_conventions(search, 2) and (found := _beside_nuisances(search)).verdict.status != "unexplained":
+    if other_conventions(search, 2) and _stands(found := _beside_nuisances(search)):
         return found, None
     return replace(unexplained, fits=usual), None
+
+
+def _stands(found: Shared) -> bool:
+    """Whether a verdict under other conventions is one. No claim is that needs readings set anew each batch as well:
+    an effect in a shape of its own, beside offsets of days, can be bent to nearly anything.
+    """
+    if found.verdict.status in CLAIMS and conventions([found.fits[names] for names in found.verdict.alternatives]):
+        return not read_anew(found.named)
+    return found.verdict.status != "unexplained"
 
 
 def _in_part(search: EffectSearch, most: tuple[Verdict, Partial]) -> tuple[Shared, Partial]:

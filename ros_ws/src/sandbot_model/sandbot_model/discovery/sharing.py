@@ -92,12 +92,16 @@ def refitted_globally(fit: Fit) -> Fit:
 def beside_readings(search: EffectSearch, found: Shared) -> dict[Names, Fit]:
     """The claim, what is in it and the base model, with zeros and scales where batches have their own; else all fits
     without nuisances, since a bed that scatters takes its share of any formula."""
-    apart = granted(found.named) if found.named.nuisances else ALIKE
-    if not (apart[BATCH_ZERO] or apart[BATCH_SCALE]):
+    if not read_anew(found.named):
         return search.fits
     claimed = found.verdict.effects
     sets = {(), claimed, *((name,) for name in claimed)}
-    return _refitted(search, [names for names in search.fits if names in sets], apart)
+    return _refitted(search, [names for names in search.fits if names in sets], granted(found.named))
+
+
+def read_anew(fit: Fit) -> bool:
+    """Whether a fit takes for granted that each batch has a zero or a scale of its own."""
+    return fit.nuisances is not None and bool({BATCH_ZERO, BATCH_SCALE} & set(fit.nuisances.names))
 
 
 def nuisances_suffice(search: EffectSearch) -> bool:

@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from sandbot_model.discovery.verdict import Sets, Verdict
+from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.nuisances import free_of, gains
@@ -28,7 +28,7 @@ SIZES = np.geomspace(0.1, 300.0, 50)
 def taken_back(verdict: Verdict, fits: Sets) -> Verdict | None:
     """What is said of a claim if one observable was measured, and something smooth explains as much; else None."""
     base = fits[()]
-    if verdict.status not in ("identified", "ambiguous") or len(base.cells.observables) != 1:
+    if verdict.status not in CLAIMS or len(base.cells.observables) != 1:
         return None
     observable = Observable[base.cells.observables[0]]
     smooth, named = smooth_gain(base, observable), base.bic - fits[verdict.effects].bic

@@ -13,6 +13,8 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
 
 RESPONSE_TIME = "delta_t_s"
+CLAIMS = ("identified", "ambiguous")
+"""Statuses that say that effects of the catalogue explain all."""
 Sets = Mapping[tuple[str, ...], Fit]
 """Fits by the effects on top of the base model."""
 
