@@ -1,12 +1,14 @@
 """A formula picked from many speaks against a claim where it fits clearly better, the picking paid for."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
-from sandbot_model.discovery import formula_search
+from sandbot_model.discovery import discover, formula_search
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.formula_search import outdone_by_a_formula
+from sandbot_model.discovery.sharing import Shared
 from sandbot_model.discovery.verdict import Verdict
 
 CLAIM = Verdict("identified", ("a", "b"), (("a", "b"),), "")
@@ -30,3 +32,13 @@ def test_a_claim_of_several_effects_that_a_formula_outdoes_is_refused(monkeypatc
     assert asked == [(), ("b",)]
     assert (found is not None) == refused
     assert found is None or (found.status == "unexplained" and "ΔBIC -30" in found.because)
+
+
+@pytest.mark.parametrize(("status", "asked"), [("identified", True), ("ambiguous", True), ("partial", False)])
+def test_whatever_claims_several_effects_is_held_against_a_formula(monkeypatch, status, asked):
+    refused = Verdict("unexplained", (), (), "")
+    monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_: refused)
+    search = SimpleNamespace(fits={(): fit(bic=300.0)})
+    found = Shared(replace(CLAIM, status=status), search.fits, SimpleNamespace(nuisances=None))
+    imitated = discover._imitated(search, found)
+    assert (imitated is not None and imitated.verdict is refused) == asked
