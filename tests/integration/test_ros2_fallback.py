@@ -1,5 +1,6 @@
 """The ros2 fallback against real processes. Only the first lines of output are compared: the real ros2 passes too."""
 
+import os
 import re
 import subprocess
 import sys
@@ -94,6 +95,27 @@ def test_echo_waits_for_a_typed_topic_and_ends_on_ctrl_c(start, ros_env):
     echo.until(lambda line: line == "data: 0.25")
     echo.stop()
     assert not any("Traceback" in line for line in echo.lines)
+
+
+BESIDE_CTRL_C = """
+import os, signal, sys
+from ros2cli_fallback import graph
+with graph.node():
+    try:
+        if sys.argv[1] == "pressed":
+            os.kill(os.getpid(), signal.SIGINT)
+            signal.pause()
+    except KeyboardInterrupt:
+        pass
+    raise RuntimeError("Unable to convert call argument '0' to Python object")
+"""
+
+
+@pytest.mark.parametrize(("how", "said"), [("pressed", "KeyboardInterrupt"), ("not pressed", "RuntimeError")])
+def test_what_rclpy_makes_of_a_ctrl_c_is_one(ros_env, how, said):
+    environment = {**ros_env, "PYTHONPATH": os.pathsep.join(["tools", ros_env.get("PYTHONPATH", "")])}
+    done = subprocess.run([sys.executable, "-c", BESIDE_CTRL_C, how], env=environment, capture_output=True, text=True)
+    assert done.stderr.splitlines()[-1].startswith(said)
 
 
 def test_the_rate_is_measured(talker, start):

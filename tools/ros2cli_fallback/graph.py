@@ -1,9 +1,12 @@
 """A short-lived node to look at the graph with, and patience for discovery."""
 
 import os
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
 from typing import Any, TypeVar
 
 import rclpy
@@ -35,15 +38,34 @@ def add_arguments(parser: Parser) -> None:
 @contextmanager
 def node() -> Iterator[Node]:
     """A hidden node (its name begins with an underscore); Ctrl-C inside becomes KeyboardInterrupt, cleaned up."""
+    pressed = _noting_ctrl_c()
     rclpy.init(args=[])
     made = rclpy.create_node(f"_ros2cli_{os.getpid()}", start_parameter_services=False)
     try:
         yield made
     except ExternalShutdownException:
         raise KeyboardInterrupt from None
+    except RuntimeError:
+        # Where rclpy makes a message just then, "Unable to convert call argument" is what becomes of a Ctrl-C.
+        if pressed.is_set():
+            raise KeyboardInterrupt from None
+        raise
     finally:
         made.destroy_node()
         rclpy.try_shutdown()
+
+
+def _noting_ctrl_c() -> threading.Event:
+    """Set by Ctrl-C, which goes on to be a KeyboardInterrupt; left alone where it is ignored or somebody else's."""
+    pressed = threading.Event()
+
+    def note(number: int, frame: FrameType | None) -> None:
+        pressed.set()
+        signal.default_int_handler(number, frame)
+
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, note)
+    return pressed
 
 
 def settle(on: Node, quiet_s: float) -> None:
