@@ -7,6 +7,8 @@ from sandbot_model.fitting.fit import Fit
 
 BATCH, BATCH_ZERO, BATCH_SCALE = "ln_k", "lift_zero_of_batch_m", "speed_scale_of_batch"
 """Names of what each batch has of its own: an offset of ln k, a zero of the lift and a scale along the track."""
+READINGS = (BATCH_ZERO, BATCH_SCALE)
+"""Those that leave the bed as it is."""
 
 
 @dataclass(frozen=True)

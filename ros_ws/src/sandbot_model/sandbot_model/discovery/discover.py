@@ -216,7 +216,8 @@ def _found(search: EffectSearch, at_once: Verdict | None, max_effects: int) -> t
     # From one observable alone no convention can be told from another.
     if found.verdict.status == "unexplained" and not at_once and len(search.cells.observables) > 1:
         found, partial = _under_other_conventions(search, found)
-        found = (imitated if imitated and found.verdict.status == "identified" else _imitated(search, found)) or found
+        refused = imitated if found.verdict.status == "identified" else None
+        found = refused or _imitated(search, found) or found
     return found, partial
 
 

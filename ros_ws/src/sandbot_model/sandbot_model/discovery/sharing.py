@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from sandbot_model.data.distributions import chi2_sf, f_isf
-from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd, granted, priors
+from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, READINGS, BatchSd, granted, priors
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.nuisances_about import (
@@ -27,7 +27,7 @@ from sandbot_model.discovery.nuisances_about import (
 from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import Verdict, claim, judge, overdispersion, parts_of, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import best_state, point_at, solve_near, solve_on
+from sandbot_model.fitting.global_minimum import solve_beside, solve_near, solve_on
 
 LEADING = 6
 """Larger sets that are tried again, the best."""
@@ -85,7 +85,8 @@ def refitted_globally(fit: Fit) -> Fit:
     their predecessors left, a fit without offsets begins in another valley."""
     if fit.nuisances is None or not fit.model.walker.remembers:
         return fit
-    found = fitted_at(fit.model, fit.cells, point_at(fit.problem, best_state(fit.problem)), fit.nuisances)
+    point = solve_beside((fit.model, fit.cells, None, fit.nuisances))
+    found = fitted_at(fit.model, fit.cells, point, fit.nuisances)
     return min(fit, found, key=lambda fit: fit.deviance)
 
 
@@ -101,7 +102,7 @@ def beside_readings(search: EffectSearch, found: Shared) -> dict[Names, Fit]:
 
 def read_anew(fit: Fit) -> bool:
     """Whether a fit takes for granted that each batch has a zero or a scale of its own."""
-    return fit.nuisances is not None and bool({BATCH_ZERO, BATCH_SCALE} & set(fit.nuisances.names))
+    return fit.nuisances is not None and not set(READINGS).isdisjoint(fit.nuisances.names)
 
 
 def nuisances_suffice(search: EffectSearch) -> bool:
@@ -305,7 +306,7 @@ def _believable(fit: Fit, criteria: Criteria) -> bool:
     """Whether drift, zeros and scales are within what their priors can mean, those of each batch as well."""
     assert fit.nuisances is not None
     prior = priors(fit, criteria)
-    of_batch = {name: prior[name] for name in (BATCH_ZERO, BATCH_SCALE)}
+    of_batch = {name: prior[name] for name in READINGS}
     named = zip(fit.nuisances.names, fit.nuisances.sd, fit.shared, strict=True)
     return all(
         abs(value) < FAR_OFF * of_batch.get(name, sd) for name, sd, (value, _) in named if name in {*WORDS, *of_batch}

@@ -83,12 +83,10 @@ class Found:
 
 def solve(task: tuple[Model, Cells, WarmStart | None]) -> Point:
     """The minimum that a search of everywhere finds; never above what a smaller model has found."""
-    model, cells, near = task
-    problem = Problem(model, cells)
-    return point_at(problem, best_state(problem, near))
+    return solve_beside((*task, None))
 
 
-def solve_beside(task: tuple[Model, Cells, WarmStart, Nuisances]) -> Point:
+def solve_beside(task: tuple[Model, Cells, WarmStart | None, Nuisances | None]) -> Point:
     """The same with nuisances."""
     model, cells, near, nuisances = task
     problem = Problem(model, cells, nuisances)
