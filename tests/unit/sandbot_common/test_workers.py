@@ -1,3 +1,4 @@
+import gc
 import os
 import signal
 import subprocess
@@ -37,6 +38,36 @@ def test_workers_leave_ctrl_c_to_their_parent_and_run_what_is_asked_first():
         assert list(workers.map(readiness, range(4))) == ["ready"] * 4
     assert not ignores_ctrl_c(0)
     assert readiness(0) is None
+
+
+class Ended:
+    """Garbage of this process that only a collection finds: it is part of a cycle."""
+
+    where: list[int] = []
+
+    def __init__(self) -> None:
+        self.itself = self
+
+    def __del__(self) -> None:
+        self.where.append(os.getpid())
+
+
+def collected(_task: int) -> list[int]:
+    gc.collect()
+    return Ended.where
+
+
+def test_a_forked_worker_does_not_end_what_its_parent_has_left():
+    """A film of OpenCV ended in a worker waits for ever for its threads, which are the parent's."""
+    gc.disable()
+    try:
+        Ended.where.clear()
+        Ended()
+        with pool(1, "fork") as workers:
+            assert workers.submit(collected, 0).result() == []
+        assert collected(0) == [os.getpid()]
+    finally:
+        gc.enable()
 
 
 HASTY = """

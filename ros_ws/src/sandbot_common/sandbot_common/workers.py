@@ -1,5 +1,6 @@
 """Worker processes that leave Ctrl-C to their parent and end with it."""
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -37,7 +38,11 @@ class _SpawnedProcess(_Starts, SpawnProcess):
 
 
 class _ForkedProcess(_Starts, ForkProcess):
-    pass
+    """What the parent has left lying about is the parent's to end: OpenCV waits for threads that a worker has not."""
+
+    def run(self) -> None:
+        gc.freeze()
+        super().run()
 
 
 class _Spawned(SpawnContext):
