@@ -8,6 +8,7 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting import kernels
+from sandbot_model.fitting.nuisances import Nuisances
 from sandbot_model.fitting.operations import CompiledChains
 from sandbot_model.fitting.points import SEEN, ArrayChains, Chains, Conditions, Points
 from sandbot_model.fitting.switch import Switches, share_of_nodes, switches_of, turn
@@ -94,6 +95,18 @@ class CellMeans:
         parts = (np.ascontiguousarray(np.swapaxes(part, 0, 1)) for part in vars(footing).values())
         footing, share = Footing(*parts), np.ascontiguousarray(np.swapaxes(share, 0, 1))
         return self._judged(footing, share, np.ascontiguousarray(np.swapaxes(values, 1, 2)), track.T, replicates)
+
+    def read(self, nuisances: Nuisances, said: Said, shared: Array) -> tuple[Said, Array]:
+        """The same beside readings off their zero or scale, and all nuisances ``(rows, m)``; of these readings are the
+        most likely ones where ``shared`` has none."""
+        which, (sd, slope) = ~nuisances.moves_k, nuisances.of_readings
+        told = np.ascontiguousarray(shared[:, which])
+        without = said.whiten, said.predicted, said.residual, said.deviance
+        solve = bool(np.isnan(told).any())
+        values, predicted, residual, deviance = kernels.read(told, sd, slope, self.measured.which, without, solve)
+        found = shared.copy()
+        found[:, which] = values
+        return said._replace(predicted=predicted, residual=residual, deviance=deviance), found
 
     def _switches(self, points: Points, footing: Footing, apart: Bool) -> list[tuple[str, Switches]]:
         return switches_of(self.chains, points, footing, apart, remembers=self.walker.remembers)

@@ -22,8 +22,9 @@ def full_jacobian(problem: Problem, states: States, *, switches: bool = False) -
         full = np.concatenate([full, readings_jacobian(problem, states)], axis=1)
     if problem.nuisances is None:
         return full
-    shift = problem.whitened(states.whiten, problem.nuisances.reading)
-    shift = shift + local[..., -1, None] * problem.nuisances.by_ln_k[:, None, :]
+    shift = local[..., -1, None] * problem.nuisances.by_ln_k[:, None, :]
+    _, reading = problem.nuisances.of_readings
+    shift[..., ~problem.nuisances.moves_k] = problem.whitened(states.whiten, reading)
     return _with_nuisances(full, shift, problem.nuisances.sd)
 
 

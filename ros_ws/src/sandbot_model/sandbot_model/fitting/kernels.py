@@ -103,6 +103,46 @@ def _widen(spread, of, here):
 
 
 @_compiled
+def read(told, sd, slope, measured, said, solve):
+    """What is said beside readings off their zero or scale: their values ``(rows, m)``, means, residuals, deviances.
+
+    Those values are ``told`` or, with ``solve``, the most likely ones by their prior ``sd (m,)``. They move cell means
+    by ``slope (cells, 4, m)``; ``said`` are the whitening, means, residuals and deviances without them (see
+    ``judged``).
+    """
+    whiten, mean, residual, deviance = said
+    rows, cells, count = len(residual), len(slope), len(sd)
+    found, mean, residual, deviance = told.copy(), mean.copy(), residual.copy(), deviance.copy()
+    shift, normal, pull = np.zeros((cells, 4, count)), np.empty((count, count)), np.empty(count)
+    # A day's are none of another day's cells.
+    its = [np.nonzero(np.abs(slope[cell]).sum(axis=0))[0] for cell in range(cells)]
+    for row in range(rows):
+        normal[:], pull[:] = np.eye(count), 0.0
+        for cell in range(cells):
+            for i in range(4):
+                for n in its[cell]:
+                    own = 0.0
+                    for j in range(i + 1):
+                        if measured[cell, j]:
+                            own += whiten[row, cell, i, j] * slope[cell, j, n]
+                    shift[cell, i, n] = own * sd[n]
+                    pull[n] += shift[cell, i, n] * residual[row, cell, i]
+                for n in its[cell]:
+                    for m in its[cell]:
+                        normal[n, m] += shift[cell, i, n] * shift[cell, i, m]
+        if solve:
+            found[row] = np.linalg.solve(normal, pull) * sd
+        for cell in range(cells):
+            for i in range(4):
+                before = residual[row, cell, i]
+                for n in its[cell]:
+                    residual[row, cell, i] -= shift[cell, i, n] * (found[row, n] / sd[n])
+                    mean[row, cell, i] += slope[cell, i, n] * found[row, n]
+                deviance[row, cell] += residual[row, cell, i] ** 2 - before**2
+    return found, mean, residual, deviance
+
+
+@_compiled
 def local_jacobian(seen, steps, walking, virgin_walking, weights, measured, whiten):
     """d(whitened prediction)/d(θ, ln k) ``(rows, cells, 4, parameters + 1)``.
 

@@ -103,15 +103,11 @@ class Problem:
         """
         slope, found = slope + np.zeros_like(ln_k), self._shared(len(theta), shared)
         said = self.cell_means.said(theta, ln_k, slope, self.moved(found))
-        footing, predicted, covariance, whiten, residual, deviance = said
         prior = np.zeros((len(theta), 0))
         if self.nuisances is not None:
-            shift = self.whitened(whiten, self.nuisances.reading)
-            found = self.nuisances.read(found, residual, shift)
-            left = residual - np.einsum("rcim,rm->rci", shift, found)
-            predicted = predicted + np.einsum("cim,rm->rci", self.nuisances.reading, found)
-            deviance = deviance + np.sum(left**2 - residual**2, axis=2)
-            residual, prior = left, -found / self.nuisances.sd
+            said, found = self.cell_means.read(self.nuisances, said, found)
+            prior = -found / self.nuisances.sd
+        footing, predicted, covariance, whiten, residual, deviance = said
         pressed = self.pressed(theta, ln_k, slope)
         likelihood = covariance, whiten, residual, deviance, pressed, prior
         return States(theta, ln_k, slope, footing, predicted, *likelihood)
@@ -176,9 +172,10 @@ class Problem:
         said = self.cell_means.said_by_row(theta, ln_k, slope, self.moved(found))
         predicted, residual, deviance = said.predicted[0], said.residual[0], said.deviance[0]
         if self.nuisances is not None:
-            reading = self.nuisances.reading
-            left = residual - np.einsum("cim,cm->ci", self.whitened(said.whiten, reading)[0], found)
-            predicted = predicted + np.einsum("cim,cm->ci", reading, found)
+            which, (_, reading) = ~self.nuisances.moves_k, self.nuisances.of_readings
+            shift = self.whitened(said.whiten, reading)[0]
+            left = residual - np.einsum("cim,cm->ci", shift, found[:, which])
+            predicted = predicted + np.einsum("cim,cm->ci", reading, found[:, which])
             deviance = deviance + np.sum(left**2 - residual**2, axis=1)
         walks = said.footing.walking[0].mean(axis=1) > 0.5
         return CellByCell(predicted, self.widening(said.covariance[0]), deviance, walks)

@@ -41,29 +41,14 @@ class Nuisances:
     """d(ln k of a cell)/d(nuisance) ``(cells, m)``, 0 for those that leave k as it is."""
 
     @cached_property
-    def reading(self) -> Array:
-        """The slopes of those that leave k as it is, 0 for the others ``(cells, 4, m)``."""
-        return np.where(self.moves_k, 0.0, self.slope)
-
-    @cached_property
     def moves_k(self) -> Bool:
         """Which are the bed's ``(m,)``."""
         return np.asarray(self.by_ln_k.any(axis=0))
 
-    def read(self, shared: Array, residual: Array, shift: Array) -> Array:
-        """The same values ``(rows, m)`` with the most likely of the readings, where these are not a number.
-
-        For whitened residuals without them ``(rows, cells, 4)`` and slopes ``(rows, cells, 4, m)``.
-        """
-        which = ~self.moves_k
-        if not np.isnan(shared[:, which]).any():
-            return shared
-        unit = shift[..., which].reshape(len(shift), -1, which.sum()) * self.sd[which]
-        transposed = np.swapaxes(unit, 1, 2)
-        pull = transposed @ residual.reshape(len(residual), -1, 1)
-        found = shared.copy()
-        found[:, which] = np.linalg.solve(transposed @ unit + np.eye(which.sum()), pull)[..., 0] * self.sd[which]
-        return found
+    @cached_property
+    def of_readings(self) -> tuple[Array, Array]:
+        """Prior standard deviations ``(n,)`` and slopes ``(cells, 4, n)`` of those that leave k as it is."""
+        return self.sd[~self.moves_k], np.ascontiguousarray(self.slope[..., ~self.moves_k])
 
     def without(self, cells: int | Ints) -> "Nuisances":
         """The same for all cells but these."""
