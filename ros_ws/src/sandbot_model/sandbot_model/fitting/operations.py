@@ -7,10 +7,10 @@ import numpy as np
 
 from sandbot_model.fitting.points import CONDITIONS, Feet, Pairs, Points
 from sandbot_model.physics import machine
-from sandbot_model.physics.arrays import Array, Bool
+from sandbot_model.physics.arrays import Array, Bool, Ints
 from sandbot_model.physics.machine import OF_CELL, OF_FEET, OF_NODE, OF_ROW
 from sandbot_model.physics.model import Model
-from sandbot_model.physics.tape import FEET, VIRGIN, Program, Tape, by_depth, program
+from sandbot_model.physics.tape import FEET, VIRGIN, Program, Tape, by_depth, depth_last, program
 from sandbot_model.physics.walking import HELD_N, POLISH, RISES, V_SWIM_M_S, Footing
 
 BASE = {"delta_t": "delta_t_s", "v_swim": "v_swim_m_s"}
@@ -69,10 +69,14 @@ class CompiledChains:
         return self._program((margin,), self._without_feet), points.packed, depth
 
     def _holds(self, points: Points, depth: str, margin: str) -> tuple[Array, Bool]:
-        plain = self._program((margin,), self._without_feet)
-        scan, levels = self._known(("by depth", margin), lambda: by_depth(plain))
         at, grid = self.tape.inputs[depth], points.at.depths
-        depth_m, walking = machine.footing(scan, levels, plain, points.packed, at, grid, POLISH, RISES, HELD_N)
+
+        def arranged() -> tuple[Program, Ints, tuple[Program, int]]:
+            plain = self._program((margin,), self._without_feet)
+            return *by_depth(plain), depth_last(plain, at)
+
+        programs = self._known(("by depth", margin), arranged)
+        depth_m, walking = machine.footing(*programs, points.packed, at, grid, POLISH, RISES, HELD_N)
         return depth_m.reshape(points.shape), walking.reshape(points.shape)
 
     def _program(self, outputs: tuple[str, ...], inputs: Mapping[str, tuple[int, int]]) -> Program:

@@ -17,7 +17,7 @@ from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import point_at
 from sandbot_model.fitting.levenberg_marquardt import TOLERANCE, descend, put
 from sandbot_model.fitting.likelihood import Problem
-from sandbot_model.fitting.states import States
+from sandbot_model.fitting.states import States, joined
 from sandbot_model.physics.arrays import Array, Ints
 from sandbot_model.physics.effect import Parameter
 
@@ -110,7 +110,7 @@ def _profiled(problem: Problem, fit: Fit, at: Sequence[int]) -> Array:
         wider = _wider(fit, axes, at, states.deviance)
         if all(map(np.array_equal, wider, axes)):
             break
-        axes, states = wider, _over_grid(problem, fit, wider, at)
+        axes, states = wider, _over_grid(problem, fit, wider, at, states)
     volume = np.prod(np.meshgrid(*map(_widths, axes), indexing="ij"), axis=0).ravel()
     weight = volume * np.exp(-0.5 * (states.deviance - states.deviance.min()))
     away = np.concatenate([states.theta - fit.point.theta, states.ln_k - fit.point.ln_k], axis=1)
@@ -159,9 +159,20 @@ def _begin(problem: Problem, fit: Fit) -> States:
     return problem.states(fit.point.theta[None], fit.point.ln_k[None], fit.point.slope[None])
 
 
-def _over_grid(problem: Problem, fit: Fit, axes: Sequence[Array], at: Sequence[int]) -> States:
+def _over_grid(
+    problem: Problem, fit: Fit, axes: Sequence[Array], at: Sequence[int], known: States | None = None
+) -> States:
+    """The profile at every point of a grid; some of them may be ``known``."""
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(at))
-    return _from_neighbours(problem, profile(problem, _begin(problem, fit), at, grid), at, [len(axis) for axis in axes])
+    begin, shape = _begin(problem, fit), [len(axis) for axis in axes]
+    if known is None:
+        return _from_neighbours(problem, profile(problem, begin, at, grid), at, shape)
+    places = {tuple(values): row for row, values in enumerate(known.theta[:, at].tolist())}
+    rows = np.array([places.get(tuple(values), -1) for values in grid.tolist()])
+    new = rows < 0
+    rows[new] = len(known.theta) + np.arange(np.count_nonzero(new))
+    both = joined([known, profile(problem, begin, at, grid[new])])
+    return _from_neighbours(problem, both.take(rows), at, shape)
 
 
 def _from_neighbours(problem: Problem, states: States, at: Sequence[int], shape: Sequence[int]) -> States:

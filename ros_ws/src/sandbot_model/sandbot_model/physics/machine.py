@@ -168,8 +168,10 @@ def _run(code, begin, end, reg, n, tables, phi, k):  # noqa: C901
 @_compiled
 def _load(inputs, points, feet, row, which, reg):
     """Put the inputs of some points of a row, numbered in the order of (cells, nodes), into their registers."""
-    theta, conditions, k = points[0], points[1], points[2]
-    nodes = k.shape[2]
+    theta, conditions, its = points[0], points[1][:, row % points[1].shape[1]], points[2][row % len(points[2])]
+    nodes = its.shape[1]
+    # A division costs more than most operations of a chain.
+    cell = which // nodes
     for at in range(len(inputs)):
         to, kind, column = inputs[at, 0], inputs[at, 1], inputs[at, 2]
         if kind == OF_ROW:
@@ -179,11 +181,10 @@ def _load(inputs, points, feet, row, which, reg):
                 reg[to, i] = feet[column, row, which[i]]
         elif kind == OF_CELL:
             for i in range(len(which)):
-                reg[to, i] = conditions[column, row % conditions.shape[1], which[i] // nodes]
+                reg[to, i] = conditions[column, cell[i]]
         else:
             for i in range(len(which)):
-                cell, node = which[i] // nodes, which[i] % nodes
-                reg[to, i] = k[row % k.shape[0], cell % k.shape[1], node]
+                reg[to, i] = its[cell[i] if len(its) > 1 else 0, which[i] - nodes * cell[i]]
 
 
 @_compiled
@@ -325,8 +326,9 @@ def footing(scan, levels, plain, points, depth, grid, steps, rises, held):
     """Depth and whether the ground holds at all, ``(rows, cells * nodes)``.
 
     The margin is tried on a grid of depths, by a program ``scan`` of which the lines that depend on row, cell and node
-    begin at ``levels``; where it first is not negative is found by ``steps`` of the Illinois rule, by a ``plain`` one.
-    Before that, a peak below 0 may hold between the grid's depths (see ``Walker``).
+    begin at ``levels``; where it first is not negative is found by ``steps`` of the Illinois rule, by a ``plain`` one
+    and the first of its lines that depends on the depth. Before that, a peak below 0 may hold between the grid's depths
+    (see ``Walker``).
     """
     upper, (peak, first, second) = _bracket(scan, levels, points, depth, grid)
     found, walking = _polish(plain, points, depth, grid, upper, steps), upper > 0
@@ -404,7 +406,7 @@ def _climbed(margin):
 @_compiled
 def _polish(program, points, depth, grid, upper, steps):
     """Depth of the crossing within its bracket, the deepest where there is none."""
-    code, inputs, outputs, count, constants, tables = program
+    (code, inputs, outputs, count, constants, tables), first_moved = program
     phi, curve = points[3], points[4]
     reg, none = _registers(count, AT_ONCE, constants), np.empty((0, 0, 0))
     found = np.full(upper.shape, grid[-1])
@@ -415,16 +417,17 @@ def _polish(program, points, depth, grid, upper, steps):
             which = crossing[begin : begin + AT_ONCE]
             n = len(which)
             _load(inputs, points, none, row, which, reg)
+            _run(code, 0, first_moved, reg, n, tables, phi, curve[row % len(curve)])
             for i in range(n):
                 low[i], high[i] = grid[upper[row, which[i]] - 1], grid[upper[row, which[i]]]
             for end, margin in ((low, below), (high, above)):
                 reg[depth, :n] = end[:n]
-                _run(code, 0, len(code), reg, n, tables, phi, curve[row % len(curve)])
+                _run(code, first_moved, len(code), reg, n, tables, phi, curve[row % len(curve)])
                 margin[:n] = reg[outputs[0], :n]
             for _ in range(steps):
                 for i in range(n):
                     reg[depth, i] = _secant(low[i], high[i], below[i], above[i])
-                _run(code, 0, len(code), reg, n, tables, phi, curve[row % len(curve)])
+                _run(code, first_moved, len(code), reg, n, tables, phi, curve[row % len(curve)])
                 for i in range(n):
                     here = reg[outputs[0], i]
                     # Illinois: halve the margin of the end that stays, so that it does not stay for ever.
@@ -442,7 +445,7 @@ def _polish(program, points, depth, grid, upper, steps):
 @_compiled
 def _follow(program, points, depth, grid, peak, first, second, steps, held, found, walking):
     """Put in where the margin reaches 0 on its way up to a peak."""
-    code, inputs, outputs, count, constants, tables = program
+    (code, inputs, outputs, count, constants, tables), first_moved = program
     phi, curve = points[3], points[4]
     reg, none = _registers(count, AT_ONCE, constants), np.empty((0, 0, 0))
     low, here = np.empty(AT_ONCE), np.empty(AT_ONCE)
@@ -452,6 +455,7 @@ def _follow(program, points, depth, grid, peak, first, second, steps, held, foun
             which = peaked[begin : begin + AT_ONCE]
             n = len(which)
             _load(inputs, points, none, row, which, reg)
+            _run(code, 0, first_moved, reg, n, tables, phi, curve[row % len(curve)])
             for i in range(n):
                 before = max(peak[row, which[i]] - 1, 1)
                 low[i], here[i], reg[depth, i] = grid[before - 1], second[row, which[i]], grid[before]
@@ -461,7 +465,7 @@ def _follow(program, points, depth, grid, peak, first, second, steps, held, foun
                     beyond = _prolonged(low[i], now, first[row, which[i]], here[i])
                     if abs(here[i]) >= held and beyond <= grid[min(top + 1, len(grid) - 1)]:
                         low[i], first[row, which[i]], reg[depth, i] = now, here[i], beyond
-                _run(code, 0, len(code), reg, n, tables, phi, curve[row % len(curve)])
+                _run(code, first_moved, len(code), reg, n, tables, phi, curve[row % len(curve)])
                 here[:n] = reg[outputs[0], :n]
             for i in range(n):
                 if abs(here[i]) < held:

@@ -242,6 +242,16 @@ def by_depth(plain: Program) -> tuple[Program, Ints]:
     return plain._replace(code=_marked(plain.code[order, :5], same)), np.searchsorted(levels[order], [1, 2, 3])
 
 
+def depth_last(plain: Program, depth: int) -> tuple[Program, int]:
+    """The program with the lines last that depend on the depth, a register, and where these begin."""
+    moved = {depth}
+    for line in plain.code.tolist():
+        if not moved.isdisjoint(_operands_of(line)):
+            moved.add(line[1])
+    last = np.isin(plain.code[:, 1], list(moved))
+    return plain._replace(code=np.concatenate([plain.code[~last], plain.code[last]])), int(np.count_nonzero(~last))
+
+
 def _marked(code: Ints, same: set[int]) -> Ints:
     """The code with a column that says which results are the same at all points, as those inputs are."""
     same = set(same)
