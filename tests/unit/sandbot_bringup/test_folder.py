@@ -152,6 +152,7 @@ def test_what_failed_is_set_aside_only_by_who_can_run_it_again(tmp_path, monkeyp
         ("{phi_close: 0.59}", "", "target_phi 0.6 can't be reached"),
         ("{pulse_on_s: 0.01, pulse_min_s: 0.01}", "--batch", "pulse_on_s 0.01 s is shorter than a step"),
         ("{}", "--batch --ros-args -r __ns:=/x", "--ros-args: --batch runs without ROS"),
+        ("{}", "--ros-args -p silence:=9.0", "-p silence: campaign is set by options of its own (see --help)"),
         ("{}", "--out /proc/x/y", "no file can be made in /proc"),
     ],
 )

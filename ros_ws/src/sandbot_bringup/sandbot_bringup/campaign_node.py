@@ -31,7 +31,7 @@ from sandbot_bringup.recorder_process import RecorderProcess
 from sandbot_bringup.supervision import SILENCE_S, camera_fault
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.node import Health, Stop, publisher, spin_once
+from sandbot_common.node import Health, Stop, publisher, refuse_parameters, spin_once
 from sandbot_common.parameters import from_mapping, specs
 from sandbot_common.process import real_time
 from sandbot_common.robot import Robot
@@ -93,6 +93,7 @@ class Operator(Node):
 
     def __init__(self, plan: Plan, robot: Robot, stop: Stop, silence_s: float = SILENCE_S) -> None:
         super().__init__("campaign")
+        refuse_parameters(self)
         self._plan, self._robot, self._stop = plan, robot, stop
         self.hold = Hold()
         self.hold_services = HoldServices(self, self.hold)

@@ -69,10 +69,21 @@ def _name(action: argparse.Action) -> str:
     return action.option_strings[0] if action.option_strings else str(action.metavar or action.dest)
 
 
+OF_EVERY_NODE = ("use_sim_time", "qos_overrides.")
+"""How parameters begin that any node has."""
+
+
 def with_ros(parser: argparse.ArgumentParser, argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
-    """Our own options, and what begins with --ros-args, which is ROS's own to read."""
+    """Our own options, and what begins with --ros-args, which is ROS's own to read.
+
+    Raises InputError for a parameter: a command that has options has none of its own.
+    """
     cut = list(argv).index("--ros-args") if "--ros-args" in argv else len(argv)
     _check_rules(argv[cut:])
+    for flag, rule in pairwise(argv[cut:]):
+        name = rule.partition(":=")[0].rpartition(":")[2]
+        if flag in ("-p", "--param") and not name.startswith(OF_EVERY_NODE):
+            raise InputError(f"--ros-args -p {name}: {parser.prog} is set by options of its own (see --help)")
     return parser.parse_args(argv[:cut]), list(argv[cut:])
 
 

@@ -5,7 +5,7 @@ from sandbot_record.tools import record
 
 
 @pytest.mark.parametrize(
-    ("slip", "said"), [("--bogus", "--bogus"), ("-p duration:=5.0", "-p duration: recorder is set by")]
+    ("slip", "said"), [("--bogus", "--bogus"), ("-p duration:=5.0", "-p duration: record is set by")]
 )
 def test_a_slip_behind_ros_args_leaves_no_bag(tmp_path, domain, capfd, slip, said):
     assert record.main(["/leg_states", "--out", str(tmp_path / "bag"), "--ros-args", *slip.split()]) == 2

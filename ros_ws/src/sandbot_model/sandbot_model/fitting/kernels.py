@@ -112,34 +112,46 @@ def read(told, sd, slope, measured, said, solve):
     """
     whiten, mean, residual, deviance = said
     rows, cells, count = len(residual), len(slope), len(sd)
-    found, mean, residual, deviance = told.copy(), mean.copy(), residual.copy(), deviance.copy()
-    shift, normal, pull = np.zeros((cells, 4, count)), np.empty((count, count)), np.empty(count)
+    found, mean, residual, deviance = told / sd, mean.copy(), residual.copy(), deviance.copy()
+    unit, shift, normal, pull = slope * sd, np.zeros(slope.shape), np.empty((count, count)), np.empty(count)
     # A day's are none of another day's cells.
     its = [np.nonzero(np.abs(slope[cell]).sum(axis=0))[0] for cell in range(cells)]
     for row in range(rows):
         normal[:], pull[:] = np.eye(count), 0.0
         for cell in range(cells):
-            for i in range(4):
-                for n in its[cell]:
-                    own = 0.0
-                    for j in range(i + 1):
-                        if measured[cell, j]:
-                            own += whiten[row, cell, i, j] * slope[cell, j, n]
-                    shift[cell, i, n] = own * sd[n]
-                    pull[n] += shift[cell, i, n] * residual[row, cell, i]
-                for n in its[cell]:
-                    for m in its[cell]:
-                        normal[n, m] += shift[cell, i, n] * shift[cell, i, m]
+            _shifted(unit[cell], its[cell], measured[cell], whiten[row, cell], shift[cell])
+            _add_normal(shift[cell], its[cell], residual[row, cell], normal, pull)
         if solve:
-            found[row] = np.linalg.solve(normal, pull) * sd
+            found[row] = np.linalg.solve(normal, pull)
         for cell in range(cells):
             for i in range(4):
                 before = residual[row, cell, i]
                 for n in its[cell]:
-                    residual[row, cell, i] -= shift[cell, i, n] * (found[row, n] / sd[n])
-                    mean[row, cell, i] += slope[cell, i, n] * found[row, n]
+                    residual[row, cell, i] -= shift[cell, i, n] * found[row, n]
+                    mean[row, cell, i] += unit[cell, i, n] * found[row, n]
                 deviance[row, cell] += residual[row, cell, i] ** 2 - before**2
-    return found, mean, residual, deviance
+    return found * sd, mean, residual, deviance
+
+
+@_compiled
+def _shifted(unit, its, measured, whiten, shift):
+    """Whiten the columns ``its`` of a cell's slopes ``(4, m)``."""
+    for i in range(4):
+        for n in its:
+            shift[i, n] = 0.0
+            for j in range(i + 1):
+                if measured[j]:
+                    shift[i, n] += whiten[i, j] * unit[j, n]
+
+
+@_compiled
+def _add_normal(shift, its, residual, normal, pull):
+    """Add a cell to the normal equations."""
+    for i in range(4):
+        for n in its:
+            pull[n] += shift[i, n] * residual[i]
+            for m in its:
+                normal[n, m] += shift[i, n] * shift[i, m]
 
 
 @_compiled

@@ -47,14 +47,17 @@ def _atlas(argv: Sequence[str]) -> None:
 def _draw(args: argparse.Namespace, folder: Path) -> None:
     from tqdm import tqdm
 
+    from sandbot_common.crew import one_a_cpu
     from sandbot_model.report.atlas.plates import PLATES, write
 
     material = _material(args)
     folder.mkdir(parents=True, exist_ok=True)
-    drawing = write(folder, material, args.width, args.formats)
     lines = []
-    for plate, caption in tqdm(drawing, total=len(PLATES), desc="atlas", unit="plate", file=sys.stderr, disable=None):
-        lines.append(f"{plate.number:4} {caption}")
+    with one_a_cpu().map() as draw_all:
+        drawing = write(folder, material, args.width, args.formats, draw_all)
+        shown = tqdm(drawing, total=len(PLATES), desc="atlas", unit="plate", file=sys.stderr, disable=None)
+        for plate, caption in shown:
+            lines.append(f"{plate.number:4} {caption}")
     print("\n".join(lines))
     drawn = sum(" not drawn: " not in line for line in lines)
     print(f"\natlas: {drawn} of {len(PLATES)} figures in {folder} ({', '.join(args.formats)}), with captions.json")

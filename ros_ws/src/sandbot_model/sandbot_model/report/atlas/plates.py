@@ -2,9 +2,11 @@
 
 import io
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sandbot_common.crew import Map
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_json, writing
 from sandbot_model.report.atlas import balances, endings, leg, motion, speeds
@@ -37,6 +39,8 @@ def _save(figure: "Figure", stem: Path, formats: tuple[str, ...]) -> None:
         path = stem.with_suffix(f".{kind}")
         with writing(path):
             figure.savefig(path, dpi=PNG_DPI, metadata={"CreationDate": None} if kind == "pdf" else None)
+        # Everything has its place now, the same in all formats.
+        figure.set_layout_engine("none")
 
 
 def as_svg(plate: Plate, material: Material) -> tuple[bytes, str]:
@@ -49,22 +53,41 @@ def as_svg(plate: Plate, material: Material) -> tuple[bytes, str]:
 
 
 def write(
-    folder: Path, material: Material, width_mm: float | None = None, formats: tuple[str, ...] = FORMATS
+    folder: Path,
+    material: Material,
+    width_mm: float | None = None,
+    formats: tuple[str, ...] = FORMATS,
+    draw_all: Map = map,
 ) -> Iterator[tuple[Plate, str]]:
-    """Draw plate after plate into a folder, each yielded with its caption, or with why there is none.
+    """Draw the plates into a folder, each yielded with its caption, or with why there is none.
 
     ``width_mm`` replaces the plates' own widths. The captions are written at the end. Raises InputError where nothing
     can be written.
     """
     captions = {}
-    for plate in PLATES:
-        try:
-            with typography():
-                figure, caption = plate.draw(material, width_mm or plate.width_mm)
-                _save(figure, folder / plate.stem, formats)
-        except InputError as error:
-            yield plate, f"not drawn: {error}"
-            continue
-        captions[plate.stem] = {"figure": plate.number, "caption": caption}
+    for plate, (caption, drawn) in zip(
+        PLATES, draw_all(_Drawn(folder, material, width_mm, formats), PLATES), strict=True
+    ):
+        if drawn:
+            captions[plate.stem] = {"figure": plate.number, "caption": caption}
         yield plate, caption
     write_json(folder / CAPTIONS, captions)
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """Draws a plate into a folder: its caption, and True; or why there is none, and False."""
+
+    folder: Path
+    material: Material
+    width_mm: float | None
+    formats: tuple[str, ...]
+
+    def __call__(self, plate: Plate) -> tuple[str, bool]:
+        try:
+            with typography():
+                figure, caption = plate.draw(self.material, self.width_mm or plate.width_mm)
+                _save(figure, self.folder / plate.stem, self.formats)
+        except InputError as error:
+            return f"not drawn: {error}", False
+        return caption, True
