@@ -62,11 +62,20 @@ def drawn_values(seed, sigma, batches, each, unknowns):
     return rng.normal(size=batches * each) + slopes @ (sigma * rng.normal(size=batches)), jacobian, slopes
 
 
-def test_the_adjusted_deviance_is_that_of_the_wider_covariance(cells):
+def lift_zero_anew_each_day(cells):
+    """A zero for all, and one more for each of three days, of which cells of another day know nothing."""
+    slope = np.zeros((len(cells), 4, 4))
+    slope[:, Observable.lift, 0] = 1.0
+    slope[np.arange(len(cells)), Observable.lift, 1 + np.arange(len(cells)) % 3] = 1.0
+    return nuisances_of(cells, ("lift_zero_m", *3 * ("lift_zero_m of a day",)), [1e-3, 3e-4, 6e-4, 9e-4], slope)
+
+
+@pytest.mark.parametrize("of", [lift_zero, lift_zero_anew_each_day])
+def test_the_adjusted_deviance_is_that_of_the_wider_covariance(cells, of):
     plain = Problem(MODEL, cells).states(*POINT)
-    problem = Problem(MODEL, cells, lift_zero(cells))
-    state = problem.states(*POINT)
-    unit = problem.whitened(state.whiten, problem.nuisances.slope)[0].reshape(-1, 1) * 1e-3
+    problem = Problem(MODEL, cells, of(cells))
+    state, sd = problem.states(*POINT), problem.nuisances.sd
+    unit = problem.whitened(state.whiten, problem.nuisances.slope)[0].reshape(-1, len(sd)) * sd
     r = plain.all_residuals[0]
     assert state.deviance[0] == pytest.approx(r @ np.linalg.solve(np.eye(len(r)) + unit @ unit.T, r))
     assert state.deviance[0] < plain.deviance[0]

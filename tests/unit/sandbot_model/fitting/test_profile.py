@@ -7,7 +7,7 @@ import pytest
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit, fitted_at
-from sandbot_model.fitting.profile import deepest, profile, with_profiled_errors
+from sandbot_model.fitting.profile import _over_grid, deepest, profile, with_profiled_errors
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 
@@ -40,6 +40,21 @@ def test_a_threshold_has_an_error_that_spans_its_stair(drawn):
     s_c = profiled.parameters["disturbed_ground.s_c"]
     assert 0.005 < s_c.stderr < 0.1
     assert s_c.value == pytest.approx(0.95, abs=3 * s_c.stderr)
+
+
+def test_a_grid_that_grows_keeps_what_it_knows(drawn):
+    """What was known stands in its place, however low; what is new is what a grid made at once has there."""
+    smooth = fitted(drawn, "phi_dependent_response")
+    at, start = [smooth.model.names.index("phi_dependent_response.b")], smooth.state
+    b, error = smooth.parameters["phi_dependent_response.b"]
+    axis = b + error * np.arange(-3.0, 4.0)
+    known = _over_grid(smooth.problem, smooth, [axis[1:-1]], at)
+    grown = _over_grid(smooth.problem, smooth, [axis], at, known)
+    np.testing.assert_array_equal(grown.theta[:, at[0]], axis)
+    np.testing.assert_array_equal(grown.deviance[1:-1], known.deviance)
+    at_once = _over_grid(smooth.problem, smooth, [axis], at).deviance
+    np.testing.assert_allclose(grown.deviance, at_once, atol=0.02)
+    assert grown.deviance.min() == pytest.approx(start.deviance[0], abs=0.02)
 
 
 def test_a_fit_without_stairs_stays_as_it_is(drawn):

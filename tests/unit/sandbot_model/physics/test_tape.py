@@ -10,7 +10,7 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.machine import BINARY, COMPARISONS, OF_FEET, UNARY
-from sandbot_model.physics.tape import Tape, Unrecordable, by_depth, program, record
+from sandbot_model.physics.tape import Tape, Unrecordable, by_depth, depth_last, program, record
 from sandbot_model.physics.walking import Walker
 
 X = np.array([-2.5, -1.0, -0.5, 0.0, 0.3, 1.0, 2.0, np.nan])
@@ -67,6 +67,17 @@ def test_what_is_the_same_at_all_points_is_done_once_for_them_and_so_is_what_is_
     )
     assert levels.tolist() == [1, 3, 5]
     assert scan.code[:, 5].tolist() == [0, 1, 0, 1, 0, 0, 0]
+
+
+def test_what_the_depth_changes_comes_last_whatever_came_between():
+    tape = Tape(["theta", "k", "depth"])
+    theta, k, depth = (tape.input(name) for name in ("theta", "k", "depth"))
+    tape.output("z", np.exp(depth) * np.sqrt(theta) - k * theta)
+    of = {"theta": (machine.OF_ROW, 0), "k": (machine.OF_NODE, 0)}
+    arranged, first = depth_last(program(tape, ("z",), of, {}), tape.inputs["depth"])
+    names = [machine.NUMBER[name] for name in ("sqrt", "multiply", "exp", "multiply", "subtract")]
+    assert arranged.code[:, 0].tolist() == names
+    assert first == 2
 
 
 REFUSED = {

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from sandbot_common.crew import Processes
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT
 from sandbot_model.data.conditions import cells_of
@@ -70,6 +71,18 @@ def test_every_plate_of_a_table(material, tmp_path):
         if plate.stem in drawn:
             width = re.search(r'width="([\d.]+)pt"', (tmp_path / f"{plate.stem}.svg").read_text())[1]
             assert float(width) == pytest.approx(plate.width_mm / 25.4 * 72, abs=0.5)
+
+
+@pytest.mark.slow
+def test_two_processes_draw_what_one_draws(material, tmp_path):
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+    with Processes(2).map() as draw_all:
+        shared = dict(write(tmp_path / "two", material, formats=("svg",), draw_all=draw_all))
+    assert shared == dict(write(tmp_path / "one", material, formats=("svg",)))
+    one, two = (sorted((tmp_path / name).iterdir()) for name in ("one", "two"))
+    assert [path.name for path in one] == [path.name for path in two]
+    assert len(one) == len(PLATES) - len(WITH_BAGS) + 1
 
 
 @pytest.mark.slow
