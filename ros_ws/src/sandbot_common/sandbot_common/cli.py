@@ -83,8 +83,13 @@ def with_ros(parser: argparse.ArgumentParser, argv: Sequence[str]) -> tuple[argp
     for flag, rule in pairwise(argv[cut:]):
         name = rule.partition(":=")[0].rpartition(":")[2]
         if flag in ("-p", "--param") and not name.startswith(OF_EVERY_NODE):
-            raise InputError(f"--ros-args -p {name}: {parser.prog} is set by options of its own (see --help)")
+            raise no_parameter(name, parser.prog)
     return parser.parse_args(argv[:cut]), list(argv[cut:])
+
+
+def no_parameter(name: str, program: str) -> InputError:
+    """What is raised where a command that begins by options of its own is given a parameter."""
+    return InputError(f"--ros-args -p {name}: {program} is set by options of its own (see --help)")
 
 
 def _check_rules(arguments: Sequence[str]) -> None:

@@ -410,13 +410,13 @@ def _refuse_unknown(node: Node, where: str) -> None:
 def refuse_parameters(node: Node) -> None:
     """Raise InputError where a node that begins by options of its own was given a parameter; before it declares any."""
     for name in _undeclared(node):
-        raise InputError(f"--ros-args -p {name}: {node.get_name()} is set by options of its own (see --help)")
+        raise cli.no_parameter(name, node.get_name())
 
 
 def _undeclared(node: Node) -> list[str]:
     # ROS drops a misspelt -p without a word.
     given = node._parameter_overrides
-    return [name for name in given if not node.has_parameter(name) and not name.startswith("qos_overrides.")]
+    return [name for name in given if not node.has_parameter(name) and not name.startswith(cli.OF_EVERY_NODE)]
 
 
 def _descriptor(spec: Spec) -> ParameterDescriptor:

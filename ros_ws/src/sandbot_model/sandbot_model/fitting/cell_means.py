@@ -100,12 +100,11 @@ class CellMeans:
         """The same beside readings off their zero or scale, and all nuisances ``(rows, m)``; of these readings are the
         most likely ones where ``shared`` has none."""
         which, (sd, slope) = ~nuisances.moves_k, nuisances.of_readings
-        told = np.ascontiguousarray(shared[:, which])
         without = said.whiten, said.predicted, said.residual, said.deviance
-        solve = bool(np.isnan(told).any())
-        values, predicted, residual, deviance = kernels.read(told, sd, slope, self.measured.which, without, solve)
+        told = np.ascontiguousarray(shared[:, which] / sd)
+        values, predicted, residual, deviance = kernels.read(told, slope * sd, self.measured.which, without)
         found = shared.copy()
-        found[:, which] = values
+        found[:, which] = values * sd
         return said._replace(predicted=predicted, residual=residual, deviance=deviance), found
 
     def _switches(self, points: Points, footing: Footing, apart: Bool) -> list[tuple[str, Switches]]:

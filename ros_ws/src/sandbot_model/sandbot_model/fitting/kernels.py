@@ -103,34 +103,54 @@ def _widen(spread, of, here):
 
 
 @_compiled
-def read(told, sd, slope, measured, said, solve):
+def read(told, unit, measured, said):
     """What is said beside readings off their zero or scale: their values ``(rows, m)``, means, residuals, deviances.
 
-    Those values are ``told`` or, with ``solve``, the most likely ones by their prior ``sd (m,)``. They move cell means
-    by ``slope (cells, 4, m)``; ``said`` are the whitening, means, residuals and deviances without them (see
+    Those values, in units of their priors, are ``told`` or, where not a number, the most likely ones. They move cell
+    means by ``unit (cells, 4, m)``; ``said`` are the whitening, means, residuals and deviances without them (see
     ``judged``).
     """
     whiten, mean, residual, deviance = said
-    rows, cells, count = len(residual), len(slope), len(sd)
-    found, mean, residual, deviance = told / sd, mean.copy(), residual.copy(), deviance.copy()
-    unit, shift, normal, pull = slope * sd, np.zeros(slope.shape), np.empty((count, count)), np.empty(count)
-    # A day's are none of another day's cells.
-    its = [np.nonzero(np.abs(slope[cell]).sum(axis=0))[0] for cell in range(cells)]
+    (rows, count), cells = told.shape, len(unit)
+    found, mean, residual, deviance = told.copy(), mean.copy(), residual.copy(), deviance.copy()
+    shift, normal, pull = np.zeros(unit.shape), np.empty((count, count)), np.empty(count)
+    its, many = _moving(unit)
     for row in range(rows):
-        normal[:], pull[:] = np.eye(count), 0.0
+        unknown = False
+        for n in range(count):
+            unknown |= math.isnan(told[row, n])
+        normal[:], pull[:] = 0.0, 0.0
         for cell in range(cells):
-            _shifted(unit[cell], its[cell], measured[cell], whiten[row, cell], shift[cell])
-            _add_normal(shift[cell], its[cell], residual[row, cell], normal, pull)
-        if solve:
+            which = its[cell, : many[cell]]
+            _shifted(unit[cell], which, measured[cell], whiten[row, cell], shift[cell])
+            if unknown:
+                _add_normal(shift[cell], which, residual[row, cell], normal, pull)
+        if unknown:
+            for n in range(count):
+                normal[n, n] += 1.0
             found[row] = np.linalg.solve(normal, pull)
         for cell in range(cells):
             for i in range(4):
                 before = residual[row, cell, i]
-                for n in its[cell]:
+                for n in its[cell, : many[cell]]:
                     residual[row, cell, i] -= shift[cell, i, n] * found[row, n]
                     mean[row, cell, i] += unit[cell, i, n] * found[row, n]
                 deviance[row, cell] += residual[row, cell, i] ** 2 - before**2
-    return found * sd, mean, residual, deviance
+    return found, mean, residual, deviance
+
+
+@_compiled
+def _moving(slope):
+    """Which columns of slopes ``(cells, 4, m)`` move a cell, the first ``many (cells,)`` of ``its (cells, m)``: a day's
+    are none of another day's cells."""
+    cells, _, count = slope.shape
+    its, many = np.empty((cells, count), dtype=np.int64), np.zeros(cells, dtype=np.int64)
+    for cell in range(cells):
+        for n in range(count):
+            if slope[cell, 0, n] != 0 or slope[cell, 1, n] != 0 or slope[cell, 2, n] != 0 or slope[cell, 3, n] != 0:
+                its[cell, many[cell]] = n
+                many[cell] += 1
+    return its, many
 
 
 @_compiled

@@ -326,9 +326,9 @@ def footing(scan, levels, plain, points, depth, grid, steps, rises, held):
     """Depth and whether the ground holds at all, ``(rows, cells * nodes)``.
 
     The margin is tried on a grid of depths, by a program ``scan`` of which the lines that depend on row, cell and node
-    begin at ``levels``; where it first is not negative is found by ``steps`` of the Illinois rule, by a ``plain`` one
-    and the first of its lines that depends on the depth. Before that, a peak below 0 may hold between the grid's depths
-    (see ``Walker``).
+    begin at ``levels``; where it first is not negative is found by ``steps`` of the Illinois rule, by a ``plain`` one,
+    told with where its lines that depend on the depth begin. Before that, a peak below 0 may hold between the grid's
+    depths (see ``Walker``).
     """
     upper, (peak, first, second) = _bracket(scan, levels, points, depth, grid)
     found, walking = _polish(plain, points, depth, grid, upper, steps), upper > 0

@@ -52,12 +52,10 @@ def _draw(args: argparse.Namespace, folder: Path) -> None:
 
     material = _material(args)
     folder.mkdir(parents=True, exist_ok=True)
-    lines = []
     with one_a_cpu().map() as draw_all:
         drawing = write(folder, material, args.width, args.formats, draw_all)
         shown = tqdm(drawing, total=len(PLATES), desc="atlas", unit="plate", file=sys.stderr, disable=None)
-        for plate, caption in shown:
-            lines.append(f"{plate.number:4} {caption}")
+        lines = [f"{plate.number:4} {caption}" for plate, caption in shown]
     print("\n".join(lines))
     drawn = sum(" not drawn: " not in line for line in lines)
     print(f"\natlas: {drawn} of {len(PLATES)} figures in {folder} ({', '.join(args.formats)}), with captions.json")

@@ -2,7 +2,7 @@
 
 import io
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,29 +65,22 @@ def write(
     can be written.
     """
     captions = {}
-    for plate, (caption, drawn) in zip(
-        PLATES, draw_all(_Drawn(folder, material, width_mm, formats), PLATES), strict=True
-    ):
+    found = draw_all(partial(_drawn, folder, material, width_mm, formats), PLATES)
+    for plate, (caption, drawn) in zip(PLATES, found, strict=True):
         if drawn:
             captions[plate.stem] = {"figure": plate.number, "caption": caption}
         yield plate, caption
     write_json(folder / CAPTIONS, captions)
 
 
-@dataclass(frozen=True)
-class _Drawn:
-    """Draws a plate into a folder: its caption, and True; or why there is none, and False."""
-
-    folder: Path
-    material: Material
-    width_mm: float | None
-    formats: tuple[str, ...]
-
-    def __call__(self, plate: Plate) -> tuple[str, bool]:
-        try:
-            with typography():
-                figure, caption = plate.draw(self.material, self.width_mm or plate.width_mm)
-                _save(figure, self.folder / plate.stem, self.formats)
-        except InputError as error:
-            return f"not drawn: {error}", False
-        return caption, True
+def _drawn(
+    folder: Path, material: Material, width_mm: float | None, formats: tuple[str, ...], plate: Plate
+) -> tuple[str, bool]:
+    """A plate's caption, and True; or why it is not drawn, and False."""
+    try:
+        with typography():
+            figure, caption = plate.draw(material, width_mm or plate.width_mm)
+            _save(figure, folder / plate.stem, formats)
+    except InputError as error:
+        return f"not drawn: {error}", False
+    return caption, True
