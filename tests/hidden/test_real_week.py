@@ -60,6 +60,45 @@ def test_a_lift_read_one_grain_too_high_is_no_effect():
     assert "a lift zero off by" in one.verdict.because
 
 
+STRONG_WEEK = {"k_batch_sd": 0.01, "k_drift": 0.03, "lift_zero_m": 1e-3, "speed_scale": 0.01}
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameters", "seed", "batches", "order", "week"),
+    [
+        ("phi_dependent_response", {"b": 0.6}, 1030, "replicate", "as_listed", {"lift_zero_m": 1e-3}),
+        *(
+            pytest.param(*case, marks=pytest.mark.whole)
+            for case in [
+                ("phi_dependent_response", {"b": 0.6}, 1030, "omega", "as_listed", {"k_batch_sd": 0.015}),
+                ("phi_dependent_response", {"b": 0.6}, 1004, "condition", "randomised", {"k_batch_sd": 0.01}),
+                ("exact_vertical_acceleration", {}, 1031, "omega", "as_listed", STRONG_WEEK),
+                ("stance_overlap", {"eta": 0.1}, 1031, "omega", "randomised", STRONG_WEEK),
+            ]
+        ),
+    ],
+)
+def test_no_formula_has_what_a_week_does_for_its_own(effect, parameters, seed, batches, order, week):
+    """A claim and the formula it is held against are fitted beside the same: without, all take a share of it."""
+    one = found(seed, batches, {effect: parameters}, order=order, **week)
+    assert one.headline == f"identified: {effect}"
+    assert "without that the verdict would be unexplained" in one.verdict.because
+
+
+@pytest.mark.parametrize(
+    ("batches", "week"),
+    [
+        ("replicate", {"lift_zero_m": 1e-3}),
+        pytest.param("omega", STRONG_WEEK, marks=pytest.mark.whole),
+        pytest.param("condition", {"k_batch_sd": 0.01}, marks=pytest.mark.whole),
+    ],
+)
+def test_a_world_outside_the_catalogue_is_no_effect_beside_what_a_week_does(batches, week):
+    clogging = {"x_foot_clogging": {"loss": 0.1, "omega_0_rad_s": 15.0, "width_rad_s": 4.0}}
+    one = found(1001, batches, clogging, order="randomised", **week)
+    assert one.verdict.status == "unexplained"
+
+
 ANEW = {"lift_zero_batch_sd_m": 6e-4, "speed_scale_batch_sd": 0.01}
 
 

@@ -39,6 +39,7 @@ def test_whatever_claims_several_effects_is_held_against_a_formula(monkeypatch, 
     refused = Verdict("unexplained", (), (), "")
     monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_: refused)
     search = SimpleNamespace(fits={(): fit(bic=300.0)})
-    found = Shared(replace(CLAIM, status=status), search.fits, SimpleNamespace(nuisances=None))
+    monkeypatch.setattr(discover, "as_granted", lambda search, _: search.fits)
+    found = Shared(replace(CLAIM, status=status), search.fits, search.fits[()])
     imitated = discover._imitated(search, found)
     assert (imitated is not None and imitated.verdict is refused) == asked

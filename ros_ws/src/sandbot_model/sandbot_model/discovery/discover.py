@@ -29,7 +29,7 @@ from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.sharing import (
     Shared,
-    beside_readings,
+    as_granted,
     nuisances_suffice,
     read_anew,
     reconsidered,
@@ -263,7 +263,7 @@ def _imitated(search: EffectSearch, found: Shared) -> Shared | None:
         return None
     if not several and judge(search.fits, search.criteria).status != "unexplained":
         return None
-    refused = outdone_by_a_formula(search, found.verdict, beside_readings(search, found))
+    refused = outdone_by_a_formula(search, found.verdict, as_granted(search, found))
     return None if refused is None else Shared(refused, dict(search.fits), search.fits[()])
 
 

@@ -90,11 +90,8 @@ def refitted_globally(fit: Fit) -> Fit:
     return min(fit, found, key=lambda fit: fit.deviance)
 
 
-def beside_readings(search: EffectSearch, found: Shared) -> dict[Names, Fit]:
-    """The claim, what is in it and the base model, with zeros and scales where batches have their own; else all fits
-    without nuisances, since a bed that scatters takes its share of any formula."""
-    if not read_anew(found.named):
-        return search.fits
+def as_granted(search: EffectSearch, found: Shared) -> dict[Names, Fit]:
+    """The claim, what is in it and the base model, each beside all that the claim takes for granted."""
     claimed = found.verdict.effects
     sets = {(), claimed, *((name,) for name in claimed)}
     return _refitted(search, [names for names in search.fits if names in sets], granted(found.named))
