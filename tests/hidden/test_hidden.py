@@ -95,3 +95,21 @@ def test_an_effect_outside_the_catalogue_is_not_identified_but_described(name, w
     assert where in found.residual.sentence
     assert found.residual.lack_of_fit_p > 0.01
     assert found.residual.cv_rmse_m_s[1] < 1.1 * found.noise_floor_m_s < 0.6 * found.residual.cv_rmse_m_s[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("effects", "seed"),
+    [
+        ({"x_foot_clogging": {"loss": 0.1, "omega_0_rad_s": 15.0, "width_rad_s": 4.0}}, 1),
+        pytest.param(
+            {"x_resonance": {"loss": 0.1, "omega_0_rad_s": 12.0, "width_rad_s": 2.0}}, 3, marks=pytest.mark.whole
+        ),
+    ],
+)
+def test_no_effect_in_a_shape_of_its_own_is_named_for_what_is_in_no_catalogue(effects, seed):
+    """A drag by a power of its own leaves replicates nothing to explain of clogged feet; what clogs fits better."""
+    cells = cells_of(hidden.Hidden("mild", "outside", (), effects).trials(seed))
+    found = discover(cells, EFFECTS, max_effects=1)
+    assert found.verdict.status == "unexplained"
+    assert "the speed at every moment of a step" in found.residual.sentence

@@ -18,13 +18,16 @@ def fit(*effects, bic):
     return SimpleNamespace(effects=effects, bic=bic, deviance=bic, goodness=SimpleNamespace(chi2=50.0, dof=60))
 
 
-@pytest.mark.parametrize(("bic", "refused"), [(70.0, True), (80.0, False), (150.0, False)])
-def test_a_claim_of_several_effects_that_a_formula_outdoes_is_refused(monkeypatch, bic, refused):
+@pytest.mark.parametrize(
+    ("bic", "passes", "refused"), [(70.0, True, True), (70.0, False, False), (80.0, True, False), (150.0, True, False)]
+)
+def test_a_claim_of_several_effects_that_a_formula_outdoes_is_refused(monkeypatch, bic, passes, refused):
+    """By one that leaves replicates nothing to explain, and fits clearly better."""
     asked = []
 
     def formula(_search, fit, _hopeless):
         asked.append(fit.effects)
-        return SimpleNamespace(bic=bic, sentence="so much") if fit.effects else None
+        return SimpleNamespace(bic=bic, sentence="so much", passes=lambda _: passes) if fit.effects else None
 
     monkeypatch.setattr(formula_search, "_on_top_of", formula)
     fits = [fit(bic=300.0), fit("a", bic=200.0), fit("b", bic=150.0), fit("c", bic=140.0), fit("a", "b", bic=100.0)]
@@ -34,12 +37,43 @@ def test_a_claim_of_several_effects_that_a_formula_outdoes_is_refused(monkeypatc
     assert found is None or (found.status == "unexplained" and "ΔBIC -30" in found.because)
 
 
-@pytest.mark.parametrize(("status", "asked"), [("identified", True), ("ambiguous", True), ("partial", False)])
-def test_whatever_claims_several_effects_is_held_against_a_formula(monkeypatch, status, asked):
+@pytest.mark.parametrize(
+    ("status", "variants", "asked"),
+    [
+        ("identified", {}, False),
+        ("identified", {"a": "by a power of ω"}, True),
+        ("ambiguous", {"a": "by a power of ω"}, True),
+    ],
+)
+def test_an_effect_in_another_shape_is_held_against_a_formula(held, status, variants, asked):
+    one = Verdict(status, ("a",), (("a",),), "")
+    assert held(one, {("a",): SimpleNamespace(variants=variants)}) == asked
+
+
+@pytest.mark.parametrize(("status", "asked"), [("identified", True), ("ambiguous", True), ("unexplained", False)])
+def test_whatever_claims_several_effects_is_held_against_a_formula(held, status, asked):
+    assert held(replace(CLAIM, status=status), {}) == asked
+
+
+@pytest.fixture
+def held(monkeypatch):
+    """Whether a verdict is refused, where a formula outdoes all that is asked about."""
     refused = Verdict("unexplained", (), (), "")
     monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_: refused)
-    search = SimpleNamespace(fits={(): fit(bic=300.0)})
     monkeypatch.setattr(discover, "as_granted", lambda search, _: search.fits)
-    found = Shared(replace(CLAIM, status=status), search.fits, search.fits[()])
-    imitated = discover._imitated(search, found)
-    assert (imitated is not None and imitated.verdict is refused) == asked
+    monkeypatch.setattr(discover, "judge", lambda *_: CLAIM)
+
+    def held(claim, fits):
+        search = SimpleNamespace(fits={(): fit(bic=300.0)} | fits, criteria=DEFAULT)
+        imitated = discover._imitated(search, Shared(claim, search.fits, search.fits[()]))
+        return imitated is not None and imitated.verdict is refused
+
+    return held
+
+
+@pytest.mark.parametrize(("outdone", "said"), [(None, "partial"), (Verdict("unexplained", (), (), ""), None)])
+def test_an_effect_that_repairs_most_is_not_named_where_a_formula_does_all(monkeypatch, outdone, said):
+    monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_: outdone)
+    search = SimpleNamespace(fits={("a",): fit("a", bic=100.0)})
+    found = discover._in_part(search, (Verdict("partial", ("a",), (("a",),), ""), "what it repairs"))
+    assert (found and found[0].verdict.status) == said

@@ -211,13 +211,10 @@ def _found(search: EffectSearch, at_once: Verdict | None, max_effects: int) -> t
     partial = None
     if found.verdict.status == "identified" and against(search, search.fits[found.verdict.effects], found.named):
         found = _beside_nuisances(search)
-    imitated = _imitated(search, found)
-    found = imitated or found
+    found = _imitated(search, found) or found
     # From one observable alone no convention can be told from another.
     if found.verdict.status == "unexplained" and not at_once and len(search.cells.observables) > 1:
         found, partial = _under_other_conventions(search, found)
-        refused = imitated if found.verdict.status == "identified" else None
-        found = refused or _imitated(search, found) or found
     return found, partial
 
 
@@ -257,11 +254,12 @@ def _in_full(
 
 
 def _imitated(search: EffectSearch, found: Shared) -> Shared | None:
-    """The refusal of a claim of several effects, or of one that needs a bed that scatters, which a formula outdoes."""
-    several = len(found.verdict.effects) > 1
+    """The refusal of a claim that a formula outdoes: one of several effects, one under another convention than the
+    catalogue's, which was picked from dozens, or one that needs what trials share."""
     if found.verdict.status not in CLAIMS:
         return None
-    if not several and judge(search.fits, search.criteria).status != "unexplained":
+    picked = len(found.verdict.effects) > 1 or bool(conventions([found.fits[found.verdict.effects]]))
+    if not picked and judge(search.fits, search.criteria).status != "unexplained":
         return None
     refused = outdone_by_a_formula(search, found.verdict, as_granted(search, found))
     return None if refused is None else Shared(refused, dict(search.fits), search.fits[()])
@@ -281,29 +279,34 @@ def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple
     better = other_conventions(search, 1)
     # A formula that nobody wrote down is no claim where one of the catalogue fits clearly better with a number nobody
     # believes.
-    if (most := beyond_its_range(search)) and not conventions([search.fits[most[0].effects]]):
-        return _in_part(search, most)
-    if better and _stands(found := _beside_nuisances(search)):
+    most = beyond_its_range(search)
+    if most and not conventions([search.fits[most[0].effects]]) and (part := _in_part(search, most)):
+        return part
+    if better and _stands(search, found := _beside_nuisances(search)):
         return found, None
     for fits in (usual, search.fits):
         search.fits = fits
-        if most := partly(search):
-            return _in_part(search, most)
-    if other_conventions(search, 2) and _stands(found := _beside_nuisances(search)):
+        if part := _in_part(search, partly(search)):
+            return part
+    if other_conventions(search, 2) and _stands(search, found := _beside_nuisances(search)):
         return found, None
     return replace(unexplained, fits=usual), None
 
 
-def _stands(found: Shared) -> bool:
+def _stands(search: EffectSearch, found: Shared) -> bool:
     """Whether a verdict under other conventions is one. No claim is that needs readings set anew each batch as well:
     an effect in a shape of its own, beside offsets of days, can be bent to nearly anything.
     """
-    if found.verdict.status in CLAIMS and conventions([found.fits[names] for names in found.verdict.alternatives]):
-        return not read_anew(found.named)
-    return found.verdict.status != "unexplained"
+    if found.verdict.status not in CLAIMS:
+        return found.verdict.status != "unexplained"
+    bent = read_anew(found.named) and conventions([found.fits[names] for names in found.verdict.alternatives])
+    return not bent and _imitated(search, found) is None
 
 
-def _in_part(search: EffectSearch, most: tuple[Verdict, Partial]) -> tuple[Shared, Partial]:
+def _in_part(search: EffectSearch, most: tuple[Verdict, Partial] | None) -> tuple[Shared, Partial] | None:
+    """The verdict that one effect repairs most, unless a formula without it explains all."""
+    if most is None or outdone_by_a_formula(search, most[0], search.fits):
+        return None
     verdict, partial = most
     return Shared(verdict, search.fits, search.fits[verdict.effects]), partial
 

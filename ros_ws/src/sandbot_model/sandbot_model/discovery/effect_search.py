@@ -10,6 +10,7 @@ import numpy as np
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
+from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.verdict import RESPONSE_TIME, Verdict, leaves_nothing, parts_of, passes, worth
 from sandbot_model.fitting.finite import check_finite
 from sandbot_model.fitting.fit import Fit, fitted_at
@@ -63,6 +64,8 @@ class EffectSearch:
         """Single effects under other conventions, once they have been tried (``conventions``)."""
         self.beside: dict[tuple[object, ...], Fit] = {}
         """Sets beside what trials share, by how far the bed scatters and the fits they began at (``sharing``)."""
+        self.formulas: dict[Fit, SuggestedFormula] = {}
+        """What repairs most of what a fit misses, once it was looked for (``formula_search``)."""
         inherent = {effect.identifier for effect in self.model(()).walker.effects}
         self.names = [name for name in effects if name not in inherent]
         for name in self.names:

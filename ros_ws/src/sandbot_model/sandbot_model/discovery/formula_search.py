@@ -37,10 +37,11 @@ def formula_to_try(search: EffectSearch) -> SuggestedFormula | None:
 
 
 def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> Verdict | None:
-    """Unexplained, where one formula on fewer effects, picked from many, fits clearly better than what is claimed.
+    """Unexplained, where one formula on fewer effects, picked from many, leaves replicates nothing to explain and fits
+    clearly better than what is claimed.
 
-    Several effects together, or one beside a bed that scatters, can imitate what none of them is. ``fits`` are those
-    that the claim rests on: what these take for granted the formula has, too.
+    Several effects together, or one in another shape or beside a bed that scatters, can imitate what none of them is.
+    ``fits`` are those that the claim rests on: what these take for granted the formula has, too.
     """
     claimed = fits[claim.effects]
     parts = [fit for names, fit in fits.items() if len(names) == 1 and set(names) < set(claim.effects)]
@@ -48,9 +49,9 @@ def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> Ve
     lead = search.criteria.clearly * overdispersion(claimed) + 2 * np.log(TERMS)
     for fit in on_top:
         formula = _on_top_of(search, fit, far_above(claimed.deviance, 1.0))
-        if formula is not None and formula.bic < claimed.bic - lead:
+        if formula is not None and formula.bic < claimed.bic - lead and formula.passes(search.criteria):
             because = (
-                f"{' + '.join(claim.effects)} leaves replicates little to explain, but one formula fits better (ΔBIC "
+                f"{' + '.join(claim.effects)} explains much, but one formula fits better (ΔBIC "
                 f"{formula.bic - claimed.bic:.0f}): {formula.sentence}"
             )
             return Verdict("unexplained", (), (), because)
@@ -66,14 +67,19 @@ def formula_on_top_of(search: EffectSearch, effects: Names) -> SuggestedFormula 
 
 def _on_top_of(search: EffectSearch, fit: Fit, hopeless: float = np.inf) -> SuggestedFormula | None:
     """The same for a fit; None where its first look stays above a deviance."""
-    return suggest_formula(
-        fit,
-        search.effects,
-        search.criteria,
-        fit_all=search.fit_all,
-        progress=search.progress,
-        hopeless=hopeless,
-    )
+    if fit not in search.formulas:
+        found = suggest_formula(
+            fit,
+            search.effects,
+            search.criteria,
+            fit_all=search.fit_all,
+            progress=search.progress,
+            hopeless=hopeless,
+        )
+        if found is None:
+            return None
+        search.formulas[fit] = found
+    return search.formulas[fit]
 
 
 def _beside(search: EffectSearch, formula: SuggestedFormula) -> Names:
