@@ -2,7 +2,7 @@
 
 A threshold between two conditions acts alike wherever it is: the deviance is a staircase, a derivative along it knows
 no error or a wrong one, and so it is with other parameters, which jump with it. Where the profile along a parameter of
-an effect is no parabola, or a bound is near, errors are taken from the profile over all parameters of the effect: the
+an effect is no parabola, or a bound is near, errors are taken from the profile over the parameters of the effect: the
 rms distance from the fit, each point with weight exp(-ΔD/2) under a flat prior.
 """
 
@@ -40,6 +40,9 @@ UNLIKE = 2.0
 """Factor by which the rise of the deviance may fall short of a parabola's."""
 FALLEN, FARTHER = 9.0, 4
 """Rise of the deviance at which a profile may end, and how often its end is moved twice as far away until it has."""
+
+TOGETHER = 3
+"""Parameters of one effect that share a grid, at most: four, with up to 19 values each, have 10⁵ points and 9 GB."""
 
 
 def profile(problem: Problem, start: States, at: Sequence[int], values: Array) -> States:
@@ -104,6 +107,9 @@ def _parabolic(problem: Problem, fit: Fit, index: int) -> bool:
 
 
 def _profiled(problem: Problem, fit: Fit, at: Sequence[int]) -> Array:
+    """Errors by the profile over some parameters; over more than a grid can hold by that of each, the widest of them."""
+    if len(at) > TOGETHER:
+        return np.asarray(np.max([_profiled(problem, fit, [index]) for index in at], axis=0))
     axes = _axes(problem, fit, at)
     states = _over_grid(problem, fit, axes, at)
     for _ in range(FARTHER):
