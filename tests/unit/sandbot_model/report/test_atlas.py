@@ -49,6 +49,11 @@ def material():
     return Material(trials, cells, (simple,), simple, full)
 
 
+def test_a_plate_that_cannot_be_written_is_an_error_not_a_caption(material, tmp_path):
+    with pytest.raises(InputError, match="fig1e_speed_phi"):
+        next(write(tmp_path / "gone", material, formats=("svg",)))
+
+
 def waveform(phi, speed):
     t = np.linspace(0, 2, 401)
     return Motion(f"phi{phi}", phi, 8.0, GAITS["UNIFORM"], t, np.full(t.shape, speed), t, 8.0 * t - np.pi / 2)

@@ -76,11 +76,11 @@ def write(
 def _drawn(
     folder: Path, material: Material, width_mm: float | None, formats: tuple[str, ...], plate: Plate
 ) -> tuple[str, bool]:
-    """A plate's caption, and True; or why it is not drawn, and False."""
-    try:
-        with typography():
+    """A plate's caption, and True; or why these data do not give it, and False."""
+    with typography():
+        try:
             figure, caption = plate.draw(material, width_mm or plate.width_mm)
-            _save(figure, folder / plate.stem, formats)
-    except InputError as error:
-        return f"not drawn: {error}", False
+        except InputError as error:
+            return f"not drawn: {error}", False
+        _save(figure, folder / plate.stem, formats)
     return caption, True
