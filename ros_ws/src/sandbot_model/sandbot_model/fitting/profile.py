@@ -107,9 +107,9 @@ def _parabolic(problem: Problem, fit: Fit, index: int) -> bool:
 
 
 def _profiled(problem: Problem, fit: Fit, at: Sequence[int]) -> Array:
-    """Errors by the profile over some parameters; over more than a grid can hold by that of each, the widest of them."""
+    """Errors by the profile over some parameters; over more than a grid holds by that of each, the widest of them."""
     if len(at) > TOGETHER:
-        return np.asarray(np.max([_profiled(problem, fit, [index]) for index in at], axis=0))
+        return np.asarray(np.fmax.reduce([_profiled(problem, fit, [index]) for index in at]))
     axes = _axes(problem, fit, at)
     states = _over_grid(problem, fit, axes, at)
     for _ in range(FARTHER):
