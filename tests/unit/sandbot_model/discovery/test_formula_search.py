@@ -50,7 +50,9 @@ def test_an_effect_in_another_shape_is_held_against_a_formula(held, status, vari
     assert held(one, {("a",): SimpleNamespace(variants=variants)}) == asked
 
 
-@pytest.mark.parametrize(("status", "asked"), [("identified", True), ("ambiguous", True), ("unexplained", False)])
+@pytest.mark.parametrize(
+    ("status", "asked"), [("identified", True), ("ambiguous", True), ("partial", False), ("unexplained", False)]
+)
 def test_whatever_claims_several_effects_is_held_against_a_formula(held, status, asked):
     assert held(replace(CLAIM, status=status), {}) == asked
 

@@ -60,7 +60,7 @@ def test_a_grid_that_grows_keeps_what_it_knows(drawn):
 
 
 def test_an_effect_of_many_parameters_is_profiled_one_by_one(drawn, monkeypatch):
-    """A grid over four, 17 values of each, took 18 minutes and 9 GB of a dilation in a shape of its own."""
+    """A grid over all four took 18 minutes and 9 GB of a dilation in a shape of its own."""
     hump = (
         "hump: strength: k *= 1 + a*exp(-((ω - b)/c)**2)*(1 - q*first); "
         "a [1] in 0..0.3; b [rad/s] in 4..30; c [rad/s] in 1..20; q [1] in 0..1"
