@@ -161,6 +161,13 @@ def test_an_effect_on_a_bed_that_scatters_is_named_or_in_the_set(effects):
     assert tuple(effects) in one.verdict.alternatives
 
 
+def test_cells_that_offsets_turn_into_walkers_make_no_bed_rougher():
+    """Without offsets they swim, and miss by thirty times as much: a bed that takes that in as well is none."""
+    one = found(1007, "condition", DISTURBED, order="as_listed", k_batch_sd=0.01)
+    assert one.headline == "identified: disturbed_ground"
+    assert "granted k that scatters by 1.01% from batch to batch (prior" in one.verdict.because
+
+
 @pytest.mark.parametrize(
     "name",
     [

@@ -27,7 +27,7 @@ from sandbot_model.discovery.nuisances_about import (
 from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import Verdict, claim, judge, overdispersion, parts_of, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import solve_beside, solve_near, solve_on
+from sandbot_model.fitting.global_minimum import far_above, solve_beside, solve_near, solve_on
 
 LEADING = 6
 """Larger sets that are tried again, the best."""
@@ -156,7 +156,9 @@ def _apart_about(search: EffectSearch, fit: Fit) -> BatchSd:
     there = _refitted(search, [fit.effects], apart)[fit.effects]
     # Beside offsets and without them: where cells walk or swim by chance, these may be what takes the bed for rough.
     bare = fitted_at(fit.model, fit.cells, there.point)
-    return batches_apart(there, search.criteria).or_more(batches_apart(bare, search.criteria))
+    found = batches_apart(there, search.criteria)
+    # Far above where the set came to without offsets, what it misses is cells on the wrong side of a switch.
+    return found if bare.deviance > far_above(fit.deviance) else found.or_more(batches_apart(bare, search.criteria))
 
 
 def _best(search: EffectSearch, size: int) -> Fit:
