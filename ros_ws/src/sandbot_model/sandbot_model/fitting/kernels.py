@@ -20,9 +20,10 @@ def node_k(level_k, slope, level, factor, sigma_phi, ln_k_sd, nodes, least_sprea
     k is that of its level times ``factor (rows or 1, cells)``."""
     found = np.empty((len(level_k), len(level), len(nodes)))
     for row in range(len(level_k)):
+        own_factor, own_sigma = factor[row % len(factor)], sigma_phi[row % len(sigma_phi)]
         for cell in range(len(level)):
-            k = level_k[row, level[cell]] * factor[row % len(factor), cell]
-            sigma = max(abs(slope[row, level[cell]]) * sigma_phi[row % len(sigma_phi), cell], least_spread * k)
+            k = level_k[row, level[cell]] * own_factor[cell]
+            sigma = max(abs(slope[row, level[cell]]) * own_sigma[cell], least_spread * k)
             if ln_k_sd[cell] > 0:
                 sigma = math.hypot(sigma, ln_k_sd[cell] * k)
             for node in range(len(nodes)):
@@ -40,6 +41,7 @@ def judged(values, walking, plain, weights, between, data, share, replicates):
     """
     measured, mean, covariance, whiten, log_det = data
     _, rows, cells, count = values.shape
+    each = int(weights.shape[3] > 1)
     predicted, residual, deviance = np.zeros((rows, cells, 4)), np.zeros((rows, cells, 4)), np.empty((rows, cells))
     wider, whitens = np.empty((rows, cells, 4, 4)), np.empty((rows, cells, 4, 4))
     for row in range(rows):
@@ -47,7 +49,7 @@ def judged(values, walking, plain, weights, between, data, share, replicates):
             weight, walks, mixed = weights[row, cell], 0, False
             for node in range(count):
                 for i in range(4):
-                    predicted[row, cell, i] += weight[node, i % weight.shape[1]] * values[i, row, cell, node]
+                    predicted[row, cell, i] += weight[node, each * i] * values[i, row, cell, node]
                 walks += walking[row, cell, node]
                 mixed |= between[row, cell, node] != plain[node]
             for i in range(4):
@@ -80,10 +82,14 @@ def _widen(spread, of, here):
     share, replicates = of
     measured, covariance, whiten = here
     for i in range(4):
-        for j in range(4):
+        for j in range(i + 1):
             if measured[i] and measured[j]:
-                both = share[i] * (values[i] - mean[i]) * share[j] * (values[j] - mean[j])
-                covariance[i, j] += np.sum(weights * both) / replicates
+                between = 0.0
+                for node in range(len(weights)):
+                    own, other = values[i, node] - mean[i], values[j, node] - mean[j]
+                    between += weights[node] * (share[i] * own * share[j] * other)
+                covariance[i, j] += between / replicates
+                covariance[j, i] = covariance[i, j]
     root = np.zeros((4, 4))
     log_det = 0.0
     for i in range(4):
@@ -182,8 +188,9 @@ def local_jacobian(seen, steps, walking, virgin_walking, weights, measured, whit
     depth moved by ``steps (parameters + 2, rows)``, and unmoved.
     """
     count, (rows, cells, nodes) = len(steps) - 1, walking.shape
+    each = int(weights.shape[3] > 1)
     found = np.zeros((rows, cells, 4, count))
-    slope, by_depth, sinks = np.empty((count, 4)), np.empty(4), np.empty(2)
+    slope, by_depth, stiff, sinks = np.empty((count, 4)), np.empty(4), np.empty(2), np.empty(2)
     for row in range(rows):
         for cell in range(cells):
             weight = weights[row, cell]
@@ -193,22 +200,28 @@ def local_jacobian(seen, steps, walking, virgin_walking, weights, measured, whit
                 unmoved, at_depth = seen[:, count + 1, row, cell, node], seen[:, count, row, cell, node]
                 for i in range(4):
                     by_depth[i] = (at_depth[i] - unmoved[i]) / steps[count, row]
+                for step in range(2):
+                    stiff[step] = (at_depth[4 + step] - unmoved[4 + step]) / steps[count, row]
                 for p in range(count):
                     values = seen[:, p, row, cell, node]
                     for step in range(2):
                         # By dd/dθ = -(∂M/∂θ)/(∂M/∂d); a depth at a jump of the margin does not move.
-                        stiff = (at_depth[4 + step] - unmoved[4 + step]) / steps[count, row]
                         pull = (values[4 + step] - unmoved[4 + step]) / steps[p, row]
-                        sinks[step] = -pull / stiff if holds[step] and stiff > 1e-6 else 0.0
+                        sinks[step] = -pull / stiff[step] if holds[step] and stiff[step] > 1e-6 else 0.0
                     for i in range(4):
                         direct = (values[i] - unmoved[i]) / steps[p, row]
-                        slope[p, i] += weight[node, i % weight.shape[1]] * (direct + by_depth[i] * sinks[i // 3])
-            for i in range(4):
-                for j in range(i + 1):
-                    if measured[cell, j]:
-                        for p in range(count):
-                            found[row, cell, i, p] += whiten[row, cell, i, j] * slope[p, j]
+                        slope[p, i] += weight[node, each * i] * (direct + by_depth[i] * sinks[i // 3])
+            _whitened_slopes(slope, measured[cell], whiten[row, cell], found[row, cell])
     return found
+
+
+@_compiled
+def _whitened_slopes(slope, measured, whiten, found):
+    for i in range(4):
+        for j in range(i + 1):
+            if measured[j]:
+                for p in range(len(slope)):
+                    found[i, p] += whiten[i, j] * slope[p, j]
 
 
 @_compiled
@@ -245,7 +258,8 @@ def spread(local, level, levels):
     for row in range(rows):
         for cell in range(cells):
             for i in range(4):
-                found[row, 4 * cell + i, : count - 1] = local[row, cell, i, : count - 1]
+                for p in range(count - 1):
+                    found[row, 4 * cell + i, p] = local[row, cell, i, p]
                 found[row, 4 * cell + i, count - 1 + level[cell]] = local[row, cell, i, count - 1]
     return found
 
@@ -319,10 +333,11 @@ def apart(depth, walking, may, drop):
     and the softer nodes, of cells that ``may (rows or 1, cells)``."""
     rows, cells, nodes = depth.shape
     found = np.empty((3, rows * cells * (nodes - 1)), dtype=np.int64)
-    count = 0
+    count, each = 0, int(may.shape[1] > 1)
     for row in range(rows):
+        its = may[row % len(may)]
         for cell in range(cells):
-            if may[row % len(may), cell % may.shape[1]]:
+            if its[each * cell]:
                 for node in range(nodes - 1):
                     soft, stiff = walking[row, cell, node], walking[row, cell, node + 1]
                     if depth[row, cell, node] - depth[row, cell, node + 1] > drop or (stiff and not soft):

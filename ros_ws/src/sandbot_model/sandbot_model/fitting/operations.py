@@ -40,8 +40,8 @@ class CompiledChains:
 
     def footing(self, points: Points) -> Footing:
         """See ``Chains``."""
-        steady = self._holds(points, FEET[0], "margin")
-        return Footing(*steady, *(self._holds(points, VIRGIN[0], "virgin_margin") if self.remembers else steady))
+        steady = self._holds(points, "margin")
+        return Footing(*steady, *(self._holds(points, "virgin_margin") if self.remembers else steady))
 
     def values(self, outputs: tuple[str, ...], points: Points, feet: Feet) -> Array:
         """See ``Chains``."""
@@ -54,29 +54,32 @@ class CompiledChains:
         self, margin: str, points: Points, pairs: Pairs, stands: Array, window: Array
     ) -> tuple[Pairs, Array, Array]:
         """See ``Chains``."""
-        found: tuple[Pairs, Array, Array] = machine.switches(
-            *self._searched(margin, points), pairs, stands, points.at.depths, window
-        )
+        at = points.packed, self._depth(margin), pairs, stands, points.at.depths, window
+        found: tuple[Pairs, Array, Array] = machine.switches(*self._arranged(margin), *at)
         return found
 
     def places(self, margin: str, points: Points, pairs: Pairs, depths: Array, rows: int) -> Array:
         """See ``Chains``."""
-        return np.asarray(machine.places(*self._searched(margin, points), pairs, depths, rows))
+        made = self._program((margin,), self._without_feet)
+        return np.asarray(machine.places(made, points.packed, self._depth(margin), pairs, depths, rows))
 
-    def _searched(self, margin: str, points: Points) -> tuple[Program, tuple[Array, ...], int]:
-        """The program of a margin, where it is evaluated, and the register of the depth."""
-        depth = self.tape.inputs[FEET[0] if margin == "margin" else VIRGIN[0]]
-        return self._program((margin,), self._without_feet), points.packed, depth
+    def _depth(self, margin: str) -> int:
+        """The register of the depth that a margin is at."""
+        return self.tape.inputs[FEET[0] if margin == "margin" else VIRGIN[0]]
 
-    def _holds(self, points: Points, depth: str, margin: str) -> tuple[Array, Bool]:
-        at, grid = self.tape.inputs[depth], points.at.depths
+    def _arranged(self, margin: str) -> tuple[Program, Ints, tuple[Program, int]]:
+        """The program of a margin as ``machine.footing`` wants it."""
 
         def arranged() -> tuple[Program, Ints, tuple[Program, int]]:
             plain = self._program((margin,), self._without_feet)
-            return *by_depth(plain), depth_last(plain, at)
+            return *by_depth(plain), depth_last(plain, self._depth(margin))
 
-        programs = self._known(("by depth", margin), arranged)
-        depth_m, walking = machine.footing(*programs, points.packed, at, grid, POLISH, RISES, HELD_N)
+        found: tuple[Program, Ints, tuple[Program, int]] = self._known(("by depth", margin), arranged)
+        return found
+
+    def _holds(self, points: Points, margin: str) -> tuple[Array, Bool]:
+        of = points.packed, self._depth(margin), points.at.depths
+        depth_m, walking = machine.footing(*self._arranged(margin), *of, POLISH, RISES, HELD_N)
         return depth_m.reshape(points.shape), walking.reshape(points.shape)
 
     def _program(self, outputs: tuple[str, ...], inputs: Mapping[str, tuple[int, int]]) -> Program:

@@ -223,30 +223,67 @@ def _margins(program, points, depth, pairs, depths):
     lower nodes. ``depth`` is the register of the depth."""
     code, inputs, outputs, count, constants, tables = program
     row, cell, below = pairs
-    k, phi, curve = points[2], points[3], points[4]
-    reg, none = _registers(count, depths.shape[2], constants), np.empty((0, 0, 0))
-    found, which = np.empty(depths.shape), np.empty(depths.shape[2], dtype=np.int64)
+    theta, conditions, k, phi, curve = points
+    reg, found = _registers(count, depths.shape[2], constants), np.empty(depths.shape)
     for i in range(len(row)):
+        its = k[row[i] % k.shape[0], cell[i] % k.shape[1]]
         for node in range(2):
-            which[:] = cell[i] * k.shape[2] + below[i] + node
-            _load(inputs, points, none, row[i], which, reg)
+            for at in range(len(inputs)):
+                to, kind, column = inputs[at, 0], inputs[at, 1], inputs[at, 2]
+                if kind == OF_ROW:
+                    reg[to] = theta[row[i], column]
+                elif kind == OF_CELL:
+                    reg[to] = conditions[column, row[i] % conditions.shape[1], cell[i]]
+                else:
+                    reg[to] = its[below[i] + node]
             reg[depth] = depths[i, node]
-            _run(code, 0, len(code), reg, len(which), tables, phi, curve[row[i] % len(curve)])
+            _run(code, 0, len(code), reg, depths.shape[2], tables, phi, curve[row[i] % len(curve)])
             found[i, node] = reg[outputs[0]]
     return found
 
 
 @_compiled
-def switches(program, points, depth, pairs, stands, grid, window):
-    """Of ``pairs`` of nodes (their rows, cells, the softer nodes) those between which legs jump; see ``tops`` and
-    ``suffices``. Also the depths looked at. ``depth`` is the register of the depth."""
+def _margins_on(scan, levels, points, depth, pairs, grid):
+    """The same at the depths of a ``grid``, by a program sorted as ``footing`` has it: what pairs, in the order of rows
+    and cells, have in common is done once."""
+    code, inputs, outputs, count, constants, tables = scan
     row, cell, below = pairs
-    everywhere = np.empty((len(row), 2, len(grid)))
-    everywhere[:] = grid
-    top, jumps = tops(_margins(program, points, depth, pairs, everywhere), grid, stands)
+    theta, conditions, k, phi, curve = points
+    n = len(grid)
+    reg, found = _registers(count, n, constants), np.empty((len(row), 2, n))
+    reg[depth] = grid
+    _run(code, 0, levels[0], reg, n, tables, phi, curve[0])
+    for i in range(len(row)):
+        own, its = curve[row[i] % len(curve)], k[row[i] % k.shape[0], cell[i] % k.shape[1]]
+        other_row = i == 0 or row[i] != row[i - 1]
+        if other_row:
+            for at in range(len(inputs)):
+                if inputs[at, 1] == OF_ROW:
+                    reg[inputs[at, 0]] = theta[row[i], inputs[at, 2]]
+            _run(code, levels[0], levels[1], reg, n, tables, phi, own)
+        if other_row or cell[i] != cell[i - 1]:
+            for at in range(len(inputs)):
+                if inputs[at, 1] == OF_CELL:
+                    reg[inputs[at, 0]] = conditions[inputs[at, 2], row[i] % conditions.shape[1], cell[i]]
+            _run(code, levels[1], levels[2], reg, n, tables, phi, own)
+        for node in range(2):
+            for at in range(len(inputs)):
+                if inputs[at, 1] == OF_NODE:
+                    reg[inputs[at, 0]] = its[below[i] + node]
+            _run(code, levels[2], len(code), reg, n, tables, phi, own)
+            found[i, node] = reg[outputs[0]]
+    return found
+
+
+@_compiled
+def switches(scan, levels, plain, points, depth, pairs, stands, grid, window):
+    """Of ``pairs`` of nodes (their rows, cells, the softer nodes) those between which legs jump; see ``tops`` and
+    ``suffices``. Also the depths looked at. Programs as in ``footing``; ``depth`` is the register of the depth."""
+    row, cell, below = pairs
+    top, jumps = tops(_margins_on(scan, levels, points, depth, pairs, grid), grid, stands)
     some = np.nonzero(jumps)[0]
     pairs, depths = (row[some], cell[some], below[some]), about(top[some], grid, window)
-    return pairs, depths, suffices(_margins(program, points, depth, pairs, depths), depths)
+    return pairs, depths, suffices(_margins(plain[0], points, depth, pairs, depths), depths)
 
 
 @_compiled
@@ -263,11 +300,13 @@ def places(program, points, depth, pairs, depths, rows):
 @_compiled
 def about(top, grid, window):
     """Depths about places on a grid ``(pairs, 2)``, a ``window`` of them in steps of the grid."""
-    found, steps = np.empty((*top.shape, len(window))), np.arange(0.0, len(grid))
+    found, last = np.empty((*top.shape, len(window))), len(grid) - 1
     for i in range(len(top)):
         for node in range(2):
             for at in range(len(window)):
-                found[i, node, at] = interpolated(top[i, node] + window[at], steps, grid)
+                place = min(max(top[i, node] + window[at], 0.0), float(last))
+                below = min(int(place), last - 1)
+                found[i, node, at] = (grid[below + 1] - grid[below]) * (place - below) + grid[below]
     return found
 
 
