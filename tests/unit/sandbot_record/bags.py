@@ -1,5 +1,6 @@
 """Bags for the tests, made of known messages."""
 
+import functools
 import json
 import math
 from pathlib import Path
@@ -25,6 +26,7 @@ PLAN = {
 }
 
 
+@functools.cache  # what strings are padded with in CDR is whatever was in memory: one message, one set of bytes
 def joint_state(index: int, t_ns: int, names=topics.LEGS) -> bytes:
     angles = index + np.arange(len(names)) / 8
     return to_cdr(messages.joint_state(t_ns, names, angles, -angles, angles * 0))
