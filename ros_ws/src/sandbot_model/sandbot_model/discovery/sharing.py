@@ -41,8 +41,6 @@ WORDS = {
     LIFT_ZERO: ("a lift zero off", 1e3, "mm"),
 }
 """What a person calls a nuisance, and the unit it is read in."""
-SEVERAL = 2
-"""Conditions that a batch holds, at least, where effects must beat the bed's scatter."""
 OWN = 2
 """Unknowns that take up offsets of batches: their mean by k, a trend over ω by Δt."""
 FAR_OFF = 4.0
@@ -197,11 +195,11 @@ def _if_still_earned(search: EffectSearch, names: Names, apart: BatchSd) -> Fit 
 def _beats_scatter(search: EffectSearch, names: Names) -> bool:
     """Whether each effect of a set explains more, by its price, than a bed that scatters as suits what is left.
 
-    Asked where each batch holds several whole conditions, one frequency a day for example: batches are few then, and
-    an effect that follows what sets them apart may be nothing but their offsets.
+    Asked where each batch holds whole conditions, one or (one frequency a day) several: an effect that follows what
+    sets them apart may be nothing but their offsets.
     """
     share = search.cells.batch_share
-    if share is None or share.max(axis=1).min() < 1.0 or share.sum(axis=0).min() < SEVERAL:
+    if share is None or share.max(axis=1).min() < 1.0:
         return True
     parts = parts_of(names, search.fits)
     fits = _refitted(search, [names, *parts], ALIKE)
