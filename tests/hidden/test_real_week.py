@@ -35,6 +35,13 @@ def test_a_bed_prepared_once_a_condition_is_no_effect():
     assert "k that scatters by" in one.verdict.because
 
 
+def test_what_follows_the_offsets_of_conditions_is_no_effect():
+    """depth_nonlinearity beside a bed that scatters by 0.7 % gains, but no more than a bed as rough as it is."""
+    one = found(1008, "condition", order="randomised", k_batch_sd=0.01)
+    assert one.verdict.status == "adequate"
+    assert "granted k that scatters by 1.01% from batch to batch" in one.verdict.because
+
+
 @pytest.mark.whole
 def test_one_frequency_a_day_is_no_effect():
     one = found(1, "omega", k_batch_sd=0.005)
@@ -161,6 +168,7 @@ def test_an_effect_on_a_bed_that_scatters_is_named_or_in_the_set(effects):
     assert tuple(effects) in one.verdict.alternatives
 
 
+@pytest.mark.whole
 def test_cells_that_offsets_turn_into_walkers_make_no_bed_rougher():
     """Without offsets they swim, and miss by thirty times as much: a bed that takes that in as well is none."""
     one = found(1007, "condition", DISTURBED, order="as_listed", k_batch_sd=0.01)
