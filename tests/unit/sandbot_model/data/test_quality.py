@@ -123,6 +123,11 @@ def test_a_drift_is_named_and_none_is_seen_where_there_is_none():
             r"Rω at the fastest .* is omega .* the peak speed in",
         ),
         (replace(CLEAN, phi=1 - CLEAN.phi), "is it the porosity"),
+        (
+            replace(CLEAN, speed_m_s=-CLEAN.speed_m_s),
+            f"below 0 in {len(CLEAN)} of {len(CLEAN)}: does its axis point the way the robot walks",
+        ),
+        (replace(CLEAN, lift_m=-CLEAN.lift_m), "lift_m is -0.0.* does its axis point up"),
     ],
 )
 def test_what_cannot_be_is_refused(odd, words):
@@ -136,6 +141,11 @@ def test_a_single_value_that_cannot_be_is_named_and_not_refused():
     assert note.startswith(
         f"1 of first_step_m can't be: first_step_m is 4 in {CLEAN.trial_id[7]}, where legs of 0.0355 m"
     )
+
+
+def test_a_swimmer_that_rises_by_less_than_the_zero_is_off_is_no_mirror_image():
+    notes = checked(replace(CLEAN, lift_m=np.minimum(CLEAN.lift_m, 2e-4) - 1e-3))
+    assert not [note for note in notes if "axis" in note]
 
 
 def test_a_body_that_coasts_beyond_its_step_is_possible():

@@ -10,7 +10,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT
 from sandbot_model.data.clustering import conditions, phi_levels, widest_scatter
 from sandbot_model.data.distributions import t_sf
-from sandbot_model.data.regime import WALKING_LIFT_M, walks
+from sandbot_model.data.regime import SURE_LIFT_M, WALKING_LIFT_M, walks
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import Observable
@@ -56,6 +56,7 @@ def checked(trials: Trials) -> tuple[str, ...]:
     values = np.stack([getattr(used, observable.column) for observable in Observable], axis=-1)
     share = _beyond(used, values)
     _refuse(used, share)
+    _refuse_backwards(used, values)
     cell, _ = conditions(used.phi, used.gait, used.omega_rad_s)
     return (
         *trials.unread,
@@ -83,6 +84,19 @@ def _refuse(used: Trials, share: Floats) -> None:
         far = share[:, observable] > FAR_TOO_FAR
         if far.sum() > SLIPS * np.isfinite(share[:, observable]).sum():
             raise InputError(f"trials: {_impossible(used, observable, int(np.argmax(far)), share)}")
+
+
+def _refuse_backwards(used: Trials, values: Floats) -> None:
+    """Most of a column below 0: no gait walks backwards, and none lowers the body, but for a zero that is off."""
+    for observable in Observable:
+        least = -SURE_LIFT_M if observable is Observable.lift else 0.0
+        below = values[:, observable] < least
+        if 2 * below.sum() > (count := np.isfinite(values[:, observable]).sum()):
+            row, axis = int(np.argmax(below)), "up" if observable is Observable.lift else "the way the robot walks"
+            raise InputError(
+                f"trials: {observable.column} is {values[row, observable]:g} in {used.trial_id[row]} and below 0 in "
+                f"{below.sum()} of {count}: does its axis point {axis}? else times -1"
+            )
 
 
 def _beyond(used: Trials, values: Floats) -> Floats:
