@@ -218,6 +218,14 @@ def evaluate(program, points, feet):
 
 
 @_compiled
+def _put(inputs, kind, values, reg):
+    """Put the inputs of a kind into their registers, the same at all points."""
+    for at in range(len(inputs)):
+        if inputs[at, 1] == kind:
+            reg[inputs[at, 0]] = values[inputs[at, 2]]
+
+
+@_compiled
 def _margins(program, points, depth, pairs, depths):
     """The margin at ``depths (pairs, 2, n)`` of nodes and of those above them; ``pairs`` are their rows, cells, and the
     lower nodes. ``depth`` is the register of the depth."""
@@ -228,14 +236,9 @@ def _margins(program, points, depth, pairs, depths):
     for i in range(len(row)):
         its = k[row[i] % k.shape[0], cell[i] % k.shape[1]]
         for node in range(2):
-            for at in range(len(inputs)):
-                to, kind, column = inputs[at, 0], inputs[at, 1], inputs[at, 2]
-                if kind == OF_ROW:
-                    reg[to] = theta[row[i], column]
-                elif kind == OF_CELL:
-                    reg[to] = conditions[column, row[i] % conditions.shape[1], cell[i]]
-                else:
-                    reg[to] = its[below[i] + node]
+            _put(inputs, OF_ROW, theta[row[i]], reg)
+            _put(inputs, OF_CELL, conditions[:, row[i] % conditions.shape[1], cell[i]], reg)
+            _put(inputs, OF_NODE, its[below[i] + node :], reg)
             reg[depth] = depths[i, node]
             _run(code, 0, len(code), reg, depths.shape[2], tables, phi, curve[row[i] % len(curve)])
             found[i, node] = reg[outputs[0]]
@@ -257,19 +260,13 @@ def _margins_on(scan, levels, points, depth, pairs, grid):
         own, its = curve[row[i] % len(curve)], k[row[i] % k.shape[0], cell[i] % k.shape[1]]
         other_row = i == 0 or row[i] != row[i - 1]
         if other_row:
-            for at in range(len(inputs)):
-                if inputs[at, 1] == OF_ROW:
-                    reg[inputs[at, 0]] = theta[row[i], inputs[at, 2]]
+            _put(inputs, OF_ROW, theta[row[i]], reg)
             _run(code, levels[0], levels[1], reg, n, tables, phi, own)
         if other_row or cell[i] != cell[i - 1]:
-            for at in range(len(inputs)):
-                if inputs[at, 1] == OF_CELL:
-                    reg[inputs[at, 0]] = conditions[inputs[at, 2], row[i] % conditions.shape[1], cell[i]]
+            _put(inputs, OF_CELL, conditions[:, row[i] % conditions.shape[1], cell[i]], reg)
             _run(code, levels[1], levels[2], reg, n, tables, phi, own)
         for node in range(2):
-            for at in range(len(inputs)):
-                if inputs[at, 1] == OF_NODE:
-                    reg[inputs[at, 0]] = its[below[i] + node]
+            _put(inputs, OF_NODE, its[below[i] + node :], reg)
             _run(code, levels[2], len(code), reg, n, tables, phi, own)
             found[i, node] = reg[outputs[0]]
     return found
@@ -377,7 +374,7 @@ def footing(scan, levels, plain, points, depth, grid, steps, rises, held):
 
 
 @_compiled
-def _bracket(program, levels, points, depth, grid):  # noqa: C901
+def _bracket(program, levels, points, depth, grid):
     """Where on the grid the margin first is not negative, 0 if nowhere.
 
     The same of the highest peak below 0 before that, and the margins at the two depths that lead up to it.
@@ -402,9 +399,7 @@ def _bracket(program, levels, points, depth, grid):  # noqa: C901
                 stiffness = inputs[at, 0]
         _run(code, levels[0], levels[1], reg, n, tables, phi, own)
         for cell in range(cells):
-            for at in range(len(inputs)):
-                if inputs[at, 1] == OF_CELL:
-                    reg[inputs[at, 0]] = conditions[inputs[at, 2], row % conditions.shape[1], cell]
+            _put(inputs, OF_CELL, conditions[:, row % conditions.shape[1], cell], reg)
             _run(code, levels[1], levels[2], reg, n, tables, phi, own)
             its, least, most = k[row % k.shape[0], cell % k.shape[1]], cell * nodes, cell * nodes + nodes - 1
             for node in order:
