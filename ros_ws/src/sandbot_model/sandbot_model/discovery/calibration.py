@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.nuisances_about import LIFT_ZERO, SPEED_SCALE, shared_by
-from sandbot_model.discovery.sharing import in_words
+from sandbot_model.discovery.nuisances_in_words import in_words
 from sandbot_model.discovery.verdict import claim, parts_of
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near

@@ -314,7 +314,7 @@ def _in_part(search: EffectSearch, most: tuple[Verdict, Partial] | None) -> tupl
 def _residual_formula(search: EffectSearch, verdict: Verdict) -> SuggestedFormula | None:
     """What is left where no set repairs the model, as a formula."""
     if verdict.status == "partial":
-        return formula_on_top_of(search, verdict.effects)
+        return formula_on_top_of(search, [verdict.effects])
     return formula_to_try(search) if verdict.status == "unexplained" else None
 
 

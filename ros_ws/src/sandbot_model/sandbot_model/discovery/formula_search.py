@@ -1,9 +1,12 @@
 """Nothing of the catalogue fits: the formula to try, by itself or on top of the effects that go with it."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.residual import SuggestedFormula, suggest_formula
+from sandbot_model.discovery.sharing import at_priors
 from sandbot_model.discovery.verdict import Sets, Verdict, best_earned, claim, overdispersion, sound
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import far_above, solve
@@ -17,23 +20,42 @@ TERMS = 500
 
 
 def formula_to_try(search: EffectSearch) -> SuggestedFormula | None:
-    """On top of nothing if that is enough, or of the best set; None where nothing says what is noise."""
+    """On top of nothing if that is enough, or of the best set, or of one effect more; None where nothing says what is
+    noise."""
     if np.isnan(search.fits[()].lack_of_fit_p):
         return None
-    found = []
-    for effects in dict.fromkeys(((), best_earned(search.fits, search.criteria).effects)):
-        if (formula := formula_on_top_of(search, effects)) is not None:
-            if formula.passes(search.criteria):
-                return formula
-            found.append(formula)
-    if not found:
-        return None
-    best = min(found, key=lambda formula: formula.bic)
+    best = formula_on_top_of(search, [(), best_earned(search.fits, search.criteria).effects])
+    if best is None or best.passes(search.criteria):
+        return best
     if best.deviance[1] > NEARLY * search.fits[best.effects].goodness.dof:
         return best
     beside = _beside(search, best)
-    more = formula_on_top_of(search, beside) if beside else None
+    more = formula_on_top_of(search, [beside]) if beside else None
     return more if more is not None and more.bic < best.bic else best
+
+
+def formula_on_top_of(search: EffectSearch, sets: Sequence[Names]) -> SuggestedFormula | None:
+    """The formula that repairs most of what sets miss: the first that leaves replicates nothing to explain, by itself
+    or beside all that trials may share, or the best by itself. In a lift that is read too high any formula repairs
+    something."""
+    wanted = list(dict.fromkeys(sets))
+    search.fit("formula, beside an effect", [names for names in wanted if names not in search.fits], nearby=False)
+    best = _enough_or_best(search, [search.fits[names] for names in wanted])
+    if best is None or best.passes(search.criteria):
+        return best
+    shared = _enough_or_best(search, list(at_priors(search, wanted).values()))
+    return shared if shared is not None and shared.passes(search.criteria) else best
+
+
+def _enough_or_best(search: EffectSearch, fits: Sequence[Fit]) -> SuggestedFormula | None:
+    """The first formula that leaves replicates nothing to explain, on top of these in turn, or the best."""
+    found = []
+    for fit in fits:
+        if (formula := _on_top_of(search, fit)) is not None:
+            if formula.passes(search.criteria):
+                return formula
+            found.append(formula)
+    return min(found, key=lambda formula: formula.bic, default=None)
 
 
 def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> Verdict | None:
@@ -58,15 +80,8 @@ def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> Ve
     return None
 
 
-def formula_on_top_of(search: EffectSearch, effects: Names) -> SuggestedFormula | None:
-    """The formula that repairs most of what a set misses."""
-    if effects not in search.fits:
-        search.fit("formula, beside an effect", [effects], nearby=False)
-    return _on_top_of(search, search.fits[effects])
-
-
 def _on_top_of(search: EffectSearch, fit: Fit, hopeless: float = np.inf) -> SuggestedFormula | None:
-    """The same for a fit; None where its first look stays above a deviance."""
+    """The formula that repairs most of what a fit misses; None where its first look stays above a deviance."""
     if fit not in search.formulas:
         found = suggest_formula(
             fit,

@@ -11,7 +11,9 @@ from functools import partial
 
 import numpy as np
 
+from sandbot_model.discovery.batch_sd import granted
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
+from sandbot_model.discovery.nuisances_in_words import significant
 from sandbot_model.discovery.scored_terms import Guess, guesses, unused_name
 from sandbot_model.discovery.term_library import terms
 from sandbot_model.fitting.fit import Fit, fitted_at
@@ -163,6 +165,14 @@ def _score(fit: Fit, guess: Guess | None) -> float:
     return fit.deviance + (guess.price if guess else 0.0)
 
 
+def _granted(found: Fit) -> str:
+    """What the fit takes for granted, as the end of a sentence."""
+    if found.nuisances is None:
+        return ""
+    differ = ["batches that differ as the priors say"] if granted(found) else []
+    return "".join(f", granted {' and '.join(words)}" for words in [differ + significant(found)] if words)
+
+
 def _suggestion(fit: Fit, best: _Tried, rival: _Tried | None, criteria: Criteria) -> SuggestedFormula:
     found, guess = best.fit, best.guess
     parts = [
@@ -180,7 +190,7 @@ def _suggestion(fit: Fit, best: _Tried, rival: _Tried | None, criteria: Criteria
         f"{on_top}{guess.lever.words} differs from the model's by {' and '.join(parts)} ({guess.lever.unit}): the "
         f"deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on {found.goodness.dof} degrees of freedom, "
         f"the error out of sample goes from {100 * cv[0]:.2f} to {100 * cv[1]:.2f} cm/s, and replicates {enough} "
-        f"(p = {found.lack_of_fit_p:.2g})"
+        f"(p = {found.lack_of_fit_p:.2g}){_granted(found)}"
     )
     if rival is not None and rival.score < best.score + criteria.clearly:
         sentence += f"; {rival.guess.lever.words}, by {rival.guess.terms[0].words.format('so much')}, does as well"

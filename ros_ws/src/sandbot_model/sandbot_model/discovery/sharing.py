@@ -17,13 +17,8 @@ from sandbot_model.data.distributions import chi2_sf, f_isf
 from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, READINGS, BatchSd, granted, priors
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.nuisances_about import (
-    LIFT_ZERO,
-    SPEED_SCALE,
-    batches_apart,
-    gain_of_batches,
-    shared_by,
-)
+from sandbot_model.discovery.nuisances_about import batches_apart, gain_of_batches, shared_by
+from sandbot_model.discovery.nuisances_in_words import WORDS, significant
 from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import Verdict, claim, judge, overdispersion, parts_of, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
@@ -35,18 +30,10 @@ PASSES = 2
 """How often a set is fitted: again with how well its offsets are known."""
 GAINED = 0.5
 """Fall of the deviance that makes a fit better than another."""
-WORDS = {
-    "drift": ("a drift of k", 1e2, "%"),
-    SPEED_SCALE: ("a speed scale off", 1e2, "%"),
-    LIFT_ZERO: ("a lift zero off", 1e3, "mm"),
-}
-"""What a person calls a nuisance, and the unit it is read in."""
 OWN = 2
 """Unknowns that take up offsets of batches: their mean by k, a trend over ω by Δt."""
 FAR_OFF = 4.0
 """Standard deviations of its prior from which a reading off its zero or scale is no explanation."""
-SHOWS = 2.0
-"""Standard errors from which a nuisance is mentioned."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +82,12 @@ def as_granted(search: EffectSearch, found: Shared) -> dict[Names, Fit]:
     return _refitted(search, [names for names in search.fits if names in sets], granted(found.named))
 
 
+def at_priors(search: EffectSearch, sets: Sequence[Names]) -> dict[Names, Fit]:
+    """Sets beside all that trials may share; batches that are told are as far apart as they are believed to be."""
+    told = search.cells.batch_share is not None
+    return _refitted(search, sets, priors(search.fits[()], search.criteria) if told else ALIKE)
+
+
 def read_anew(fit: Fit) -> bool:
     """Whether a fit takes for granted that each batch has a zero or a scale of its own."""
     return fit.nuisances is not None and not set(READINGS).isdisjoint(fit.nuisances.names)
@@ -126,7 +119,7 @@ def _of_size(search: EffectSearch, plain: Verdict, size: int) -> Shared | None:
 
 def _standing(search: EffectSearch, plain: Verdict, named: Fit) -> Shared:
     """The verdict that was, with the readings that are seen to be off."""
-    off = _significant(named)
+    off = significant(named)
     because = f"{plain.because}, beside {' and '.join(off)}" if off else plain.because
     return Shared(replace(plain, because=because), search.fits, named)
 
@@ -277,7 +270,7 @@ def _origins(search: EffectSearch, names: Names) -> tuple[Fit, ...]:
 
 def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, apart: BatchSd, criteria: Criteria) -> Verdict:
     """The verdict with what it takes for granted, and what would be said otherwise."""
-    words = _differing(fit, apart, criteria) + _significant(fit)
+    words = _differing(fit, apart, criteria) + significant(fit)
     named = f"{plain.status}: {' + '.join(plain.effects)}" if plain.effects else plain.status
     taken = " and ".join(words) or "a drift that these data can't show"
     because = f"{verdict.because}, granted {taken}"
@@ -308,19 +301,3 @@ def _believable(fit: Fit, criteria: Criteria) -> bool:
     return all(
         abs(value) < FAR_OFF * of_batch.get(name, sd) for name, sd, (value, _) in named if name in {*WORDS, *of_batch}
     )
-
-
-def _significant(fit: Fit) -> list[str]:
-    """The drift, the zero and the scale that show: more than twice their standard error."""
-    assert fit.nuisances is not None
-    return [
-        in_words(name, value, stderr, sd)
-        for name, sd, (value, stderr) in zip(fit.nuisances.names, fit.nuisances.sd, fit.shared, strict=True)
-        if name in WORDS and abs(value) > SHOWS * stderr
-    ]
-
-
-def in_words(name: str, value: float, stderr: float, sd: float) -> str:
-    """A nuisance and its prior in a reader's units: ``a lift zero off by 0.98 ± 0.05 mm (prior 0.6 mm)``."""
-    what, scale, unit = WORDS[name]
-    return f"{what} by {scale * value:.2g} ± {scale * stderr:.1g} {unit} (prior {scale * sd:.1g} {unit})"

@@ -1,0 +1,30 @@
+"""What trials share, in a reader's words and units."""
+
+from sandbot_model.discovery.nuisances_about import DRIFT, LIFT_ZERO, SPEED_SCALE
+from sandbot_model.fitting.fit import Fit
+
+WORDS = {
+    DRIFT: ("a drift of k", 1e2, "%"),
+    SPEED_SCALE: ("a speed scale off", 1e2, "%"),
+    LIFT_ZERO: ("a lift zero off", 1e3, "mm"),
+}
+"""What a person calls a nuisance, and the unit it is read in."""
+SHOWS = 2.0
+"""Standard errors from which a nuisance is mentioned."""
+
+
+def significant(fit: Fit) -> list[str]:
+    """The drift, the zero and the scale that show beside a fit: more than twice their standard error."""
+    if fit.nuisances is None:
+        return []
+    return [
+        in_words(name, value, stderr, sd)
+        for name, sd, (value, stderr) in zip(fit.nuisances.names, fit.nuisances.sd, fit.shared, strict=True)
+        if name in WORDS and abs(value) > SHOWS * stderr
+    ]
+
+
+def in_words(name: str, value: float, stderr: float, sd: float) -> str:
+    """A nuisance and its prior in a reader's units: ``a lift zero off by 0.98 ± 0.05 mm (prior 0.6 mm)``."""
+    what, scale, unit = WORDS[name]
+    return f"{what} by {scale * value:.2g} ± {scale * stderr:.1g} {unit} (prior {scale * sd:.1g} {unit})"
