@@ -44,7 +44,7 @@ class SuggestedFormula:
     terms: tuple[tuple[str, float], ...]
     """In words, with their coefficients."""
     deviance: tuple[float, float]
-    """Without the formula and with it."""
+    """Without the formula and with it, both beside what the sentence says is granted."""
     cv_rmse_m_s: tuple[float, float]
     """The same of the mean speed's error out of sample."""
     lack_of_fit_p: float

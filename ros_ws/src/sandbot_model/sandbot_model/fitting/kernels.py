@@ -20,10 +20,9 @@ def node_k(level_k, slope, level, factor, sigma_phi, ln_k_sd, nodes, least_sprea
     k is that of its level times ``factor (rows or 1, cells)``."""
     found = np.empty((len(level_k), len(level), len(nodes)))
     for row in range(len(level_k)):
-        own_factor, own_sigma = factor[row % len(factor)], sigma_phi[row % len(sigma_phi)]
         for cell in range(len(level)):
-            k = level_k[row, level[cell]] * own_factor[cell]
-            sigma = max(abs(slope[row, level[cell]]) * own_sigma[cell], least_spread * k)
+            k = level_k[row, level[cell]] * factor[row % len(factor), cell]
+            sigma = max(abs(slope[row, level[cell]]) * sigma_phi[row % len(sigma_phi), cell], least_spread * k)
             if ln_k_sd[cell] > 0:
                 sigma = math.hypot(sigma, ln_k_sd[cell] * k)
             for node in range(len(nodes)):
@@ -41,7 +40,6 @@ def judged(values, walking, plain, weights, between, data, share, replicates):
     """
     measured, mean, covariance, whiten, log_det = data
     _, rows, cells, count = values.shape
-    each = int(weights.shape[3] > 1)
     predicted, residual, deviance = np.zeros((rows, cells, 4)), np.zeros((rows, cells, 4)), np.empty((rows, cells))
     wider, whitens = np.empty((rows, cells, 4, 4)), np.empty((rows, cells, 4, 4))
     for row in range(rows):
@@ -49,7 +47,7 @@ def judged(values, walking, plain, weights, between, data, share, replicates):
             weight, walks, mixed = weights[row, cell], 0, False
             for node in range(count):
                 for i in range(4):
-                    predicted[row, cell, i] += weight[node, each * i] * values[i, row, cell, node]
+                    predicted[row, cell, i] += weight[node, i % weight.shape[1]] * values[i, row, cell, node]
                 walks += walking[row, cell, node]
                 mixed |= between[row, cell, node] != plain[node]
             for i in range(4):
@@ -188,7 +186,6 @@ def local_jacobian(seen, steps, walking, virgin_walking, weights, measured, whit
     depth moved by ``steps (parameters + 2, rows)``, and unmoved.
     """
     count, (rows, cells, nodes) = len(steps) - 1, walking.shape
-    each = int(weights.shape[3] > 1)
     found = np.zeros((rows, cells, 4, count))
     slope, by_depth, stiff, sinks = np.empty((count, 4)), np.empty(4), np.empty(2), np.empty(2)
     for row in range(rows):
@@ -210,7 +207,7 @@ def local_jacobian(seen, steps, walking, virgin_walking, weights, measured, whit
                         sinks[step] = -pull / stiff[step] if holds[step] and stiff[step] > 1e-6 else 0.0
                     for i in range(4):
                         direct = (values[i] - unmoved[i]) / steps[p, row]
-                        slope[p, i] += weight[node, each * i] * (direct + by_depth[i] * sinks[i // 3])
+                        slope[p, i] += weight[node, i % weight.shape[1]] * (direct + by_depth[i] * sinks[i // 3])
             _whitened_slopes(slope, measured[cell], whiten[row, cell], found[row, cell])
     return found
 
@@ -333,11 +330,10 @@ def apart(depth, walking, may, drop):
     and the softer nodes, of cells that ``may (rows or 1, cells)``."""
     rows, cells, nodes = depth.shape
     found = np.empty((3, rows * cells * (nodes - 1)), dtype=np.int64)
-    count, each = 0, int(may.shape[1] > 1)
+    count = 0
     for row in range(rows):
-        its = may[row % len(may)]
         for cell in range(cells):
-            if its[each * cell]:
+            if may[row % len(may), cell % may.shape[1]]:
                 for node in range(nodes - 1):
                     soft, stiff = walking[row, cell, node], walking[row, cell, node + 1]
                     if depth[row, cell, node] - depth[row, cell, node + 1] > drop or (stiff and not soft):
