@@ -5,6 +5,7 @@ import pytest
 from worlds import BY_NAME, EFFECTS, hidden
 
 from sandbot_lab.direct import direct_trials
+from sandbot_lab.week import Week
 from sandbot_lab.world import Noise, World
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery import discover as rooms
@@ -52,6 +53,18 @@ def test_it_would_be_named_if_nothing_smooth_were_thought_of(monkeypatch):
 
 def test_an_effect_that_is_there_is_still_in_the_set():
     assert ("exact_vertical_acceleration",) in verdict("exact_vertical_acceleration()", 1).alternatives
+
+
+def test_nothing_is_named_that_needs_a_bed_that_scatters_from_condition_to_condition():
+    """An offset for each mean there is: with it belly_coast passes for ground that steps disturb."""
+    effects = {name: EFFECTS[name] for name in ("disturbed_ground", "belly_coast")}
+    week = Week(k_batch_sd=0.01)
+    disturbed = World(effects={"disturbed_ground": {"k_l_n_per_m": 175.0, "s_c": 0.95}}, week=week)
+    rows = direct_trials(disturbed, hidden.PHI, hidden.OMEGA, "UNIFORM", 3, 1, None, "randomised", "condition")
+    seen = cells_of(from_rows([Row(**{**row, **OTHERS, "batch": "", "speed_sd_m_s": np.nan}) for row in rows]))
+    found = rooms.discover(seen, effects, max_effects=1).verdict
+    assert (found.status, found.effects) == ("unexplained", ())
+    assert "would repair it, but only on a bed that scatters from condition to condition" in found.because
 
 
 @pytest.mark.whole

@@ -31,6 +31,7 @@ from sandbot_model.discovery.sharing import (
     Shared,
     as_granted,
     nuisances_suffice,
+    on_a_bed_unseen,
     read_anew,
     reconsidered,
     refitted_globally,
@@ -269,7 +270,7 @@ def _beside_nuisances(search: EffectSearch) -> Shared:
     """The verdict on what was tried, beside what trials share."""
     plain = judge(search.fits, search.criteria)
     found = reconsidered(search, plain) or Shared(plain, search.fits, search.fits[plain.effects])
-    refused = taken_back(found.verdict, found.fits)
+    refused = taken_back(found.verdict, found.fits) or on_a_bed_unseen(found)
     return found if refused is None else Shared(refused, search.fits, search.fits[()])
 
 
