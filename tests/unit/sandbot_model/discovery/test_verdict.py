@@ -62,6 +62,14 @@ def test_two_that_repair_it_alike_are_ambiguous_and_one_clearly_worse_is_not_amo
     assert judged(*fits, criteria=Criteria(clearly=3.0)).status == "identified"
 
 
+@pytest.mark.parametrize(("deviance", "sets"), [(60.4, (("a",), ("b",))), (62.0, (("a",),))])
+def test_what_is_the_same_to_a_hair_is_in_the_set_on_whichever_side_of_a_price_it_falls(deviance, sets):
+    fits = made(deviance=300.0, one_cell=228.2, p=1e-9), made("a", deviance=60.0), made("b", deviance=deviance)
+    by_name = {fit.effects: fit for fit in fits}
+    assert [worth(by_name, name, ()) for name in (("a",), ("b",))] == [True, False]
+    assert judged(*fits).alternatives == sets
+
+
 def test_what_no_set_repairs_is_unexplained(monkeypatch):
     monkeypatch.setattr(verdict, "stage_tests", lambda _fit: ())
     found = judged(BASE, made("a", deviance=200.0, p=1e-6))

@@ -15,6 +15,8 @@ from sandbot_model.physics.arrays import Array
 RESPONSE_TIME = "delta_t_s"
 CLAIMS = ("identified", "ambiguous")
 """Statuses that say that effects of the catalogue explain all."""
+SAME = 1.0
+"""Difference in BIC of sets that are the same to all who look."""
 Sets = Mapping[tuple[str, ...], Fit]
 """Fits by the effects on top of the base model."""
 
@@ -131,7 +133,8 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
     better = [fit for fit in better if fit not in good]
     if better:
         return _outdone(best, min(better, key=lambda fit: fit.bic))
-    rivals = sorted((fit for fit in good if fit.bic - best.bic < apart and fit is not best), key=lambda fit: fit.bic)
+    alike = [fit for fit in good if fit.bic - best.bic < apart] + _the_same(fits, best, good, criteria)
+    rivals = sorted((fit for fit in alike if fit is not best), key=lambda fit: fit.bic)
     if rivals:
         sets = tuple(fit.effects for fit in (best, *rivals))
         return Verdict(
@@ -141,6 +144,12 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
             f"{len(sets)} sets explain the data equally well: {'; '.join(map(_name, sets))}",
         )
     return Verdict("identified", best.effects, (best.effects,), _because(fits, best))
+
+
+def _the_same(fits: Sets, best: Fit, good: Iterable[Fit], criteria: Criteria) -> list[Fit]:
+    """Sets as good as the best to a hair: which side of a price they fall on tells no two apart."""
+    others = [fit for key, fit in fits.items() if len(key) == len(best.effects) and fit not in good]
+    return [fit for fit in others if fit.bic - best.bic < SAME and passes(fit, criteria)]
 
 
 def _all_needed(fits: Sets, key: tuple[str, ...], criteria: Criteria) -> bool:
