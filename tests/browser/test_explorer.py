@@ -165,6 +165,7 @@ def test_a_figure_is_saved_as_drawing_picture_and_numbers(page, address, downloa
     assert np.array(sorted(seen)) == pytest.approx(np.array(meant), rel=1e-4)
 
 
+@pytest.mark.whole  # the others have one page each
 def test_two_models_and_two_data_sets_stand_side_by_side(page, address, folder):
     page.open(address)
     page.press("pin")

@@ -51,6 +51,7 @@ def test_what_is_switched_on_and_off_again_at_once_is_off(page, folder, gap_ms):
         assert page.complaints() == []
 
 
+@pytest.mark.whole  # test_explorer has a suggestion of one page
 def test_a_suggestion_is_of_the_model_on_its_page(page, address):
     """What was found for the simple model is neither shown nor switched on beside the full one."""
     page.open(address)

@@ -170,6 +170,7 @@ def test_a_narrow_window_stays_usable(page, address):
         page.driver.set_window_size(1400, 1400)
 
 
+@pytest.mark.whole  # the negative control of the audit
 def test_an_image_without_words_and_a_page_too_wide_would_be_seen(page):
     page.driver.get("data:text/html,<html lang=en><title>t</title><main><h1>t</h1><img src=x><p style='width:900px'>t")
     with pytest.raises(AssertionError, match="image-alt"):

@@ -34,6 +34,7 @@ def walked_by_big(told: Robot, eta: float = ETA) -> Trials:
     return from_rows(table(eta, BIG, 1.23), told, frame_rate_hz=200.0)
 
 
+@pytest.mark.whole  # the others say when a robot is doubted and when not
 @pytest.mark.slow
 def test_the_effect_is_named_with_the_right_robot():
     found = discover(cells_of(walked_by_big(BIG)), EFFECTS, max_effects=1)

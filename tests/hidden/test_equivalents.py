@@ -25,6 +25,7 @@ def proposed(found, effect):
     return {one.observable for one in found.next_trials if effect in one.separates[1].split(" + ")}
 
 
+@pytest.mark.whole  # the next ones are of its kind
 def test_mean_speed_cannot_see_the_slow_phase_and_its_peak_can():
     trials = BY_NAME["slow_phase_speed(SGCS)"].trials(22, FEW)
     unknown = np.full(len(trials.phi), np.nan)

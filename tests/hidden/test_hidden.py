@@ -14,7 +14,7 @@ IDENTIFIED = [
     "disturbed_ground(k_l_n_per_m=175, s_c=0.95)",
     pytest.param("exact_vertical_acceleration()", marks=pytest.mark.whole),
     "stance_overlap(eta=0.1)",
-    "swimming_thrust(a_m_s2=0.32)",
+    pytest.param("swimming_thrust(a_m_s2=0.32)", marks=pytest.mark.whole),
     pytest.param("slow_phase_speed(SGCS)", marks=pytest.mark.whole),
 ]
 
@@ -40,6 +40,7 @@ def test_a_planted_pair_is_identified():
     assert found.first_right, (found.status, found.named)
 
 
+@pytest.mark.whole  # test_real_week has effects beside a lift zero
 @pytest.mark.slow
 def test_half_of_a_pair_is_not_left_to_a_lift_zero_that_could_be_off():
     """One effect beside a zero off by a grain passes a test of all at once; the other gains 103 beside the same."""
@@ -97,6 +98,7 @@ def test_an_effect_outside_the_catalogue_is_not_identified_but_described(name, w
     assert found.residual.cv_rmse_m_s[1] < 1.1 * found.noise_floor_m_s < 0.6 * found.residual.cv_rmse_m_s[0]
 
 
+@pytest.mark.whole  # test_real_week has one beside a lift zero
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("effects", "seed"),

@@ -28,6 +28,7 @@ def found(seed, batches="none", effects=None, told=True, order=None, phi=PHI, ma
     return discover(cells_of(from_rows([Row(**row) for row in rows])), catalogue(), max_effects=max_effects)
 
 
+@pytest.mark.whole  # the next one is such a bed
 def test_a_bed_prepared_once_a_condition_is_no_effect():
     """k scatters by 1 % from condition to condition, and the table does not say so."""
     one = found(1, "condition", told=False, phi=PHI[::2], k_batch_sd=0.01)

@@ -94,6 +94,7 @@ def test_a_worker_killed_midway_changes_no_byte_of_a_campaign_or_its_table(clust
     assert (there / "trials.csv").read_bytes() == rows
 
 
+@pytest.mark.whole  # a worker that is lost is above
 def test_a_cluster_that_is_lost_loses_no_finished_trial(cluster, run, here, tmp_path, capsys):
     lost = tmp_path / "lost"
     with when_a_trial_is_there(lost, cluster.close) as closed:
