@@ -59,7 +59,7 @@ def nobody():
         yield f"tcp://127.0.0.1:{taken.getsockname()[1]}"
 
 
-@pytest.mark.whole  # a bootstrap on a cluster is above
+@pytest.mark.whole  # a bootstrap on a cluster is below
 @pytest.mark.slow
 def test_discovery_with_a_users_effects_is_the_same_on_a_cluster(scheduler, drawn, tmp_path):
     path = tmp_path / "mine.py"

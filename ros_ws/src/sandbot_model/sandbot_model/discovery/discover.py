@@ -14,6 +14,7 @@ import numpy as np
 
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
+from sandbot_model.discovery.alone import taken_back
 from sandbot_model.discovery.calibration import would_fall
 from sandbot_model.discovery.candidates import Candidate, candidates
 from sandbot_model.discovery.conventions import against, conventions, other_conventions
@@ -31,12 +32,10 @@ from sandbot_model.discovery.sharing import (
     Shared,
     as_granted,
     nuisances_suffice,
-    on_a_bed_unseen,
     read_anew,
     reconsidered,
     refitted_globally,
 )
-from sandbot_model.discovery.smooth import taken_back
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
 from sandbot_model.discovery.untested import repeats, untested
@@ -270,7 +269,7 @@ def _beside_nuisances(search: EffectSearch) -> Shared:
     """The verdict on what was tried, beside what trials share."""
     plain = judge(search.fits, search.criteria)
     found = reconsidered(search, plain) or Shared(plain, search.fits, search.fits[plain.effects])
-    refused = taken_back(found.verdict, found.fits) or on_a_bed_unseen(found)
+    refused = taken_back(found.verdict, found.fits)
     return found if refused is None else Shared(refused, search.fits, search.fits[()])
 
 

@@ -167,10 +167,9 @@ def _score(fit: Fit, guess: Guess | None) -> float:
 
 def _granted(found: Fit) -> str:
     """What the fit takes for granted, as the end of a sentence."""
-    if found.nuisances is None:
-        return ""
-    differ = ["batches that differ as the priors say"] if granted(found) else []
-    return "".join(f", granted {' and '.join(words)}" for words in [differ + significant(found)] if words)
+    differ = found.nuisances is not None and granted(found)
+    words = [*(["batches that differ as the priors say"] if differ else []), *significant(found)]
+    return f", granted {' and '.join(words)}" if words else ""
 
 
 def _suggestion(fit: Fit, best: _Tried, rival: _Tried | None, criteria: Criteria) -> SuggestedFormula:

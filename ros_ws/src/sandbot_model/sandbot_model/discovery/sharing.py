@@ -20,10 +20,9 @@ from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.nuisances_about import batches_apart, gain_of_batches, shared_by
 from sandbot_model.discovery.nuisances_in_words import WORDS, significant
 from sandbot_model.discovery.structure import at_random
-from sandbot_model.discovery.verdict import CLAIMS, Verdict, claim, judge, overdispersion, parts_of, sound, worth
+from sandbot_model.discovery.verdict import Verdict, claim, judge, overdispersion, parts_of, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import far_above, solve_beside, solve_near, solve_on
-from sandbot_model.physics.observables import Observable
 
 LEADING = 6
 """Larger sets that are tried again, the best."""
@@ -64,27 +63,6 @@ def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
             return found if stands else _beside(search, plain, size, _apart_about(search, search.fits[()])) or found
     # No credible alternative to the claim was found: the claim stands, refitted beside the nuisances.
     return _standing(search, plain, _refitted(search, [plain.effects], ALIKE)[plain.effects]) if plain.effects else None
-
-
-def on_a_bed_unseen(found: Shared) -> Verdict | None:
-    """The refusal of a claim from one observable on a bed that has to scatter from condition to condition: that is an
-    offset for each mean, by which nearly any effects pass."""
-    cells, claimed = found.named.cells, found.verdict.effects
-    several = cells.batch_share is not None and np.median((cells.batch_share > 0).sum(axis=0)) > 1
-    alone = found.verdict.status in CLAIMS and len(cells.observables) == 1
-    if not alone or several or not _scatters(found.fits[claimed]):
-        return None
-    seen = Observable[cells.observables[0]]
-    because = (
-        f"{' + '.join(claimed)} would repair it, but only on a bed that scatters from condition to condition, and from "
-        f"{seen.label} alone such a bed can't be told from what a model misses; measure "
-        f"{', '.join(one.label for one in Observable if one is not seen)} too"
-    )
-    return Verdict("unexplained", (), (), because)
-
-
-def _scatters(fit: Fit) -> bool:
-    return fit.nuisances is not None and granted(fit).ln_k > 0
 
 
 def refitted_globally(fit: Fit) -> Fit:

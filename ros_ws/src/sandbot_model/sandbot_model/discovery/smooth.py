@@ -4,7 +4,7 @@ On top of a fit, linear about it, stands δ ~ GP(0, a² exp(-½ (Δφ/ℓ_φ)² 
 knows no physics (Kennedy & O'Hagan 2001, J. R. Stat. Soc. B 63, 425). It gains in -2 ln restricted likelihood, over a
 grid of a, ℓ_φ and ℓ_ω.
 
-* A claim from one observable alone must gain more in BIC than such a discrepancy: many laws bend one quantity alike.
+* A claim from one observable alone must gain more in BIC than such a discrepancy (``alone``).
 * Offsets of ln k that are smooth over φ and ω are no batches that differ at random, but a model that is wrong.
 """
 
@@ -12,7 +12,6 @@ from itertools import product
 
 import numpy as np
 
-from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.jacobian import full_jacobian
 from sandbot_model.fitting.nuisances import free_of, gains
@@ -23,23 +22,6 @@ LENGTHS = (0.15, 0.3, 0.6, 1.2, 2.4)
 """ℓ tried, in units of what the data span."""
 SIZES = np.geomspace(0.1, 300.0, 50)
 """a tried, in typical standard errors."""
-
-
-def taken_back(verdict: Verdict, fits: Sets) -> Verdict | None:
-    """What is said of a claim if one observable was measured, and something smooth explains as much; else None."""
-    base = fits[()]
-    if verdict.status not in CLAIMS or len(base.cells.observables) != 1:
-        return None
-    observable = Observable[base.cells.observables[0]]
-    smooth, named = smooth_gain(base, observable), base.bic - fits[verdict.effects].bic
-    if named > smooth:
-        return None
-    because = (
-        f"{' + '.join(verdict.effects)} would repair it (BIC falls by {named:.0f}), but so does any smooth change of "
-        f"{observable.label} over φ and ω (a Gaussian process: {smooth:.0f}): from {observable.label} alone nothing "
-        f"can be named; measure {', '.join(one.label for one in Observable if one is not observable)} too"
-    )
-    return Verdict("unexplained", (), (), because)
 
 
 def smooth_gain(base: Fit, observable: Observable) -> float:
