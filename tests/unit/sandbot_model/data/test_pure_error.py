@@ -166,3 +166,27 @@ def test_scatter_that_does_not_follow_frequency_is_not_made_to():
     error = pure_error(*scattered(omega=np.repeat([4.0, 8.0, 16.0, 30.0], 10)))
     slow, fast = np.sqrt(error.covariance[[0, -1], 0, 0])
     assert fast == pytest.approx(slow, rel=0.4)
+
+
+def slowest_and_fastest(swimming_power, seed):
+    """Standard deviation taken over the one drawn, of the slowest and fastest of seven swimming cells beside 42."""
+    rng = np.random.default_rng(seed)
+    omega, walking = np.tile([4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 30.0], 7), np.arange(49) >= 7
+    sd = 4e-3 * np.where(walking, 1.0, (omega / 14) ** swimming_power)
+    cell = np.repeat(np.arange(49), 3)
+    residual = about_means(rng.normal(size=(147, 4)) * sd[cell, None], cell, 3)
+    error = pure_error(residual, cell, np.full((49, 4), 3), walking, omega, np.full(4, 4e-3))
+    return np.sqrt(error.covariance[[0, 6], 0, 0]) / sd[[0, 6]]
+
+
+def test_few_swimmers_do_not_make_a_trend_of_their_luck():
+    found = np.array([slowest_and_fastest(0.0, seed) for seed in range(100)])
+    np.testing.assert_allclose(np.median(found, axis=0), 1.0, atol=0.15)
+    assert np.quantile(found, 0.025, axis=0).min() > 0.4
+
+
+def test_swimmers_that_do_follow_frequency_are_followed():
+    found = np.array([slowest_and_fastest(1.0, seed) for seed in range(100)])
+    slow, fast = np.median(found, axis=0)
+    assert slow < 2.0
+    assert fast > 0.6

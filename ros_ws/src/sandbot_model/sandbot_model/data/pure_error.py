@@ -24,6 +24,11 @@ FEW_REPLICATES = LEAST_FOR_TREND = 12
 """Degrees of freedom below which a usual lab counts beside them, and from which scatter may have a trend with ω."""
 FEW = 20
 """Degrees of freedom at which an estimated correlation is shrunk by half."""
+USUAL_SLOPE = (0.0, 2.0)
+"""Power of ω with which a variance goes before anything is measured, and how far it may be off."""
+OWN_SLOPE = 0.7
+"""How far a regime's power of ω may be off that of both: it is 0 where sensors scatter, 2 where φ misses its set
+point, and a few cells at one end would tell of their own luck."""
 PRIOR = 2.0
 """Degrees of freedom with which the scatter of both regimes together counts in each, and that of a usual lab where all
 replicates are few."""
@@ -54,20 +59,20 @@ def pure_error(residual: Floats, cell: Ints, count: Ints, walking: Bools, omega:
     filled = np.nan_to_num(residual)
     np.add.at(square, cell, filled[:, :, None] * filled[:, None, :])
     variance, dof = np.diagonal(square, axis1=1, axis2=2), np.maximum(count - 1, 0)
-    keep = np.ones(cells, dtype=bool)
-    for regime in (walking, ~walking):
-        keep[regime] = _consistent(variance[regime], dof[regime], omega[regime])
+    keep = _consistent(variance, dof, omega, walking)
     overall = _constant(variance[keep], dof[keep])
     copies = overall <= FLOOR**2
     overall[copies], dof[:, copies] = np.nan, 0
     known = (dof * keep[:, None]).sum(axis=0)
     # NaN stays where nothing is known.
     prior = np.where((known > 0) & (known < FEW_REPLICATES), usual**2, overall)
+    together = (known * overall + PRIOR * prior) / (known + PRIOR)
+    slope = _common_slope(variance, dof * keep[:, None], omega, walking)
     covariance = np.zeros_like(square)
     for regime in (walking, ~walking):
         if regime.any():
-            together = (known * overall + PRIOR * prior) / (known + PRIOR)
-            covariance[regime] = _pool(square[regime], dof[regime], omega[regime], keep[regime], together, prior)
+            pooled = _trend(variance[regime], (dof * keep[:, None])[regime], omega[regime], slope, together, prior)
+            covariance[regime] = _pool(square[regime], dof[regime], keep[regime], pooled)
     return PureError(covariance, np.sqrt(overall), known, ~keep)
 
 
@@ -76,21 +81,28 @@ def freedom_known(dof: Ints) -> Floats:
     return np.asarray(dof + np.where(dof < FEW_REPLICATES, PRIOR, 0.0))
 
 
-def _consistent(sums: Floats, dof: Ints, omega: Floats) -> Bools:
-    """Cells ``(n,)`` of a regime that scatter no more than the others.
+def _consistent(sums: Floats, dof: Ints, omega: Floats, walking: Bools) -> Bools:
+    """Cells ``(n,)`` that scatter no more than the others of their regime.
 
     It begins at the median: one cell of a few that flips would pass in the mean, as scatter of all.
     """
+    regimes = [regime for regime in (walking, ~walking) if regime.any()]
+    usual, pooled, freedom = np.empty((3, *sums.shape))
+    for regime in regimes:
+        usual[regime] = pooled[regime] = _median(sums[regime], dof[regime])
+        freedom[regime] = dof[regime].sum(axis=0) / 2
     keep = np.ones(len(sums), dtype=bool)
-    usual = _median(sums, dof)
-    pooled, freedom = np.broadcast_to(usual, sums.shape), dof.sum(axis=0) / 2 + np.zeros(sums.shape)
     for _ in range(10):
         known = (dof > 0) & (freedom > 0)
         ratio = np.divide(sums, dof * pooled, out=np.zeros_like(sums), where=known)
         tail = np.where(known, f_sf(ratio, np.maximum(dof, 1), np.maximum(freedom, 1)), 1.0)
         before, keep = keep, ~(tail < EXCESS / sums.shape[1]).any(axis=1)
-        pooled = _trend(sums, dof * keep[:, None], omega, usual, usual)
-        freedom = (dof * keep[:, None]).sum(axis=0) - dof * keep[:, None]
+        kept = dof * keep[:, None]
+        slope = _common_slope(sums, kept, omega, walking)
+        for regime in regimes:
+            by_median = usual[regime][0]
+            pooled[regime] = _trend(sums[regime], kept[regime], omega[regime], slope, by_median, by_median)
+            freedom[regime] = kept[regime].sum(axis=0) - kept[regime]
         if (before == keep).all():
             break
     return keep
@@ -107,16 +119,15 @@ def _median(sums: Floats, dof: Ints) -> Floats:
     return found
 
 
-def _pool(square: Floats, dof: Ints, omega: Floats, keep: Bools, together: Floats, prior: Floats) -> Floats:
-    """Covariance of one trial in each cell of a regime, those that are not kept at their own scatter.
+def _pool(square: Floats, dof: Ints, keep: Bools, pooled: Floats) -> Floats:
+    """Covariance of one trial in each cell of a regime that scatters by ``pooled (n, 4)``, variances of one trial.
 
-    ``together (4,)`` is the variance of all cells of both regimes, ``prior (4,)`` what counts beside a regime's own.
+    Cells that are not kept are taken at their own scatter.
     """
-    sums = np.diagonal(square, axis1=1, axis2=2)
-    pooled = _trend(sums, dof * keep[:, None], omega, together, prior)
     scaled = square / np.sqrt(pooled[:, :, None] * pooled[:, None, :])
     correlation = _correlation(scaled[keep], dof[keep])
     # Where a cell scatters beyond the pool it is taken at its own, never at less.
+    sums = np.diagonal(square, axis1=1, axis2=2)
     own_variance = np.divide(sums, dof, out=np.zeros_like(sums), where=dof > 0)
     sd = np.sqrt(np.where(keep[:, None], pooled, np.maximum(own_variance, pooled)))
     return np.asarray(sd[:, :, None] * sd[:, None, :] * correlation)
@@ -129,12 +140,29 @@ def _constant(sums: Floats, dof: Ints) -> Floats:
     return np.asarray(np.maximum(pooled, FLOOR**2))
 
 
-def _trend(sums: Floats, dof: Ints, omega: Floats, together: Floats, prior: Floats) -> Floats:
-    """Variance of one trial ``(cells, 4)``, a power law in ω fitted by maximum likelihood to the cells' scatter.
+def _common_slope(sums: Floats, dof: Ints, omega: Floats, walking: Bools) -> Floats:
+    """Power of ω ``(4,)`` with which the variance goes in both regimes, each at its own level."""
+    x = np.log(omega)
+    found = np.zeros(sums.shape[1])
+    for column in range(sums.shape[1]):
+        weight = dof[:, column].astype(float)
+        levels = [regime for regime in (walking, ~walking) if weight[regime].any()]
+        if weight.sum() >= LEAST_FOR_TREND:
+            centred = np.zeros(len(x))
+            for regime in levels:
+                centred[regime] = x[regime] - np.average(x[regime], weights=weight[regime])
+            design = np.stack([*levels, centred], axis=-1).astype(float)
+            start = [np.log(max(_constant(sums[r], dof[r])[column], FLOOR**2)) for r in levels]
+            found[column] = _gamma(sums[:, column], weight, design, np.array([*start, 0.0]), *USUAL_SLOPE)[-1]
+    return found
 
-    A step takes π/ω and a body on faster legs shakes more, so scatter follows ω; s² is a scaled χ² with few degrees of
-    freedom, whose likelihood -dof/2 (η + s²/e^η), η = a + b ln ω, is that of a gamma regression. With few replicates
-    it is constant, with hardly any that of both regimes together.
+
+def _trend(sums: Floats, dof: Ints, omega: Floats, slope: Floats, together: Floats, prior: Floats) -> Floats:
+    """Variance of one trial ``(cells, 4)`` of a regime, a power law in ω fitted to the cells' scatter.
+
+    A step takes π/ω and a body on faster legs shakes more, so scatter follows ω. ``slope (4,)`` is the power of both
+    regimes, ``together (4,)`` the variance of all cells of both, ``prior (4,)`` what counts beside a regime's own. With
+    few replicates the power is that of both regimes, with hardly any the variance too.
     """
     x = np.log(omega)
     found = np.empty_like(sums)
@@ -143,31 +171,37 @@ def _trend(sums: Floats, dof: Ints, omega: Floats, together: Floats, prior: Floa
         if total < LEAST_DOF:
             found[:, column] = together[column]
             continue
-        centre = np.average(x, weights=weight)
+        centred = x - np.average(x, weights=weight)
         # A handful of replicates is not trusted by itself.
         mean = (sums[weight > 0, column].sum() + PRIOR * prior[column]) / (total + PRIOR)
-        mean = np.maximum(mean, FLOOR**2)
-        level, slope = np.log(mean), 0.0
-        shape = np.average((x - centre) ** 2, weights=weight)
-        if total >= LEAST_FOR_TREND and shape > 1e-3:
-            level, slope = _gamma(sums[:, column], weight, x - centre, level)
-        found[:, column] = np.exp(level + slope * (x - centre))
+        b = np.array([np.log(np.maximum(mean, FLOOR**2)), slope[column]])
+        design = np.stack([np.ones_like(x), centred], axis=-1)
+        if total >= LEAST_FOR_TREND:
+            b = _gamma(sums[:, column], weight, design, b, slope[column], OWN_SLOPE)
+        found[:, column] = np.exp(design @ b)
     return np.maximum(found, FLOOR**2)
 
 
-def _gamma(sums: Floats, weight: Floats, x: Floats, level: float) -> tuple[float, float]:
-    """Level and slope of ln variance, by Fisher scoring; the slope is held to ±4 (variance ∝ ω⁴ at most)."""
-    b = np.array([level, 0.0])
-    design = np.stack([np.ones_like(x), x], axis=-1)
+def _gamma(sums: Floats, weight: Floats, design: Floats, start: Floats, slope: float, sd: float) -> Floats:
+    """Coefficients of ln variance, the last of them a power of ω that is ``slope ± sd`` beforehand.
+
+    s² is a scaled χ² with few degrees of freedom, whose likelihood -dof/2 (η + s²/e^η), η = design · b, is that of a
+    gamma regression; its largest value with the prior is found by Fisher scoring.
+    """
+    b, precision = start.copy(), 2 / sd**2
     information = design.T @ (weight[:, None] * design)
+    information[-1, -1] += precision
     ratio = np.divide(sums, weight, out=np.zeros_like(sums), where=weight > 0)
+    level = design @ start
     for _ in range(50):
         eta = np.clip(design @ b, level - 12, level + 12)
-        step = np.linalg.solve(information, design.T @ (weight * (ratio * np.exp(-eta) - 1)))
+        gradient = design.T @ (weight * (ratio * np.exp(-eta) - 1))
+        gradient[-1] += precision * (slope - b[-1])
+        step = np.linalg.solve(information, gradient)
         b += np.clip(step, -1.0, 1.0)
         if np.abs(step).max() < 1e-6:
             break
-    return float(b[0]), float(np.clip(b[1], -4.0, 4.0))
+    return b
 
 
 def _correlation(square: Floats, dof: Ints) -> Floats:
