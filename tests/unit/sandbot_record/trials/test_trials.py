@@ -69,9 +69,10 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
         ("phi,phi,omega_rad_s,speed_m_s\n", "row 1: column phi is there twice"),
         (GOOD + "0.6,8\n", "row 4: 2 values for 3 columns"),
         (GOOD + "0.6,8,\n", "row 4, column speed_m_s: empty"),
-        (GOOD + "0.6,8,nan\n", "row 4, column speed_m_s: nan is not a finite number"),
+        (GOOD + "0.6,8,nan\n", "row 4, column speed_m_s: nan; a value is needed here"),
+        (GOOD + "0.6,8,--\n", "row 4, column speed_m_s: --; a value is needed here"),
         (GOOD + "0.6,8,inf\n", "row 4, column speed_m_s: inf is not a finite number"),
-        (GOOD + "0.6,fast,0.2\n", "row 4, column omega_rad_s: 'fast' is not a number"),
+        (GOOD + "0.6,fast,0.2\n", "row 4, column omega_rad_s: 'fast' is not a number; a value is needed here"),
         (GOOD + '"0,6",8,0.2\n', "row 4, column phi: '0,6' is not a number; write decimals with a point"),
         (GOOD + "60,8,0.2\n", "row 4, column phi: 60 is out of range: .* divide percent by 100"),
         (GOOD + "0,8,0.2\n", "row 4, column phi: 0 is out of range"),
@@ -92,6 +93,14 @@ def test_one_line_says_which_row_and_column(tmp_path, text, complaint):
         read(write(tmp_path, text))
     assert "\n" not in str(error.value)
     assert "t.csv" in str(error.value)
+
+
+@pytest.mark.parametrize("word", ["", "-", "--", "—", "n/a", "NA", "NaN", "none"])
+def test_what_people_write_for_not_measured_is_not_measured(tmp_path, word):
+    given = "phi,omega_rad_s,speed_m_s,lift_m\n.6,8,.2,.01\n.6,8,.2,{}\n"
+    assert np.isnan(read(write(tmp_path, given.format(word))).lift_m).tolist() == [False, True]
+    with pytest.raises(InputError, match="row 3, column lift_m: 'lost' is not a number; leave empty what"):
+        read(write(tmp_path, given.format("lost")))
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,8 @@ _BOUNDS = {
 }
 BATCH_SYNONYMS = ("day", "preparation")
 PRESETS = ("SGCS", "HGCS", "UNIFORM")
+_NOT_MEASURED = frozenset({"", "-", "--", "–", "—", "n/a", "na", "nan", "null", "none"})
+"""What people write in the cell of a value that was not measured, in small letters."""
 _NOT_NEGATIVE = ("phi_sd", "speed_sd_m_s")
 _QUANTITIES = {
     **dict.fromkeys(("phi", "φ", "volume_fraction"), "phi"),
@@ -207,19 +209,18 @@ def _gait(text: str) -> str:
 
 
 def _number(where: str, name: str, text: str, *, required: bool) -> float:
-    if not text:
+    right = "a value is needed here (or a status other than ok)" if required else "leave empty what was not measured"
+    if text.lower() in _NOT_MEASURED:
         if required:
-            raise InputError(f"{where}: empty; a value is needed here (or a status other than ok)")
+            raise InputError(f"{where}: {text or 'empty'}; {right}")
         return math.nan
     try:
         value = float(text)
     except ValueError:
-        comma = "; write decimals with a point" if "," in text else ""
-        raise InputError(f"{where}: {text!r} is not a number{comma}") from None
+        right = "write decimals with a point" if "," in text else right
+        raise InputError(f"{where}: {text!r} is not a number; {right}") from None
     if not math.isfinite(value):
-        if required or math.isinf(value):
-            raise InputError(f"{where}: {text} is not a finite number; leave empty what was not measured")
-        return math.nan
+        raise InputError(f"{where}: {text} is not a finite number; {right}")
     low, high, right = _BOUNDS.get(name, (-math.inf, math.inf, ""))
     if not low < value < high:
         percent = "; divide percent by 100" if name == "phi" and 1 < value < 100 else ""
