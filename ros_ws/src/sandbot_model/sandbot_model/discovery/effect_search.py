@@ -207,9 +207,10 @@ class EffectSearch:
     def _try(self, stage: str, sets: Sequence[Names]) -> None:
         """Fit sets: near what a smaller set has found where that fits already, globally elsewhere.
 
-        Sets of two and more are first looked at near their best smaller set, then the best of them globally.
+        Sets of two and more are first looked at near their best smaller set, then the best of them globally. A single
+        effect without a parameter is a formula in place of the model's own, under which k is another: no small change.
         """
-        quick = [names for names in sets if len(names) > 1 or self._parent_passes(names)]
+        quick = [names for names in sets if len(names) > 1 or self._is_small_change(names)]
         self.fit(stage, [names for names in sets if names not in quick], nearby=False)
         self.fit(stage, quick, nearby=True)
         hopeful = [names for names in quick if not self._parent_passes(names)]
@@ -238,6 +239,10 @@ class EffectSearch:
     def _parent_passes(self, names: Names) -> bool:
         parent = self._parent(names)
         return parent is not None and names != () and passes(parent, self.criteria)
+
+    def _is_small_change(self, names: Names) -> bool:
+        """Whether a single effect can only change a little of what fits without it."""
+        return self._parent_passes(names) and bool(self.effects[names[0]].parameters)
 
     def _sorted(self, names: Iterable[str]) -> Names:
         wanted = set(names)

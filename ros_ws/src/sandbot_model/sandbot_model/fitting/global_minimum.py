@@ -150,7 +150,7 @@ def solve_on(task: tuple[Model, Cells, Point, Nuisances]) -> Point:
     # With the slopes that it was found by, and with those that follow from it.
     begin = problem.states(theta, ln_k, np.stack([point.slope, _slopes(problem, ln_k)[0]]))
     best = descend(problem, begin).lowest()
-    return point_at(problem, _looked_round(problem, best))
+    return point_at(problem, _plausible(problem, _looked_round(problem, best)))
 
 
 def far_above(deviance: float, times: float = HOPELESS) -> float:
@@ -190,7 +190,8 @@ def _plausible(problem: Problem, states: States) -> States:
     if (inside == states.theta).all():
         return states
     begin = problem.states(inside, states.ln_k, states.slope, problem.bed(states))
-    moved = descend(problem, begin, FIRST_ITERATIONS)
+    # Held there: where nothing depends on a parameter, a descent would take it out again.
+    moved = descend(problem, begin, FIRST_ITERATIONS, fixed=np.flatnonzero((inside != states.theta)[0]).tolist())
     moved = moved if (np.clip(moved.theta, ranges[:, 0], ranges[:, 1]) == moved.theta).all() else states
     return moved if moved.deviance[0] < states.deviance[0] + NEGLIGIBLE else states
 

@@ -65,9 +65,8 @@ def resample(problem: Problem, theta: Array, ln_k: Array, slope: Array) -> list[
     unit = np.repeat(_unit(model, theta)[None], RESAMPLED * (len(at) + 1), axis=0)
     sample = _even(len(unit), len(at) + 1)
     unit[:, at] = sample[:, :-1]
-    low, high = search_box(model)
     clock = model.names.index("delta_t_s")
-    unit[:, clock] += np.log(NEAR_DELTA_T) * (2 * sample[:, -1] - 1) / (high - low)[clock]
+    unit[:, clock] += np.log(NEAR_DELTA_T) * (2 * sample[:, -1] - 1) / _width(model)[clock]
     k = np.exp(ln_k)
     k_grid = _closer(k, critical_k_n_per_m(model.robot) * np.geomspace(*K_RANGE, K_GRID))
     return _distinct(model, _try(problem, unit, slope, k, k_grid), MAX_STARTS // 2)
@@ -142,8 +141,13 @@ def _scaled(model: Model, theta: Array) -> Array:
 
 
 def _unit(model: Model, theta: Array) -> Array:
+    return (_scaled(model, theta) - search_box(model)[0]) / _width(model)
+
+
+def _width(model: Model) -> Array:
+    """Widths of the ranges ``(parameters,)``, infinite for one that is held: it stays at 0 in unit coordinates."""
     low, high = search_box(model)
-    return (_scaled(model, theta) - low) / (high - low)
+    return np.where(high > low, high - low, np.inf)
 
 
 def _theta(model: Model, unit: Array) -> Array:
