@@ -1,9 +1,13 @@
 """The global minimum: against a dense scan, from a warm start, and beside a model that nests in it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.criteria import DEFAULT
+from sandbot_model.discovery.nuisances_about import shared_by
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.fitting.global_minimum import (
     best_state,
@@ -12,6 +16,7 @@ from sandbot_model.fitting.global_minimum import (
     solve_further,
     solve_jumping,
     solve_near,
+    solve_on,
     worth_jumps,
 )
 from sandbot_model.fitting.likelihood import Problem
@@ -69,3 +74,17 @@ def test_it_is_the_same_every_time_and_no_neighbour_is_lower(drawn):
     moves = np.random.default_rng(0).normal(0.0, 2e-3, (50, found.ln_k.shape[1]))
     around = problem.states(np.repeat(found.theta, 50, axis=0), found.ln_k + moves, found.slope[0])
     assert around.deviance.min() > found.deviance[0] - 0.05
+
+
+def test_where_data_do_not_mind_a_parameter_it_stays_in_its_plausible_range(drawn):
+    """At these paces disturbed ground carries no walker, however soft: k_L may be 155 N/m as well as 165 to 185."""
+    cells = cells_of(drawn(("disturbed_ground",), seed=1, levels=3, omega=(16, 20, 26)))
+    model = model_of("simple", ("disturbed_ground",), EFFECTS)
+    found = fit(model, cells)
+    at, nuisances = model.names.index("disturbed_ground.k_l_n_per_m"), shared_by(found, DEFAULT)
+    outside = found.point.theta.copy()
+    outside[at] = 155.0
+    point = solve_on((model, cells, replace(found.point, theta=outside), nuisances))
+    assert 165.0 <= point.theta[at] <= 185.0
+    beside = fitted_at(model, cells, point, nuisances)
+    assert beside.deviance < fitted_at(model, cells, replace(point, theta=outside), nuisances).deviance + 1.0

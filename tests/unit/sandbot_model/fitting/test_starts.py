@@ -5,6 +5,7 @@ import pytest
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.starts import MAX_STARTS, MIN_DISTANCE, profile, resample, search_box, starts
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
@@ -58,3 +59,14 @@ def test_without_an_effect_there_is_nothing_to_sample_once_more(found, drawn):
     assert all(abs(np.log(start.theta[0] / found.point.theta[0])) < 0.4 for start in more)
     base = fit(model_of("simple", (), EFFECTS), cells_of(drawn(levels=2)))
     assert resample(base.problem, base.point.theta, base.point.ln_k, base.point.slope) == []
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_is_held_is_sampled_at_its_value_alone(found):
+    model = model_of("simple", ("leg_slip",), EFFECTS, held={"delta_t_s": 1.2})
+    problem = Problem(model, found.cells)
+    tried = starts(problem, found.point.slope, found.k_n_per_m, also=found.point.theta[None])
+    more = resample(problem, tried[0].theta, tried[0].ln_k, found.point.slope)
+    assert more
+    assert [start.theta[0] for start in (*tried, *more)] == pytest.approx([1.2] * len([*tried, *more]))
+    assert len({float(start.theta[-1]) for start in more}) > 1
