@@ -30,7 +30,9 @@ def made(
         implausible=(),
         fails=(),
         level_phi=np.array([0.6]),
-        cells=SimpleNamespace(pressed=None, pure_error_dof=np.full(4, replicates)),
+        cells=SimpleNamespace(
+            pressed=None, pure_error_dof=np.full(4, replicates), phi=np.full(CELLS, 0.6), omega=np.full(CELLS, 8.0)
+        ),
         state=SimpleNamespace(cell_deviance=parts[None], pressed=np.zeros((1, 0)), shared=np.zeros((1, 0))),
     )
 
@@ -62,8 +64,8 @@ def test_two_that_repair_it_alike_are_ambiguous_and_one_clearly_worse_is_not_amo
     assert judged(*fits, criteria=Criteria(clearly=3.0)).status == "identified"
 
 
-@pytest.mark.parametrize(("deviance", "sets"), [(60.4, (("a",), ("b",))), (62.0, (("a",),))])
-def test_what_is_the_same_to_a_hair_is_in_the_set_on_whichever_side_of_a_price_it_falls(deviance, sets):
+@pytest.mark.parametrize(("deviance", "sets"), [(60.4, (("a",), ("b",))), (69.0, (("a",), ("b",))), (71.0, (("a",),))])
+def test_what_is_not_clearly_worse_is_in_the_set_on_whichever_side_of_a_price_it_falls(deviance, sets):
     fits = made(deviance=300.0, one_cell=228.2, p=1e-9), made("a", deviance=60.0), made("b", deviance=deviance)
     by_name = {fit.effects: fit for fit in fits}
     assert [worth(by_name, name, ()) for name in (("a",), ("b",))] == [True, False]
@@ -75,6 +77,20 @@ def test_what_no_set_repairs_is_unexplained(monkeypatch):
     found = judged(BASE, made("a", deviance=200.0, p=1e-6))
     assert (found.status, found.effects) == ("unexplained", ())
     assert "the best set, a, still fails" in found.because
+
+
+@pytest.mark.parametrize(
+    ("base", "why"),
+    [
+        (made(deviance=70.0, p=1e-9), "but gains 10, less than the 22 that an effect must: the base model still fails"),
+        (made(deviance=300.0, one_cell=240.0, p=1e-9), "but 100% of what it gains is at φ 0.600, ω 8 rad/s: run that"),
+    ],
+)
+def test_why_what_would_leave_nothing_is_not_named(monkeypatch, base, why):
+    monkeypatch.setattr(verdict, "stage_tests", lambda _fit: ())
+    found = judged(base, made("a", deviance=60.0))
+    assert (found.status, found.effects) == ("unexplained", ())
+    assert found.because.startswith("a would leave replicates nothing to explain (lack of fit p = 0.5), " + why)
 
 
 def test_where_nothing_can_be_tested_nothing_is_claimed():
@@ -93,6 +109,14 @@ def test_a_parameter_at_its_bound_passes_nothing():
     assert passes(made("a", deviance=60.0))
     assert not passes(made("a", deviance=60.0, at_bounds=("a.x",)))
     assert passes(made("a", deviance=60.0, at_bounds=("v_swim_m_s",)))
+
+
+def test_a_model_that_passes_is_not_adequate_where_a_number_nobody_believes_repairs_much(monkeypatch):
+    monkeypatch.setattr(verdict, "stage_tests", lambda _fit: ())
+    monkeypatch.setattr(verdict, "beyond", lambda _fit, names: names)
+    base, little = made(deviance=200.0), made("a", deviance=185.0, at_bounds=("a.x",))
+    assert judged(base, little).status == "adequate"
+    assert judged(base, made("a", deviance=60.0, at_bounds=("a.x",))).status == "unexplained"
 
 
 def test_an_effect_that_needs_an_impossible_response_time_is_none():

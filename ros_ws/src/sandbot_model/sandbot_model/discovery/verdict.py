@@ -15,8 +15,6 @@ from sandbot_model.physics.arrays import Array
 RESPONSE_TIME = "delta_t_s"
 CLAIMS = ("identified", "ambiguous")
 """Statuses that say that effects of the catalogue explain all."""
-SAME = 1.0
-"""Difference in BIC of sets that are the same to all who look."""
 Sets = Mapping[tuple[str, ...], Fit]
 """Fits by the effects on top of the base model."""
 
@@ -113,7 +111,8 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
         return Verdict(
             "untested", (), (), "the base model has as many parameters as there are cell means: nothing is left to test"
         )
-    helpful = [key for key in fits if len(key) == 1 and worth(fits, key, (), criteria)]
+    # Also with a number that nobody believes: it is no claim, but what it repairs is there.
+    helpful = [key for key in fits if len(key) == 1 and gains(fits, key, (), criteria)]
     if passes(base, criteria) and not helpful:
         return Verdict(
             "adequate",
@@ -133,8 +132,8 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
     better = [fit for fit in better if fit not in good]
     if better:
         return _outdone(best, min(better, key=lambda fit: fit.bic))
-    alike = [fit for fit in good if fit.bic - best.bic < apart] + _the_same(fits, best, good, criteria)
-    rivals = sorted((fit for fit in alike if fit is not best), key=lambda fit: fit.bic)
+    rivals = [fit for fit in good if fit is not best] + _short_of_a_price(fits, best, good, criteria)
+    rivals = sorted((fit for fit in rivals if fit.bic - best.bic < apart), key=lambda fit: fit.bic)
     if rivals:
         sets = tuple(fit.effects for fit in (best, *rivals))
         return Verdict(
@@ -146,10 +145,11 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
     return Verdict("identified", best.effects, (best.effects,), _because(fits, best))
 
 
-def _the_same(fits: Sets, best: Fit, good: Iterable[Fit], criteria: Criteria) -> list[Fit]:
-    """Sets as good as the best to a hair: which side of a price they fall on tells no two apart."""
+def _short_of_a_price(fits: Sets, best: Fit, good: Iterable[Fit], criteria: Criteria) -> list[Fit]:
+    """Other sets of as many effects that pass: if the best is not clearly better, on which side of a price a gain falls
+    tells no two apart."""
     others = [fit for key, fit in fits.items() if len(key) == len(best.effects) and fit not in good]
-    return [fit for fit in others if fit.bic - best.bic < SAME and passes(fit, criteria)]
+    return [fit for fit in others if passes(fit, criteria)]
 
 
 def _all_needed(fits: Sets, key: tuple[str, ...], criteria: Criteria) -> bool:
@@ -197,20 +197,49 @@ def _outdone(best: Fit, better: Fit) -> Verdict:
 
 def _unexplained(fits: Sets, criteria: Criteria) -> Verdict:
     best = best_earned(fits, criteria)
-    fails = best.fails
+    named = f"the best set, {_name(best.effects)}," if best.effects else "the base model"
+    missed = f"{named} still fails {_p(best)}{_where_it_fails(best)}"
+    enough = [fit for key, fit in fits.items() if key and leaves_nothing(fit, criteria)]
+    if enough:
+        would = min(enough, key=lambda fit: (len(fit.effects), fit.bic))
+        tried = f"{_name(would.effects)} would leave replicates nothing to explain {_p(would)}, but "
+        tried += _not_claimed(fits, would, criteria)
+    else:
+        tried = "no set of catalogue effects passes the lack-of-fit test" if len(fits) > 1 else _NONE_TRIED
+    return Verdict("unexplained", (), (), f"{tried}: {missed}")
+
+
+def _where_it_fails(fit: Fit) -> str:
     where = ""
-    if fails:
-        worst = fails[0]
+    if fit.fails:
+        worst = fit.fails[0]
         where = (
-            f"; {len(fails)} cell means are still missed, the worst {worst.observable} at φ {worst.phi:.3f}, "
+            f"; {len(fit.fails)} cell means are still missed, the worst {worst.observable} at φ {worst.phi:.3f}, "
             f"ω {worst.omega_rad_s:.3g} rad/s by {abs(worst.z):.1f} standard errors"
         )
-    if tests := [test for test in stage_tests(best) if test.missed]:
+    if tests := [test for test in stage_tests(fit) if test.missed]:
         worst_stage = min(tests, key=lambda test: test.p)
         where += f"; in the chain, {worst_stage.stage} ({worst_stage.connects}) fails most, p = {worst_stage.p:.1g}"
-    named = f"the best set, {_name(best.effects)}," if best.effects else "the base model"
-    tried = "no set of catalogue effects passes the lack-of-fit test" if len(fits) > 1 else _NONE_TRIED
-    return Verdict("unexplained", (), (), f"{tried}: {named} still fails {_p(best)}{where}")
+    return where
+
+
+def _not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
+    """Why a set that leaves nothing to explain is not named."""
+    if names := odd(fit):
+        return f"only with {' and '.join(beyond(fit, names))}"
+    part = next(part for part in parts_of(fit.effects, fits) if not gains(fits, fit.effects, part, criteria))
+    gain = _parts(fits[part]) - _parts(fit)
+    price = claim(fit, criteria)
+    beside = f" beside {_name(part)}" if part else ""
+    if gain.sum() <= price:
+        return f"gains {gain.sum():.0f}{beside}, less than the {price:.0f} that an effect must"
+    cell = int(np.argmax(gain))
+    where = (
+        f"φ {fit.cells.phi[cell]:.3f}, ω {fit.cells.omega[cell]:.3g} rad/s"
+        if cell < len(fit.cells.phi)
+        else "one level"
+    )
+    return f"{gain.max() / gain.sum():.0%} of what it gains{beside} is at {where}: run that again"
 
 
 _NONE_TRIED = "no effect was tried (--max-effects 0)"

@@ -33,8 +33,8 @@ BASE_STARTS = 5
 HOPELESS, SLACK = 1.5, 100.0
 """A deviance so many times that of a model contained, another model or a better valley, and so much above, is not
 refined."""
-NEGLIGIBLE = 1.0
-"""Rise of the deviance for which a plausible value is preferred."""
+NOT_EXCLUDED = 4.0
+"""Rise of the deviance (two standard errors) up to which a plausible value is preferred."""
 HOPS = (0.1, 0.2)
 """Sizes of the jumps in turn, in plausible ranges of an effect's parameter."""
 HOP_SHARED = 0.03
@@ -181,9 +181,10 @@ def _state_at(problem: Problem, point: Point) -> States:
 
 
 def _plausible(problem: Problem, states: States) -> States:
-    """The same with parameters inside their plausible ranges, where that costs next to nothing. One row.
+    """The same with parameters inside their plausible ranges, where data do not exclude that. One row.
 
-    Between two cells where a switch may lie the deviance is flat: only prior knowledge says where.
+    Between two cells where a switch may lie the deviance is flat: only prior knowledge says where. A value outside
+    would speak against a set that has as good a one inside.
     """
     ranges = np.array([(parameter.low, parameter.high) for parameter in problem.model.parameters])
     inside = np.clip(states.theta, ranges[:, 0], ranges[:, 1])
@@ -193,7 +194,7 @@ def _plausible(problem: Problem, states: States) -> States:
     # Held there: where nothing depends on a parameter, a descent would take it out again.
     moved = descend(problem, begin, FIRST_ITERATIONS, fixed=np.flatnonzero((inside != states.theta)[0]).tolist())
     moved = moved if (np.clip(moved.theta, ranges[:, 0], ranges[:, 1]) == moved.theta).all() else states
-    return moved if moved.deviance[0] < states.deviance[0] + NEGLIGIBLE else states
+    return moved if moved.deviance[0] < states.deviance[0] + NOT_EXCLUDED else states
 
 
 def _first_look(problem: Problem, near: WarmStart | None) -> States:
