@@ -206,7 +206,7 @@ def discover(
 
 def _found(search: EffectSearch, at_once: Verdict | None, max_effects: int) -> tuple[Shared, Partial | None]:
     """The verdict after a search, or ``at_once`` without one; and what one effect repairs where that is but a part."""
-    search.run(0 if at_once else max_effects, lambda: nuisances_suffice(search))
+    search.run(0 if at_once else max_effects, lambda size: nuisances_suffice(search, size))
     found = Shared(at_once, search.fits, search.fits[()]) if at_once else _beside_nuisances(search)
     partial = None
     if found.verdict.status == "identified" and against(search, search.fits[found.verdict.effects], found.named):

@@ -71,13 +71,13 @@ class EffectSearch:
         for name in self.names:
             check_finite(self.model((name,)), cells)
 
-    def run(self, max_effects: int, enough: Callable[[], bool] = lambda: False) -> None:
+    def run(self, max_effects: int, enough: Callable[[int], bool] = lambda _size: False) -> None:
         """Try ever larger sets until one size settles it (see ``_settled``), or is ``enough``."""
         self._try("base", [()])
         if max_effects > 0:
             self._try("singles", [(name,) for name in self.names])
         for size in range(2, max_effects + 1):
-            if self._settled(size - 1) or enough():
+            if self._settled(size - 1) or enough(size - 1):
                 return
             self._try(f"sets of {size}", self._larger(size))
 

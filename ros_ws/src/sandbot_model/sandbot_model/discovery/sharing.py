@@ -93,10 +93,11 @@ def read_anew(fit: Fit) -> bool:
     return fit.nuisances is not None and not set(READINGS).isdisjoint(fit.nuisances.names)
 
 
-def nuisances_suffice(search: EffectSearch) -> bool:
-    """Whether what trials share repairs a set tried so far, and no effect more earns its place beside it."""
+def nuisances_suffice(search: EffectSearch, size: int) -> bool:
+    """Whether what trials share repairs a set of up to ``size`` effects, and no effect more earns its place beside it."""
     found = reconsidered(search, judge(search.fits, search.criteria))
-    if found is None:
+    # A larger one that passes was found beyond the best of this size: its rivals have not been tried yet.
+    if found is None or len(found.verdict.effects) > size:
         return False
     named = found.named
     larger = search.extended(named.effects)
