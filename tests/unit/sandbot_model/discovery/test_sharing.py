@@ -10,10 +10,12 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.batch_sd import BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter, batches_apart, shared_by
 from sandbot_model.discovery.residual import suggest_formula
-from sandbot_model.discovery.sharing import refitted_globally
+from sandbot_model.discovery.sharing import nuisances_suffice, refitted_globally
 from sandbot_model.discovery.structure import STRUCTURE, at_random, smooth_p, trend_p_of
+from sandbot_model.discovery.verdict import judge
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
@@ -45,6 +47,16 @@ def test_a_lift_read_one_grain_too_high_is_no_overlap(drawn):
     zero = next(one for one in found.to_dict()["nuisances"] if one["name"] == "lift_zero_m")
     assert zero["value"] == pytest.approx(1e-3, abs=3 * zero["stderr"])
     assert zero["prior_sd"] == USUAL.lift_zero_m
+
+
+def test_a_pair_that_stands_beside_nuisances_ends_no_search_among_single_effects(drawn):
+    """It was found beyond the best of them, and its rivals have not been tried yet."""
+    few = {name: effect for name, effect in catalogue().items() if name in ("stance_overlap", "swimming_thrust")}
+    search = EffectSearch(cells_of(drawn(tuple(few), seed=2, levels=4, noise=0.4)), few, "simple")
+    search.run(2)
+    assert judge(search.fits).effects == tuple(few)
+    assert not nuisances_suffice(search, 1)
+    assert nuisances_suffice(search, 2)
 
 
 DAYS_MM = dict(zip((4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 30.0), (-0.3, 0.7, -0.6, -0.1, 0.5, -0.4, 0.5), strict=True))

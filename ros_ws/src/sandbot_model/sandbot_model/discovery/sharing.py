@@ -94,7 +94,7 @@ def read_anew(fit: Fit) -> bool:
 
 
 def nuisances_suffice(search: EffectSearch, size: int) -> bool:
-    """Whether what trials share repairs a set of up to ``size`` effects, beside which no effect more earns its place."""
+    """Whether what trials share repairs a set of up to ``size`` effects, and no further effect is worth its place."""
     found = reconsidered(search, judge(search.fits, search.criteria))
     # A larger one that passes was found beyond the best of this size: its rivals have not been tried yet.
     if found is None or len(found.verdict.effects) > size:
