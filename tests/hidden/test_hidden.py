@@ -47,6 +47,14 @@ def test_a_formula_in_place_of_the_models_own_is_looked_for_everywhere():
     assert found.verdict.effects == ("exact_leg_arc",)
 
 
+def test_nor_is_it_lost_in_a_pair():
+    """Legs with a slow phase on an arc: near the best single effect, which is the phase, k is that of no arc."""
+    trials = direct_trials(BY_NAME["exact_leg_arc(tip_deg=45)"].world(), PHI, hidden.OMEGA, "SGCS", 3, seed=11)
+    few = {name: EFFECTS[name] for name in ("exact_leg_arc", "slow_phase_speed", "unequal_leg_load")}
+    found = discover(cells_of(from_rows([Row(**row) for row in trials])), few, max_effects=2)
+    assert found.verdict.effects == ("exact_leg_arc", "slow_phase_speed")
+
+
 @pytest.mark.slow
 @pytest.mark.whole  # the next one is a pair, too
 def test_a_planted_pair_is_identified():

@@ -119,11 +119,9 @@ class EffectSearch:
         if not sets:
             return
         models = [self.model(names) for names in sets]
-        parents = [self._parent(names) for names in sets]
-        starts = [parent.warm_start for parent in parents if parent is not None]
         points = (
-            self._in_parts(stage, models, starts, nearby=nearby)
-            if starts
+            self._in_parts(stage, models, [self._starts(names) for names in sets], nearby=nearby)
+            if self.fits
             else self._each(stage, solve, [(model, self.cells, None) for model in models])
         )
         found = [fitted_at(model, self.cells, point) for model, point in zip(models, points, strict=True)]
@@ -148,12 +146,28 @@ class EffectSearch:
                 found[at] = held
         return found
 
+    def _starts(self, names: Names) -> tuple[WarmStart, ...]:
+        """Where a search of a set begins: at its best part, and at the best that has all formulas without a parameter,
+        under which k is another (see ``_is_small_change``)."""
+        best = self._parent(names)
+        assert best is not None
+        instead = {name for name in names if not self.effects[name].parameters}
+        others = [self.fits[part] for part in parts_of(names, self.fits) if instead <= set(part)]
+        other = min(others, key=lambda fit: fit.deviance, default=best)
+        return (best.warm_start,) if other is best else (best.warm_start, other.warm_start)
+
     def _in_parts(
-        self, stage: str, models: Sequence[Model], starts: Sequence[WarmStart], *, nearby: bool
+        self,
+        stage: str,
+        models: Sequence[Model],
+        starts: Sequence[tuple[WarmStart, ...]],
+        *,
+        nearby: bool,
     ) -> list[Point]:
         """Where searches come to. Each goes on only while it is not far above the best of all models."""
         look, refine = (solve_near_first, solve_near_further) if nearby else (solve_first, solve_further)
-        tasks = [(model, self.cells, start) for model, start in zip(models, starts, strict=True)]
+        begun = [near if nearby else near[0] for near in starts]
+        tasks = [(model, self.cells, near) for model, near in zip(models, begun, strict=True)]
         found: list[Found] = self._each(stage, look, tasks)
         some = self._hopeful(found, 2 * HOPELESS)
         found = _in_place(

@@ -105,13 +105,13 @@ def solve_further(task: tuple[Model, Cells, WarmStart, Point]) -> Found:
     return _found(problem := Problem(model, cells), _refined(problem, _state_at(problem, point), near))
 
 
-def solve_near_first(task: tuple[Model, Cells, WarmStart]) -> Found:
-    """Where the first part of a search near a smaller model comes to: descents."""
-    model, cells, near = task
-    return _found(problem := Problem(model, cells), _descended(problem, (near,)))
+def solve_near_first(task: tuple[Model, Cells, tuple[WarmStart, ...]]) -> Found:
+    """Where the first part of a search near smaller models comes to: descents."""
+    model, cells, starts_at = task
+    return _found(problem := Problem(model, cells), _descended(problem, starts_at))
 
 
-def solve_near_further(task: tuple[Model, Cells, WarmStart, Point]) -> Found:
+def solve_near_further(task: tuple[Model, Cells, tuple[WarmStart, ...], Point]) -> Found:
     """Where the second part comes to from there: scans, and a descent."""
     model, cells, _, point = task
     problem = Problem(model, cells)
