@@ -1,6 +1,7 @@
 """A verdict beside what trials share: a lift zero is no effect, an effect no lift zero; clean data stay as they are."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -47,6 +48,29 @@ def test_a_lift_read_one_grain_too_high_is_no_overlap(drawn):
     zero = next(one for one in found.to_dict()["nuisances"] if one["name"] == "lift_zero_m")
     assert zero["value"] == pytest.approx(1e-3, abs=3 * zero["stderr"])
     assert zero["prior_sd"] == USUAL.lift_zero_m
+
+
+def test_a_zero_farther_off_than_is_believed_is_no_explanation_but_is_said(drawn):
+    far = verdict(table(drawn, lift_zero_m=4e-3)).verdict
+    assert far.status == "unexplained"
+    assert re.search(
+        r"; a lift zero off by (3\.9|4) ± 0\.\d+ mm .* would leave nothing to explain: check that", far.because
+    )
+    clogged = drawn(seed=2, levels=4, formulas=["c: speed: kept *= 1 - 0.3/(1 + exp((15 - omega)/2))"])
+    other = verdict(clogged).verdict
+    assert other.status == "unexplained"
+    assert "check that" not in other.because
+
+
+def test_of_two_readings_that_which_is_off_is_named(drawn):
+    """Beside a free lift zero it is the scale, held as it is, that takes in speeds 5 % too large."""
+    rows = drawn(seed=2, levels=7).rows()
+    along = ("speed_m_s", "peak_speed_m_s", "first_step_m")
+    rows = [dataclasses.replace(row, **{name: 1.05 * getattr(row, name) for name in along}) for row in rows]
+    few = {name: effect for name, effect in catalogue().items() if name in ("bed_slope", "stance_overlap")}
+    because = discover(cells_of(from_rows(rows)), few, max_effects=1).verdict.because
+    assert re.search(r"a speed scale off by (4\.\d|5) ± .* would explain as much", because)
+    assert "lift zero" not in because
 
 
 def test_a_pair_that_stands_beside_nuisances_ends_no_search_among_single_effects(drawn):

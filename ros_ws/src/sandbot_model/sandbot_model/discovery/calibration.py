@@ -1,16 +1,21 @@
-"""What a calibration would have to be for a claim to fall: a zero or a scale that explains as much as the effect."""
+"""What a calibration would have to be for a verdict to fall: a zero or a scale that explains as much as an effect."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.nuisances_about import LIFT_ZERO, SPEED_SCALE, shared_by
 from sandbot_model.discovery.nuisances_in_words import in_words
-from sandbot_model.discovery.verdict import claim, parts_of
+from sandbot_model.discovery.sharing import FAR_OFF
+from sandbot_model.discovery.verdict import claim, leaves_nothing, parts_of
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 
 FREE = 1e3
 """Factor on a prior's standard deviation that leaves a reading free."""
+READINGS = {LIFT_ZERO: "zero of the lift", SPEED_SCALE: "scale along the track"}
+Off = tuple[str, float, float, float]
+"""A reading's name, its error, the standard error of that, and its prior's standard deviation."""
 
 
 def would_fall(search: EffectSearch, named: Fit) -> str:
@@ -18,35 +23,38 @@ def would_fall(search: EffectSearch, named: Fit) -> str:
 
     One clause; empty where no such reading is there to be off.
     """
-    assert named.nuisances is not None
     weakest = min(map(search.fits.__getitem__, parts_of(named.effects, search.fits)), key=lambda fit: fit.deviance)
-    free = [(name, _freed(search, weakest, name)) for name in (LIFT_ZERO, SPEED_SCALE) if name in named.nuisances.names]
+    free = list(_freed(search, weakest))
     price = claim(named, search.criteria)
-    enough = [(name, fit) for name, fit in free if fit.deviance - named.deviance < price]
-    if not enough:
-        return f"no {' and no '.join(READINGS[name] for name, _ in free)} explains as much" if free else ""
-    off = [(name, *_value(fit, name), _prior(named, name)) for name, fit in enough]
-    name, value, stderr, sd = min(off, key=lambda one: abs(one[1] / one[3]))
-    return f"{in_words(name, value, stderr, sd)} would explain as much"
+    enough = [off for _, fit, off in free if fit.deviance - named.deviance < price]
+    if enough:
+        return f"{in_words(*min(enough, key=_in_priors))} would explain as much"
+    return f"no {' and no '.join(READINGS[name] for name, *_ in free)} explains as much" if free else ""
 
 
-READINGS = {LIFT_ZERO: "zero of the lift", SPEED_SCALE: "scale along the track"}
+def beyond_belief(search: EffectSearch) -> str:
+    """The zero or the scale with which the base model leaves nothing to explain, if it is farther off than is believed.
+
+    One clause; empty where none is.
+    """
+    enough = [off for _, fit, off in _freed(search, search.fits[()]) if leaves_nothing(fit, search.criteria)]
+    far = [off for off in enough if _in_priors(off) > FAR_OFF]
+    return f"{in_words(*min(far, key=_in_priors))} would leave nothing to explain: check that first" if far else ""
 
 
-def _freed(search: EffectSearch, fit: Fit, name: str) -> Fit:
-    """A set fitted with one reading free."""
+def _freed(search: EffectSearch, fit: Fit) -> Iterator[tuple[str, Fit, Off]]:
+    """Each reading in turn, a set fitted with that free, and the reading that is off by most then, maybe another."""
     own = shared_by(fit, search.criteria)
-    sd = own.sd.copy()
-    sd[own.names.index(name)] *= FREE
-    freed = replace(own, sd=sd)
-    return fitted_at(fit.model, fit.cells, solve_near((fit.model, fit.cells, (fit.warm_start,), freed)), freed)
+    there = [name for name in READINGS if name in own.names]
+    for name in there:
+        sd = own.sd.copy()
+        sd[own.names.index(name)] *= FREE
+        freed = replace(own, sd=sd)
+        found = fitted_at(fit.model, fit.cells, solve_near((fit.model, fit.cells, (fit.warm_start,), freed)), freed)
+        at = {one: own.names.index(one) for one in there}
+        offs = [(one, *found.shared[i], float(own.sd[i])) for one, i in at.items()]
+        yield name, found, max(offs, key=_in_priors)
 
 
-def _value(fit: Fit, name: str) -> tuple[float, float]:
-    assert fit.nuisances is not None
-    return fit.shared[fit.nuisances.names.index(name)]
-
-
-def _prior(fit: Fit, name: str) -> float:
-    assert fit.nuisances is not None
-    return float(fit.nuisances.sd[fit.nuisances.names.index(name)])
+def _in_priors(off: Off) -> float:
+    return abs(off[1] / off[3])

@@ -15,7 +15,7 @@ import numpy as np
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.alone import taken_back
-from sandbot_model.discovery.calibration import would_fall
+from sandbot_model.discovery.calibration import beyond_belief, would_fall
 from sandbot_model.discovery.candidates import Candidate, candidates
 from sandbot_model.discovery.conventions import against, conventions, other_conventions
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
@@ -246,11 +246,14 @@ def _in_full(
         because.append(_not_excluded(hidden, trials, search.criteria))
     if verdict.status == "ambiguous":
         because.append(_most_telling(trials, search.criteria))
-    elif verdict.status == "identified" and (calibration := would_fall(search, named)):
-        because.append(calibration)
+    if verdict.status == "identified":
+        because.append(would_fall(search, named))
+    # Where the robot is doubted there was no search, and no reading is to be blamed.
+    if verdict.status == "unexplained" and len(search.fits) > 1:
+        because.append(beyond_belief(search))
     if verdict.status in ("identified", "partial"):
         because += [f"{one.mistaken_for} can look the same" for one in named.model.effects if one.mistaken_for]
-    return replace(verdict, because="; ".join(because))
+    return replace(verdict, because="; ".join(filter(None, because)))
 
 
 def _imitated(search: EffectSearch, found: Shared) -> Shared | None:
