@@ -20,6 +20,8 @@ from sandbot_model.fitting.global_minimum import far_above, solve, solve_below, 
 from sandbot_model.physics.model import Model, model_of
 from sandbot_model.physics.variants import variants_of
 
+CLOSER = 8
+"""Single effects under other conventions that get a global search after a first look, the best."""
 PAIRS = 3
 """Pairs that are tried under other conventions, the best; of single effects all are."""
 
@@ -99,8 +101,21 @@ def _better(search: EffectSearch, names: Names) -> bool:
 def singles(search: EffectSearch) -> list[Fit]:
     """All single effects under all other conventions, fitted once."""
     if search.other_conventions is None:
-        search.other_conventions = _near(search, _models_of_one(search))
+        near = _near(search, _models_of_one(search))
+        found = any(passes(fit, search.criteria) for fit in near)
+        search.other_conventions = near if found else _closer(search, near)
     return search.other_conventions
+
+
+def _closer(search: EffectSearch, near: Sequence[Fit]) -> list[Fit]:
+    """The same, the best of them looked for everywhere: what the usual convention came to may lie in another valley."""
+    ranked = sorted(near, key=_deviance)
+    best, rest = ranked[:CLOSER], ranked[CLOSER:]
+    points = search.fit_all(solve, [(fit.model, search.cells, fit.warm_start) for fit in best])
+    anywhere = search.believable(
+        [fitted_at(fit.model, search.cells, point) for fit, point in zip(best, points, strict=True)]
+    )
+    return [*(min(both, key=_deviance) for both in zip(best, anywhere, strict=True)), *rest]
 
 
 def _models_of_one(search: EffectSearch) -> list[Model]:
