@@ -48,6 +48,18 @@ def test_one_effect_under_another_convention_takes_the_place_of_two(drawn):
     assert power.value == pytest.approx(1.0, abs=3 * power.stderr)
 
 
+TIME_LEFT = "maximum(pi/omega - 2*arcsin(s_0/(2*R))/(beta*omega), 0)"
+VISCOUS = f"b: step: s + 0.05*beta*omega*maximum(d + h - R, 0)*(1 - exp(-{TIME_LEFT}/0.05))"
+
+
+@pytest.mark.slow
+def test_the_best_after_a_first_look_are_looked_for_everywhere(drawn):
+    """Near the usual convention, which has Δt at 0.23 s in place of 0.40, this one stayed at a deviance of 2314."""
+    few = {"belly_coast": catalogue()["belly_coast"]}
+    found = discover(cells_of(drawn(formulas=(VISCOUS,), seed=2000, levels=7)), few, max_effects=1)
+    assert found.headline == "identified: belly_coast (friction in proportion to speed, the first step as any other)"
+
+
 @pytest.mark.slow
 def test_a_claim_falls_where_another_family_explains_more_under_another_convention(drawn):
     """A slip that spares the peak is an overlap but for how it falls with depth, which either may do."""
