@@ -30,6 +30,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.discover import Discovery, discover
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_record.trials.table import Row, Trials, from_rows
+from variants import ALIKE
 
 CAMPAIGNS, SAMPLE, MAX_EFFECTS = 400, 30, 2
 OUT = Path("runs/designs.jsonl")
@@ -44,7 +45,6 @@ MEASURED: Mapping[str, tuple[str, ...]] = {
     "speed and lift": ("first_step_m", "peak_speed_m_s"),
     "speed alone": ("first_step_m", "peak_speed_m_s", "lift_m"),
 }
-ALIKE = frozenset({"leg_slip", "cable_drag", "bed_slope"})
 GAITS, REPLICATES, LN_NOISE = ("UNIFORM", "UNIFORM", "SGCS"), (1, 2, 2, 3, 3, 4, 6), (-0.7, 1.0)
 """Drawn from with equal odds; noise as the logarithm of its scale."""
 CLOCK = "slow_phase_speed"
