@@ -4,6 +4,7 @@ Trials of one cell differ by measurement noise and by the bed's φ missing its s
 so the fit and every test are measured against it. Walking and swimming scatter differently and are pooled apart.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,20 +60,21 @@ def pure_error(residual: Floats, cell: Ints, count: Ints, walking: Bools, omega:
     filled = np.nan_to_num(residual)
     np.add.at(square, cell, filled[:, :, None] * filled[:, None, :])
     variance, dof = np.diagonal(square, axis1=1, axis2=2), np.maximum(count - 1, 0)
-    keep = _consistent(variance, dof, omega, walking)
+    regimes = [regime for regime in (walking, ~walking) if regime.any()]
+    keep = _consistent(variance, dof, omega, regimes)
     overall = _constant(variance[keep], dof[keep])
     copies = overall <= FLOOR**2
     overall[copies], dof[:, copies] = np.nan, 0
-    known = (dof * keep[:, None]).sum(axis=0)
+    kept = dof * keep[:, None]
+    known = kept.sum(axis=0)
     # NaN stays where nothing is known.
     prior = np.where((known > 0) & (known < FEW_REPLICATES), usual**2, overall)
     together = (known * overall + PRIOR * prior) / (known + PRIOR)
-    slope = _common_slope(variance, dof * keep[:, None], omega, walking)
+    slope = _common_slope(variance, kept, omega, regimes)
     covariance = np.zeros_like(square)
-    for regime in (walking, ~walking):
-        if regime.any():
-            pooled = _trend(variance[regime], (dof * keep[:, None])[regime], omega[regime], slope, together, prior)
-            covariance[regime] = _pool(square[regime], dof[regime], keep[regime], pooled)
+    for regime in regimes:
+        pooled = _trend(variance[regime], kept[regime], omega[regime], slope, together, prior)
+        covariance[regime] = _pool(square[regime], dof[regime], keep[regime], pooled)
     return PureError(covariance, np.sqrt(overall), known, ~keep)
 
 
@@ -81,12 +83,11 @@ def freedom_known(dof: Ints) -> Floats:
     return np.asarray(dof + np.where(dof < FEW_REPLICATES, PRIOR, 0.0))
 
 
-def _consistent(sums: Floats, dof: Ints, omega: Floats, walking: Bools) -> Bools:
+def _consistent(sums: Floats, dof: Ints, omega: Floats, regimes: Sequence[Bools]) -> Bools:
     """Cells ``(n,)`` that scatter no more than the others of their regime.
 
     It begins at the median: one cell of a few that flips would pass in the mean, as scatter of all.
     """
-    regimes = [regime for regime in (walking, ~walking) if regime.any()]
     usual, pooled, freedom = np.empty((3, *sums.shape))
     for regime in regimes:
         usual[regime] = pooled[regime] = _median(sums[regime], dof[regime])
@@ -98,7 +99,7 @@ def _consistent(sums: Floats, dof: Ints, omega: Floats, walking: Bools) -> Bools
         tail = np.where(known, f_sf(ratio, np.maximum(dof, 1), np.maximum(freedom, 1)), 1.0)
         before, keep = keep, ~(tail < EXCESS / sums.shape[1]).any(axis=1)
         kept = dof * keep[:, None]
-        slope = _common_slope(sums, kept, omega, walking)
+        slope = _common_slope(sums, kept, omega, regimes)
         for regime in regimes:
             by_median = usual[regime][0]
             pooled[regime] = _trend(sums[regime], kept[regime], omega[regime], slope, by_median, by_median)
@@ -140,13 +141,13 @@ def _constant(sums: Floats, dof: Ints) -> Floats:
     return np.asarray(np.maximum(pooled, FLOOR**2))
 
 
-def _common_slope(sums: Floats, dof: Ints, omega: Floats, walking: Bools) -> Floats:
+def _common_slope(sums: Floats, dof: Ints, omega: Floats, regimes: Sequence[Bools]) -> Floats:
     """Power of ω ``(4,)`` with which the variance goes in both regimes, each at its own level."""
     x = np.log(omega)
     found = np.zeros(sums.shape[1])
     for column in range(sums.shape[1]):
         weight = dof[:, column].astype(float)
-        levels = [regime for regime in (walking, ~walking) if weight[regime].any()]
+        levels = [regime for regime in regimes if weight[regime].any()]
         if weight.sum() >= LEAST_FOR_TREND:
             centred = np.zeros(len(x))
             for regime in levels:

@@ -45,14 +45,13 @@ def beyond_belief(search: EffectSearch) -> str:
 def _freed(search: EffectSearch, fit: Fit) -> Iterator[tuple[str, Fit, Off]]:
     """Each reading in turn, a set fitted with that free, and the reading that is off by most then, maybe another."""
     own = shared_by(fit, search.criteria)
-    there = [name for name in READINGS if name in own.names]
-    for name in there:
+    places = {name: own.names.index(name) for name in READINGS if name in own.names}
+    for name, place in places.items():
         sd = own.sd.copy()
-        sd[own.names.index(name)] *= FREE
+        sd[place] *= FREE
         freed = replace(own, sd=sd)
         found = fitted_at(fit.model, fit.cells, solve_near((fit.model, fit.cells, (fit.warm_start,), freed)), freed)
-        at = {one: own.names.index(one) for one in there}
-        offs = [(one, *found.shared[i], float(own.sd[i])) for one, i in at.items()]
+        offs = [(one, *found.shared[at], float(own.sd[at])) for one, at in places.items()]
         yield name, found, max(offs, key=_in_priors)
 
 

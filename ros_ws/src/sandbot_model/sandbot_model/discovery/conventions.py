@@ -112,9 +112,7 @@ def _closer(search: EffectSearch, near: Sequence[Fit]) -> list[Fit]:
     ranked = sorted(near, key=_deviance)
     best, rest = ranked[:CLOSER], ranked[CLOSER:]
     points = search.fit_all(solve, [(fit.model, search.cells, fit.warm_start) for fit in best])
-    anywhere = search.believable(
-        [fitted_at(fit.model, search.cells, point) for fit, point in zip(best, points, strict=True)]
-    )
+    anywhere = search.believable([fit.model for fit in best], points)
     return [*(min(both, key=_deviance) for both in zip(best, anywhere, strict=True)), *rest]
 
 
@@ -134,9 +132,7 @@ def _near(search: EffectSearch, models: Sequence[Model], hopeless: float = np.in
         starts = (smaller.warm_start, usual.warm_start)[: 1 + gains]
         tasks.append((model, search.cells, starts, None, hopeless))
     points = search.fit_all(solve_below, tasks)
-    return search.believable(
-        [fitted_at(model, search.cells, point) for model, point in zip(models, points, strict=True)]
-    )
+    return search.believable(models, points)
 
 
 def _deviance(fit: Fit) -> float:

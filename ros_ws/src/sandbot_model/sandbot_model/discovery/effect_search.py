@@ -124,26 +124,26 @@ class EffectSearch:
             if self.fits
             else self._each(stage, solve, [(model, self.cells, None) for model in models])
         )
-        found = [fitted_at(model, self.cells, point) for model, point in zip(models, points, strict=True)]
-        for names, fit in zip(sets, self.believable(found), strict=True):
+        for names, fit in zip(sets, self.believable(models, points), strict=True):
             if names not in self.fits or fit.deviance < self.fits[names].deviance:
                 self.fits[names] = fit
 
-    def believable(self, fits: Sequence[Fit]) -> list[Fit]:
-        """The same; where effects leave nothing to explain beside a Δt beyond its plausible range, that is held at its
-        end if data hardly mind: from a Δt that nobody believes, whatever its error, follow k and effects nobody should.
+    def believable(self, models: Sequence[Model], points: Iterable[Point]) -> list[Fit]:
+        """Models fitted at these points; where effects leave nothing to explain beside a Δt beyond its plausible range,
+        that is held at its end if data hardly mind: from a Δt that nobody believes, whatever its error, follow k and
+        effects nobody should.
         """
-        beyond = [at for at, fit in enumerate(fits) if fit.effects and leaves_nothing(fit, self.criteria)]
-        ends = {at: end for at in beyond if (end := _end_passed(fits[at])) is not None}
+        found = [fitted_at(model, self.cells, point) for model, point in zip(models, points, strict=True)]
+        beyond = [at for at, fit in enumerate(found) if fit.effects and leaves_nothing(fit, self.criteria)]
+        ends = {at: end for at in beyond if (end := _end_passed(found[at])) is not None}
         if not ends:
-            return list(fits)
-        models = [replace(fits[at].model, held={RESPONSE_TIME: end}) for at, end in ends.items()]
-        tasks = [(model, self.cells, (fits[at].warm_start,), None) for model, at in zip(models, ends, strict=True)]
-        found = list(fits)
-        for at, model, point in zip(ends, models, self.fit_all(solve_near, tasks), strict=True):
-            held = fitted_at(model, self.cells, point)
-            if held.deviance - fits[at].deviance < self.criteria.not_excluded:
-                found[at] = held
+            return found
+        held = [replace(found[at].model, held={RESPONSE_TIME: end}) for at, end in ends.items()]
+        tasks = [(model, self.cells, (found[at].warm_start,), None) for model, at in zip(held, ends, strict=True)]
+        for at, model, point in zip(ends, held, self.fit_all(solve_near, tasks), strict=True):
+            fit = fitted_at(model, self.cells, point)
+            if fit.deviance - found[at].deviance < self.criteria.not_excluded:
+                found[at] = fit
         return found
 
     def _starts(self, names: Names) -> tuple[WarmStart, ...]:

@@ -209,18 +209,18 @@ def _gait(text: str) -> str:
 
 
 def _number(where: str, name: str, text: str, *, required: bool) -> float:
-    right = "a value is needed here (or a status other than ok)" if required else "leave empty what was not measured"
+    instead = "a value is needed here (or a status other than ok)" if required else "leave empty what was not measured"
     if text.lower() in _NOT_MEASURED:
         if required:
-            raise InputError(f"{where}: {text or 'empty'}; {right}")
+            raise InputError(f"{where}: {text or 'empty'}; {instead}")
         return math.nan
     try:
         value = float(text)
     except ValueError:
-        right = "write decimals with a point" if "," in text else right
-        raise InputError(f"{where}: {text!r} is not a number; {right}") from None
+        instead = "write decimals with a point" if "," in text else instead
+        raise InputError(f"{where}: {text!r} is not a number; {instead}") from None
     if not math.isfinite(value):
-        raise InputError(f"{where}: {text} is not a finite number; {right}")
+        raise InputError(f"{where}: {text} is not a finite number; {instead}")
     low, high, right = _BOUNDS.get(name, (-math.inf, math.inf, ""))
     if not low < value < high:
         percent = "; divide percent by 100" if name == "phi" and 1 < value < 100 else ""
