@@ -67,32 +67,44 @@ def room_for_frames(monkeypatch):
 
 
 def show(beside, driver, frames, said):
-    """Send frame after frame, each when the one before has come back as a speed; the speeds."""
+    """The speeds of a film, shown anew from its start where a busy machine has lost too much of it."""
     make, kind, qos, suffix = DRIVERS[driver]
     cameras = {name: beside.node.create_publisher(kind, topic + suffix, qos) for name, topic in RAW.items()}
     legs, led = (node.publisher(beside.node, topic) for topic in (topics.LEG_STATES, topics.SYNC_LED))
     beside.until(lambda: all(one.get_subscription_count() for one in (*cameras.values(), legs, led)), 60.0)
+
+    def send(stamp, views):
+        legs.publish(messages.joint_state(stamp, topics.LEGS, *np.zeros((3, 6))))
+        for name, pixels in views.items():
+            cameras[name].publish(make(messages.header(stamp, name), pixels))
+
+    shown = (film(beside, led, send, frames, said) for _ in range(20))
+    speeds = next((one for one in shown if one is not None), None)
+    for one in (*cameras.values(), legs, led):
+        beside.node.destroy_publisher(one)
+    return speeds
+
+
+def film(beside, led, send, frames, said):
+    """Send frame after frame, each when the one before has come back as a speed; None where one never did."""
     # Never ahead of the host's clock: frames may come late, but stamps from the future are a clock that was set.
     start_ns = beside.node.get_clock().now().nanoseconds
     led.publish(messages.header(start_ns, "sync_led"))
     # To a new reader it may come a second late, and a trial begins with it: only then the frames.
     assert led.wait_for_all_acked(Duration(seconds=60))
-    zero = np.zeros(6)
 
     def is_said(stamp, views):
-        legs.publish(messages.joint_state(stamp, topics.LEGS, zero, zero, zero))
-        for name, pixels in views.items():
-            cameras[name].publish(make(messages.header(stamp, name), pixels))
+        send(stamp, views)
         return beside.wait(lambda: stamp in said, 1.0)
 
     # Empty frames, after the LED, until the tracker has heard the legs and knows whose clock the stamps are.
-    assert any(is_said(start_ns + n * PERIOD_NS, nothing()) for n in range(EMPTY))
-    for n, views in enumerate(frames, EMPTY):
-        # Best effort may lose one.
-        assert any(is_said(start_ns + n * PERIOD_NS, views) for _ in range(20))
-    for one in (*cameras.values(), legs, led):
-        beside.node.destroy_publisher(one)
-    return [said[start_ns + n * PERIOD_NS] for n in range(EMPTY, EMPTY + FRAMES)]
+    if not any(is_said(start_ns + n * PERIOD_NS, nothing()) for n in range(EMPTY)):
+        return None
+    stamps = [start_ns + n * PERIOD_NS for n in range(EMPTY, EMPTY + len(frames))]
+    # Best effort may lose one.
+    if not all(any(is_said(*each) for _ in range(5)) for each in zip(stamps, frames, strict=True)):
+        return None
+    return [said[stamp] for stamp in stamps]
 
 
 def test_every_driver_gives_the_same_speeds(room_for_frames, start, beside):
@@ -102,9 +114,10 @@ def test_every_driver_gives_the_same_speeds(room_for_frames, start, beside):
         said[messages.nanoseconds(message.header.stamp)] = message.twist.twist.linear.x
 
     node.subscription(beside.node, topics.SPEED, hear)
-    start("ros2", "run", "sandbot_tracking", "tracker")
+    tracker = start("ros2", "run", "sandbot_tracking", "tracker")
     frames = films()
     speeds = {driver: show(beside, driver, frames, said) for driver in DRIVERS}
+    assert None not in speeds.values(), (speeds, tracker.lines)
     assert speeds["mono8"][-1] == pytest.approx(SPEED, rel=0.05)
     for driver, given in speeds.items():
         assert given == pytest.approx(speeds["mono8"], abs=2e-5, nan_ok=True), driver
