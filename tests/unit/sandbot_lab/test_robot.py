@@ -108,6 +108,21 @@ def test_motor_saturation_is_seen_at_the_legs():
     assert trace.leg_rate_rad_s[10, 0] == pytest.approx(20.0 / np.hypot(1.0, 20.0 / 30.0), rel=1e-6)
 
 
+def test_motors_that_fall_behind_are_slow_and_fast_at_the_same_angles():
+    """Turns behind its set-points, a leg has their clock all the same: two rates only, each in its own phase."""
+    gait, omega, give_out = PRESETS["SGCS"], 20.0, 30.0
+    trace = trial(with_effect("motor_saturation", omega_s_rad_s=give_out), 0.62, omega, gait="SGCS")
+    slow = omega * gait.theta_s_rad / (2 * np.pi * gait.duty)
+    fast = omega * (2 * np.pi - gait.theta_s_rad) / (2 * np.pi * (1 - gait.duty))
+    angle, rate = trace.leg_angle_rad[:, 0], trace.leg_rate_rad_s[:, 0]
+    beyond = np.abs((angle - gait.theta_0_rad + np.pi) % (2 * np.pi) - np.pi) - gait.theta_s_rad / 2
+    sure = np.abs(beyond) > 1e-6
+    expected_rate = np.where(beyond < 0, slow / np.hypot(1, slow / give_out), fast / np.hypot(1, fast / give_out))
+    assert rate[sure] == pytest.approx(expected_rate[sure], rel=1e-9)
+    lasts_s = gait.theta_s_rad / expected_rate[beyond < 0][0] + (2 * np.pi - gait.theta_s_rad) / expected_rate.max()
+    assert np.interp(angle[0] + 6 * np.pi, angle, trace.t_s) == pytest.approx(3 * lasts_s, rel=1e-3)
+
+
 def test_sgcs_walks_at_the_slow_phase_rate():
     beta, world = 1.1 / (2 * np.pi * 0.45), SGCS.with_noise(0.0)
     for phi in np.linspace(0.593, 0.633, 3):

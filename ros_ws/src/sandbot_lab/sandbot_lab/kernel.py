@@ -10,13 +10,13 @@ from typing import Any
 
 from sandbot_lab.ground import disturb, force
 from sandbot_lab.jit import jit
+from sandbot_lab.motors import driven_rate, next_switch, note_switches
 from sandbot_lab.stance import (
     advance_gain,
     coasting_deceleration,
     held_speed,
     held_x,
     load,
-    saturation,
     stop_angle,
     swimming_speed,
     touchdown_speed,
@@ -241,6 +241,7 @@ def switch_time(mean: float, before: float, after: float, span: float) -> float:
 @jit
 def turn(p: Any, s: Any, span: float, angles: Any, rates: Any) -> None:
     """Carry the state on by span to the next set-point; a clock that changes from slow to fast does so at a moment."""
+    note_switches(p, s, span, angles, rates)
     done = 0.0
     while done < span - ROUNDING_S:
         until = span
@@ -252,7 +253,8 @@ def turn(p: Any, s: Any, span: float, angles: Any, rates: Any) -> None:
                 rate = rates[leg] if done >= at - ROUNDING_S else s.set_rate[leg]
                 if done < at - ROUNDING_S:
                     until = min(until, at)
-            s.rate[leg] = rate * saturation(p, rate)
+            s.rate[leg] = driven_rate(p, s, leg, rate)
+            until = min(until, done + next_switch(p, s, leg))
         steps = max(ceil((until - done) / SUB_STEP - 1e-6), 1)
         for _ in range(steps):
             sub_step(p, s, (until - done) / steps)
@@ -273,7 +275,7 @@ def advance(p: Any, s: Any, t: float, angles: Any, rates: Any) -> None:
             s.t = t
     for leg in range(2 * p.tripod):
         s.set_angle[leg], s.set_rate[leg] = angles[leg], rates[leg]
-        s.rate[leg] = rates[leg] * saturation(p, rates[leg])
+        s.rate[leg] = driven_rate(p, s, leg, rates[leg])
 
 
 @jit

@@ -58,6 +58,8 @@ STATE = np.dtype(
         ("started", "?"),
         ("set_angle", "f8", (2 * MAX_TRIPOD,)),  # last set-point
         ("set_rate", "f8", (2 * MAX_TRIPOD,)),
+        # Where set-points last became faster, and where slower: angle, rate before and after; all 0 before they do.
+        ("switch", "f8", (2 * MAX_TRIPOD, 2, 3)),
         ("angle", "f8", (2 * MAX_TRIPOD,)),  # where the legs really are
         ("rate", "f8", (2 * MAX_TRIPOD,)),
         ("turned", "f8"),  # mean rotation of all legs since the start

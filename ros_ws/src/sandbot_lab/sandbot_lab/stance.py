@@ -130,14 +130,6 @@ def swimming_speed(p: Any, stroke_rate: float) -> float:
 
 
 @jit
-def saturation(p: Any, rate: float) -> float:
-    """Factor by which the motors fall behind the set-point's rate."""
-    if p.motor_saturation:
-        return float(1.0 / (1.0 + (rate / p.motor_saturation_omega_s_rad_s) ** 2) ** 0.5)
-    return 1.0
-
-
-@jit
 def coasting_deceleration(p: Any) -> float:
     """What friction takes from the speed of a sliding belly [m/s2]."""
     return float(p.belly_coast_mu_b * p.gravity)

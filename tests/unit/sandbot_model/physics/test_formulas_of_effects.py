@@ -33,6 +33,7 @@ OF_CHAIN = {
     "beta_swing": "swing_ratio", "d_slow": "slow_begin", "d_end": "slow_end",
     "d": "depth", "s_0": "chord", "s": "step", "a": "advance", "z": "penetration", "sigma": "sigma_phi", "F": "force",
     "Delta_v": "delta_v", "m_a": "added_mass", "g": "gravity", "v": "speed", "peak": "peak_ratio", "K": "k_of_phi",
+    "t_s": "standing_time", "t_left": "time_left",
 }  # fmt: skip
 DERIVED = {
     "F_z": lambda chain: chain.force + chain.extra_force,

@@ -1,10 +1,21 @@
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from sandbot_bringup.plan import Plan
-from sandbot_clock.gait import PRESETS
+from sandbot_clock.gait import PRESETS, Gait, leg_angles
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.physics.gait import GAITS, assumption, clock, clock_signal, peaks_resolved, slow_phase_ratio
+from sandbot_model.physics.gait import (
+    GAITS,
+    assumption,
+    clock,
+    clock_signal,
+    duty,
+    first_step_rad,
+    peaks_resolved,
+    slow_phase_ratio,
+)
 from sandbot_model.report.provenance import limits
 from sandbot_record.trials.table import Row, from_rows
 
@@ -18,6 +29,37 @@ def test_the_presets_are_the_clocks():
     assert slow_phase_ratio("SGCS") == pytest.approx(0.389, abs=5e-4)
     assert slow_phase_ratio("HGCS") == pytest.approx(0.242, abs=5e-4)
     assert slow_phase_ratio("UNIFORM") == 1.0
+
+
+TURN = 2 * np.pi
+OTHERS = st.tuples(st.floats(0.5, 3.0), st.floats(-0.9, 0.9), st.floats(0.3, 0.7))
+
+
+def turning_of(theta_s, theta_0, duty_of):
+    return clock([f"CUSTOM({theta_s} {theta_0} {duty_of})"])
+
+
+@given(OTHERS)
+def test_the_slow_phases_share_follows_from_the_two_rates(signal):
+    turning = turning_of(*signal)
+    assume(abs(turning.slow_ratio[0] - turning.swing_ratio[0]) > 1e-3)
+    assert duty(turning.slow_ratio, turning.swing_ratio)[0] == pytest.approx(signal[2])
+    assert duty(np.ones(1), np.ones(1)) == 1.0
+
+
+@given(OTHERS)
+def test_a_first_step_lasts_until_both_tripods_are_equally_far_from_straight_below(signal):
+    """By the clock's own legs, once they have begun nearer to that than to half a step from it."""
+    turning = turning_of(*signal)
+    t = np.linspace(0.0, TURN, 20001)
+    mean = leg_angles(Gait(*signal), 1.0, t)[0].mean(axis=1) / np.pi
+    begun = round(mean[0])
+    assume(abs(mean[0] - begun) < 0.45)
+    ends = np.interp(begun + 1, mean, t)
+    said = first_step_rad(turning.slow_ratio, turning.swing_ratio, -turning.slow_begin_rad)
+    # Long slow phases on both sides of half a period are beyond what is asked: a leg would stand twice.
+    assume(abs(ends - np.pi) < TURN * min(abs(signal[2] - 0.5), 1 - signal[2], signal[2]))
+    assert said[0] == pytest.approx(ends, abs=1e-3)
 
 
 def resolved(gait, omega, stance_rad=(np.nan, np.nan), mount_rad=0.0):

@@ -145,8 +145,14 @@ def _leading(search: EffectSearch, size: int) -> list[Names]:
 
 
 def _models(search: EffectSearch, names: Names) -> list[Model]:
-    """A set with one of its effects under another convention."""
-    swaps = [(name, variant) for name in names for variant in variants_of(search.effects[name])]
+    """A set with one of its effects under another convention; those of a gait's phases where it has two."""
+    one_rate = (search.cells.clock.slow_ratio == search.cells.clock.swing_ratio).all()
+    swaps = [
+        (name, variant)
+        for name in names
+        for variant in variants_of(search.effects[name])
+        if not (one_rate and variant.of_phases)
+    ]
     return [
         model_of(search.base, names, {**search.effects, name: variant}, search.cells.robot) for name, variant in swaps
     ]

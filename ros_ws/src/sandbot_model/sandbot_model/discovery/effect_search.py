@@ -76,10 +76,12 @@ class EffectSearch:
         self._try("base", [()])
         if max_effects > 0:
             self._try("singles", [(name,) for name in self.names])
+            self._parts_again(1)
         for size in range(2, max_effects + 1):
             if self._settled(size - 1) or enough(size - 1):
                 return
             self._try(f"sets of {size}", self._larger(size))
+            self._parts_again(size)
 
     def ladder(self, verdict: Verdict) -> list[Fit]:
         """From the base to the chosen set, each step the effect that helps most."""
@@ -204,6 +206,7 @@ class EffectSearch:
         best = min(done, key=lambda fit: fit.bic)
         larger = self.extended(best.effects)
         self._try(f"beyond {' + '.join(best.effects) or 'base'}", self._new(larger))
+        self._parts_again(size + 1)
         return not any(worth(self.fits, names, best.effects, self.criteria) for names in larger)
 
     def _larger(self, size: int) -> list[Names]:
@@ -234,6 +237,18 @@ class EffectSearch:
             # What fits worse than a part of it has not been found yet.
             lost = [names for names in hopeful[REFINED:] if self._is_worse(names)]
             self.fit(f"{stage}, those left behind", lost, nearby=False)
+
+    def _parts_again(self, size: int) -> None:
+        """Fit the parts of the best set of a size anew from where that has come to: what it gains by a valley in which
+        a part of it lies as deep is nothing that its last effect gains."""
+        some = [fit for names, fit in self.fits.items() if len(names) == size]
+        best = min(some, key=lambda fit: fit.bic, default=self.fits[()])
+        parts = parts_of(best.effects, self.fits)
+        models = [self.model(names) for names in parts]
+        points = self.fit_all(solve_near, [(model, self.cells, (best.warm_start,), None) for model in models])
+        for names, fit in zip(parts, self.believable(models, points), strict=True):
+            if fit.deviance < self.fits[names].deviance:
+                self.fits[names] = fit
 
     def _parent(self, names: Names) -> Fit | None:
         """The best set with one effect less that has been fitted, or the base model's fit."""

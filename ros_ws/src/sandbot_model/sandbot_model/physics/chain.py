@@ -15,10 +15,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sandbot_common.robot import Robot
-from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.arrays import Array, Bool
+from sandbot_model.physics.gait import STANCE_END, first_step_rad
+from sandbot_model.physics.geometry import stance_angle
 
 HORIZONTAL_STRENGTH = 146e3
 """α_x [N/m³], so that F_x is 4 N at 3.9 cm (physics §6)."""
+
+NO_ANGLE = 1e-9
+"""Of a leg that stands at its lowest point only [rad]: it stands for a moment all the same."""
 
 
 @dataclass(slots=True)
@@ -63,6 +68,54 @@ class Chain:
     # speed (before strength as well)
     kept: Array = field(init=False, metadata={"unit": "1", "doc": "share of the step that becomes advance"})
     peak_ratio: Array = field(init=False, metadata={"unit": "1", "doc": "largest v_x(t) over leg speed"})
+
+    @property
+    def slow_from(self) -> Array:
+        """Angle before its lowest point at which a leg's slow phase begins [rad]."""
+        return self._angle_at(self.slow_begin)
+
+    @property
+    def slow_until(self) -> Array:
+        """Angle beyond it at which the slow phase ends [rad]."""
+        return self._angle_at(self.slow_end)
+
+    @property
+    def standing_time(self) -> Array:
+        """How long a leg stands in a step [s]: from -α to α = asin(s_0/2R), each phase of the gait at its own rate."""
+        angle = np.maximum(stance_angle(self.chord, self.robot.leg_radius_m), NO_ANGLE)
+        slow = np.minimum(angle, self.slow_from) + np.minimum(angle, self.slow_until)
+        time: Array = slow / (self.slow_phase_ratio * self.omega) + (2 * angle - slow) / (self.swing_ratio * self.omega)
+        return time
+
+    @property
+    def time_left(self) -> Array:
+        """Time from the end of a stance to the next leg's [s]; in the first step, to its end: there the leg sets out as
+        its slow phase begins, and does not stand before it has come to where it does.
+        """
+        if not self.first_step:
+            return np.maximum(np.pi / self.omega - self.standing_time, 0.0)
+        lasts = first_step_rad(self.slow_phase_ratio, self.swing_ratio, self.slow_from) / self.omega
+        to_go = np.maximum(self.slow_from - stance_angle(self.chord, self.robot.leg_radius_m), 0.0)
+        return np.maximum(lasts - to_go / (self.slow_phase_ratio * self.omega) - self.standing_time, 0.0)
+
+    @property
+    def slow_reach(self) -> Array:
+        """Angle within which, to both sides, legs turn in their slow phase [rad]."""
+        return np.minimum(self.slow_from, self.slow_until)
+
+    @property
+    def stands_slowly(self) -> Bool:
+        """Whether a usual stance lies within the slow phase: one that reaches beyond half a long stance to each side.
+        The peak of v_x(t) is then of that phase, else of the fast one.
+        """
+        slowly: Bool = self.slow_reach > STANCE_END / 2
+        return slowly
+
+    def _angle_at(self, depth: Array) -> Array:
+        """Angle of a leg's centre [rad] at which its lowest point is that deep, the belly on the surface."""
+        radius = self.robot.leg_radius_m
+        angle: Array = np.arccos(np.clip((depth + self.robot.axle_height_m - radius) / radius, -1.0, 1.0))
+        return angle
 
     @property
     def advance(self) -> Array:

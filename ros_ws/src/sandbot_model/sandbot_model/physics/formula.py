@@ -26,7 +26,7 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values, named_twice
 from sandbot_model.physics.first_run import changes_something
-from sandbot_model.physics.symbols import CONSTANTS, get, put, readable, stage_of
+from sandbot_model.physics.symbols import CONSTANTS, get, put, readable, settable, stage_of
 from sandbot_model.physics.walking import Inputs, Walker
 
 MAIN = {"clock": "omega", "strength": "k", "balance": "force", "step": "step", "speed": "kept"}
@@ -49,6 +49,8 @@ FORM = "name: stage: formula; parameter [unit] in low..high; ..."
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PARAMETER = re.compile(rf"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\])?\s+in\s+({_NUMBER})\s*\.\.\s*({_NUMBER})\s*")
 _ASSIGNMENT = re.compile(r"\s*([^\W\d]\w*(?:\s*,\s*[^\W\d]\w*)*)\s*(?:([*/+-]?)=(?!=)|->|→)\s*(.*)")
+ANOTHER_AT_FIRST = {"first", "t_left"}
+"""What has another value in the first step."""
 _ALWAYS = {*FUNCTIONS, *SHORT, "pi", "first", "K"}
 _CHANGES: dict[str, Callable[[Array, Array], Array]] = {
     "*": np.multiply,
@@ -114,7 +116,7 @@ class _Formula(Effect):
             for quantity in sets.quantities
         )
         self.names = {node.id for node in ast.walk(sets.parsed) if isinstance(node, ast.Name)}
-        self.first_step_differs = "first" in self.names
+        self.first_step_differs = not ANOTHER_AT_FIRST.isdisjoint(self.names)
         self.readable = readable(stage)
         self.along_the_track = "sigma_phi" in map(self.readable.get, sets.quantities)
         # What an interpreter evaluates stands in a table of its own, and the explorer fits in several threads.
@@ -259,6 +261,8 @@ def _checked(effect: _Formula, text: str) -> Effect:
     for name in effect.sets.quantities:
         if name not in effect.readable:
             raise InputError(f"--effect {text!r}: {name!r} can't be set at stage {effect.stage}{_hint(name, effect)}")
+        if not settable(effect.readable[name]):
+            raise InputError(f"--effect {text!r}: {name!r} can't be set, it follows from the clock and the step")
         if effect.readable[name] == "phi":
             raise InputError(f"--effect {text!r}: k does not follow {name!r}; k -> K({name} + ...) is that of another")
     own = {parameter.name for parameter in effect.parameters}

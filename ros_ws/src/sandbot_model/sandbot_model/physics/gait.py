@@ -72,6 +72,31 @@ def clock(gaits: Sequence[str]) -> Clock:
     return Clock(slow, swing, theta_0 - theta_s / 2, theta_0 + theta_s / 2)
 
 
+def duty(slow_ratio: Array, swing_ratio: Array) -> Array:
+    """d_c, the slow phase's share of a period, from d_c β + (1 - d_c) β_swing = 1; 1 where legs turn at one rate."""
+    one_rate = slow_ratio == swing_ratio
+    share: Array = np.where(one_rate, 1.0, (swing_ratio - 1) / np.where(one_rate, 1.0, swing_ratio - slow_ratio))
+    return share
+
+
+def first_step_rad(slow_ratio: Array, swing_ratio: Array, slow_from_rad: Array) -> Array:
+    """How long a first step lasts, ωt [rad]: until the mean angle of both tripods is a multiple of π.
+
+    One tripod sets out as its slow phase begins, ``slow_from_rad`` before its lowest point, the other is half a period
+    behind. In half a period their mean turns by π; from where it begins it has a little more or less to go than that.
+    """
+    slow_share = duty(slow_ratio, swing_ratio)
+    fast_half = np.minimum(2 * np.pi * (1 - slow_share), np.pi)
+    begins_at = -(slow_from_rad + (fast_half * swing_ratio + (np.pi - fast_half) * slow_ratio) / 2)
+    to_go = np.pi * np.floor(begins_at / np.pi + 0.5) - begins_at
+    # After half a period one is in its slow phase, and the other as well if that is the longer one; before it, in none.
+    one_each = (slow_ratio + swing_ratio) / 2
+    long = slow_share >= 0.5
+    late, early = np.where(long, slow_ratio, one_each), np.where(long, one_each, swing_ratio)
+    lasts: Array = np.pi + to_go / np.where(to_go > 0, late, early)
+    return lasts
+
+
 def slow_phase_ratio(gait: str) -> float:
     """β of a gait by its name."""
     return float(clock([gait]).slow_ratio[0])

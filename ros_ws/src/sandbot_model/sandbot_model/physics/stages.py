@@ -22,9 +22,10 @@ def through(chain: Chain, effects: Active) -> Chain:
                 guarded.apply(effect, chain, values)
 
     robot = chain.robot
+    # Before the clock, on which it depends in which phase a leg's speed is largest, and how far it falls behind there.
+    chain.peak_ratio = np.ones(())
     act("clock")
     chain.leg_speed = robot.leg_radius_m * chain.omega
-    chain.peak_ratio = np.ones(())
     # Thrust begins when the leg has passed its lowest point, with uniform rotation half way through the first step.
     chain.thrust_time = np.pi / (2 * chain.omega)
     chain.chord = chord(robot, chain.depth)

@@ -1,7 +1,8 @@
 """The language of formulas: every symbol that the catalogue shows is a name that may be typed.
 
-A quantity of the chain goes by its own name (``depth``) and by its symbols (``d``). Four more follow from those of the
-chain and may be set all the same: what is set then is the part that was not settled before (``v``: the share kept).
+A quantity of the chain goes by its own name (``depth``) and by its symbols (``d``). A few more follow from those of the
+chain. Four of them may be set all the same: what is set then is the part that was not settled before (``v``: the share
+kept).
 """
 
 from collections.abc import Callable, Mapping
@@ -18,7 +19,7 @@ READABLE = {
         *("k", "omega", "phi", "delta_t", "v_swim", "depth"),
         *("slow_phase_ratio", "swing_ratio", "slow_begin", "slow_end"),
     ),
-    "step": ("leg_speed", "peak_ratio", "chord", "step", "a"),
+    "step": ("leg_speed", "peak_ratio", "chord", "step", "a", "t_s", "t_left"),
     "speed": ("kept", "v"),
     "strength": ("penetration", "sigma_phi"),
     "balance": ("force", "extra_force", "F_z", "delta_v", "lift_ratio", "a_z", "mass", "added_mass", "gravity"),
@@ -62,12 +63,12 @@ CONSTANTS: dict[str, tuple[str, str, Callable[[Robot], float]]] = {
 
 @dataclass(frozen=True)
 class Derived:
-    """A quantity that follows from others of the chain, and how it is set."""
+    """A quantity that follows from others of the chain, and how it is set, if it can be."""
 
     unit: str
     doc: str
     get: Callable[[Chain], Array]
-    put: Callable[[Chain, Array], None]
+    put: Callable[[Chain, Array], None] | None = None
 
 
 def _put_advance(chain: Chain, advance: Array) -> None:
@@ -104,6 +105,8 @@ DERIVED = {
         lambda chain: chain.delta_v / chain.delta_t * chain.lift_ratio,
         _put_acceleration,
     ),
+    "t_s": Derived("s", "how long a leg stands in a step, by the clock of the gait", lambda chain: chain.standing_time),
+    "t_left": Derived("s", "time from the end of a stance to the next leg's", lambda chain: chain.time_left),
 }
 
 
@@ -129,6 +132,11 @@ def stage_of(spelling: str) -> str:
     return next((stage for stage in READABLE if spelling in readable(stage)), "")
 
 
+def settable(name: str) -> bool:
+    """Whether a quantity may be set, and does not only follow from others."""
+    return name not in DERIVED or DERIVED[name].put is not None
+
+
 def get(chain: Chain, name: str) -> Array:
     """The value of a quantity."""
     derived = DERIVED.get(name)
@@ -139,6 +147,7 @@ def get(chain: Chain, name: str) -> Array:
 def put(chain: Chain, name: str, value: Array) -> None:
     """Set a quantity."""
     if (derived := DERIVED.get(name)) is not None:
+        assert derived.put is not None, name
         derived.put(chain, value)
     else:
         setattr(chain, name, value)

@@ -32,10 +32,12 @@ _DRAG = "step, peak_ratio *= clip(1 - f_c_n/maximum(1.5*146e3*w*d_r**2, 1e-6)*{}
 _BORNE = "maximum(0.6*k*d, 1e-6)"
 """Friction: the ground holds a leg along the track by a share of what it carries, 4 N as F_x where legs stand."""
 _SLOWER = f"(d_r/{_DEPTH})**2"
-_TOUCH_DOWN = "beta*omega*maximum(d + h - R, 0)"
+_TURNED = "2*arcsin(clip(s_0/(2*R), 0, 1))"
+_TOUCH_DOWN = f"{_TURNED}/t_s*maximum(d + h - R, 0)"
 _LEGS = "R*omega*where(d + h > R, 1, 0)"
-_TIME_LEFT = "maximum(pi/omega - 2*arcsin(clip(s_0/(2*R), 0, 1))/(beta*omega), 0)"
-_STANDING = f"{_TIME_LEFT}/(1 + first)"
+_SLOWLY = "beta*omega*maximum(d + h - R, 0)"
+_LEFT_SLOWLY = f"maximum(pi/omega - {_TURNED}/(beta*omega), 0)/(1 + first)"
+_TIME_LEFT = "maximum(pi/omega - t_s, 0)"
 _SPARED = f"{_TIME_LEFT}*(1 - first)"
 _FORGOTTEN = "exp(-pi/(omega*tau_m_s))*(1 - first)"
 _TAU = "; tau_m_s [s] in 0.05..1"
@@ -46,6 +48,8 @@ _DECAY_S = f"{_AT}/(mu_b*g)"
 _DECAY_M = f"{_AT}**2/(mu_b*g)"
 _VISCOUS = f"s + {_TOUCH_DOWN}*{_DECAY_S}*(1 - exp(-{{left}}/({_DECAY_S})))"
 _SQUARE = f"s + {_DECAY_M}*log(1 + {_TOUCH_DOWN}*{{left}}/({_DECAY_M}))"
+AT_THE_SLOW_RATE, BY_THE_MEAN_RATE = "all of a stance at the slow rate", "by the mean rate"
+"""What a formula may overlook of a gait of two phases: its family's own where legs turn at one rate."""
 VARIANTS: Mapping[str, Mapping[str, str]] = {
     "disturbed_ground": {
         "a ramp of another width": f"k - maximum(k - k_l_n_per_m, 0)*{_DISTURBED}{_WIDTH}",
@@ -64,17 +68,18 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     },
     "belly_coast": {
         "the first step as any other": _COULOMB.format(u=_TOUCH_DOWN, left=_TIME_LEFT),
+        AT_THE_SLOW_RATE: _COULOMB.format(u=_SLOWLY, left=_LEFT_SLOWLY),
         "not cut short by the next step, over a power of speed": (
             f"s + {_AT}**2/(2*mu_b*g)*({_TOUCH_DOWN}/{_AT})**power{_POWER.format(1, 3)}"
         ),
-        "friction in proportion to speed": _VISCOUS.format(left=_STANDING),
+        "friction in proportion to speed": _VISCOUS.format(left="t_left"),
         "friction in proportion to speed, the first step as any other": _VISCOUS.format(left=_TIME_LEFT),
-        "friction by the square of speed": _SQUARE.format(left=_STANDING),
+        "friction by the square of speed": _SQUARE.format(left="t_left"),
         "friction by the square of speed, the first step as any other": _SQUARE.format(left=_TIME_LEFT),
         "the first step spared": _COULOMB.format(u=_TOUCH_DOWN, left=_SPARED),
         "friction in proportion to speed, the first step spared": _VISCOUS.format(left=_SPARED),
         "up to a length": (f"s + reach_m*tanh(({_TOUCH_DOWN})**2/(2*mu_b*g*reach_m)); reach_m [m] in 0.002..0.05"),
-        "from the legs' speed": _COULOMB.format(u=_LEGS, left=_STANDING),
+        "from the legs' speed": _COULOMB.format(u=_LEGS, left="t_left"),
         "from the legs' speed, not cut short by the next step": f"s + ({_LEGS})**2/(2*mu_b*g)",
     },
     "swimming_thrust": {
@@ -126,6 +131,7 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     "exact_vertical_acceleration": {"a power of the sine": f"lift_ratio *= (s_0/(2*R))**power{_POWER.format(0.5, 3)}"},
     "dilation": {"another ramp": f"k + {_DILATED}*{_STEP.format(reach='reach')}{_WIDTH}; reach [1] in 0.6..2"},
     "motor_saturation": {
+        BY_THE_MEAN_RATE: "omega/sqrt(1 + (omega/omega_s_rad_s)**2)",
         "another bend": f"omega/(1 + 0.5*(30/omega_s_rad_s)**2*(omega/30)**power){_POWER.format(1, 6)}",
     },
 }
@@ -148,6 +154,8 @@ class Variant(Effect):
         self.family = family
         self.identifier, self.stage, self.variant = family.identifier, family.stage, variant
         self.source, self.seen_in, self.replaces = family.source, family.seen_in, family.replaces
+        self.of_phases = variant in (AT_THE_SLOW_RATE, BY_THE_MEAN_RATE)
+        """Whether it differs from its family only where legs turn at two rates."""
         ranges = (f"{one.name} [{one.unit}] in {one.low}..{one.high}" for one in family.parameters)
         acts = "; ".join((f"{self.stage}: {text}", *ranges))
         self.acts = formula_effect(f"{self.identifier}: {acts}", tried=True)
@@ -164,7 +172,7 @@ class Variant(Effect):
         self.acts.apply(chain, p)
 
 
-def variants_of(effect: Effect) -> tuple[Effect, ...]:
+def variants_of(effect: Effect) -> tuple[Variant, ...]:
     """The other conventions of a family; none of an effect that a user has put in its place."""
     if effect.variant or not of_catalogue(effect):
         return ()

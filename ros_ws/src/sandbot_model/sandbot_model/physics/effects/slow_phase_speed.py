@@ -4,13 +4,11 @@ import numpy as np
 
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Parameter, Values
-from sandbot_model.physics.gait import SEEN_RAD, STANCE_END
+from sandbot_model.physics.gait import SEEN_RAD
 from sandbot_model.physics.geometry import stance_angle
 
 NEVER = 1e3
 """A rate at which no ground holds."""
-WIDE = np.cos(STANCE_END / 2)
-"""A slow phase that reaches beyond half a long stance is left further out than here [R]."""
 
 
 class SlowPhaseSpeed(Effect):
@@ -49,11 +47,9 @@ class SlowPhaseSpeed(Effect):
         """Set what the formula says."""
         swing = NEVER if chain.first_step else chain.swing_ratio
         chain.delta_v = chain.delta_v * np.where(chain.depth < chain.slow_begin, swing, chain.slow_phase_ratio)
-        radius, height = chain.robot.leg_radius_m, chain.robot.axle_height_m
-        left_at = (np.maximum(chain.slow_begin, chain.slow_end) + height - radius) / radius
-        faster = np.maximum(chain.swing_ratio * left_at / chain.slow_phase_ratio, 1.0)
-        beyond = stance_angle(chain.chord, radius) - np.arccos(np.clip(left_at, -1.0, 1.0))
+        faster = np.maximum(chain.swing_ratio * np.cos(chain.slow_reach) / chain.slow_phase_ratio, 1.0)
+        beyond = stance_angle(chain.chord, chain.robot.leg_radius_m) - chain.slow_reach
         share = np.clip(beyond / SEEN_RAD, 0.0, 1.0)
         chain.peak_ratio = (
-            chain.peak_ratio * p["rho"] * (1 + (faster - 1) * share) / np.where(left_at < WIDE, 1.0, faster)
+            chain.peak_ratio * p["rho"] * (1 + (faster - 1) * share) / np.where(chain.stands_slowly, 1.0, faster)
         )
