@@ -108,6 +108,7 @@ def test_a_wrong_formula_gives_a_message_and_loses_nothing_a_right_one_is_fitted
     assert box.get_attribute("value") == "more: strength: k*(1 + b*φ); b in 0..1"
 
 
+@pytest.mark.whole
 def test_an_effect_that_fails_half_way_is_named_and_the_page_goes_on(page, folder, tmp_path):
     own = tmp_path / "own.py"
     own.write_text(FAILING)

@@ -40,7 +40,8 @@ def test_every_view_draws(page, address):
     # A formula is drawn as one: MathML that the browser knows has a size.
     page.until(lambda: min(page.driver.execute_script(DRAWN), default=0) > 0)
     # Texts of the figure are none of them: Plotly has attributes for formulas, too.
-    page.until(lambda: page.driver.find_element(By.CSS_SELECTOR, "#figure .xtick text").text.isdecimal())
+    tick = "return document.querySelector('#figure .xtick text')?.textContent ?? ''"
+    page.until(lambda: page.driver.execute_script(tick).isdecimal())
     page.open(f"{address}?view=parameters&effect={HIDDEN}")
     page.until(lambda: "stiffness of disturbed ground" in page.text("parameters"))
     page.unfold()
@@ -91,6 +92,7 @@ def test_an_empty_table_opens_a_page_that_says_why(page, folder):
     assert "no trials: nothing below the header" in said
 
 
+@pytest.mark.whole
 def test_thin_data_open_a_page_that_says_what_it_can_not_show(page, folder, trials):
     one = trials.select((np.abs(trials.phi - 0.633) < 0.003) & (trials.replicate == 0))
     write_csv(replace(one, lift_m=np.full(len(one), np.nan)), folder / "thin.csv")

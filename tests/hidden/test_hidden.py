@@ -47,6 +47,7 @@ def test_a_formula_in_place_of_the_models_own_is_looked_for_everywhere():
     assert found.verdict.effects == ("exact_leg_arc",)
 
 
+@pytest.mark.whole
 def test_nor_is_it_lost_in_a_pair():
     """Legs with a slow phase on an arc: near the best single effect, which is the phase, k is that of no arc."""
     trials = direct_trials(BY_NAME["exact_leg_arc(tip_deg=45)"].world(), PHI, hidden.OMEGA, "SGCS", 3, seed=11)

@@ -63,7 +63,7 @@ def test_without_disturbed_ground_walking_does_not_end_where_it_does():
     assert found.goodness.rmse["speed"] > 1.2 * held["speed"]
 
 
-@pytest.mark.slow
+@pytest.mark.whole  # test_effect_search has one
 def test_a_valley_that_the_model_without_it_has_as_well_is_no_gain():
     """Motors that fall behind by too little to be seen. The base model's search ended 15 above where one that went on
     from ``depth_nonlinearity`` does, and that was named."""

@@ -36,6 +36,7 @@ def test_a_bed_prepared_once_a_condition_is_no_effect():
     assert "k that scatters by" in one.verdict.because
 
 
+@pytest.mark.whole
 def test_what_follows_the_offsets_of_conditions_is_no_effect():
     """depth_nonlinearity beside a bed that scatters by 0.7 % gains, but no more than a bed as rough as it is."""
     one = found(1008, "condition", order="randomised", k_batch_sd=0.01)
@@ -96,7 +97,7 @@ def test_no_formula_has_what_a_week_does_for_its_own(effect, parameters, seed, b
 @pytest.mark.parametrize(
     ("batches", "week"),
     [
-        ("replicate", {"lift_zero_m": 1e-3}),
+        pytest.param("replicate", {"lift_zero_m": 1e-3}, marks=pytest.mark.whole),
         pytest.param("omega", STRONG_WEEK, marks=pytest.mark.whole),
         pytest.param("condition", {"k_batch_sd": 0.01}, marks=pytest.mark.whole),
     ],

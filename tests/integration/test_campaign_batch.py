@@ -176,7 +176,9 @@ def test_next_trials_extend_the_campaign_once(done, tmp_path, capsys):
     assert float(soft["peak_speed_m_s"]) > 1.2 * float(uniform["peak_speed_m_s"])
 
 
-@pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
+@pytest.mark.parametrize(
+    ("how", "code"), [pytest.param(signal.SIGINT, 130, marks=pytest.mark.whole), (signal.SIGKILL, -9)]
+)
 def test_stopped_at_any_moment_it_leaves_only_whole_bags_and_goes_on(tmp_path, start, how, code):
     plan = write_plan(tmp_path, omega_rad_s=[20.0, 26.0], replicates=1, images="none")  # short trials
     out = tmp_path / "out"

@@ -76,6 +76,7 @@ def finished(folder):
     return sorted(path.parent.name for path in folder.glob("trials/*/metadata.yaml"))
 
 
+@pytest.mark.whole  # test_parallel kills one of this host
 def test_a_worker_killed_midway_changes_no_byte_of_a_campaign_or_its_table(cluster, run, here, tmp_path):
     address, there, rows = cluster.scheduler_address, tmp_path / "there", (here / "trials.csv").read_bytes()
 

@@ -1,5 +1,7 @@
 """The search over sets: it goes on while that is worth it, keeps the better of two fits, and builds the ladder."""
 
+import copy
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -8,6 +10,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery import effect_search
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.verdict import judge
+from sandbot_model.fitting.fit import fitted_at
 from sandbot_model.fitting.global_minimum import Found
 from sandbot_model.physics.catalogue import catalogue
 
@@ -41,6 +44,19 @@ def test_a_worse_fit_never_takes_the_place_of_a_better(planted):
     before = planted.fits[("stance_overlap",)]
     planted.fit("once more", [("stance_overlap",)], nearby=True)
     assert planted.fits[("stance_overlap",)].deviance <= before.deviance
+
+
+def test_a_part_is_fitted_again_from_where_the_best_set_has_come_to(planted):
+    """What a set gains by a valley that its part has as well is not its effect's."""
+    search = copy.copy(planted)
+    base = planted.fits[()]
+    stuck = fitted_at(base.model, base.cells, replace(base.point, theta=1.5 * base.point.theta))
+    search.fits = planted.fits | {(): stuck}
+    search._parts_again(1)
+    assert stuck.deviance > 2 * base.deviance
+    assert search.fits[()].deviance == pytest.approx(base.deviance, rel=0.01)
+    search._parts_again(2)  # where no set is so large nothing is fitted
+    assert search.fits.keys() == planted.fits.keys()
 
 
 def test_sets_are_extended_in_the_order_of_the_catalogue_and_by_what_they_lack(planted):

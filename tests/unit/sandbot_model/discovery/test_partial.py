@@ -102,6 +102,7 @@ bent as nobody would write it; without the peak an overlap under another convent
 
 
 @pytest.mark.slow
+@pytest.mark.whole
 def test_part_of_it_is_no_familys_where_another_does_better_under_a_convention_of_its_own(drawn, monkeypatch):
     """Nor is it the overlap's where a formula does all: that is then offered in its place."""
     some = ("stance_overlap", "motor_saturation", "leg_slip", "slow_phase_speed")

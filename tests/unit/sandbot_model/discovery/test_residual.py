@@ -104,6 +104,7 @@ def test_it_stands_on_top_of_an_effect_of_the_catalogue(drawn):
 
 
 @pytest.mark.slow
+@pytest.mark.whole
 def test_an_effect_is_found_beside_what_hides_it(drawn):
     """By itself motor saturation looks far better than the overlap that is there."""
     formula = "hidden: speed: kept, peak_ratio *= 1 - a*where(omega > 14, 1, 0); a [1] in 0.3..0.5"
