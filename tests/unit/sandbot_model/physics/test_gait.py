@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from sandbot_bringup.plan import Plan
 from sandbot_clock.gait import PRESETS, Gait, leg_angles
+from sandbot_common.robot import SANDBOT
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.physics.gait import (
     GAITS,
@@ -16,6 +17,8 @@ from sandbot_model.physics.gait import (
     peaks_resolved,
     slow_phase_ratio,
 )
+from sandbot_model.physics.geometry import depth_at
+from sandbot_model.physics.walking import Inputs, Walker
 from sandbot_model.report.provenance import limits
 from sandbot_record.trials.table import Row, from_rows
 
@@ -60,6 +63,24 @@ def test_a_first_step_lasts_until_both_tripods_are_equally_far_from_straight_bel
     # Long slow phases on both sides of half a period are beyond what is asked: a leg would stand twice.
     assume(abs(ends - np.pi) < TURN * min(abs(signal[2] - 0.5), 1 - signal[2], signal[2]))
     assert said[0] == pytest.approx(ends, abs=1e-3)
+
+
+@given(OTHERS, st.floats(4.0, 30.0))
+def test_the_longest_step_takes_half_a_period(signal, omega):
+    """A robot whose legs stand that far takes as long for it as the next leg is behind."""
+    inputs = Inputs(200.0, omega, 0.4, clock=turning_of(*signal))
+    longest = Walker().chain(inputs, [], np.array([0.01]), first_step=False).longest_step.item()
+    assume(longest < 1.999 * SANDBOT.leg_radius_m)
+    depth = depth_at(SANDBOT, np.arcsin(longest / (2 * SANDBOT.leg_radius_m)))
+    assume(depth > 0)
+    stands = Walker().chain(inputs, [], np.array([depth]), first_step=False)
+    assert stands.chord.item() == pytest.approx(longest)
+    assert stands.standing_time.item() == pytest.approx(np.pi / omega)
+
+
+def test_legs_that_turn_at_one_rate_are_never_cut_short():
+    even = Walker().chain(Inputs(200.0, 12.0, 0.4), [], np.array([0.01]), first_step=False)
+    assert even.longest_step.item() == pytest.approx(2 * SANDBOT.leg_radius_m)
 
 
 def resolved(gait, omega, stance_rad=(np.nan, np.nan), mount_rad=0.0):

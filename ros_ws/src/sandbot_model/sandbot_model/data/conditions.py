@@ -16,7 +16,7 @@ from sandbot_model.data.clustering import OMEGA_TOLERANCE, conditions
 from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error
-from sandbot_model.data.regime import peaks_seen, swum_at_once, walks
+from sandbot_model.data.regime import begins_on_both, peaks_seen, swum_at_once, walks
 from sandbot_model.data.stated_error import of_single_trials, stated_variance, with_stated
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, Clock, clock
 from sandbot_model.physics.observables import NAMES, Observable, shared_variance, usual_noise
@@ -125,7 +125,7 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     rate_hz = trials.frame_rate_hz if np.isfinite(trials.frame_rate_hz) else USUAL_FRAME_RATE_HZ
     robot, accuracy = trials.robot or SANDBOT, trials.accuracy or USUAL
     values[~peaks_seen(gait, omega, values, robot, accuracy, rate_hz), Observable.peak_speed] = np.nan
-    values[swum_at_once(gait, omega, values), Observable.first_step] = np.nan
+    values[swum_at_once(gait, omega, values) | begins_on_both(gait), Observable.first_step] = np.nan
     stated = np.stack([trials.replicate, trials.speed_sd_m_s, trials.phi_sd])[:, usable]
     batch, order = np.asarray(trials.batch)[usable], np.asarray(trials.run_order, dtype=float)[usable]
     cells = _gather(phi, omega, gait, values, stated, accuracy, batch, order, excluded=int((~usable).sum()))

@@ -7,7 +7,7 @@ import numpy as np
 from sandbot_common.accuracy import Accuracy
 from sandbot_common.robot import Robot
 from sandbot_model.physics.arrays import Array, Bool
-from sandbot_model.physics.gait import clock, peaks_resolved, slow_phase_ratio
+from sandbot_model.physics.gait import clock, duty, peaks_resolved, slow_phase_ratio
 from sandbot_model.physics.geometry import stance_angle, step_from_lift
 from sandbot_model.physics.observables import Observable
 
@@ -40,6 +40,16 @@ def swum_at_once(gaits: Iterable[str], omega: Array, values: Array) -> Bool:
     uneven = np.array([slow_phase_ratio(gait) != 1.0 for gait in gaits])
     speed, first_step = values[:, Observable.speed], values[:, Observable.first_step]
     return np.asarray(uneven & ~walks(values) & (first_step < speed * np.pi / omega + HELD_M))
+
+
+def begins_on_both(gaits: Iterable[str]) -> Bool:
+    """Trials ``(n,)`` of gaits whose slow phase lasts more than half a period: their first step is no single leg's.
+
+    The other tripod is in its slow phase as the robot sets out, and takes hold again before the step is over.
+    """
+    turning = clock([*gaits])
+    long = duty(turning.slow_ratio, turning.swing_ratio) > 0.5
+    return np.asarray(long & (turning.slow_ratio != turning.swing_ratio))
 
 
 def peaks_seen(

@@ -80,12 +80,30 @@ class Chain:
         return self._angle_at(self.slow_end)
 
     @property
+    def stance(self) -> Array:
+        """α = asin(s_0/2R) [rad]: a leg stands from -α to α."""
+        return stance_angle(self.chord, self.robot.leg_radius_m)
+
+    @property
     def standing_time(self) -> Array:
-        """How long a leg stands in a step [s]: from -α to α = asin(s_0/2R), each phase of the gait at its own rate."""
-        angle = np.maximum(stance_angle(self.chord, self.robot.leg_radius_m), NO_ANGLE)
+        """How long it does [s], each phase of the gait at its own rate."""
+        angle = np.maximum(self.stance, NO_ANGLE)
         slow = np.minimum(angle, self.slow_from) + np.minimum(angle, self.slow_until)
         time: Array = slow / (self.slow_phase_ratio * self.omega) + (2 * angle - slow) / (self.swing_ratio * self.omega)
         return time
+
+    @property
+    def longest_step(self) -> Array:
+        """Step [m] that takes half a period: the next leg takes hold where both are equally far from straight below,
+        for there it is as deep in the ground as the one that stands.
+        """
+        slow, swing, half = self.slow_phase_ratio, self.swing_ratio, np.pi
+        near, far = self.slow_reach, np.maximum(self.slow_from, self.slow_until)
+        within = slow * half / 2
+        partly = (half - near / slow + near / swing) / (1 / slow + 1 / swing)
+        beyond = swing * (half - (near + far) / slow) / 2 + (near + far) / 2
+        angle = np.where(within < near, within, np.where(partly < far, partly, beyond))
+        return 2 * self.robot.leg_radius_m * np.sin(np.minimum(angle, np.pi / 2))
 
     @property
     def time_left(self) -> Array:
@@ -95,7 +113,7 @@ class Chain:
         if not self.first_step:
             return np.maximum(np.pi / self.omega - self.standing_time, 0.0)
         lasts = first_step_rad(self.slow_phase_ratio, self.swing_ratio, self.slow_from) / self.omega
-        to_go = np.maximum(self.slow_from - stance_angle(self.chord, self.robot.leg_radius_m), 0.0)
+        to_go = np.maximum(self.slow_from - self.stance, 0.0)
         return np.maximum(lasts - to_go / (self.slow_phase_ratio * self.omega) - self.standing_time, 0.0)
 
     @property

@@ -77,7 +77,8 @@ class Effect:
     first_step_differs: bool = False
     """True if the effect is another in the first step: virgin ground, standing start (see ``chain.first_step``)."""
     clocked: bool = False
-    """True if the force needed jumps where the gait's slow phase begins (``chain.slow_begin``)."""
+    """True if legs turn by the clock of the gait: the force needed then jumps where the slow phase begins
+    (``chain.slow_begin``), and the next leg may end a stance (``chain.longest_step``)."""
     along_the_track: bool = False
     """True if φ varies within a trial (the effect sets ``chain.sigma_phi``): averages are then taken along the way."""
     replaces: tuple[str, ...] = ()

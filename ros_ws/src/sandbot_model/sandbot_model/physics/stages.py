@@ -29,7 +29,8 @@ def through(chain: Chain, effects: Active) -> Chain:
     # Thrust begins when the leg has passed its lowest point, with uniform rotation half way through the first step.
     chain.thrust_time = np.pi / (2 * chain.omega)
     chain.chord = chord(robot, chain.depth)
-    chain.step = chain.chord
+    clocked = any(effect.clocked for effect, _ in effects)
+    chain.step = np.minimum(chain.chord, chain.longest_step) if clocked else chain.chord
     chain.kept = np.ones(())
     act("step")
     # What of a step becomes advance is known before what it costs: the next foot falls an advance further on.

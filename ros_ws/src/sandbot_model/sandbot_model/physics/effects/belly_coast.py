@@ -4,7 +4,6 @@ import numpy as np
 
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Parameter, Values
-from sandbot_model.physics.geometry import stance_angle
 
 
 class BellyCoast(Effect):
@@ -22,7 +21,7 @@ class BellyCoast(Effect):
         """Set what the formula says."""
         robot = chain.robot
         below = np.maximum(chain.depth + robot.axle_height_m - robot.leg_radius_m, 0.0)
-        touch_down = 2 * stance_angle(chain.chord, robot.leg_radius_m) / chain.standing_time * below
+        touch_down = 2 * chain.stance / chain.standing_time * below
         friction = p["mu_b"] * robot.gravity_m_s2
         time = np.minimum(touch_down / friction, chain.time_left)
         chain.step = chain.step + touch_down * time - 0.5 * friction * time**2

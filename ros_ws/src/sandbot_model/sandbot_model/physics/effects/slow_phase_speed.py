@@ -5,7 +5,6 @@ import numpy as np
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Parameter, Values
 from sandbot_model.physics.gait import SEEN_RAD
-from sandbot_model.physics.geometry import stance_angle
 
 NEVER = 1e3
 """A rate at which no ground holds."""
@@ -14,6 +13,7 @@ NEVER = 1e3
 class SlowPhaseSpeed(Effect):
     """The body is brought to βRω, β of the gait, and reaches ρRω while the leg stands.
 
+    No step takes longer than half a period, when the next leg takes hold (``Chain.longest_step``; HGCS).
     Before its slow phase begins, at the depth d_slow, a leg turns at the swing rate: where the ground holds only at the
     slow one the step is the chord of the slow phase, however strong the ground. In the first step no leg is there: it
     sets out as its slow phase begins.
@@ -39,7 +39,7 @@ class SlowPhaseSpeed(Effect):
     seen_in = "W peak"
     parameters = (
         Parameter(
-            "rho", "1", 0.2, 1.6, 0.9, "largest leg rate in stance over the mean rate", neutral=1.0, hard_low=0.05
+            "rho", "1", 0.2, 2.0, 0.9, "largest leg rate in stance over the mean rate", neutral=1.0, hard_low=0.05
         ),
     )
 
@@ -48,7 +48,7 @@ class SlowPhaseSpeed(Effect):
         swing = NEVER if chain.first_step else chain.swing_ratio
         chain.delta_v = chain.delta_v * np.where(chain.depth < chain.slow_begin, swing, chain.slow_phase_ratio)
         faster = np.maximum(chain.swing_ratio * np.cos(chain.slow_reach) / chain.slow_phase_ratio, 1.0)
-        beyond = stance_angle(chain.chord, chain.robot.leg_radius_m) - chain.slow_reach
+        beyond = chain.stance - chain.slow_reach
         share = np.clip(beyond / SEEN_RAD, 0.0, 1.0)
         chain.peak_ratio = (
             chain.peak_ratio * p["rho"] * (1 + (faster - 1) * share) / np.where(chain.stands_slowly, 1.0, faster)
