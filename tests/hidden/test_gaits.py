@@ -50,7 +50,8 @@ def test_the_effect_leaves_nothing_to_explain_and_has_its_true_strength(name, ga
     found = fitted(cells(name, gait, mount_rad), name)
     assert found.lack_of_fit_p > 0.01
     strength = found.parameters[f"{name}.{key}"]
-    assert strength.value == pytest.approx(value, abs=4 * strength.stderr)
+    # Where a step is cut short it is known by which cells that happens in: the deviance is a staircase.
+    assert strength.value == pytest.approx(value, abs=max(4 * strength.stderr, 0.05 * value))
 
 
 @pytest.mark.slow
