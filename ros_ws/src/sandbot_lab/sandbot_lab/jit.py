@@ -9,9 +9,6 @@ import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-COMPILED = ("ground.py", "outsiders.py", "stance.py", "kernel.py")
-"""The modules whose functions are compiled into the kernel."""
-
 
 def jit(function: F) -> F:
     """Compile without the interpreter and keep the result beside the source."""
@@ -25,6 +22,6 @@ def fingerprint() -> str:
     numba's cache looks at the entry point's own file only: an edit to a function it calls would go unseen. A record
     field named by this fingerprint makes it part of the entry point's signature.
     """
-    here = Path(__file__).parent
-    digest = hashlib.sha256(b"".join((here / name).read_bytes() for name in COMPILED))
+    sources = [path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py"))]
+    digest = hashlib.sha256(b"".join(source for source in sources if b"\n@jit\n" in source))
     return f"source_{digest.hexdigest()[:12]}"

@@ -196,6 +196,7 @@ def test_one_number_stands_for_all_depths_and_conditions(text):
         ("boost: strength: k*unknown", "unknown"),
         ("boost: strength: k*(", "boost"),
         ("boost: strength: force = k", "can't be set at stage strength"),
+        ("boost: step: t_s = 0.1", "'t_s' can't be set, it follows from the clock and the step"),
         ("boost: strength: k*phi; phi in 0..1", "choose another name"),
         ("boost: speed: kept *= 1 - a; a in 0..0.5; b in 0..1; a in 0..0.25", "parameter 'a' is declared twice"),
         ("boost: strength: k*first; first in 0..1", "choose another name"),
