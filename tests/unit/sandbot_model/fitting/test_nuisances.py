@@ -103,6 +103,14 @@ def test_an_offset_moves_k_itself_not_what_is_predicted_along_a_slope(cells):
     assert moved.deviance == pytest.approx(same.deviance + 3.0**2)
 
 
+def test_an_offset_that_a_wild_step_took_too_far_is_only_a_bad_one(cells):
+    """And no overflow, which a user would be warned of."""
+    problem = Problem(MODEL, cells, offset_of_k(cells, np.zeros(1)))
+    there = problem.states(*POINT, shared=np.full((1, 1), 1e4))
+    assert np.isfinite(there.predicted).all()
+    assert there.deviance > 1e6
+
+
 def test_a_fit_beside_offsets_is_where_its_own_likelihood_begins(cells):
     """Limits and profiles begin there: offsets as they were before they were fitted are another place."""
     apart = replace(cells, mean=Problem(MODEL, cells).states(POINT[0], POINT[1] + 0.03, POINT[2]).predicted[0])

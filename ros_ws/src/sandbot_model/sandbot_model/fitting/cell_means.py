@@ -30,6 +30,8 @@ LEAST_SPREAD = 1e-3
 STEP = 1e-5
 """Relative step of the derivatives."""
 DEPTH_STEP_M = 1e-8
+FAR = 20.0
+"""An offset of ln k that no bed has: a wild step goes no farther, and is taken back for its deviance."""
 
 
 class Measured(NamedTuple):
@@ -203,7 +205,7 @@ class CellMeans:
 
         ``by_row``: those of cell i in row i alone.
         """
-        cells, level_k, factor = self.cells, np.exp(ln_k), np.exp(moved)
+        cells, level_k, factor = self.cells, np.exp(ln_k), np.exp(np.clip(moved, -FAR, FAR))
         each = np.arange(len(cells)) if by_row else None
         where = self.at if each is None else self.at.some(each, each)
         curve = KCurve(cells.level_phi, level_k, inner=3)
