@@ -16,7 +16,9 @@ NEVER = 1e9  # s
 
 @jit
 def note_switches(p: Any, s: Any, span: float, angles: Any, rates: Any) -> None:
-    """Remember at which angle set-points change their rate on the way to the next one: there the legs will, too."""
+    """Remember at which angle set-points change their rate on the way to the next one: lagging legs will there, too."""
+    if not p.motor_saturation:
+        return
     for leg in range(2 * p.tripod):
         before, after = s.set_rate[leg], rates[leg]
         if before * after == 0.0:

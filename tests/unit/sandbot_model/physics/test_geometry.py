@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sandbot_common.robot import Robot
-from sandbot_model.physics.geometry import chord, deepest_m, stance_angle, step_from_lift
+from sandbot_model.physics.geometry import angle_at, chord, deepest_m, depth_at, stance_angle, step_from_lift
 
 ROBOT = Robot()
 R = ROBOT.leg_radius_m
@@ -30,6 +30,11 @@ def test_the_axle_falls_by_the_lift_at_the_ends_of_a_step(depth):
 def test_a_deeper_leg_steps_shorter(one, other):
     shallow, deep = chord(ROBOT, np.array(sorted((one, other))))
     assert deep <= shallow
+
+
+@given(st.floats(0.01, 1.5))
+def test_a_depth_has_its_angle(angle_rad):
+    assert angle_at(ROBOT, depth_at(ROBOT, angle_rad)) == pytest.approx(angle_rad, rel=1e-9)
 
 
 def test_nothing_beyond_the_ends():

@@ -48,8 +48,7 @@ def begins_on_both(gaits: Iterable[str]) -> Bool:
     The other tripod is in its slow phase as the robot sets out, and takes hold again before the step is over.
     """
     turning = clock([*gaits])
-    long = duty(turning.slow_ratio, turning.swing_ratio) > 0.5
-    return np.asarray(long & (turning.slow_ratio != turning.swing_ratio))
+    return np.asarray(~turning.one_rate & (duty(turning.slow_ratio, turning.swing_ratio) > 0.5))
 
 
 def peaks_seen(

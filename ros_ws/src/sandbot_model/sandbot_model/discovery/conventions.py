@@ -146,7 +146,7 @@ def _leading(search: EffectSearch, size: int) -> list[Names]:
 
 def _models(search: EffectSearch, names: Names) -> list[Model]:
     """A set with one of its effects under another convention; those of a gait's phases where it has two."""
-    one_rate = (search.cells.clock.slow_ratio == search.cells.clock.swing_ratio).all()
+    one_rate = search.cells.clock.one_rate.all()
     swaps = [
         (name, variant)
         for name in names

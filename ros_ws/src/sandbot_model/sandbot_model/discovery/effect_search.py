@@ -126,9 +126,7 @@ class EffectSearch:
             if self.fits
             else self._each(stage, solve, [(model, self.cells, None) for model in models])
         )
-        for names, fit in zip(sets, self.believable(models, points), strict=True):
-            if names not in self.fits or fit.deviance < self.fits[names].deviance:
-                self.fits[names] = fit
+        self._keep(sets, self.believable(models, points))
 
     def believable(self, models: Sequence[Model], points: Iterable[Point]) -> list[Fit]:
         """Models fitted at these points; where effects leave nothing to explain beside a Δt beyond its plausible range,
@@ -246,8 +244,12 @@ class EffectSearch:
         parts = parts_of(best.effects, self.fits)
         models = [self.model(names) for names in parts]
         points = self.fit_all(solve_near, [(model, self.cells, (best.warm_start,), None) for model in models])
-        for names, fit in zip(parts, self.believable(models, points), strict=True):
-            if fit.deviance < self.fits[names].deviance:
+        self._keep(parts, self.believable(models, points))
+
+    def _keep(self, sets: Sequence[Names], found: Sequence[Fit]) -> None:
+        """Put down what was found of sets, where it is better than what is known of them."""
+        for names, fit in zip(sets, found, strict=True):
+            if names not in self.fits or fit.deviance < self.fits[names].deviance:
                 self.fits[names] = fit
 
     def _parent(self, names: Names) -> Fit | None:

@@ -17,7 +17,7 @@ import numpy as np
 from sandbot_common.robot import Robot
 from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.gait import STANCE_END, first_step_rad
-from sandbot_model.physics.geometry import stance_angle
+from sandbot_model.physics.geometry import angle_at, stance_angle
 
 HORIZONTAL_STRENGTH = 146e3
 """α_x [N/m³], so that F_x is 4 N at 3.9 cm (physics §6)."""
@@ -72,12 +72,12 @@ class Chain:
     @property
     def slow_from(self) -> Array:
         """Angle before its lowest point at which a leg's slow phase begins [rad]."""
-        return self._angle_at(self.slow_begin)
+        return angle_at(self.robot, self.slow_begin)
 
     @property
     def slow_until(self) -> Array:
         """Angle beyond it at which the slow phase ends [rad]."""
-        return self._angle_at(self.slow_end)
+        return angle_at(self.robot, self.slow_end)
 
     @property
     def stance(self) -> Array:
@@ -128,12 +128,6 @@ class Chain:
         """
         slowly: Bool = self.slow_reach > STANCE_END / 2
         return slowly
-
-    def _angle_at(self, depth: Array) -> Array:
-        """Angle of a leg's centre [rad] at which its lowest point is that deep, the belly on the surface."""
-        radius = self.robot.leg_radius_m
-        angle: Array = np.arccos(np.clip((depth + self.robot.axle_height_m - radius) / radius, -1.0, 1.0))
-        return angle
 
     @property
     def advance(self) -> Array:

@@ -55,6 +55,11 @@ class Clock:
     slow_end_rad: Array
     """θ_0 + θ_s/2, the one at which it ends."""
 
+    @property
+    def one_rate(self) -> Bool:
+        """Whether legs turn at one rate, without phases."""
+        return np.asarray(self.slow_ratio == self.swing_ratio)
+
     def __getitem__(self, index: Any) -> "Clock":
         """The same of some of the elements, as an array is indexed."""
         return Clock(*(values[index] for values in astuple(self)))

@@ -21,6 +21,12 @@ def depth_at(robot: Robot, angle_rad: Array) -> Array:
     return np.asarray(robot.leg_radius_m * (1 + np.cos(angle_rad)) - robot.axle_height_m)
 
 
+def angle_at(robot: Robot, depth: Array) -> Array:
+    """Angle [rad] of the leg's centre, 0 to π, at which it is that deep: what ``depth_at`` turns back."""
+    above: Array = (depth + robot.axle_height_m - robot.leg_radius_m) / robot.leg_radius_m
+    return np.arccos(np.clip(above, -1.0, 1.0))
+
+
 def chord(robot: Robot, depth: Array) -> Array:
     """Step length s = 2√(R² - (d + h - R)²) [m] (Li09); 2R where the leg holds above its centre, 0 at 2R - h."""
     above = np.maximum(depth + robot.axle_height_m - robot.leg_radius_m, 0.0)

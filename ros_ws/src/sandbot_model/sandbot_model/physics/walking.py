@@ -237,7 +237,7 @@ class Walker:
         grid = depth_grid(self.robot)
         if not any(effect.clocked for effect in self.effects):
             return grid
-        jumps = np.unique(self.slow_begin_m(clock)[clock.swing_ratio != clock.slow_ratio])
+        jumps = np.unique(self.slow_begin_m(clock)[~clock.one_rate])
         beyond = np.minimum(jumps[:, None] + BEYOND_A_JUMP_M, grid[-1])
         return np.unique(np.concatenate([grid, jumps - JUMP_M, beyond.ravel()]))
 

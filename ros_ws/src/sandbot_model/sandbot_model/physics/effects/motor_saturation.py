@@ -42,7 +42,8 @@ class MotorSaturation(Effect):
         """Set what the formula says."""
         slow, swing = chain.slow_phase_ratio, chain.swing_ratio
         slow_lag, swing_lag = (np.sqrt(1 + (ratio * chain.omega / p["omega_s_rad_s"]) ** 2) for ratio in (slow, swing))
-        period = duty(slow, swing) * slow_lag + (1 - duty(slow, swing)) * swing_lag
+        share = duty(slow, swing)
+        period = share * slow_lag + (1 - share) * swing_lag
         slow_change, swing_change = period / slow_lag, period / swing_lag
         chain.omega = chain.omega / period
         chain.slow_phase_ratio, chain.swing_ratio = slow * slow_change, swing * swing_change
