@@ -11,7 +11,9 @@ from sandbot_common.robot import read_robot
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.world import read_world
 from sandbot_model.data.conditions import Cells, cells_of
+from sandbot_model.discovery import effect_search
 from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.fitting.fit import Fit, fit
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.walking import BASES
@@ -61,6 +63,21 @@ def test_without_disturbed_ground_walking_does_not_end_where_it_does():
     # What the ground remembers shows in a first step, on virgin ground, beside all others.
     assert found.goodness.rmse["first_step"] > 3 * held["first_step"]
     assert found.goodness.rmse["speed"] > 1.2 * held["speed"]
+
+
+@pytest.mark.slow
+def test_a_switch_is_found_beside_the_best_wherever_the_search_began(monkeypatch):
+    """With a control: no descent from where the clock alone has come to meets it."""
+    monkeypatch.setattr(effect_search, "REFINED", 0)
+    pair = {name: EFFECTS[name] for name in ("disturbed_ground", "slow_phase_speed")}
+
+    def least() -> float:
+        (search := EffectSearch(cells(), pair, "simple")).run(2)
+        return search.fits[tuple(pair)].deviance
+
+    found = least()
+    monkeypatch.setattr(EffectSearch, "_beside_the_best", lambda *_: [])
+    assert found < least() / 2
 
 
 @pytest.mark.whole  # test_effect_search has one

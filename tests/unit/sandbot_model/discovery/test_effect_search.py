@@ -79,6 +79,7 @@ def test_sets_in_which_an_effect_stays_neutral_take_no_ones_place(monkeypatch, d
 
     monkeypatch.setattr(search, "fit", fit)
     monkeypatch.setattr(effect_search, "passes", lambda *_: False)
+    monkeypatch.setattr(search, "_beside_the_best", lambda _: [])
     monkeypatch.setattr(effect_search, "REFINED", 1)
     search._try("pairs", list(near))
     assert ("pairs, closer", [("base", closer)]) in asked
@@ -97,6 +98,7 @@ def test_what_fits_worse_than_its_part_is_searched_for_only_where_nothing_fits_y
 
     monkeypatch.setattr(search, "fit", fit)
     monkeypatch.setattr(effect_search, "passes", lambda fit, _: found and fit.deviance == 90.0)
+    monkeypatch.setattr(search, "_beside_the_best", lambda _: [])
     monkeypatch.setattr(effect_search, "REFINED", 1)
     search._try("threes", list(near))
     assert asked["threes, closer", False] == [("a", "b", "c")]

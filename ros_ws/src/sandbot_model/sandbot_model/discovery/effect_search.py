@@ -230,10 +230,12 @@ class EffectSearch:
         self.fit(stage, quick, nearby=True)
         hopeful = [names for names in quick if not self._parent_passes(names)]
         hopeful.sort(key=lambda names: (self._gains_nothing(names), self.fits[names].deviance))
-        self.fit(f"{stage}, closer", hopeful[:REFINED], nearby=False)
+        # What a switch does is met by no descent from where it does nothing: beside the best it is looked for anywhere.
+        closer = list(dict.fromkeys((*hopeful[:REFINED], *self._beside_the_best(hopeful))))
+        self.fit(f"{stage}, closer", closer, nearby=False)
         if not any(passes(self.fits[names], self.criteria) for names in sets):
             # What fits worse than a part of it has not been found yet.
-            lost = [names for names in hopeful[REFINED:] if self._is_worse(names)]
+            lost = [names for names in hopeful if names not in closer and self._is_worse(names)]
             self.fit(f"{stage}, those left behind", lost, nearby=False)
 
     def _parts_again(self, size: int) -> None:
@@ -256,6 +258,12 @@ class EffectSearch:
         """The best set with one effect less that has been fitted, or the base model's fit."""
         parents = [self.fits[part] for part in parts_of(names, self.fits)]
         return min(parents, key=lambda parent: parent.deviance, default=self.fits.get(()))
+
+    def _beside_the_best(self, sets: Sequence[Names]) -> list[Names]:
+        """Those of these sets that have one effect more than the best of all their parts."""
+        parents = [parent for names in sets if (parent := self._parent(names)) is not None]
+        best = min(parents, key=lambda parent: parent.deviance, default=None)
+        return [names for names in sets if best is not None and set(best.effects) < set(names)]
 
     def _gains_nothing(self, names: Names) -> bool:
         """Whether the effect that came last stays neutral: a dozen such sets, equal to the digit, are no leaders."""

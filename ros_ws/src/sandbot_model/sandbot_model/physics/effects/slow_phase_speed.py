@@ -39,7 +39,7 @@ class SlowPhaseSpeed(Effect):
     seen_in = "W peak"
     parameters = (
         Parameter(
-            "rho", "1", 0.2, 1.6, 0.9, "largest leg rate in stance over the mean rate", neutral=1.0, hard_low=0.05
+            "rho", "1", 0.2, 2.0, 0.9, "largest leg rate in stance over the mean rate", neutral=1.0, hard_low=0.05
         ),
     )
 
