@@ -9,12 +9,14 @@ from worlds import EFFECTS
 
 from sandbot_common.robot import read_robot
 from sandbot_lab.direct import direct_trials
+from sandbot_lab.week import Week
 from sandbot_lab.world import read_world
 from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.discovery import effect_search
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.fitting.fit import Fit, fit
+from sandbot_model.fitting.profile import _profiled
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.walking import BASES
 from sandbot_record.trials.table import Row, from_rows
@@ -63,6 +65,21 @@ def test_without_disturbed_ground_walking_does_not_end_where_it_does():
     # What the ground remembers shows in a first step, on virgin ground, beside all others.
     assert found.goodness.rmse["first_step"] > 3 * held["first_step"]
     assert found.goodness.rmse["speed"] > 1.2 * held["speed"]
+
+
+@pytest.mark.slow
+def test_a_response_time_known_by_who_walks_alone_has_an_error_that_spans_the_stairs():
+    """A step is cut short, so that Δt says only which cells walk. k drifts by 1 %; a control: by curvature Δt is known
+    to less than 0.001 s, a tenth of what it is off."""
+    world = replace(read_world(CONFIG / "li09_world.yaml").walked_by(ROBOT), week=Week(k_drift=-0.01))
+    rows = direct_trials(world, PHI, OMEGA, "SGCS", 3, 1000, None, "randomised", "replicate")
+    drifted = fit(model_of("li09", (), EFFECTS, ROBOT), cells_of(from_rows([Row(**row) for row in rows], ROBOT)))
+    at = drifted.model.names.index("delta_t_s")
+    off, by_curvature = abs(drifted.point.theta[at] - TRUTH["delta_t_s"]), drifted.stderr[at]
+    profiled = _profiled(drifted.problem, drifted, [at])[at]
+    assert off > 10 * by_curvature
+    assert off < 2.5 * profiled
+    assert profiled < 0.03
 
 
 @pytest.mark.slow

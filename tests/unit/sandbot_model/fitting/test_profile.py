@@ -8,7 +8,7 @@ import pytest
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting import profile as profile_module
 from sandbot_model.fitting.fit import fit, fitted_at
-from sandbot_model.fitting.profile import _over_grid, deepest, profile, with_profiled_errors
+from sandbot_model.fitting.profile import _over_grid, _walked, deepest, profile, with_profiled_errors
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.model import model_of
@@ -67,20 +67,20 @@ def test_an_effect_of_many_parameters_is_profiled_one_by_one(drawn, monkeypatch)
     )
     model = model_of("simple", ("hump",), {"hump": formula_effect(hump)})
     unseen = fit(model, cells_of(drawn(seed=2)))
-    grids = []
-    monkeypatch.setattr(profile_module, "_over_grid", lambda *given: grids.append(given[2]) or _over_grid(*given))
+    alone = []
+    monkeypatch.setattr(profile_module, "_walked", lambda *given: alone.append(given[2]) or _walked(*given))
+    monkeypatch.setattr(profile_module, "_gone_over", None)
     own = [index for index, name in enumerate(model.names) if name.startswith("hump.")]
     assert len(own) == 4
     stderr = unseen.stderr.copy()
     stderr[own[1:]] = np.nan
     profiled = with_profiled_errors(replace(unseen, stderr=stderr))
-    assert grids
-    assert all(len(axes) == 1 for axes in grids)
+    assert set(own) <= set(alone)
     assert (profiled.stderr[own] > 0).all()
 
 
 def test_a_fit_without_stairs_stays_as_it_is(drawn):
-    smooth = fitted(drawn, "stance_overlap")
+    smooth = fitted(drawn, "motor_saturation")
     assert with_profiled_errors(smooth) is smooth
 
 

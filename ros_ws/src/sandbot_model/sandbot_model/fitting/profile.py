@@ -17,6 +17,7 @@ from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import point_at
 from sandbot_model.fitting.levenberg_marquardt import TOLERANCE, descend, put
 from sandbot_model.fitting.likelihood import Problem
+from sandbot_model.fitting.scans import look_along_bed, look_along_k, look_along_theta
 from sandbot_model.fitting.states import States, joined
 from sandbot_model.physics.arrays import Array, Ints
 from sandbot_model.physics.effect import Parameter
@@ -38,6 +39,10 @@ SHOWS = 0.5
 """Rise of the deviance that shows how far away that is; one standard error away it is 1."""
 UNLIKE = 2.0
 """Factor by which the rise of the deviance may fall short of a parabola's."""
+CLIFF = 4.0
+"""Factor by which it may exceed a parabola's."""
+PASSED = 2
+"""Places at which the deviance has risen after which no farther one is tried."""
 FALLEN, FARTHER = 9.0, 4
 """Rise of the deviance at which a profile may end, and how often its end is moved twice as far away until it has."""
 
@@ -56,7 +61,7 @@ def profile(problem: Problem, start: States, at: Sequence[int], values: Array) -
 
 def deepest(fit: Fit) -> Fit:
     """The same fit at the lowest place of its profiles: along a staircase a descent stops on any stair."""
-    for index in chain.from_iterable(_of_effects(fit)):
+    for index in chain.from_iterable(_fitted_together(fit)):
         for _ in range(MOVES):
             states = _over_grid(fit.problem, fit, _axes(fit.problem, fit, [index]), [index])
             best = states.lowest()
@@ -74,25 +79,28 @@ def with_profiled_errors(fit: Fit, problem: Problem | None = None) -> Fit:
     ``problem`` may have more in it that trials share than the fit's own.
     """
     problem = problem or fit.problem
-    for at in _of_effects(fit):
+    own, spread = fit.stderr.copy(), np.zeros(len(fit.stderr))
+    for at in _fitted_together(fit):
         if not all(_parabolic(problem, fit, index) for index in at):
-            fit = replace(fit, stderr=_profiled(problem, fit, at))
-    return fit
+            # What is held scatters over the grid alone, all else about each point of it as well.
+            own[at] = 0.0
+            spread = np.fmax(spread, _profiled(problem, fit, at))
+    return replace(fit, stderr=np.sqrt(own**2 + spread**2)) if spread.any() else fit
 
 
-def _of_effects(fit: Fit) -> list[list[int]]:
-    """For each effect with parameters, where these stand."""
-    names = fit.model.names
-    ats = [
-        [names.index(f"{one.identifier}.{parameter.name}") for parameter in one.parameters] for one in fit.model.effects
-    ]
-    return [at for at in ats if at]
+def _fitted_together(fit: Fit) -> list[list[int]]:
+    """Where the parameters of each effect stand, and Δt and v_swim by themselves where data determine them."""
+    groups: dict[str, list[int]] = {}
+    for at, name in enumerate(fit.model.names):
+        if name not in fit.model.held and ("." in name or fit.stderr[at] > 0):
+            groups.setdefault(name.partition(".")[0], []).append(at)
+    return list(groups.values())
 
 
 def _parabolic(problem: Problem, fit: Fit, index: int) -> bool:
     """Whether two standard errors away along a parameter, or as far as it may go, the deviance has risen as they say.
 
-    Where it rises faster errors are no smaller than they should be.
+    Where it rises far faster there is a cliff.
     """
     here, error = fit.point.theta[index], fit.stderr[index]
     if not error > 0:
@@ -103,13 +111,23 @@ def _parabolic(problem: Problem, fit: Fit, index: int) -> bool:
         return False
     deviance = profile(problem, _begin(problem, fit), [index], values[:, None]).deviance
     rise = (deviance[1:] - deviance[0]) / away**2
-    return bool((rise > 1 / UNLIKE).all())
+    return bool((rise > 1 / UNLIKE).all() and (rise < CLIFF).all())
 
 
 def _profiled(problem: Problem, fit: Fit, at: Sequence[int]) -> Array:
-    """Errors by the profile over some parameters; over more than a grid holds by that of each, the widest of them."""
+    """How far unknowns scatter over the profile of some parameters; of more than a grid holds, of each by itself, the
+    widest."""
     if len(at) > TOGETHER:
         return np.asarray(np.fmax.reduce([_profiled(problem, fit, [index]) for index in at]))
+    axes, states = _walked(problem, fit, at[0]) if len(at) == 1 else _gone_over(problem, fit, at)
+    volume = np.prod(np.meshgrid(*map(_widths, axes), indexing="ij"), axis=0).ravel()
+    weight = volume * np.exp(-0.5 * (states.deviance - states.deviance.min()))
+    away = np.concatenate([states.theta - fit.point.theta, states.ln_k - fit.point.ln_k], axis=1)
+    return np.asarray(np.sqrt(weight @ away**2 / weight.sum()))
+
+
+def _gone_over(problem: Problem, fit: Fit, at: Sequence[int]) -> tuple[list[Array], States]:
+    """A grid over some parameters that ends where the deviance has risen, and the profile there."""
     axes = _axes(problem, fit, at)
     states = _over_grid(problem, fit, axes, at)
     for _ in range(FARTHER):
@@ -117,13 +135,51 @@ def _profiled(problem: Problem, fit: Fit, at: Sequence[int]) -> Array:
         if all(map(np.array_equal, wider, axes)):
             break
         axes, states = wider, _over_grid(problem, fit, wider, at, states)
-    volume = np.prod(np.meshgrid(*map(_widths, axes), indexing="ij"), axis=0).ravel()
-    weight = volume * np.exp(-0.5 * (states.deviance - states.deviance.min()))
-    away = np.concatenate([states.theta - fit.point.theta, states.ln_k - fit.point.ln_k], axis=1)
-    # What is held scatters over the grid alone, all else about each point of it as well.
-    own = fit.stderr.copy()
-    own[at] = 0.0
-    return np.asarray(np.sqrt(own**2 + weight @ away**2 / weight.sum()))
+    return axes, states
+
+
+def _walked(problem: Problem, fit: Fit, index: int) -> tuple[list[Array], States]:
+    """Places along one parameter and the profile there: steps to either side, each twice as far away, until the
+    deviance has risen, each begun where the last has come to; then each again from a lower neighbour.
+
+    Where robots stop walking says how stiff ground is for a Δt, and little of either: held at another Δt every k has
+    cliffs to cross.
+    """
+    parameter, error = fit.model.parameters[index], fit.stderr[index]
+    first = 0.5 * error if 0 < error < _width(parameter) else AWAY[-1] * _width(parameter)
+    found = [_begin(problem, fit)]
+    for side in (-first, first):
+        state, beyond = found[0], 0
+        for away in side * 2.0 ** np.arange(np.ceil(np.log2(_width(parameter) / first)) + 1):
+            value = float(np.clip(fit.point.theta[index] + away, *parameter.search))
+            if value == state.theta[0, index] or beyond == PASSED:
+                break
+            state = _scanned(problem, state, index, value)
+            found.append(state)
+            beyond = beyond + 1 if _deviance(state) > min(map(_deviance, found)) + FALLEN else 0
+    found.sort(key=lambda state: float(state.theta[0, index]))
+    for at in (*range(1, len(found)), *range(len(found) - 2, -1, -1)):
+        lower = min(found[max(at - 1, 0) : at + 2], key=_deviance)
+        if lower is not found[at] and _deviance(lower) < min(map(_deviance, found)) + COUNTS:
+            again = _scanned(problem, lower, index, float(found[at].theta[0, index]))
+            found[at] = min(found[at], again, key=_deviance)
+    return [np.array([state.theta[0, index] for state in found])], joined(found)
+
+
+def _deviance(state: States) -> float:
+    return float(state.deviance[0])
+
+
+def _scanned(problem: Problem, state: States, index: int, value: float) -> States:
+    """The best fit near a state with one parameter held at another value: where it rises, after scans along all else.
+    One row."""
+    theta = state.theta.copy()
+    theta[:, index] = value
+    begin = problem.states(theta, state.ln_k, state.slope, problem.bed(state))
+    found = look_along_k(problem, descend(problem, begin, ITERATIONS, fixed=[index]))
+    if _deviance(found) > _deviance(state) + SHOWS:
+        found = look_along_bed(problem, look_along_theta(problem, found, index))
+    return descend(problem, found, ITERATIONS, fixed=[index])
 
 
 def _axes(problem: Problem, fit: Fit, at: Sequence[int]) -> list[Array]:

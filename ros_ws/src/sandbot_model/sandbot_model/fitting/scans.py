@@ -37,16 +37,16 @@ def look_along_k(problem: Problem, state: States) -> States:
     return moved if moved.deviance[0] < state.deviance[0] else state
 
 
-def look_along_theta(problem: Problem, state: States) -> States:
-    """Shift every shared parameter, with every k adjusted to it or unchanged: the deviance shows no slope where a
-    switch begins."""
+def look_along_theta(problem: Problem, state: States, fixed: int | None = None) -> States:
+    """Shift every shared parameter but one, with every k adjusted to it or unchanged: the deviance shows no slope where
+    a switch begins."""
     low, high = bounds(problem)
     response = k_response(problem, state)
     for index, (name, parameter) in enumerate(zip(problem.model.names, problem.model.parameters, strict=True)):
         reach = state.theta[0, index] if "." not in name else parameter.high - parameter.low
         here = state.theta[0, index]
         shifted = np.unique(np.clip(here + REACHES * reach, low[index], high[index]))
-        shifted = shifted[shifted != here]
+        shifted = shifted[(shifted != here) & (index != fixed)]
         theta = np.repeat(state.theta, len(shifted), axis=0)
         theta[:, index] = shifted
         moves = (shifted - here)[:, None]
