@@ -12,7 +12,7 @@ from sandbot_lab.direct import direct_trials
 from sandbot_lab.week import Week
 from sandbot_lab.world import read_world
 from sandbot_model.data.conditions import Cells, cells_of
-from sandbot_model.discovery import effect_search
+from sandbot_model.discovery import effect_search, sharing
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.fitting.fit import Fit, fit
@@ -80,6 +80,23 @@ def test_a_response_time_known_by_who_walks_alone_has_an_error_that_spans_the_st
     assert off > 10 * by_curvature
     assert off < 2.5 * profiled
     assert profiled < 0.03
+
+
+@pytest.mark.whole
+def test_a_strong_week_in_the_papers_world_is_no_effect(monkeypatch):
+    """With a control: from where the model without offsets comes to, no offset leads back to the right valley."""
+    week = Week(k_batch_sd=0.01, k_drift=-0.03, lift_zero_m=-1e-3, speed_scale=0.01)
+    world = replace(read_world(CONFIG / "li09_world.yaml").walked_by(ROBOT), week=week)
+    rows = direct_trials(world, PHI, OMEGA, "SGCS", 3, 1000, None, "randomised", "omega")
+    of = cells_of(from_rows([Row(**row) for row in rows], ROBOT))
+    base = {name: EFFECTS[name] for name in BASES["li09"]}
+
+    def status() -> str:
+        return discover(of, base, base="li09", max_effects=0).verdict.status
+
+    assert status() == "adequate"
+    monkeypatch.setattr(sharing, "_on_rough_ground", lambda search: search.fits[()])
+    assert status() == "unexplained"
 
 
 @pytest.mark.slow

@@ -64,6 +64,8 @@ class EffectSearch:
         """Single effects under other conventions, once they have been tried (``conventions``)."""
         self.beside: dict[tuple[object, ...], Fit] = {}
         """Sets beside what trials share, by how far the bed scatters and the fits they began at (``sharing``)."""
+        self.rough: Fit | None = None
+        """The base model on ground that scatters between conditions, once that was looked for (``sharing``)."""
         self.formulas: dict[Fit, SuggestedFormula] = {}
         """What repairs most of what a fit misses, once it was looked for (``formula_search``)."""
         inherent = {effect.identifier for effect in self.model(()).walker.effects}

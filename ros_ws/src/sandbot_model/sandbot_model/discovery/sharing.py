@@ -7,7 +7,7 @@ with φ, ω or run order do not count as scatter. What the verdict names is repo
 standard errors hold them all.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -30,6 +30,8 @@ PASSES = 2
 """How often a set is fitted: again with how well its offsets are known."""
 GAINED = 0.5
 """Fall of the deviance that makes a fit better than another."""
+ROUGH = 1.5
+"""Scatter of a bed that is taken for rough, over its prior."""
 OWN = 2
 """Unknowns that take up offsets of batches: their mean by k, a trend over ω by Δt."""
 FAR_OFF = 4.0
@@ -241,17 +243,18 @@ def _leading(search: EffectSearch, plain: Verdict, most: int) -> list[Names]:
 
 def _refitted(search: EffectSearch, sets: Sequence[Names], apart: BatchSd) -> dict[Names, Fit]:
     """Sets fitted before, with nuisances; those that began at the same fits before are not fitted again."""
-    begun = {names: (apart, *_origins(search, names)) for names in sets}
+    rough = (_on_rough_ground(search),) if apart[BATCH] else ()
+    begun = {names: (apart, *_origins(search, names), *rough) for names in sets}
     new = [names for names in begun if begun[names] not in search.beside]
-    for names, fit in zip(new, _settled(search, new, apart), strict=True):
+    for names, fit in zip(new, _settled(search, {names: begun[names][1:] for names in new}, apart), strict=True):
         search.beside[begun[names]] = fit
     return {names: search.beside[start] for names, start in begun.items()}
 
 
-def _settled(search: EffectSearch, sets: Sequence[Names], apart: BatchSd) -> list[Fit]:
-    """The same sets where they come to beside nuisances, never above where they were."""
-    fits = [search.fits[names] for names in sets]
-    origins = [tuple(fit.warm_start for fit in _origins(search, names)) for names in sets]
+def _settled(search: EffectSearch, begun: Mapping[Names, tuple[Fit, ...]], apart: BatchSd) -> list[Fit]:
+    """The same sets where they come to beside nuisances from these fits, never above where they were."""
+    fits = [search.fits[names] for names in begun]
+    origins = [tuple(fit.warm_start for fit in some) for some in begun.values()]
     for again in range(PASSES):
         own = [shared_by(fit, search.criteria, apart) for fit in fits]
         starts = [fit.point for fit in fits] if again else origins
@@ -267,6 +270,21 @@ def _origins(search: EffectSearch, names: Names) -> tuple[Fit, ...]:
     """A set's fit, and that of the best with one effect less: with nuisances the effect may have nothing left to do."""
     smaller = [search.fits[part] for part in parts_of(names, search.fits)]
     return (search.fits[names], *sorted(smaller, key=lambda part: part.deviance)[:1])
+
+
+def _on_rough_ground(search: EffectSearch) -> Fit:
+    """The base model where a search of everywhere comes to if replicates of a condition share what k is off by.
+
+    Without that, conditions that walk or swim for what their batch is off by pull k and Δt into other valleys, from
+    which no offset leads back.
+    """
+    if search.rough is None:
+        plain = search.fits[()]
+        alike = shared_by(plain, search.criteria)
+        own = replace(alike, ln_k_sd=np.full(len(plain.cells), ROUGH * search.criteria.bed_scatter))
+        point = solve_beside((plain.model, plain.cells, None, own))
+        search.rough = fitted_at(plain.model, plain.cells, point, own)
+    return search.rough
 
 
 def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, apart: BatchSd, criteria: Criteria) -> Verdict:

@@ -43,6 +43,8 @@ CLIFF = 4.0
 """Factor by which it may exceed a parabola's."""
 PASSED = 2
 """Places at which the deviance has risen after which no farther one is tried."""
+LOOKED_OVER = 1 / 64
+"""Share of a plausible range that is looked over all the same: beyond a cliff it may be as low again."""
 FALLEN, FARTHER = 9.0, 4
 """Rise of the deviance at which a profile may end, and how often its end is moved twice as far away until it has."""
 
@@ -152,7 +154,7 @@ def _walked(problem: Problem, fit: Fit, index: int) -> tuple[list[Array], States
         state, beyond = found[0], 0
         for away in side * 2.0 ** np.arange(np.ceil(np.log2(_width(parameter) / first)) + 1):
             value = float(np.clip(fit.point.theta[index] + away, *parameter.search))
-            if value == state.theta[0, index] or beyond == PASSED:
+            if value == state.theta[0, index] or (beyond >= PASSED and abs(away) > LOOKED_OVER * _width(parameter)):
                 break
             state = _scanned(problem, state, index, value)
             found.append(state)
