@@ -8,7 +8,8 @@ import pytest
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting import profile as profile_module
 from sandbot_model.fitting.fit import fit, fitted_at
-from sandbot_model.fitting.profile import _over_grid, _walked, deepest, profile, with_profiled_errors
+from sandbot_model.fitting.profile import _over_grid, deepest, profile, with_profiled_errors
+from sandbot_model.fitting.walked import walked
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.model import model_of
@@ -68,7 +69,7 @@ def test_an_effect_of_many_parameters_is_profiled_one_by_one(drawn, monkeypatch)
     model = model_of("simple", ("hump",), {"hump": formula_effect(hump)})
     unseen = fit(model, cells_of(drawn(seed=2)))
     alone = []
-    monkeypatch.setattr(profile_module, "_walked", lambda *given: alone.append(given[2]) or _walked(*given))
+    monkeypatch.setattr(profile_module, "walked", lambda *given: alone.append(given[2]) or walked(*given))
     monkeypatch.setattr(profile_module, "_gone_over", None)
     own = [index for index, name in enumerate(model.names) if name.startswith("hump.")]
     assert len(own) == 4

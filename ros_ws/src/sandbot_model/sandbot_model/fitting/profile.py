@@ -1,9 +1,9 @@
 """Profile likelihood: the deviance at given values of some parameters, everything else fitted again at each.
 
 A threshold between two conditions acts alike wherever it is: the deviance is a staircase, a derivative along it knows
-no error or a wrong one, and so it is with other parameters, which jump with it. Where the profile along a parameter of
-an effect is no parabola, or a bound is near, errors are taken from the profile over the parameters of the effect: the
-rms distance from the fit, each point with weight exp(-ΔD/2) under a flat prior.
+no error or a wrong one, and so it is with other parameters, which jump with it. Where the profile along a parameter is
+no parabola, or a bound is near, errors are taken from the profile over it and all others of its effect: the rms
+distance from the fit, each point with weight exp(-ΔD/2) under a flat prior.
 """
 
 from collections.abc import Sequence
@@ -17,36 +17,29 @@ from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import point_at
 from sandbot_model.fitting.levenberg_marquardt import TOLERANCE, descend, put
 from sandbot_model.fitting.likelihood import Problem
-from sandbot_model.fitting.scans import look_along_bed, look_along_k, look_along_theta
 from sandbot_model.fitting.states import States, joined
+from sandbot_model.fitting.walked import COUNTS, FALLEN, ITERATIONS, SHOWS, walked
 from sandbot_model.physics.arrays import Array, Ints
 from sandbot_model.physics.effect import Parameter
 
-ITERATIONS = 8
 MOVES = 4
 """How often a fit moves on to the lowest place of its profile."""
 GAINED = 0.1
 """What that must lower the deviance by."""
 SWEEPS = 4
 """How often a grid is gone over from neighbour to neighbour."""
-COUNTS, NEAR = 25.0, 5.0
-"""Rise of the deviance above the least up to which a place counts, and above a place's own up to which it is tried."""
+NEAR = 5.0
+"""Rise of the deviance above a place's own up to which what its neighbour has is tried."""
 AWAY = 0.25 * 2.0 ** -np.arange(8)
 """How far from the fit, in plausible ranges to either side, a parameter without a standard error is held."""
 SIGMAS = np.array([0.5, 1.0, 2.0, 4.0, 8.0])
 """How far one with a standard error is, in those; one that is as large as its plausible range says nothing."""
-SHOWS = 0.5
-"""Rise of the deviance that shows how far away that is; one standard error away it is 1."""
 UNLIKE = 2.0
 """Factor by which the rise of the deviance may fall short of a parabola's."""
 CLIFF = 4.0
 """Factor by which it may exceed a parabola's."""
-PASSED = 2
-"""Places at which the deviance has risen after which no farther one is tried."""
-LOOKED_OVER = 1 / 64
-"""Share of a plausible range that is looked over all the same: beyond a cliff it may be as low again."""
-FALLEN, FARTHER = 9.0, 4
-"""Rise of the deviance at which a profile may end, and how often its end is moved twice as far away until it has."""
+FARTHER = 4
+"""How often the end of a grid is moved twice as far away until the deviance has risen there."""
 
 TOGETHER = 3
 """Parameters of one effect that share a grid, at most: four, with up to 19 values each, have 10⁵ points and 9 GB."""
@@ -121,7 +114,11 @@ def _profiled(problem: Problem, fit: Fit, at: Sequence[int]) -> Array:
     widest."""
     if len(at) > TOGETHER:
         return np.asarray(np.fmax.reduce([_profiled(problem, fit, [index]) for index in at]))
-    axes, states = _walked(problem, fit, at[0]) if len(at) == 1 else _gone_over(problem, fit, at)
+    if len(at) == 1:
+        states = walked(problem, _begin(problem, fit), at[0], fit.stderr[at[0]])
+        axes = [states.theta[:, at[0]]]
+    else:
+        axes, states = _gone_over(problem, fit, at)
     volume = np.prod(np.meshgrid(*map(_widths, axes), indexing="ij"), axis=0).ravel()
     weight = volume * np.exp(-0.5 * (states.deviance - states.deviance.min()))
     away = np.concatenate([states.theta - fit.point.theta, states.ln_k - fit.point.ln_k], axis=1)
@@ -138,50 +135,6 @@ def _gone_over(problem: Problem, fit: Fit, at: Sequence[int]) -> tuple[list[Arra
             break
         axes, states = wider, _over_grid(problem, fit, wider, at, states)
     return axes, states
-
-
-def _walked(problem: Problem, fit: Fit, index: int) -> tuple[list[Array], States]:
-    """Places along one parameter and the profile there: steps to either side, each twice as far away, until the
-    deviance has risen, each begun where the last has come to; then each again from a lower neighbour.
-
-    Where robots stop walking says how stiff ground is for a Δt, and little of either: held at another Δt every k has
-    cliffs to cross.
-    """
-    parameter, error = fit.model.parameters[index], fit.stderr[index]
-    first = 0.5 * error if 0 < error < _width(parameter) else AWAY[-1] * _width(parameter)
-    found = [_begin(problem, fit)]
-    for side in (-first, first):
-        state, beyond = found[0], 0
-        for away in side * 2.0 ** np.arange(np.ceil(np.log2(_width(parameter) / first)) + 1):
-            value = float(np.clip(fit.point.theta[index] + away, *parameter.search))
-            if value == state.theta[0, index] or (beyond >= PASSED and abs(away) > LOOKED_OVER * _width(parameter)):
-                break
-            state = _scanned(problem, state, index, value)
-            found.append(state)
-            beyond = beyond + 1 if _deviance(state) > min(map(_deviance, found)) + FALLEN else 0
-    found.sort(key=lambda state: float(state.theta[0, index]))
-    for at in (*range(1, len(found)), *range(len(found) - 2, -1, -1)):
-        lower = min(found[max(at - 1, 0) : at + 2], key=_deviance)
-        if lower is not found[at] and _deviance(lower) < min(map(_deviance, found)) + COUNTS:
-            again = _scanned(problem, lower, index, float(found[at].theta[0, index]))
-            found[at] = min(found[at], again, key=_deviance)
-    return [np.array([state.theta[0, index] for state in found])], joined(found)
-
-
-def _deviance(state: States) -> float:
-    return float(state.deviance[0])
-
-
-def _scanned(problem: Problem, state: States, index: int, value: float) -> States:
-    """The best fit near a state with one parameter held at another value: where it rises, after scans along all else.
-    One row."""
-    theta = state.theta.copy()
-    theta[:, index] = value
-    begin = problem.states(theta, state.ln_k, state.slope, problem.bed(state))
-    found = look_along_k(problem, descend(problem, begin, ITERATIONS, fixed=[index]))
-    if _deviance(found) > _deviance(state) + SHOWS:
-        found = look_along_bed(problem, look_along_theta(problem, found, index))
-    return descend(problem, found, ITERATIONS, fixed=[index])
 
 
 def _axes(problem: Problem, fit: Fit, at: Sequence[int]) -> list[Array]:
