@@ -5,6 +5,7 @@ import sys
 import time
 
 import pytest
+from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from sandbot_common import node, topics
@@ -48,3 +49,34 @@ def test_legs_stop_with_their_recorder(service, kind, request_, said, tmp_path, 
     (aside,) = (tmp_path / "live" / "trials" / ".partial").iterdir()
     assert Bag.open(aside).provenance["trial"]["exit_status"] != "ok"
     assert not list((tmp_path / "live" / "trials").glob("phi*"))
+
+
+DEAF = """
+import sys
+from types import SimpleNamespace
+from sandbot_bringup import campaign_node, recorder_process
+from sandbot_bringup.tools.campaign import main
+from sandbot_common.topics import Topic
+
+campaign_node.DISCOVERY_S = 5.0
+recorder_process.topics = SimpleNamespace(ALL=(Topic("/nobody", "std_msgs/msg/String"),))
+raise SystemExit(main(sys.argv[1:]))
+"""
+"""A campaign whose recorder listens to a topic on which nobody speaks."""
+
+
+@pytest.mark.whole
+def test_nobody_walks_for_a_recorder_that_hears_nobody(tmp_path, start, plan_of_one, beside):
+    stages = []
+    node.subscription(
+        beside.node, topics.CAMPAIGN_STATUS, lambda status: stages.append(json.loads(status.data)["stage"])
+    )
+    beside.node.create_publisher(String, "/nobody", 1)
+    for module in NODES:
+        start(sys.executable, "-c", f"from {module} import main; raise SystemExit(main())")
+    plan = plan_of_one(min_duration_s=WALK_S, standing_s=0.5)
+    live = start(sys.executable, "-c", DEAF, plan, "--silence", "5", "--out", tmp_path / "live")
+    beside.until(lambda: live.ended, 120.0)
+    live.until(lambda line: "failed: the recorder hears nobody" in line)
+    assert "standing" in stages
+    assert "walking" not in stages

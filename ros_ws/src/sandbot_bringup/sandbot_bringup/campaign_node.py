@@ -165,6 +165,7 @@ class Operator(Node):
                 self._orders.film()
             self.desk.enter("standing")
             self._wait(lambda: False, self._plan.standing_s)
+            self._await_first_record()
             self.desk.enter("walking")
             self._walk(trial)
             ended = OK
@@ -222,6 +223,11 @@ class Operator(Node):
         # Only now: a bag begins with the state of its own trial.
         told = trial_message(self._plan.of(trial), trial, self._robot, time.time_ns(), self._bed)
         self._trial.publish(messages.string(told))
+
+    def _await_first_record(self) -> None:
+        """One that took the place of another that was killed is heard, now and then, and hears nobody itself."""
+        if not self._wait(lambda: self._hearing.recorded > 0, DISCOVERY_S):
+            raise TrialFailed("the recorder hears nobody, so that nobody walks; the next trial has another one")
 
     def _end_recording(self, recorder: RecorderProcess, ended: str) -> None:
         recorder.tell(ended)

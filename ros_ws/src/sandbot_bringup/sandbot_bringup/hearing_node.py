@@ -94,6 +94,11 @@ class Hearing:
         self.told.pop(RECORDER, None)
         self.watch()
 
+    @property
+    def recorded(self) -> int:
+        """Messages that the recorder says it has written."""
+        return int(self.told.get(RECORDER, Told()).values.get("written", "0"))
+
     def require_recorder(self) -> None:
         """It has been heard, and is vital from now on."""
         self._vital.append(Sign(RECORDER, LOOP, self._silence_s))
