@@ -44,7 +44,7 @@ def test_mean_speed_cannot_see_the_slow_phase_and_its_peak_can():
 )
 def test_trials_cannot_see_the_law_of_force_and_a_penetrometer_can(name):
     world = BY_NAME[name]
-    trials = world.trials(21)
+    trials = world.trials(21, FEW)
     found = discover(cells_of(trials), EFFECTS, max_effects=1)
     assert found.verdict.status == "adequate"
     assert set(world.truth) <= set(found.unseen)
