@@ -146,13 +146,12 @@ def analyse(case: Case, own: bool = False) -> dict[str, Any]:
     )
     effects = {name: effect for name, effect in catalogue().items() if not own or name in TRUTHS[case.truth]}
     found = discover(cells_of(from_rows([Row(**row) for row in rows])), effects, max_effects=1 if own else 2)
-    verdict = found.verdict
-    return {**dataclasses.asdict(case), "outcome": outcome(case.truth, verdict), "z": standardised(case, found)}
+    said = outcome(frozenset(TRUTHS[case.truth]), found.verdict)
+    return {**dataclasses.asdict(case), "outcome": said, "z": standardised(case, found)}
 
 
-def outcome(truth: str, verdict: Any) -> str:
-    """A column of the table: a verdict whose named sets do not hold the truth is a false claim."""
-    hidden = frozenset(TRUTHS[truth])
+def outcome(hidden: frozenset[str], verdict: Any) -> str:
+    """A column of the table: a verdict whose named sets do not hold what is hidden is a false claim."""
     named = [frozenset(one) for one in verdict.alternatives] or [frozenset(verdict.effects)]
     if verdict.status in ("identified", "partial", "ambiguous") and hidden not in named:
         return "false claim"
@@ -175,15 +174,15 @@ def standardised(case: Case, found: Any) -> dict[str, float]:
     }
     for index, (phi, k, error) in enumerate(zip(step.level_phi, step.k_n_per_m, step.k_stderr_n_per_m, strict=True)):
         if np.isfinite(error) and error > 0:
-            z[f"k[{index}]"] = (k - _usual_k(case, float(phi))) / error
+            z[f"k[{index}]"] = (k - usual_k(case.world, float(phi))) / error
     return {name: float(value) for name, value in z.items()}
 
 
-def _usual_k(case: Case, phi: float) -> float:
+def usual_k(world: World, phi: float) -> float:
     """k over the campaign as a whole, at the φ that was read: drift and jumps move it from where it began."""
-    week = case.world.week
+    week = world.week
     jumps = sum(1.0 - place for place in week.k_jumps_at) * math.log1p(week.k_jump)
-    return case.world.stiffness_n_per_m(phi - week.phi_zero) * math.exp(0.5 * math.log1p(week.k_drift) + jumps)
+    return world.stiffness_n_per_m(phi - week.phi_zero) * math.exp(0.5 * math.log1p(week.k_drift) + jumps)
 
 
 def report(results: Sequence[Mapping[str, Any]]) -> str:
@@ -193,7 +192,7 @@ def report(results: Sequence[Mapping[str, Any]]) -> str:
     for key in sorted(set(map(_row, results)), key=_place):
         some = [one for one in results if _row(one) == key]
         counts = Counter(one["outcome"] for one in some)
-        shares = [_covered(some, kind) for kind in ("delta_t_s", "k[", ".")]
+        shares = [covered(some, kind) for kind in ("delta_t_s", "k[", ".")]
         lines.append(f"| {' | '.join([*key, str(len(some)), *(str(counts[one]) for one in STATUSES), *shares])} |")
     return "\n".join(lines) + "\n"
 
@@ -218,7 +217,7 @@ def _together(results: Sequence[Mapping[str, Any]]) -> str:
     parts |= {order: [one for one in results if one["order"] == order] for order in ORDERS}
     lines = ["| | Δt | k | effect |", "|---|---|---|---|"]
     for name, some in parts.items():
-        shares = [_covered(some, kind) for kind in ("delta_t_s", "k[", ".")]
+        shares = [covered(some, kind) for kind in ("delta_t_s", "k[", ".")]
         lines.append(f"| {name} | {' | '.join(shares)} |")
     return "\n".join(lines)
 
@@ -250,7 +249,8 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join([*lines, "", f"Not as they should be: {wrong or 'none'}."])
 
 
-def _covered(some: Sequence[Mapping[str, Any]], kind: str) -> str:
+def covered(some: Sequence[Mapping[str, Any]], kind: str) -> str:
+    """Shares of z within 1 and 2, of all names with ``kind`` in them."""
     z = np.abs([value for one in some for name, value in one["z"].items() if kind in name])
     return f"{np.mean(z < 1):.2f}/{np.mean(z < 2):.2f}" if len(z) else "–"
 

@@ -8,7 +8,6 @@ and the last step disturbs the ground: Δt shows in little but which conditions 
 
 import argparse
 import dataclasses
-import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -97,26 +96,16 @@ def analyse(case: Case) -> dict[str, Any]:
     rows = direct_trials(world, PHI, OMEGA, "SGCS", 3, 1000 + case.seed, None, "randomised", batches)
     base = "simple" if case.hidden == THREE else "li09"
     found = discover(cells_of(from_rows([Row(**row) for row in rows], robot)), catalogue(), base=base)
-    said = outcome(case.truth, found.verdict)
+    said = nuisance.outcome(case.truth, found.verdict)
     right = said in ("named", "adequate") and set(found.verdict.effects) == case.truth
     return {**dataclasses.asdict(case), "outcome": said, "z": standardised(world, found.fit) if right else {}}
 
 
-def outcome(truth: frozenset[str], verdict: Any) -> str:
-    """A column of the table: a verdict whose named sets do not hold the truth is a false claim."""
-    named = [frozenset(one) for one in verdict.alternatives] or [frozenset(verdict.effects)]
-    if verdict.status in ("identified", "partial", "ambiguous") and truth not in named:
-        return "false claim"
-    return "named" if verdict.status == "identified" else str(verdict.status)
-
-
 def standardised(world: World, fit: Any) -> dict[str, float]:
-    """(estimate - truth)/σ of the parameters in ``TRUE`` and of each k, over the campaign as a whole."""
+    """(estimate - truth)/σ of the parameters in ``TRUE`` and of each k."""
     found = {name: fit.parameters[name] for name in TRUE}
     z = {name: (one.value - TRUE[name]) / one.stderr for name, one in found.items() if one.stderr > 0}
-    week = world.week
-    grown = 0.5 * math.log1p(week.k_drift) + sum(1.0 - at for at in week.k_jumps_at) * math.log1p(week.k_jump)
-    true = np.array([world.stiffness_n_per_m(phi - week.phi_zero) for phi in fit.level_phi]) * math.exp(grown)
+    true = np.array([nuisance.usual_k(world, float(phi)) for phi in fit.level_phi])
     z |= {f"k[{at}]": one for at, one in enumerate((fit.k_n_per_m - true) / fit.k_stderr_n_per_m) if np.isfinite(one)}
     return {name: float(one) for name, one in z.items()}
 
@@ -138,16 +127,11 @@ def _place(one: Mapping[str, Any]) -> tuple[int, int]:
 def _line(row: tuple[str, str], some: Sequence[Mapping[str, Any]]) -> str:
     counts = Counter(one["outcome"] for one in some)
     cells = [*row, len(some), sum(map(_right, some)), *(counts[one] for one in STATUSES)]
-    return f"| {' | '.join(map(str, [*cells, *(_covered(some, kind) for kind in ('delta_t_s', 'k[', '.'))]))} |"
+    return f"| {' | '.join(map(str, [*cells, *(nuisance.covered(some, kind) for kind in ('delta_t_s', 'k[', '.'))]))} |"
 
 
 def _right(one: Mapping[str, Any]) -> bool:
     return bool(one["outcome"] == ("adequate" if one["hidden"] == "nothing" else "named"))
-
-
-def _covered(some: Sequence[Mapping[str, Any]], kind: str) -> str:
-    z = np.abs([value for one in some for name, value in one["z"].items() if kind in name])
-    return f"{np.mean(z < 1):.2f}/{np.mean(z < 2):.2f}" if len(z) else "–"
 
 
 def document(results: Sequence[Mapping[str, Any]]) -> str:

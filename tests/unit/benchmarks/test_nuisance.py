@@ -24,7 +24,7 @@ import nuisance
 )
 def test_a_verdict_falls_in_its_column(truth, status, sets, said):
     verdict = SimpleNamespace(status=status, alternatives=sets, effects=sets[0] if sets else [])
-    assert nuisance.outcome(truth, verdict) == said
+    assert nuisance.outcome(frozenset(nuisance.TRUTHS[truth]), verdict) == said
     assert said in nuisance.STATUSES
 
 

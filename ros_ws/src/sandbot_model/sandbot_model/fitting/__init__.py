@@ -7,7 +7,7 @@ likelihood      predictions and deviance of a model; states: at many points at o
   nuisances     what trials share
   points        where a chain is evaluated; operations, kernels: how, compiled
 goodness        tests against pure error; leave_one_out, diagnose: out of sample, stage by stage
-uncertainty     how precise; profile, bootstrap: by refits
+uncertainty     how precise; profile, bootstrap: by refits; walked: a profile across cliffs
 finite          whether a user's effect gives numbers at all
 parallel        many fits at once
 text, plain     results for people, and for JSON
