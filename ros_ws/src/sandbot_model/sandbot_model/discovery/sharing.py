@@ -23,6 +23,7 @@ from sandbot_model.discovery.structure import at_random
 from sandbot_model.discovery.verdict import Verdict, claim, judge, overdispersion, parts_of, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import far_above, solve_beside, solve_near, solve_on
+from sandbot_model.fitting.profile import lowest_along
 
 LEADING = 6
 """Larger sets that are tried again, the best."""
@@ -225,7 +226,10 @@ def _smaller_from(fits: dict[Names, Fit], names: Names, criteria: Criteria, apar
         before = fits[part]
         own = replace(shared_by(before, criteria, apart), about=larger.nuisances.about)
         point = solve_near((before.model, before.cells, (larger.warm_start,), own))
-        better = fitted_at(before.model, before.cells, point, own)
+        better = min(before, fitted_at(before.model, before.cells, point, own), key=lambda fit: fit.deviance)
+        if before.model.walker.remembers and better.deviance < far_above(larger.deviance):
+            # Its deviance is a bumpy plain: what an effect gains may be no more than another bump.
+            better = lowest_along(better)
         if better.deviance < before.deviance - GAINED:
             found[part] = better
     return found

@@ -67,6 +67,16 @@ def deepest(fit: Fit) -> Fit:
     return fit
 
 
+def lowest_along(fit: Fit) -> Fit:
+    """The same fit at the lowest place of walks along each of its parameters."""
+    for index in chain.from_iterable(_fitted_together(fit)):
+        best = walked(fit.problem, _begin(fit.problem, fit), index, fit.stderr[index]).lowest()
+        if best.deviance[0] < fit.deviance - GAINED:
+            end = descend(fit.problem, best)
+            fit = fitted_at(fit.model, fit.cells, point_at(fit.problem, end), fit.nuisances)
+    return fit
+
+
 @lru_cache(maxsize=32)
 def with_profiled_errors(fit: Fit, problem: Problem | None = None) -> Fit:
     """The same fit; where the deviance along a parameter of an effect is no parabola, errors are those of a profile.
