@@ -2,14 +2,17 @@
 
 import dataclasses
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
 from multiprocessing import get_context
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
+
+from _figures import Figure
 
 
 def collect(
@@ -31,3 +34,32 @@ def collect(
             out.write(json.dumps(known[-1]) + "\n")
             out.flush()
     return [one for one in known if key(one) in asked]
+
+
+@dataclass
+class Matrix:
+    """What `make bench` asks of a matrix of campaigns: ``sample``, and ``main`` with its ``figures`` afterwards."""
+
+    analyse: Callable[[Any], dict[str, Any]]
+    sampled: Callable[[], Sequence[Any]]
+    """The cases of a sample."""
+    wanted: Callable[[], Sequence[Any]]
+    """Those that `make bench` has time for."""
+    out: Path
+    document: Callable[[Sequence[Mapping[str, Any]]], str]
+    figures_of: Callable[[Sequence[Mapping[str, Any]]], list[Figure]]
+    _results: list[dict[str, Any]] = field(default_factory=list)
+
+    def sample(self) -> list[Figure]:
+        """The figures of a sample."""
+        with ProcessPoolExecutor() as pool:
+            return self.figures_of(list(pool.map(self.analyse, self.sampled())))
+
+    def main(self) -> str:
+        """Run what is missing; the report, in Markdown."""
+        self._results = collect(self.analyse, self.wanted(), self.out)
+        return self.document(self._results)
+
+    def figures(self) -> list[Figure]:
+        """Those of the last ``main``."""
+        return self.figures_of(self._results)

@@ -12,7 +12,6 @@ import math
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from _figures import Figure, share
-from _matrix import collect
+from _matrix import Matrix, collect
 from hidden import NULL, WORLDS, Hidden
 from nuisance import DRAWN, NUISANCES, ORDERS, drawn
 from sandbot_lab.direct import direct_trials
@@ -212,24 +211,6 @@ def cases(campaigns: int, first: int = 0) -> list[Case]:
     return [Case(number, names[number % len(names)]) for number in range(first, first + campaigns)]
 
 
-def sample() -> list[Figure]:
-    """The first few."""
-    with ProcessPoolExecutor() as pool:
-        return _figures_of(list(pool.map(analyse, cases(SAMPLE))))
-
-
-def main() -> str:
-    """Half an hour of two cores, and more where it is resumed."""
-    results = collect(analyse, cases(CAMPAIGNS), OUT)
-    _found[:] = _figures_of(results)
-    return document(results)
-
-
-def figures() -> list[Figure]:
-    """Those of the last ``main``."""
-    return _found
-
-
 def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
     nothing = [one["outcome"] == "false claim" for one in results if one["kind"] == "null"]
     false = [one["outcome"] == "false claim" for one in results if one["kind"] not in ("null", "outside")]
@@ -242,7 +223,8 @@ def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
     ]
 
 
-_found: list[Figure] = []
+_matrix = Matrix(analyse, lambda: cases(SAMPLE), lambda: cases(CAMPAIGNS), OUT, document, _figures_of)
+sample, main, figures = _matrix.sample, _matrix.main, _matrix.figures
 
 
 def command() -> None:

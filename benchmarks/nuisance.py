@@ -12,7 +12,6 @@ import dataclasses
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from _figures import Figure, share
-from _matrix import collect
+from _matrix import Matrix, collect
 from hidden import OMEGA, PHI
 from sandbot_common.accuracy import Accuracy
 from sandbot_lab.direct import direct_trials
@@ -167,14 +166,19 @@ def standardised(case: Case, found: Any) -> dict[str, float]:
         return {}
     true = {"delta_t_s": case.world.delta_t_s}
     true |= {f"{name}.{key}": value for name, keys in TRUTHS[case.truth].items() for key, value in keys.items()}
+    return off_by(step, true, case.world)
+
+
+def off_by(fit: Any, true: Mapping[str, float], world: World) -> dict[str, float]:
+    """(estimate - truth)/σ of the parameters that are ``true`` by their names, and of each k; where there is a σ."""
     z = {
         name: (one.value - true[name]) / one.stderr
-        for name, one in step.parameters.items()
+        for name, one in fit.parameters.items()
         if name in true and np.isfinite(one.stderr) and one.stderr > 0
     }
-    for index, (phi, k, error) in enumerate(zip(step.level_phi, step.k_n_per_m, step.k_stderr_n_per_m, strict=True)):
+    for index, (phi, k, error) in enumerate(zip(fit.level_phi, fit.k_n_per_m, fit.k_stderr_n_per_m, strict=True)):
         if np.isfinite(error) and error > 0:
-            z[f"k[{index}]"] = (k - usual_k(case.world, float(phi))) / error
+            z[f"k[{index}]"] = (k - usual_k(world, float(phi))) / error
     return {name: float(value) for name, value in z.items()}
 
 
@@ -255,24 +259,6 @@ def covered(some: Sequence[Mapping[str, Any]], kind: str) -> str:
     return f"{np.mean(z < 1):.2f}/{np.mean(z < 2):.2f}" if len(z) else "–"
 
 
-def sample() -> list[Figure]:
-    """Every so many of one seed."""
-    with ProcessPoolExecutor() as pool:
-        return _figures_of(list(pool.map(analyse, list(cases(1))[::EVERY])))
-
-
-def main() -> str:
-    """A first part of the matrix; the report, in Markdown."""
-    results = collect(analyse, list(cases(QUICK_SEEDS)), OUT)
-    _found[:] = _figures_of(results)
-    return document(results)
-
-
-def figures() -> list[Figure]:
-    """Those of the last ``main``."""
-    return _found
-
-
 def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
     right = [one["outcome"] == ("named" if TRUTHS[one["truth"]] else "adequate") for one in results]
     false = [one["outcome"] == "false claim" for one in results]
@@ -282,7 +268,8 @@ def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
     ]
 
 
-_found: list[Figure] = []
+_matrix = Matrix(analyse, lambda: list(cases(1))[::EVERY], lambda: list(cases(QUICK_SEEDS)), OUT, document, _figures_of)
+sample, main, figures = _matrix.sample, _matrix.main, _matrix.figures
 
 
 def command() -> None:

@@ -10,16 +10,13 @@ import argparse
 import dataclasses
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import nuisance
 from _figures import Figure, share
-from _matrix import collect
+from _matrix import Matrix, collect
 from sandbot_bringup.config import config_folder
 from sandbot_common.robot import read_robot
 from sandbot_lab.direct import direct_trials
@@ -98,16 +95,7 @@ def analyse(case: Case) -> dict[str, Any]:
     found = discover(cells_of(from_rows([Row(**row) for row in rows], robot)), catalogue(), base=base)
     said = nuisance.outcome(case.truth, found.verdict)
     right = said in ("named", "adequate") and set(found.verdict.effects) == case.truth
-    return {**dataclasses.asdict(case), "outcome": said, "z": standardised(world, found.fit) if right else {}}
-
-
-def standardised(world: World, fit: Any) -> dict[str, float]:
-    """(estimate - truth)/σ of the parameters in ``TRUE`` and of each k."""
-    found = {name: fit.parameters[name] for name in TRUE}
-    z = {name: (one.value - TRUE[name]) / one.stderr for name, one in found.items() if one.stderr > 0}
-    true = np.array([nuisance.usual_k(world, float(phi)) for phi in fit.level_phi])
-    z |= {f"k[{at}]": one for at, one in enumerate((fit.k_n_per_m - true) / fit.k_stderr_n_per_m) if np.isfinite(one)}
-    return {name: float(one) for name, one in z.items()}
+    return {**dataclasses.asdict(case), "outcome": said, "z": nuisance.off_by(found.fit, TRUE, world) if right else {}}
 
 
 def report(results: Sequence[Mapping[str, Any]]) -> str:
@@ -157,24 +145,6 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def sample() -> list[Figure]:
-    """Every so many of one seed."""
-    with ProcessPoolExecutor() as pool:
-        return _figures_of(list(pool.map(analyse, list(cases(1))[::EVERY])))
-
-
-def main() -> str:
-    """A first part of the matrix; the report, in Markdown."""
-    results = collect(analyse, list(cases(QUICK_SEEDS)), OUT)
-    _found[:] = _figures_of(results)
-    return document(results)
-
-
-def figures() -> list[Figure]:
-    """Those of the last ``main``."""
-    return _found
-
-
 def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
     false = [one["outcome"] == "false claim" for one in results]
     return [
@@ -183,7 +153,8 @@ def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
     ]
 
 
-_found: list[Figure] = []
+_matrix = Matrix(analyse, lambda: list(cases(1))[::EVERY], lambda: list(cases(QUICK_SEEDS)), OUT, document, _figures_of)
+sample, main, figures = _matrix.sample, _matrix.main, _matrix.figures
 
 
 def command() -> None:

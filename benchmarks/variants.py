@@ -9,7 +9,6 @@ import argparse
 import dataclasses
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from scipy.optimize import least_squares
 
 from _drawn import DELTA_T_S, GROUND, NOISE, drawn
 from _figures import Figure, share
-from _matrix import collect
+from _matrix import Matrix, collect
 from hidden import OMEGA, PHI
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.discover import Discovery, discover
@@ -197,24 +196,6 @@ def _shares(some: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def sample() -> list[Figure]:
-    """Every so many forms, once."""
-    with ProcessPoolExecutor() as pool:
-        return _figures_of(list(pool.map(analyse, cases(1)[::EVERY])))
-
-
-def main() -> str:
-    """One campaign of every form: what `make bench` has time for."""
-    results = collect(analyse, cases(QUICK_SEEDS), OUT)
-    _found[:] = _figures_of(results)
-    return document(results)
-
-
-def figures() -> list[Figure]:
-    """Those of the last ``main``."""
-    return _found
-
-
 def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
     outcomes = [one["outcome"] for one in results if one["family"] != OUTSIDE]
     claimed = [one["outcome"] in NAMED for one in results if one["family"] == OUTSIDE]
@@ -227,7 +208,8 @@ def _figures_of(results: Sequence[Mapping[str, Any]]) -> list[Figure]:
     ]
 
 
-_found: list[Figure] = []
+_matrix = Matrix(analyse, lambda: cases(1)[::EVERY], lambda: cases(QUICK_SEEDS), OUT, document, _figures_of)
+sample, main, figures = _matrix.sample, _matrix.main, _matrix.figures
 
 
 def command() -> None:

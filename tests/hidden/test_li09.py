@@ -10,7 +10,7 @@ from worlds import EFFECTS
 from sandbot_common.robot import read_robot
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.week import Week
-from sandbot_lab.world import read_world
+from sandbot_lab.world import World, read_world
 from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.discovery import effect_search, sharing
 from sandbot_model.discovery.batch_sd import BatchSd
@@ -34,12 +34,25 @@ TRUTH = {
 }
 
 
+WORLD = read_world(CONFIG / "li09_world.yaml").walked_by(ROBOT)
+BASE = {name: EFFECTS[name] for name in BASES["li09"]}
+
+
+def cells_of_world(world: World, seed: int = 3, **more: str) -> Cells:
+    """The grid of the paper, read straight from the truth."""
+    rows = direct_trials(world, PHI, OMEGA, "SGCS", 3, seed, **more)
+    return cells_of(from_rows([Row(**row) for row in rows], ROBOT))
+
+
+def cells_of_week(batches: str, **week: float) -> Cells:
+    """The same in a week of the lab, in random order."""
+    return cells_of_world(replace(WORLD, week=Week(**week)), 1000, order="randomised", batches=batches)
+
+
 @cache
 def cells() -> Cells:
-    """The grid of the paper, read straight from the truth."""
-    world = read_world(CONFIG / "li09_world.yaml").walked_by(ROBOT)
-    rows = direct_trials(world, PHI, OMEGA, "SGCS", 3, seed=3)
-    return cells_of(from_rows([Row(**row) for row in rows], ROBOT))
+    """Of the paper's own world."""
+    return cells_of_world(WORLD)
 
 
 @cache
@@ -72,9 +85,7 @@ def test_without_disturbed_ground_walking_does_not_end_where_it_does():
 def test_a_response_time_known_by_who_walks_alone_has_an_error_that_spans_the_stairs():
     """A step is cut short, so that Δt says only which cells walk. k drifts by 1 %; a control: by curvature Δt is known
     to less than 0.001 s, a tenth of what it is off."""
-    world = replace(read_world(CONFIG / "li09_world.yaml").walked_by(ROBOT), week=Week(k_drift=-0.01))
-    rows = direct_trials(world, PHI, OMEGA, "SGCS", 3, 1000, None, "randomised", "replicate")
-    drifted = fit(model_of("li09", (), EFFECTS, ROBOT), cells_of(from_rows([Row(**row) for row in rows], ROBOT)))
+    drifted = fit(model_of("li09", (), EFFECTS, ROBOT), cells_of_week("replicate", k_drift=-0.01))
     at = drifted.model.names.index("delta_t_s")
     off, by_curvature = abs(drifted.point.theta[at] - TRUTH["delta_t_s"]), drifted.stderr[at]
     profiled = _profiled(drifted.problem, drifted, [at])[at]
@@ -86,14 +97,10 @@ def test_a_response_time_known_by_who_walks_alone_has_an_error_that_spans_the_st
 @pytest.mark.whole
 def test_a_strong_week_in_the_papers_world_is_no_effect(monkeypatch):
     """With a control: from where the model without offsets comes to, no offset leads back to the right valley."""
-    week = Week(k_batch_sd=0.01, k_drift=-0.03, lift_zero_m=-1e-3, speed_scale=0.01)
-    world = replace(read_world(CONFIG / "li09_world.yaml").walked_by(ROBOT), week=week)
-    rows = direct_trials(world, PHI, OMEGA, "SGCS", 3, 1000, None, "randomised", "omega")
-    of = cells_of(from_rows([Row(**row) for row in rows], ROBOT))
-    base = {name: EFFECTS[name] for name in BASES["li09"]}
+    of = cells_of_week("omega", k_batch_sd=0.01, k_drift=-0.03, lift_zero_m=-1e-3, speed_scale=0.01)
 
     def status() -> str:
-        return discover(of, base, base="li09", max_effects=0).verdict.status
+        return discover(of, BASE, base="li09", max_effects=0).verdict.status
 
     assert status() == "adequate"
     monkeypatch.setattr(sharing, "_on_rough_ground", lambda search: search.fits[()])
@@ -104,11 +111,8 @@ def test_a_strong_week_in_the_papers_world_is_no_effect(monkeypatch):
 def test_a_fit_on_a_bump_of_a_plain_moves_to_a_lower_place():
     """A mild week. The claim that an effect must earn is 22: by less than what a fit beside offsets is too high here
     three effects were named where nothing is hidden."""
-    week = Week(k_batch_sd=0.005, k_drift=-0.01, lift_zero_m=-3e-4, speed_scale=0.003)
-    world = replace(read_world(CONFIG / "li09_world.yaml").walked_by(ROBOT), week=week)
-    rows = direct_trials(world, PHI, OMEGA, "SGCS", 3, 1000, None, "randomised", "omega")
-    of = cells_of(from_rows([Row(**row) for row in rows], ROBOT))
-    search = EffectSearch(of, {name: EFFECTS[name] for name in BASES["li09"]}, "li09")
+    of = cells_of_week("omega", k_batch_sd=0.005, k_drift=-0.01, lift_zero_m=-3e-4, speed_scale=0.003)
+    search = EffectSearch(of, BASE, "li09")
     search.run(0)
     beside = sharing._refitted(search, [()], BatchSd(0.0059))[()]
     assert lowest_along(beside).deviance < beside.deviance - 15
@@ -133,11 +137,9 @@ def test_a_switch_is_found_beside_the_best_wherever_the_search_began(monkeypatch
 def test_a_valley_that_the_model_without_it_has_as_well_is_no_gain():
     """Motors that fall behind by too little to be seen. The base model's search ended 15 above where one that went on
     from ``depth_nonlinearity`` does, and that was named."""
-    world = read_world(CONFIG / "li09_world.yaml").walked_by(ROBOT)
-    effects = {**world.effects, "motor_saturation": {"omega_s_rad_s": 150.0}}
-    rows = direct_trials(replace(world, effects=effects), PHI, OMEGA, "SGCS", 3, seed=3)
+    effects = {**WORLD.effects, "motor_saturation": {"omega_s_rad_s": 150.0}}
     few = {name: EFFECTS[name] for name in (*BASES["li09"], "depth_nonlinearity")}
-    found = discover(cells_of(from_rows([Row(**row) for row in rows], ROBOT)), few, base="li09", max_effects=1)
+    found = discover(cells_of_world(replace(WORLD, effects=effects)), few, base="li09", max_effects=1)
     assert found.verdict.status == "adequate"
 
 
@@ -167,9 +169,7 @@ CHANGED = {
 @pytest.mark.parametrize(("changes", "base", "named"), CHANGED.values(), ids=CHANGED)
 def test_an_effect_removed_or_added_is_discovered(changes, base, named):
     """docs/li09.md; the last case is the control."""
-    world = read_world(CONFIG / "li09_world.yaml").walked_by(ROBOT)
-    effects = {name: values for name, values in {**world.effects, **changes}.items() if values is not None}
-    rows = direct_trials(replace(world, effects=effects), PHI, OMEGA, "SGCS", 3, seed=3)
-    verdict = discover(cells_of(from_rows([Row(**row) for row in rows], ROBOT)), EFFECTS, base=base).verdict
+    effects = {name: values for name, values in {**WORLD.effects, **changes}.items() if values is not None}
+    verdict = discover(cells_of_world(replace(WORLD, effects=effects)), EFFECTS, base=base).verdict
     assert verdict.status == ("identified" if named else "adequate")
     assert set(verdict.effects) == named

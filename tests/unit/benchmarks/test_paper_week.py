@@ -31,7 +31,7 @@ def test_what_is_off_is_counted_in_its_own_errors():
     k = np.array([nuisance.usual_k(world, phi) for phi in level_phi]) + 1.0
     parameters = {name: SimpleNamespace(value=true + 0.3, stderr=0.1) for name, true in paper_week.TRUE.items()}
     fit = SimpleNamespace(parameters=parameters, level_phi=level_phi, k_n_per_m=k, k_stderr_n_per_m=stderr)
-    z = paper_week.standardised(world, fit)
+    z = nuisance.off_by(fit, paper_week.TRUE, world)
     assert z == pytest.approx(dict.fromkeys(paper_week.TRUE, 3.0) | {"k[0]": 0.5})
     some = [{"nuisance": "drift", "dose": "strong", "hidden": "nothing", "seed": 0, "outcome": "adequate", "z": z}]
     assert "| drift | strong | 1 | 1 | 0 | 1 | 0 | 0 | 0 | 0 | 0 | 0.00/0.00 | 1.00/1.00 | 0.00/0.00 |" in (

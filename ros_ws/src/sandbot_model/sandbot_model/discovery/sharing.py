@@ -218,7 +218,7 @@ def _price(fit: Fit, batches: int, criteria: Criteria) -> float:
 def _smaller_from(fits: dict[Names, Fit], names: Names, criteria: Criteria, apart: BatchSd) -> dict[Names, Fit]:
     """Sets with one effect less that fit better than so far.
 
-    They are tried near where the larger set has come to.
+    They are tried near where the larger set has come to, and along each of their parameters where ground remembers.
     """
     found, larger = {}, fits[names]
     assert larger.nuisances is not None

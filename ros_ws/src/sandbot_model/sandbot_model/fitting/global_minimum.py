@@ -251,9 +251,7 @@ def _jumps(problem: Problem, states: States, draw: np.random.Generator, size: fl
     low, high = bounds(problem)
     here = states.theta[0]
     named = zip(here, problem.model.names, problem.model.parameters, strict=True)
-    width = np.array(
-        [size * (parameter.high - parameter.low) if "." in name else HOP_SHARED * at for at, name, parameter in named]
-    )
+    width = np.array([size * parameter.width if "." in name else HOP_SHARED * at for at, name, parameter in named])
     theta = np.clip(here + width * draw.standard_normal((HOP_ROWS, len(here))), low, high)
     ln_k = np.repeat(states.ln_k, HOP_ROWS, axis=0)
     for moved, pull in zip((theta - here).T, k_response(problem, states), strict=True):
@@ -352,5 +350,5 @@ def _warm_starts(model: Model, near: WarmStart) -> Array:
                 if parameter.neutral is None
                 else parameter.neutral + 0.15 * (parameter.start - parameter.neutral)
             )
-            strong[index] = parameter.low + 0.85 * (parameter.high - parameter.low)
+            strong[index] = parameter.low + 0.85 * parameter.width
     return np.stack([starts_at, none, mild, strong])

@@ -59,27 +59,31 @@ def deepest(fit: Fit) -> Fit:
     for index in chain.from_iterable(_fitted_together(fit)):
         for _ in range(MOVES):
             states = _over_grid(fit.problem, fit, _axes(fit.problem, fit, [index]), [index])
-            best = states.lowest()
-            if best.deviance[0] > fit.deviance - GAINED:
+            before, fit = fit, _at_lowest(fit, states)
+            if fit is before:
                 break
-            end = descend(fit.problem, best)
-            fit = fitted_at(fit.model, fit.cells, point_at(fit.problem, end), fit.nuisances)
     return fit
 
 
 def lowest_along(fit: Fit) -> Fit:
     """The same fit at the lowest place of walks along each of its parameters."""
     for index in chain.from_iterable(_fitted_together(fit)):
-        best = walked(fit.problem, _begin(fit.problem, fit), index, fit.stderr[index]).lowest()
-        if best.deviance[0] < fit.deviance - GAINED:
-            end = descend(fit.problem, best)
-            fit = fitted_at(fit.model, fit.cells, point_at(fit.problem, end), fit.nuisances)
+        fit = _at_lowest(fit, walked(fit.problem, _begin(fit.problem, fit), index, fit.stderr[index]))
     return fit
+
+
+def _at_lowest(fit: Fit, states: States) -> Fit:
+    """The fit that the lowest of these descends to, or the same where it gains nothing."""
+    best = states.lowest()
+    if best.deviance[0] > fit.deviance - GAINED:
+        return fit
+    end = descend(fit.problem, best)
+    return fitted_at(fit.model, fit.cells, point_at(fit.problem, end), fit.nuisances)
 
 
 @lru_cache(maxsize=32)
 def with_profiled_errors(fit: Fit, problem: Problem | None = None) -> Fit:
-    """The same fit; where the deviance along a parameter of an effect is no parabola, errors are those of a profile.
+    """The same fit; where the deviance along a parameter is no parabola, errors are those of a profile.
 
     ``problem`` may have more in it that trials share than the fit's own.
     """
@@ -155,7 +159,7 @@ def _axes(problem: Problem, fit: Fit, at: Sequence[int]) -> list[Array]:
 def _scale(problem: Problem, fit: Fit, index: int) -> float:
     """How far along a parameter the deviance begins to show it: its standard error, or, where that is the curvature at
     the brink of a cliff, many times more."""
-    error, width = fit.stderr[index], _width(fit.model.parameters[index])
+    error, width = fit.stderr[index], fit.model.parameters[index].width
     if not 0 < error < width:
         return float(error)
     away = error * 2.0 ** np.arange(-1, np.ceil(np.log2(width / error)) + 1)
@@ -241,13 +245,9 @@ def _best_neighbour(deviance: Array) -> Ints:
 
 def _held(parameter: Parameter, here: float, error: float) -> Array:
     """Values about the fit, closer together the nearer they are."""
-    width = _width(parameter)
+    width = parameter.width
     away = SIGMAS * error if SIGMAS[-1] * error < width else AWAY * width
     return np.unique(np.clip([here, *(here - away), *(here + away)], *parameter.search))
-
-
-def _width(parameter: Parameter) -> float:
-    return parameter.high - parameter.low
 
 
 def _widths(axis: Array) -> Array:

@@ -43,10 +43,12 @@ def look_along_theta(problem: Problem, state: States, fixed: int | None = None) 
     low, high = bounds(problem)
     response = k_response(problem, state)
     for index, (name, parameter) in enumerate(zip(problem.model.names, problem.model.parameters, strict=True)):
-        reach = state.theta[0, index] if "." not in name else parameter.high - parameter.low
+        if index == fixed:
+            continue
+        reach = state.theta[0, index] if "." not in name else parameter.width
         here = state.theta[0, index]
         shifted = np.unique(np.clip(here + REACHES * reach, low[index], high[index]))
-        shifted = shifted[(shifted != here) & (index != fixed)]
+        shifted = shifted[shifted != here]
         theta = np.repeat(state.theta, len(shifted), axis=0)
         theta[:, index] = shifted
         moves = (shifted - here)[:, None]

@@ -10,7 +10,6 @@ from sandbot_model.fitting.levenberg_marquardt import descend
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.scans import look_along_bed, look_along_k, look_along_theta
 from sandbot_model.fitting.states import States, joined
-from sandbot_model.physics.effect import Parameter
 
 ITERATIONS = 8
 SHOWS, FALLEN, COUNTS = 0.5, 9.0, 25.0
@@ -31,13 +30,13 @@ def walked(problem: Problem, begin: States, index: int, error: float) -> States:
     neighbour.
     """
     parameter, here = problem.model.parameters[index], float(begin.theta[0, index])
-    first = 0.5 * error if 0 < error < _width(parameter) else UNKNOWN * _width(parameter)
+    first = 0.5 * error if 0 < error < parameter.width else UNKNOWN * parameter.width
     found = [begin]
     for side in (-first, first):
         state, beyond = begin, 0
-        for away in side * 2.0 ** np.arange(np.ceil(np.log2(_width(parameter) / first)) + 1):
+        for away in side * 2.0 ** np.arange(np.ceil(np.log2(parameter.width / first)) + 1):
             value = float(np.clip(here + away, *parameter.search))
-            farther = beyond >= PASSED and abs(away) > LOOKED_OVER * _width(parameter)
+            farther = beyond >= PASSED and abs(away) > LOOKED_OVER * parameter.width
             if value == state.theta[0, index] or farther:
                 break
             state = _held_at(problem, state, index, value)
@@ -71,7 +70,3 @@ def _held_at(problem: Problem, state: States, index: int, value: float) -> State
 
 def _deviance(state: States) -> float:
     return float(state.deviance[0])
-
-
-def _width(parameter: Parameter) -> float:
-    return parameter.high - parameter.low

@@ -36,9 +36,14 @@ class Parameter:
     """What the effect's formula calls it; empty if that is its name."""
 
     @property
+    def width(self) -> float:
+        """Of the plausible range."""
+        return self.high - self.low
+
+    @property
     def search(self) -> tuple[float, float]:
         """The plausible range widened by half its width a side: a fit at its edge is seen to want more."""
-        margin = 0.5 * (self.high - self.low)
+        margin = 0.5 * self.width
         return max(self.low - margin, self.hard_low), min(self.high + margin, self.hard_high)
 
     def check(self, value: float, where: str) -> None:

@@ -31,7 +31,7 @@ SYMBOLS = {"delta_t_s": "Δt", "v_swim_m_s": "v<sub>swim</sub>"}
 def curve(fit: Fit, index: int) -> tuple[Array, Array]:
     """Values of one shared parameter and how far the deviance rises when it is held there and all else fitted."""
     parameter, here, error = fit.model.parameters[index], float(fit.point.theta[index]), float(fit.stderr[index])
-    unit = error if np.isfinite(error) and error > 0 else WITHOUT_ERROR * (parameter.high - parameter.low)
+    unit = error if np.isfinite(error) and error > 0 else WITHOUT_ERROR * parameter.width
     values = np.unique(np.clip(here + unit * SIGMAS, *parameter.search))
     states = profile(fit.problem, fit.state, [index], values[:, None])
     return values, np.maximum(states.deviance - fit.deviance, 0.0)
