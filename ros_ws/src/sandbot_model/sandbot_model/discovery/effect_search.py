@@ -241,14 +241,15 @@ class EffectSearch:
             self.fit(f"{stage}, those left behind", lost, nearby=False)
 
     def _parts_again(self, size: int) -> None:
-        """Fit the parts of the best set of a size anew from where that has come to: what it gains by a valley in which
-        a part of it lies as deep is nothing that its last effect gains."""
-        some = [fit for names, fit in self.fits.items() if len(names) == size]
-        best = min(some, key=lambda fit: fit.bic, default=self.fits[()])
-        parts = parts_of(best.effects, self.fits)
-        models = [self.model(names) for names in parts]
-        points = self.fit_all(solve_near, [(model, self.cells, (best.warm_start,), None) for model in models])
-        self._keep(parts, self.believable(models, points))
+        """Fit the parts of the best sets of a size anew from where these have come to: what a set gains by a valley in
+        which a part of it lies as deep is nothing that its last effect gains."""
+        some = sorted((fit for names, fit in self.fits.items() if len(names) == size), key=lambda fit: fit.bic)
+        wholes = [fit for fit in some[:REFINED] if leaves_nothing(fit, self.criteria)] or some[:1]
+        again = [(part, whole) for whole in wholes for part in parts_of(whole.effects, self.fits)]
+        models = [self.model(part) for part, _ in again]
+        tasks = [(model, self.cells, (whole.warm_start,), None) for model, (_, whole) in zip(models, again, strict=True)]
+        found = self.believable(models, self.fit_all(solve_near, tasks))
+        self._keep([part for part, _ in again], found)
 
     def _keep(self, sets: Sequence[Names], found: Sequence[Fit]) -> None:
         """Put down what was found of sets, where it is better than what is known of them."""
