@@ -59,6 +59,23 @@ def test_a_part_is_fitted_again_from_where_the_best_set_has_come_to(planted):
     assert search.fits.keys() == planted.fits.keys()
 
 
+@pytest.mark.parametrize("enough", [True, False])
+def test_parts_are_fitted_again_from_every_set_that_leaves_nothing(monkeypatch, planted, enough):
+    """The best of them may have come to where no descent without its last effect leads back from."""
+    search, starts = copy.copy(planted), []
+    search.fits = dict(planted.fits)
+
+    def fit_all(function, tasks):
+        starts.extend(start for _, _, (start,), _ in tasks)
+        return map(function, tasks)
+
+    search.fit_all = fit_all
+    monkeypatch.setattr(effect_search, "leaves_nothing", lambda *_: enough)
+    search._parts_again(1)
+    overlap, thrust = (planted.fits[name,].warm_start for name in FEW)
+    assert starts == ([overlap, thrust] if enough else [overlap])
+
+
 def test_sets_are_extended_in_the_order_of_the_catalogue_and_by_what_they_lack(planted):
     first, second = FEW
     assert planted.extended((second,)) == [(first, second)]
