@@ -13,7 +13,16 @@ CELLS = 20
 
 
 def made(
-    *effects, deviance, p=0.5, one_cell=0.0, at_bounds=(), each=None, replicates=10_000, delta_t=(0.4, 0.01), held=False
+    *effects,
+    deviance,
+    p=0.5,
+    one_cell=0.0,
+    at_bounds=(),
+    each=None,
+    replicates=10_000,
+    delta_t=(0.4, 0.01),
+    held=False,
+    variants=(),
 ):
     """A fit whose cells miss alike, but for the first, which misses by ``one_cell`` more."""
     parts = np.full(CELLS, (deviance - one_cell) / CELLS)
@@ -21,6 +30,7 @@ def made(
     return SimpleNamespace(
         model=SimpleNamespace(base="simple", held={"delta_t_s": delta_t[0]} if held else {}, names=(), parameters=()),
         effects=effects,
+        variants=dict.fromkeys(variants, "another"),
         deviance=deviance,
         bic=deviance + 5.0 * len(effects),
         lack_of_fit_p=p,
@@ -70,6 +80,21 @@ def test_what_is_not_clearly_worse_is_in_the_set_on_whichever_side_of_a_price_it
     by_name = {fit.effects: fit for fit in fits}
     assert [worth(by_name, name, ()) for name in (("a",), ("b",))] == [True, False]
     assert judged(*fits).alternatives == sets
+
+
+@pytest.mark.parametrize(
+    ("picked", "lead", "sets"), [(("a",), 15.0, 2), ((), 15.0, 1), (("a",), 25.0, 1), (("a", "b"), 15.0, 1)]
+)
+def test_a_formula_picked_from_all_conventions_pays_for_that(picked, lead, sets):
+    """With controls: the catalogue's own pays nothing, a lead beyond the price counts, two that were picked are even."""
+    base = made(deviance=900.0, p=0.0)
+    one, other = (
+        made(name, deviance=at, variants={name} & set(picked)) for name, at in (("a", 50.0), ("b", 50.0 + lead))
+    )
+    found = judged(base, one, other)
+    assert found.effects == ("a",)
+    assert len(found.alternatives) == sets
+    assert ("picked from" in found.because) == (sets == 2)
 
 
 def test_what_no_set_repairs_is_unexplained(monkeypatch):

@@ -247,7 +247,9 @@ class EffectSearch:
         wholes = [fit for fit in some[:REFINED] if leaves_nothing(fit, self.criteria)] or some[:1]
         again = [(part, whole) for whole in wholes for part in parts_of(whole.effects, self.fits)]
         models = [self.model(part) for part, _ in again]
-        tasks = [(model, self.cells, (whole.warm_start,), None) for model, (_, whole) in zip(models, again, strict=True)]
+        tasks = [
+            (model, self.cells, (whole.warm_start,), None) for model, (_, whole) in zip(models, again, strict=True)
+        ]
         found = self.believable(models, self.fit_all(solve_near, tasks))
         self._keep([part for part, _ in again], found)
 

@@ -11,10 +11,13 @@ from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.fitting.diagnose import stage_tests
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.variants import VARIANTS
 
 RESPONSE_TIME = "delta_t_s"
 CLAIMS = ("identified", "ambiguous")
 """Statuses that say that effects of the catalogue explain all."""
+CONVENTIONS = sum(map(len, VARIANTS.values()))
+"""How many a formula that is no effect's own was picked from."""
 Sets = Mapping[tuple[str, ...], Fit]
 """Fits by the effects on top of the base model."""
 
@@ -133,16 +136,23 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
     if better:
         return _outdone(best, min(better, key=lambda fit: fit.bic))
     rivals = [fit for fit in good if fit is not best] + _short_of_a_price(fits, best, good, criteria)
-    rivals = sorted((fit for fit in rivals if fit.bic - best.bic < apart), key=lambda fit: fit.bic)
+    rivals = sorted((fit for fit in rivals if _with_price(fit) - _with_price(best) < apart), key=lambda fit: fit.bic)
     if rivals:
         sets = tuple(fit.effects for fit in (best, *rivals))
         return Verdict(
             "ambiguous",
             best.effects,
             sets,
-            f"{len(sets)} sets explain the data equally well: {'; '.join(map(_name, sets))}",
+            f"{len(sets)} sets explain the data equally well: {'; '.join(map(_name, sets))}"
+            + (f" (one by a formula picked from {CONVENTIONS})" if rivals[-1].bic - best.bic >= apart else ""),
         )
     return Verdict("identified", best.effects, (best.effects,), _because(fits, best))
+
+
+def _with_price(fit: Fit) -> float:
+    """BIC with the price of formulas that were picked from all conventions (extended BIC; Chen & Chen 2008, Biometrika
+    95, 759)."""
+    return fit.bic + 2 * len(fit.variants) * np.log(CONVENTIONS) * overdispersion(fit)
 
 
 def _short_of_a_price(fits: Sets, best: Fit, good: Iterable[Fit], criteria: Criteria) -> list[Fit]:
