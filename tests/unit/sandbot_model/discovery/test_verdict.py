@@ -86,7 +86,7 @@ def test_what_is_not_clearly_worse_is_in_the_set_on_whichever_side_of_a_price_it
     ("picked", "lead", "sets"), [(("a",), 15.0, 2), ((), 15.0, 1), (("a",), 25.0, 1), (("a", "b"), 15.0, 1)]
 )
 def test_a_formula_picked_from_all_conventions_pays_for_that(picked, lead, sets):
-    """With controls: the catalogue's own pays nothing, a lead beyond the price counts, two that were picked are even."""
+    """With controls: the catalogue's own pays nothing, a lead beyond the price counts, two picked pay alike."""
     base = made(deviance=900.0, p=0.0)
     one, other = (
         made(name, deviance=at, variants={name} & set(picked)) for name, at in (("a", 50.0), ("b", 50.0 + lead))
