@@ -4,7 +4,7 @@ A claim is of a family, and another family may explain as much under a conventio
 conventions are therefore tried against every claim. One that only comes near is none: it was picked from dozens, and
 some have the claim's formula for a limit (a slip that spares the peak is an overlap where it is the same at all
 depths). So the catalogue's formula stands unless another is better by BIC, its choice paid for; then both are named,
-and the other alone where it is clearly better.
+and the other alone where it is clearly better as well (``verdict.judge``).
 """
 
 from collections.abc import Sequence

@@ -1,5 +1,6 @@
 """Adequate, identified, ambiguous, partial, unexplained or untested: the rules of a verdict, which is never forced."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
@@ -152,7 +153,7 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
 def _with_price(fit: Fit) -> float:
     """BIC with the price of formulas that were picked from all conventions (extended BIC; Chen & Chen 2008, Biometrika
     95, 759)."""
-    return fit.bic + 2 * len(fit.variants) * np.log(CONVENTIONS) * overdispersion(fit)
+    return fit.bic + 2 * len(fit.variants) * math.log(CONVENTIONS) * overdispersion(fit)
 
 
 def _short_of_a_price(fits: Sets, best: Fit, good: Iterable[Fit], criteria: Criteria) -> list[Fit]:
