@@ -14,7 +14,7 @@ import numpy as np
 from sandbot_model.discovery.batch_sd import granted
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.nuisances_about import shared_by
-from sandbot_model.discovery.verdict import leaves_nothing, overdispersion, parts_of, passes, sound, worth
+from sandbot_model.discovery.verdict import leaves_nothing, overdispersion, parts_of, passes, picked_from, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import far_above, solve, solve_below, solve_near
 from sandbot_model.physics.model import Model, model_of
@@ -44,11 +44,11 @@ def against(search: EffectSearch, claimed: Fit, named: Fit) -> bool:
     """Let in single effects under other conventions that leave nothing to explain and speak against a claim.
 
     Against several effects one must be clearly better. Against one, another family must be better though it was picked
-    from all that were tried (extended BIC; Chen & Chen 2008, Biometrika 95, 759), also beside what trials share, as the
-    claim is ``named``; then the claim's own family, too, has the convention that is best for it. Whether there are any.
+    from all that were tried, also beside what trials share, as the claim is ``named``; then the claim's own family has
+    the convention that is best for it, too. Whether there are any.
     """
     tried = _near(search, _models_of_one(search), far_above(claimed.deviance, 1.0))
-    lead = search.criteria.clearly if len(claimed.effects) > 1 else 2 * np.log(max(len(tried), 1))
+    lead = search.criteria.clearly if len(claimed.effects) > 1 else picked_from(len(tried))
     better = [
         fit
         for fit in tried
@@ -140,8 +140,8 @@ def _deviance(fit: Fit) -> float:
 
 
 def _leading(search: EffectSearch, size: int) -> list[Names]:
-    some = sorted((fit for names, fit in search.fits.items() if len(names) == size), key=lambda fit: fit.bic)
-    return [fit.effects for fit in (some if size == 1 else some[:PAIRS])]
+    ranked = search.ranked(size)
+    return [fit.effects for fit in (ranked if size == 1 else ranked[:PAIRS])]
 
 
 def _models(search: EffectSearch, names: Names) -> list[Model]:

@@ -96,6 +96,10 @@ class EffectSearch:
             remaining = [name for name in remaining if name not in best]
         return steps
 
+    def ranked(self, size: int) -> list[Fit]:
+        """The sets of a size, the best first."""
+        return sorted((fit for names, fit in self.fits.items() if len(names) == size), key=lambda fit: fit.bic)
+
     def extended(self, names: Names, more: Iterable[str] | None = None) -> list[Names]:
         """The set with each effect more, of all or of those given."""
         return [self._sorted((*names, name)) for name in more or self.names if name not in names]
@@ -211,7 +215,7 @@ class EffectSearch:
 
     def _larger(self, size: int) -> list[Names]:
         """Sets one larger: all among the survivors, and the leaders with everybody."""
-        smaller = sorted((fit for names, fit in self.fits.items() if len(names) == size - 1), key=lambda fit: fit.bic)
+        smaller = self.ranked(size - 1)
         wanted = {names for fit in smaller[:LEADERS] for names in self.extended(fit.effects)}
         if size == 2:
             survivors = [fit.effects[0] for fit in smaller[:SURVIVORS]]
@@ -243,14 +247,11 @@ class EffectSearch:
     def _parts_again(self, size: int) -> None:
         """Fit the parts of the best sets of a size anew from where these have come to: what a set gains by a valley in
         which a part of it lies as deep is nothing that its last effect gains."""
-        some = sorted((fit for names, fit in self.fits.items() if len(names) == size), key=lambda fit: fit.bic)
-        wholes = [fit for fit in some[:REFINED] if leaves_nothing(fit, self.criteria)] or some[:1]
-        again = [(part, whole) for whole in wholes for part in parts_of(whole.effects, self.fits)]
-        models = [self.model(part) for part, _ in again]
-        tasks = [
-            (model, self.cells, (whole.warm_start,), None) for model, (_, whole) in zip(models, again, strict=True)
-        ]
-        found = self.believable(models, self.fit_all(solve_near, tasks))
+        ranked = self.ranked(size)
+        wholes = [fit for fit in ranked[:REFINED] if leaves_nothing(fit, self.criteria)] or ranked[:1]
+        again = [(part, whole.warm_start) for whole in wholes for part in parts_of(whole.effects, self.fits)]
+        tasks = [(self.model(part), self.cells, (start,), None) for part, start in again]
+        found = self.believable([model for model, *_ in tasks], self.fit_all(solve_near, tasks))
         self._keep([part for part, _ in again], found)
 
     def _keep(self, sets: Sequence[Names], found: Sequence[Fit]) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.residual import SuggestedFormula, suggest_formula
 from sandbot_model.discovery.sharing import at_priors
-from sandbot_model.discovery.verdict import Sets, Verdict, best_earned, claim, overdispersion, sound
+from sandbot_model.discovery.verdict import Sets, Verdict, best_earned, claim, overdispersion, picked_from, sound
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import far_above, solve
 from sandbot_model.physics.formula import formula_effect
@@ -68,7 +68,7 @@ def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> Ve
     claimed = fits[claim.effects]
     parts = [fit for names, fit in fits.items() if len(names) == 1 and set(names) < set(claim.effects)]
     on_top = [fits[()], *sorted(parts, key=lambda fit: fit.bic)[:1]]
-    lead = search.criteria.clearly * overdispersion(claimed) + 2 * np.log(TERMS)
+    lead = search.criteria.clearly * overdispersion(claimed) + picked_from(TERMS)
     for fit in on_top:
         formula = _on_top_of(search, fit, far_above(claimed.deviance, 1.0))
         if formula is not None and formula.bic < claimed.bic - lead and formula.passes(search.criteria):

@@ -157,8 +157,7 @@ def _apart_about(search: EffectSearch, fit: Fit) -> BatchSd:
 
 
 def _best(search: EffectSearch, size: int) -> Fit:
-    some = [fit for names, fit in search.fits.items() if len(names) == size]
-    return min(filter(sound, some), key=lambda fit: fit.bic, default=search.fits[()])
+    return next(filter(sound, search.ranked(size)), search.fits[()])
 
 
 def _beside(search: EffectSearch, plain: Verdict, size: int, apart: BatchSd) -> Shared | None:
@@ -239,8 +238,7 @@ def _leading(search: EffectSearch, plain: Verdict, most: int) -> list[Names]:
     """The base model, the best sets of each size and those named, with all that is in them."""
     found = {names for names in plain.alternatives if len(names) <= most}
     for size in range(1, most + 1):
-        some = sorted((fit for names, fit in search.fits.items() if len(names) == size), key=lambda fit: fit.bic)
-        found |= {fit.effects for fit in some[:LEADING]}
+        found |= {fit.effects for fit in search.ranked(size)[:LEADING]}
     parts = {part for names in found for size in range(len(names)) for part in combinations(names, size)}
     return sorted((found | parts | {()}) & set(search.fits), key=len)
 

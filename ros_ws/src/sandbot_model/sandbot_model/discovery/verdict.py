@@ -95,6 +95,11 @@ def claim(fit: Fit, criteria: Criteria = DEFAULT) -> float:
     return price * overdispersion(fit)
 
 
+def picked_from(count: int) -> float:
+    """What one picked from so many must be better by in BIC (extended BIC; Chen & Chen 2008, Biometrika 95, 759)."""
+    return 2 * math.log(max(count, 1))
+
+
 def overdispersion(fit: Fit) -> float:
     """χ² a degree of freedom, where cell means scatter about a fit by more than replicates do; else 1."""
     return max(1.0, fit.goodness.chi2 / fit.goodness.dof) if fit.goodness.dof > 0 else 1.0
@@ -151,9 +156,8 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
 
 
 def _with_price(fit: Fit) -> float:
-    """BIC with the price of formulas that were picked from all conventions (extended BIC; Chen & Chen 2008, Biometrika
-    95, 759)."""
-    return fit.bic + 2 * len(fit.variants) * math.log(CONVENTIONS) * overdispersion(fit)
+    """BIC with the price of formulas that were picked from all conventions."""
+    return fit.bic + len(fit.variants) * picked_from(CONVENTIONS) * overdispersion(fit)
 
 
 def _short_of_a_price(fits: Sets, best: Fit, good: Iterable[Fit], criteria: Criteria) -> list[Fit]:
