@@ -24,6 +24,7 @@ setup(
         "markupsafe",
         "tqdm",
         "asteval",
+        "emcee",
         "opencv-python-headless",
     ],
     extras_require={

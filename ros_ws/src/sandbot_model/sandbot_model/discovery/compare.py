@@ -10,9 +10,9 @@ import numpy as np
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.ladder import ladder_rows
+from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit, fit
 from sandbot_model.fitting.plain import data_summary, number
-from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.fitting.text import html_table, table
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect
@@ -90,7 +90,7 @@ def compare(
     for count in range(len(names) + 1):
         model = model_of(base, names[:count], effects, cells.robot)
         steps.append(fit(model, cells, steps[-1].warm_start if steps else None))
-    return Comparison(tuple(map(with_profiled_errors, steps)))
+    return Comparison(tuple(map(with_sampled_errors, steps)))
 
 
 def geometry_lock(cells: Cells) -> Array:

@@ -41,10 +41,11 @@ from sandbot_model.discovery.unseen import unseen
 from sandbot_model.discovery.untested import repeats, untested
 from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
+from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.parallel import Map, Progress
 from sandbot_model.fitting.plain import data_summary, number, plain
-from sandbot_model.fitting.profile import deepest, with_profiled_errors
+from sandbot_model.fitting.profile import deepest
 from sandbot_model.fitting.text import WIDTH, html_table, table
 from sandbot_model.physics.effect import Effect
 
@@ -177,8 +178,8 @@ def discover(
     found, partial = _found(search, at_once, max_effects)
     search.fits, verdict, named = found.fits, found.verdict, found.named
     search.effects = {**effects, **named.model.catalogue}
-    # Those of the steps below are profiled meanwhile.
-    below = fit_all(with_profiled_errors, search.ladder(verdict)[:-1])
+    # Those of the steps below are found meanwhile.
+    below = fit_all(with_sampled_errors, search.ladder(verdict)[:-1])
     named, reported = _reported(named, criteria)
     ladder = [*below, reported]
     floor = noise_floor(cells)
@@ -223,7 +224,7 @@ def _reported(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
     lower = deepest(refitted_globally(named))
     # Along a flat valley the lowest place may be where nobody believes it.
     named = lower if sound(lower) or not sound(named) else named
-    return named, averaged_over_scatter(named, criteria) if named.nuisances else with_profiled_errors(named)
+    return named, averaged_over_scatter(named, criteria) if named.nuisances else with_sampled_errors(named)
 
 
 def _next(search: EffectSearch, verdict: Verdict) -> tuple[list[Fit], list[NextTrial]]:
@@ -270,6 +271,7 @@ def _imitated(search: EffectSearch, found: Shared) -> Shared | None:
 
 def _beside_nuisances(search: EffectSearch) -> Shared:
     """The verdict on what was tried, beside what trials share."""
+    search.weigh_doubts()
     plain = judge(search.fits, search.criteria)
     found = reconsidered(search, plain) or Shared(plain, search.fits, search.fits[plain.effects])
     refused = taken_back(found.verdict, found.fits)

@@ -12,6 +12,7 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.verdict import RESPONSE_TIME, Verdict, leaves_nothing, parts_of, passes, worth
+from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.finite import check_finite
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import (
@@ -152,6 +153,14 @@ class EffectSearch:
                 found[at] = fit
         return found
 
+    def weigh_doubts(self) -> None:
+        """Find the errors of the best set that leaves nothing, where a number of it is beyond its plausible range: at
+        the brink of a cliff a derivative knows none, and whether a number is to be believed depends on it."""
+        enough = [fit for fit in self.fits.values() if leaves_nothing(fit, self.criteria)]
+        best = min(enough, key=lambda fit: fit.bic, default=None)
+        if best is not None and best.implausible:
+            self.fits[best.effects] = with_sampled_errors(best)
+
     def _starts(self, names: Names) -> tuple[WarmStart, ...]:
         """Where a search of a set begins: at its best part, and at the best that has all formulas without a parameter,
         under which k is another (see ``_is_small_change``)."""
@@ -204,6 +213,7 @@ class EffectSearch:
 
     def _settled(self, size: int) -> bool:
         """Whether sets of this size, or the base model, leave nothing to explain."""
+        self.weigh_doubts()
         done = [fit for names, fit in self.fits.items() if len(names) <= size and passes(fit, self.criteria)]
         if not done:
             return False

@@ -8,6 +8,7 @@ import numpy as np
 from sandbot_model.discovery.batch_sd import ALIKE, BATCH, BATCH_SCALE, BATCH_ZERO, BatchSd, granted, priors
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.structure import batch_share
+from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import Estimate
 from sandbot_model.fitting.jacobian import cell_jacobian, without_nuisances
@@ -20,7 +21,6 @@ from sandbot_model.fitting.nuisances import (
     scatter_of_batches,
     sizes_tried,
 )
-from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import Observable
 
@@ -119,7 +119,7 @@ def averaged_over_scatter(fit: Fit, criteria: Criteria) -> Fit:
     averaged = replace(fit, stderr=stderr, covariance=moments)
     scatter = float(np.sqrt(probability(gain) @ sizes**2))
     beside = Problem(fit.model, fit.cells, shared_by(fit, criteria, granted(fit).having(BATCH, scatter)))
-    return with_profiled_errors(averaged, beside)
+    return with_sampled_errors(averaged, beside)
 
 
 def _possible(fit: Fit, criteria: Criteria) -> tuple[tuple[Array, Array, Array, Array], Array, Array]:

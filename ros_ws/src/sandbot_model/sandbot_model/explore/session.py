@@ -22,10 +22,10 @@ from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import Discovery, discover
 from sandbot_model.discovery.reproduce import point_of
 from sandbot_model.fitting import global_minimum
+from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit, fit, fitted_at
 from sandbot_model.fitting.global_minimum import Found, Point, WarmStart
 from sandbot_model.fitting.parallel import Progress
-from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Effect
@@ -55,9 +55,9 @@ def solve(model: Model, cells: Cells, start: WarmStart | None) -> Solved:
     return solved(fit(model, cells, start))
 
 
-def profiled_errors(model: Model, cells: Cells, point: Point) -> Array:
-    """Standard errors of a fit, from a profile where a derivative knows none; runs in a worker process."""
-    return with_profiled_errors(fitted_at(model, cells, point)).stderr
+def sampled_errors(model: Model, cells: Cells, point: Point) -> Array:
+    """Standard errors of a fit, from a sample where a derivative knows none; runs in a worker process."""
+    return with_sampled_errors(fitted_at(model, cells, point)).stderr
 
 
 def solved(found: Fit) -> Solved:
@@ -107,14 +107,14 @@ class Session:
         return with_curves([fitted_at(self.model(selection), self.cells, point)])[0]
 
     def stated(self, selection: Selection) -> Fit | None:
-        """The fit shown, with the standard errors that are printed; None while a worker is at a profile of them."""
+        """The fit shown, with the standard errors that are printed; None while a worker is at a sample for them."""
         found = self.step(selection).fit
         if selection.by_hand or not found.model.effects:
             return found
         key = self._key(selection)
         with self._lock:
             if key not in self._errors:
-                self._errors[key] = self._workers.submit(profiled_errors, found.model, found.cells, found.point)
+                self._errors[key] = self._workers.submit(sampled_errors, found.model, found.cells, found.point)
             future = self._errors[key]
         return replace(found, stderr=future.result()) if future.done() else None
 

@@ -11,9 +11,9 @@ from sandbot_model.explore.actions import on_slider
 from sandbot_model.explore.chosen import mark
 from sandbot_model.explore.condition import index_of
 from sandbot_model.explore.session import Session
+from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import cells_missed
-from sandbot_model.fitting.profile import with_profiled_errors
 from sandbot_model.physics.effect import Effect
 from sandbot_model.report import apart, balance, captions, figures, lock, mechanics, residual_map, text
 from sandbot_model.report.theme import Spec, Theme, layout, note
@@ -228,7 +228,7 @@ def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) 
 def parameter_rows(selection: Selection, fitted: Step, effects: Mapping[str, Effect]) -> list[tuple[str, str, str]]:
     """(what, value ± stderr, unit) of every number; those held by hand have no error, all others stay as ``fitted``."""
     held = dict(selection.by_hand)
-    fit = with_profiled_errors(fitted.fit)
+    fit = with_sampled_errors(fitted.fit)
     rows = []
     for name, estimate in fit.parameters.items():
         words, unit = text.described(name, effects.values())

@@ -33,7 +33,8 @@ def _with_nuisances(jacobian: Array, shift: Array, sd: Array) -> Array:
     rows, values, unknowns = jacobian.shape
     wider = np.zeros((rows, values + len(sd), unknowns + len(sd)))
     wider[:, :values, :unknowns] = jacobian
-    wider[:, : shift.shape[1] * shift.shape[2], unknowns:] = shift.reshape(rows, -1, len(sd))
+    told = shift.shape[1] * shift.shape[2]
+    wider[:, :told, unknowns:] = shift.reshape(rows, told, len(sd))
     wider[:, values:, unknowns:] = np.diag(1 / sd)
     return wider
 

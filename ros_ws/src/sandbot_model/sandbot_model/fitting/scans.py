@@ -23,14 +23,14 @@ def look_along_k(problem: Problem, state: States) -> States:
     near = state.ln_k + np.log1p(SHIFTS)[:, None]
     across = np.median(state.ln_k) + np.log(ACROSS)[:, None] + np.zeros_like(state.ln_k)
     ln_k, shared = np.concatenate([near, across]), problem.shared(state)
-    enough = _by_level(problem, state) - TOLERANCE
-    hopeful = _by_level(problem.few, _tried(problem.few, state, state.theta, ln_k, shared)) < enough
+    enough = by_level(problem, state) - TOLERANCE
+    hopeful = by_level(problem.few, _tried(problem.few, state, state.theta, ln_k, shared)) < enough
     # Each level has rows of its own: a row is the next of every level.
     order = np.argsort(~hopeful, axis=0, kind="stable")[: hopeful.sum(axis=0).max()]
     if not len(order):
         return state
     ln_k = np.take_along_axis(ln_k, order, axis=0)
-    value = _by_level(problem, _tried(problem, state, state.theta, ln_k, shared))
+    value = by_level(problem, _tried(problem, state, state.theta, ln_k, shared))
     best = np.take_along_axis(ln_k, value.argmin(axis=0)[None], axis=0)
     best = np.where(value.min(axis=0) < enough, best, state.ln_k)
     moved = _tried(problem, state, state.theta, best, problem.bed(state))
@@ -100,7 +100,7 @@ def _tried(problem: Problem, state: States, theta: Array, ln_k: Array, shared: A
     return problem.states(theta, ln_k, state.slope, shared)
 
 
-def _by_level(problem: Problem, states: States) -> Array:
+def by_level(problem: Problem, states: States) -> Array:
     """Deviance of each level's cells and readings ``(rows, levels)``."""
     value = _summed(problem, states.cell_deviance)
     if (readings := problem.cells.pressed) is not None:

@@ -1,8 +1,5 @@
-"""The profile of one parameter across cliffs: steps to either side, each begun where the last has come to.
-
-Where robots stop walking says how stiff ground is for a Δt, and little of either: held at another Δt every k has cliffs
-to cross, at which a descent from afar stops.
-"""
+"""The profile of one parameter across cliffs (see ``sample``): steps to either side, each begun where the last has
+come to."""
 
 import numpy as np
 

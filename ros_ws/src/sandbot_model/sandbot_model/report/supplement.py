@@ -60,7 +60,7 @@ def methods(steps: Sequence[Step]) -> Section:
         f"An effect is claimed if it lowers the deviance by at least {DEFAULT.claim:g}, and BIC tells its set from "
         f"every other of its size by at least {DEFAULT.clearly:g}; beside it the zero of the lift, the scale along the "
         "track, differences between batches and a drift are free within their priors. Standard errors follow from the "
-        "curvature of the deviance at its minimum, or from its profile where that is no parabola."
+        "curvature of the deviance at its minimum, or from a sample where that is no parabola."
     )
     return Section("methods", "How they were analysed", text=(said, claims))
 

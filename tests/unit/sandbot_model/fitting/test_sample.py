@@ -1,0 +1,63 @@
+"""A sample of what data do not exclude: a parabola's covariance, ends that are kept, members that find back."""
+
+import emcee
+import numpy as np
+import pytest
+
+from sandbot_model.data.conditions import cells_of
+from sandbot_model.fitting import sample
+from sandbot_model.fitting.fit import Fit, fit
+from sandbot_model.fitting.sample import _Ensemble, moments
+from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
+
+
+@pytest.fixture(scope="module")
+def smooth(drawn) -> Fit:
+    """No trial swims: a parabola in all its unknowns."""
+    return fit(model_of("simple", (), catalogue()), cells_of(drawn(seed=2, omega=(4, 6, 8, 10))))
+
+
+def known(found: Fit) -> np.ndarray:
+    return np.isfinite(found.stderr)
+
+
+def test_of_a_parabola_a_sample_has_the_covariance(smooth, monkeypatch):
+    monkeypatch.setattr(sample, "STEPS", 2000)
+    free = known(smooth)
+    found, linear = moments(smooth.problem, smooth.state, free, []), smooth.covariance[np.ix_(free, free)]
+    scale = np.sqrt(np.diag(linear))
+    np.testing.assert_allclose(np.sqrt(np.diag(found)), scale, rtol=0.2)
+    np.testing.assert_allclose(found / np.outer(scale, scale), linear / np.outer(scale, scale), atol=0.25)
+
+
+def test_the_same_fit_has_the_same_sample(smooth):
+    first, second = (moments(smooth.problem, smooth.state, known(smooth), [0]) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_beyond_its_ends_nothing_is_possible(smooth):
+    ensemble = _Ensemble(smooth.problem, smooth.state, known(smooth))
+    here, (low, _) = ensemble.here[None], ensemble.ends
+    below = here.copy()
+    below[0, 0] = low[0] - 1e-3
+    assert np.isfinite(ensemble.ln_probability(here)).all()
+    assert ensemble.ln_probability(below) == -np.inf
+
+
+def test_what_is_not_free_stays_where_it_is(smooth):
+    free = known(smooth)
+    free[0] = False
+    own = smooth.covariance[np.ix_(free, free)]
+    # With Δt held all else is known better, by what the covariance says.
+    held = own - np.outer(smooth.covariance[free, 0], smooth.covariance[0, free]) / smooth.covariance[0, 0]
+    found = np.sqrt(np.diag(moments(smooth.problem, smooth.state, free, [])))
+    np.testing.assert_allclose(found, np.sqrt(np.diag(held)), rtol=0.3)
+
+
+def test_a_member_that_is_lost_is_put_where_others_are(smooth):
+    ensemble = _Ensemble(smooth.problem, smooth.state, known(smooth))
+    members = np.repeat(ensemble.here[None], 10, axis=0)
+    members[3] += 0.5
+    found = ensemble.found_again(emcee.State(members, log_prob=ensemble.ln_probability(members)))
+    np.testing.assert_array_equal(found, np.repeat(ensemble.here[None], 10, axis=0))
