@@ -45,14 +45,15 @@ def test_beyond_its_ends_nothing_is_possible(smooth):
     assert ensemble.ln_probability(below) == -np.inf
 
 
-def test_what_is_not_free_stays_where_it_is(smooth):
+def test_what_is_not_free_stays_where_it_is(smooth, monkeypatch):
+    monkeypatch.setattr(sample, "STEPS", 2000)
     free = known(smooth)
     free[0] = False
     own = smooth.covariance[np.ix_(free, free)]
     # With Δt held all else is known better, by what the covariance says.
     held = own - np.outer(smooth.covariance[free, 0], smooth.covariance[0, free]) / smooth.covariance[0, 0]
     found = np.sqrt(np.diag(moments(smooth.problem, smooth.state, free, [])))
-    np.testing.assert_allclose(found, np.sqrt(np.diag(held)), rtol=0.3)
+    np.testing.assert_allclose(found, np.sqrt(np.diag(held)), rtol=0.2)
 
 
 def test_a_member_that_is_lost_is_put_where_others_are(smooth):
