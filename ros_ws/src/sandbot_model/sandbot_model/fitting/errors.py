@@ -15,7 +15,7 @@ from sandbot_model.fitting.profile import begun_at, determined, profile
 from sandbot_model.fitting.sample import moments
 from sandbot_model.fitting.scans import by_level
 
-SHIFTS = np.concatenate([-(s := np.geomspace(1e-4, 0.2, 16))[::-1], [0.0], s])
+SHIFTS = np.concatenate([-(s := np.geomspace(1e-4, 0.2, 32))[::-1], [0.0], s])
 """Of ln k, all over what a fit can need."""
 FAR = 2.0
 """Standard errors away from the fit at which the deviance is looked at."""
@@ -61,17 +61,16 @@ def _parabolic(problem: Problem, fit: Fit, index: int) -> bool:
 
 
 def _with_k_across_stairs(problem: Problem, fit: Fit) -> Fit:
-    """The same fit; a level's k is known no better than its deviance says with all else as it is, stairs and all.
-
-    At the brink of a stair a derivative says far more.
+    """The same fit; a level's k is known no better than its deviance says with all else as it is: at twice its standard
+    error that has risen by four. At the brink of a stair a derivative says far more.
     """
     begin, count = begun_at(problem, fit), len(fit.point.theta)
     rows = np.zeros(len(SHIFTS), dtype=np.int64)
     ln_k = begin.ln_k + SHIFTS[:, None]
     tried = problem.states(begin.theta[rows], ln_k, begin.slope[rows], problem.bed(begin)[rows])
     deviance = by_level(problem, tried)
-    weight = np.gradient(SHIFTS)[:, None] * np.exp(-0.5 * (deviance - deviance.min(axis=0)))
-    alone = np.sqrt(SHIFTS**2 @ weight / weight.sum(axis=0))
+    near = deviance < deviance.min(axis=0) + FAR**2
+    alone = np.where(near, np.abs(SHIFTS)[:, None], 0.0).max(axis=0) / FAR
     told = fit.stderr[count:]
     wider = np.concatenate([np.ones(count), np.where(alone > told, alone / np.where(told > 0, told, 1.0), 1.0)])
     if (wider == 1.0).all():
