@@ -154,12 +154,13 @@ class EffectSearch:
         return found
 
     def weigh_doubts(self) -> None:
-        """Find the errors of the best set that leaves nothing, where a number of it is beyond its plausible range: at
-        the brink of a cliff a derivative knows none, and whether a number is to be believed depends on it."""
+        """Find the errors that a derivative does not know of the best set that leaves nothing, where such a number is
+        beyond its plausible range: whether it is to be believed depends on its error, and unknown is not none."""
         enough = [fit for fit in self.fits.values() if leaves_nothing(fit, self.criteria)]
         best = min(enough, key=lambda fit: fit.bic, default=None)
-        if best is not None and best.implausible:
-            self.fits[best.effects] = with_sampled_errors(best)
+        if best is not None and any(np.isnan(best.parameters[name].stderr) for name in best.implausible):
+            stderr = np.where(np.isnan(best.stderr), with_sampled_errors(best).stderr, best.stderr)
+            self.fits[best.effects] = replace(best, stderr=stderr)
 
     def _starts(self, names: Names) -> tuple[WarmStart, ...]:
         """Where a search of a set begins: at its best part, and at the best that has all formulas without a parameter,
