@@ -41,3 +41,9 @@ def two_gaits():
     base = fit(model_of("simple", (), EFFECTS), cells_of(trials))
     model = model_of("simple", ("slow_phase_speed",), EFFECTS)
     return fitted_at(model, base.cells, dataclasses.replace(base.point, theta=np.append(base.point.theta, 0.9)))
+
+
+@pytest.fixture(scope="session")
+def smooth():
+    """A fit to trials none of which swims: the deviance is a parabola in all its unknowns."""
+    return fit(model_of("simple", (), EFFECTS), cells_of(draw(seed=2, omega=(4, 6, 8, 10))))

@@ -22,13 +22,6 @@ def with_error(found: Fit, index: int, error: float) -> Fit:
     return replace(found, stderr=np.where(np.arange(len(found.stderr)) == index, error, found.stderr))
 
 
-@pytest.fixture(scope="module")
-def smooth(drawn) -> Fit:
-    """A fit in which no trial swims, at all of whose unknowns the deviance is a parabola."""
-    omega = (4, 6, 8, 10)
-    return fit(model_of("simple", (), catalogue()), cells_of(drawn(seed=2, omega=omega)))
-
-
 def test_a_fit_without_stairs_stays_as_it_is(smooth):
     assert with_sampled_errors(smooth) is smooth
 

@@ -2,20 +2,10 @@
 
 import emcee
 import numpy as np
-import pytest
 
-from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting import sample
-from sandbot_model.fitting.fit import Fit, fit
+from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.sample import _Ensemble, moments
-from sandbot_model.physics.catalogue import catalogue
-from sandbot_model.physics.model import model_of
-
-
-@pytest.fixture(scope="module")
-def smooth(drawn) -> Fit:
-    """No trial swims: a parabola in all its unknowns."""
-    return fit(model_of("simple", (), catalogue()), cells_of(drawn(seed=2, omega=(4, 6, 8, 10))))
 
 
 def known(found: Fit) -> np.ndarray:

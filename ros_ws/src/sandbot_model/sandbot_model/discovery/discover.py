@@ -178,7 +178,7 @@ def discover(
     found, partial = _found(search, at_once, max_effects)
     search.fits, verdict, named = found.fits, found.verdict, found.named
     search.effects = {**effects, **named.model.catalogue}
-    # Those of the steps below are found meanwhile.
+    # Errors of the steps below are found meanwhile.
     below = fit_all(with_sampled_errors, search.ladder(verdict)[:-1])
     named, reported = _reported(named, criteria)
     ladder = [*below, reported]

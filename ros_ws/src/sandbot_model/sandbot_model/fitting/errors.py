@@ -13,10 +13,11 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.profile import begun_at, determined, profile
 from sandbot_model.fitting.sample import moments
-from sandbot_model.fitting.scans import by_level
+from sandbot_model.fitting.scans import by_level, elsewhere
+from sandbot_model.fitting.states import States
 
-SHIFTS = np.concatenate([-(s := np.geomspace(1e-4, 0.2, 32))[::-1], [0.0], s])
-"""Of ln k, all over what a fit can need."""
+LN_K_AWAY = np.concatenate([-(s := np.geomspace(1e-4, 0.2, 32))[::-1], [0.0], s])
+"""How far from the fit ln k of a level is looked at: all over what a fit can need."""
 FAR = 2.0
 """Standard errors away from the fit at which the deviance is looked at."""
 UNLIKE = 2.0
@@ -32,18 +33,20 @@ def with_sampled_errors(fit: Fit, problem: Problem | None = None) -> Fit:
     ``problem`` may have more in it that trials share than the fit's own.
     """
     problem, own = problem or fit.problem, determined(fit)
-    along = [index for index in own if not _parabolic(problem, fit, index)]
+    begin = begun_at(problem, fit)
+    along = [index for index in own if not _parabolic(problem, fit, begin, index)]
     if not along:
-        return _with_k_across_stairs(problem, fit)
+        return _with_k_across_stairs(problem, fit, begin)
     free = np.isfinite(fit.stderr)
-    free[: len(fit.point.theta)] = np.isin(np.arange(len(fit.point.theta)), own)
+    free[: len(fit.point.theta)] = False
+    free[own] = True
     stderr, covariance = fit.stderr.copy(), fit.covariance.copy()
-    covariance[np.ix_(free, free)] = found = moments(problem, begun_at(problem, fit), free, along)
+    covariance[np.ix_(free, free)] = found = moments(problem, begin, free, along)
     stderr[free] = np.sqrt(np.diag(found))
     return replace(fit, stderr=stderr, covariance=covariance)
 
 
-def _parabolic(problem: Problem, fit: Fit, index: int) -> bool:
+def _parabolic(problem: Problem, fit: Fit, begin: States, index: int) -> bool:
     """Whether two standard errors away along a parameter, or as far as it may go, the deviance has risen as they say.
 
     Where it rises far faster there is a cliff.
@@ -55,23 +58,20 @@ def _parabolic(problem: Problem, fit: Fit, index: int) -> bool:
     away = (values[1:] - here) / error
     if (np.abs(away) < 1.0).any():
         return False
-    deviance = profile(problem, begun_at(problem, fit), [index], values[:, None]).deviance
+    deviance = profile(problem, begin, [index], values[:, None]).deviance
     rise = (deviance[1:] - deviance[0]) / away**2
     return bool((rise > 1 / UNLIKE).all() and (rise < CLIFF).all())
 
 
-def _with_k_across_stairs(problem: Problem, fit: Fit) -> Fit:
+def _with_k_across_stairs(problem: Problem, fit: Fit, begin: States) -> Fit:
     """The same fit; a level's k is known no better than its deviance says with all else as it is: at twice its standard
     error that has risen by four. At the brink of a stair a derivative says far more.
     """
-    begin, count = begun_at(problem, fit), len(fit.point.theta)
-    rows = np.zeros(len(SHIFTS), dtype=np.int64)
-    ln_k = begin.ln_k + SHIFTS[:, None]
-    tried = problem.states(begin.theta[rows], ln_k, begin.slope[rows], problem.bed(begin)[rows])
-    deviance = by_level(problem, tried)
+    away, count = LN_K_AWAY[:, None], len(fit.point.theta)
+    # All levels at once: given all else they are independent.
+    deviance = by_level(problem, elsewhere(problem, begin, begin.theta, begin.ln_k + away, problem.bed(begin)))
     near = deviance < deviance.min(axis=0) + FAR**2
-    alone = np.where(near, np.abs(SHIFTS)[:, None], 0.0).max(axis=0) / FAR
-    told = fit.stderr[count:]
+    alone, told = np.where(near, np.abs(away), 0.0).max(axis=0) / FAR, fit.stderr[count:]
     wider = np.concatenate([np.ones(count), np.where(alone > told, alone / np.where(told > 0, told, 1.0), 1.0)])
     if (wider == 1.0).all():
         return fit

@@ -68,11 +68,10 @@ def _held(problem: Problem, begin: States, index: int) -> States:
     rows = np.zeros(len(values), dtype=np.int64)
     theta, ln_k, slope, bed = begin.theta[rows], begin.ln_k[rows], begin.slope[rows], problem.bed(begin)[rows]
     theta[:, index] = values
-    for ln_k_sd in ROUGH:
-        rough = _rougher(problem, ln_k_sd)
-        found = descend(rough, rough.states(theta, ln_k, slope, bed), ITERATIONS, fixed=[index])
-        theta, ln_k, bed = found.theta, found.ln_k, rough.bed(found)
-    return descend(problem, problem.states(theta, ln_k, slope, bed), ITERATIONS, fixed=[index])
+    for one in (*(_rougher(problem, ln_k_sd) for ln_k_sd in ROUGH), problem):
+        found = descend(one, one.states(theta, ln_k, slope, bed), ITERATIONS, fixed=[index])
+        theta, ln_k, bed = found.theta, found.ln_k, one.bed(found)
+    return found
 
 
 def _rougher(problem: Problem, ln_k_sd: float) -> Problem:

@@ -24,16 +24,16 @@ def look_along_k(problem: Problem, state: States) -> States:
     across = np.median(state.ln_k) + np.log(ACROSS)[:, None] + np.zeros_like(state.ln_k)
     ln_k, shared = np.concatenate([near, across]), problem.shared(state)
     enough = by_level(problem, state) - TOLERANCE
-    hopeful = by_level(problem.few, _tried(problem.few, state, state.theta, ln_k, shared)) < enough
+    hopeful = by_level(problem.few, elsewhere(problem.few, state, state.theta, ln_k, shared)) < enough
     # Each level has rows of its own: a row is the next of every level.
     order = np.argsort(~hopeful, axis=0, kind="stable")[: hopeful.sum(axis=0).max()]
     if not len(order):
         return state
     ln_k = np.take_along_axis(ln_k, order, axis=0)
-    value = by_level(problem, _tried(problem, state, state.theta, ln_k, shared))
+    value = by_level(problem, elsewhere(problem, state, state.theta, ln_k, shared))
     best = np.take_along_axis(ln_k, value.argmin(axis=0)[None], axis=0)
     best = np.where(value.min(axis=0) < enough, best, state.ln_k)
-    moved = _tried(problem, state, state.theta, best, problem.bed(state))
+    moved = elsewhere(problem, state, state.theta, best, problem.bed(state))
     return moved if moved.deviance[0] < state.deviance[0] else state
 
 
@@ -65,10 +65,10 @@ def _lowest_below(problem: Problem, state: States, theta: Array, ln_k: Array) ->
         return state
     enough, bed = state.deviance[0] - TOLERANCE, problem.bed(state)
     # What deviates more on some of the cells than the state does on all can't be below it.
-    hopeful = np.flatnonzero(_tried(problem.few, state, theta, ln_k, bed).deviance < enough)
+    hopeful = np.flatnonzero(elsewhere(problem.few, state, theta, ln_k, bed).deviance < enough)
     if not len(hopeful):
         return state
-    best = _tried(problem, state, theta[hopeful], ln_k[hopeful], bed).lowest()
+    best = elsewhere(problem, state, theta[hopeful], ln_k[hopeful], bed).lowest()
     return best if best.deviance[0] < enough else state
 
 
@@ -81,7 +81,7 @@ def look_along_bed(problem: Problem, state: States) -> States:
     for part in _apart(own):
         tried = np.repeat(shared, len(OFFSETS), axis=0)
         tried[:, part] += OFFSETS[:, None] * sd[part]
-        found = _tried(problem, state, state.theta, state.ln_k, tried)
+        found = elsewhere(problem, state, state.theta, state.ln_k, tried)
         gain = _by_offset(state, own[:, part], part) - _by_offset(found, own[:, part], part)
         shift = np.zeros(len(sd))
         shift[part] = np.where(gain.max(axis=0) > TOLERANCE, OFFSETS[gain.argmax(axis=0)] * sd[part], 0.0)
@@ -89,11 +89,11 @@ def look_along_bed(problem: Problem, state: States) -> States:
     if not shifts:
         return state
     bed = problem.bed(state) + np.array([sum(shifts), *shifts])
-    best = _tried(problem, state, state.theta, state.ln_k, bed).lowest()
+    best = elsewhere(problem, state, state.theta, state.ln_k, bed).lowest()
     return best if best.deviance[0] < state.deviance[0] else state
 
 
-def _tried(problem: Problem, state: States, theta: Array, ln_k: Array, shared: Array) -> States:
+def elsewhere(problem: Problem, state: States, theta: Array, ln_k: Array, shared: Array) -> States:
     """One row's state with other θ, ln k or nuisances, each ``(rows or 1, ...)``."""
     rows = max(len(theta), len(ln_k), len(shared))
     theta, ln_k, shared = (np.repeat(each, rows // len(each), axis=0) for each in (theta, ln_k, shared))
