@@ -178,10 +178,9 @@ def discover(
     found, partial = _found(search, at_once, max_effects)
     search.fits, verdict, named = found.fits, found.verdict, found.named
     search.effects = {**effects, **named.model.catalogue}
-    # Errors of the steps below are found meanwhile.
-    below = fit_all(with_sampled_errors, search.ladder(verdict)[:-1])
+    # What a step below leaves to explain makes any error of its parameters a figure of speech: it is not sampled for.
+    below = search.ladder(verdict)[:-1]
     named, reported = _reported(named, criteria)
-    ladder = [*below, reported]
     floor = noise_floor(cells)
     hidden, trials = _next(search, verdict)
     verdict = _in_full(search, verdict, named, hidden, trials)
@@ -190,7 +189,7 @@ def discover(
         cells=cells,
         noise_floor_m_s=floor["speed"],
         noise_floor=floor,
-        steps=tuple(ladder),
+        steps=(*below, reported),
         candidates=tuple(candidates(search.fits, effects)),
         verdict=verdict,
         next_trials=tuple(trials),

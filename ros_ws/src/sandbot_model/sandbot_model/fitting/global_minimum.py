@@ -204,26 +204,26 @@ def _first_look(problem: Problem, near: WarmStart | None) -> States:
     k_curve = near.k_n_per_m if near is not None else critical * np.linspace(1.04, 1.34, levels)
     also = None if near is None else _warm_starts(problem.model, near)
     found = starts(problem, slope_of(problem.cells.level_phi, k_curve), k_curve, also=also)
-    states = _halved(problem, _begin(problem, found))
+    begin = _begin(problem, found)
+    if near is None:
+        # What everything else is measured against: several descents are carried to their end.
+        return _hopeful(_kept(problem, begin, BASE_STARTS), 10 * HOPELESS)
+    states = _halved(problem, begin)
     for _ in range(2):
-        if near is not None and states.deviance[0] > far_above(near.deviance, 10 * HOPELESS):
+        if states.deviance[0] > far_above(near.deviance, 10 * HOPELESS):
             return states
         more = resample(problem, states.theta[0], states.ln_k[0], states.slope[0])
         other = _halved(problem, _begin(problem, more)) if more else states
         if other.deviance[0] > states.deviance[0] - 1.0:
             break
         states = other
-    if near is not None:
-        return states
-    # What everything else is measured against: several descents are carried to their end.
-    states = joined([states, _begin(problem, found[:BASE_STARTS])])
-    return _settled(problem, _hopeful(descend(problem, states, FIRST_ITERATIONS), 10 * HOPELESS))
+    return states
 
 
 def _refined(problem: Problem, states: States, near: WarmStart | None) -> States:
     """Descents and scans, from what a first look has found. One row."""
     if near is None:
-        return _settled(problem, states)
+        return _settled(problem, states, 2 * ROUNDS)
     found = states if states.deviance[0] > far_above(near.deviance) else _settled(problem, states)
     close = nearby_state(problem, (near,)) if found.deviance[0] > near.deviance else found
     return _plausible(problem, close if close.deviance[0] < found.deviance[0] else found)
@@ -259,11 +259,11 @@ def _jumps(problem: Problem, states: States, draw: np.random.Generator, size: fl
     return problem.states(theta, ln_k, states.slope[0])
 
 
-def _settled(problem: Problem, states: States) -> States:
+def _settled(problem: Problem, states: States, rounds: int = ROUNDS) -> States:
     """Alternate descents and scans until neither gains anything: the best of all rows."""
     ends: list[States] = []
     moving: list[States] = []
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         states = descend(problem, problem.states(states.theta, states.ln_k, _slopes(problem, states.ln_k)))
         moving = []
         states = _hopeful(states, HOPELESS)
@@ -325,10 +325,15 @@ def _begin(problem: Problem, found: Sequence[Start]) -> States:
 
 def _halved(problem: Problem, states: States) -> States:
     """The best row after rounds of descent, each of which keeps fewer rows."""
-    for kept in HALVING:
-        states = descend(problem, states, FIRST_ITERATIONS)
-        states = states.take(np.argsort(states.deviance)[:kept])
+    for count in HALVING:
+        states = _kept(problem, states, count)
     return states
+
+
+def _kept(problem: Problem, states: States, count: int) -> States:
+    """So many of the rows, those that a short descent brings lowest."""
+    states = descend(problem, states, FIRST_ITERATIONS)
+    return states.take(np.argsort(states.deviance)[:count])
 
 
 def _slopes(problem: Problem, ln_k: Array) -> Array:
