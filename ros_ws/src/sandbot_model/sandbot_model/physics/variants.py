@@ -16,6 +16,8 @@ from sandbot_model.physics.formula import formula_effect
 
 _POWER = "; power [1] in {}..{}"
 _EITHER = _POWER.format(-2, 2)
+_GROWS = _POWER.format(0, 2)
+"""What contact or friction takes of a step grows with pace: by the time that both tripods stand, or by speed squared."""
 _BY_OMEGA = "(omega/16)**power"
 _DEPTH = "maximum(d, 1e-6)"
 _WIDTH = "; log_width [1] in -2..0"
@@ -61,8 +63,8 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     },
     "stance_overlap": {
         "the first step spared": "kept *= 1 - eta*(1 - first)",
-        "by a power of ω": f"kept *= maximum(1 - eta*{_BY_OMEGA}, 0){_EITHER}",
-        "the first step spared, by a power of ω": f"kept *= maximum(1 - eta*{_BY_OMEGA}*(1 - first), 0){_EITHER}",
+        "by a power of ω": f"kept *= maximum(1 - eta*{_BY_OMEGA}, 0){_GROWS}",
+        "the first step spared, by a power of ω": f"kept *= maximum(1 - eta*{_BY_OMEGA}*(1 - first), 0){_GROWS}",
         "a length of each step": "kept *= maximum(1 - eta*R/maximum(step, 1e-6), 0)",
         "by a power of depth": f"kept *= maximum(1 - eta*({_DEPTH}/d_r)**power, 0){_POWER.format(-3, 3)}",
     },
@@ -109,7 +111,7 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     "phi_dependent_response": {"exponential in φ": "delta_t *= exp(b*(phi - 0.61)/0.05)"},
     "cable_drag": {
         "by another power of depth": f"{_DRAG.format(f'(d_r/{_DEPTH})**power')}{_POWER.format(0, 3)}",
-        "by a power of ω": f"{_DRAG.format(f'{_SLOWER}*{_BY_OMEGA}')}{_EITHER}",
+        "by a power of ω": f"{_DRAG.format(f'{_SLOWER}*{_BY_OMEGA}')}{_GROWS}",
         "the first step spared": _DRAG.format(f"{_SLOWER}*(1 - first)"),
         # As much of a step of 46 mm on 200 N/m as F_x of 4 N lets the catalogue's formula take.
         "by the ground's stiffness, the peak spared": "step = maximum(s - 2.3*f_c_n/k, 0)",
@@ -119,14 +121,14 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     },
     "leg_slip": {
         "by another power of depth": f"{_SLIP.format(f'(d_r/{_DEPTH})**power')}{_POWER.format(0, 4)}",
-        "by a power of ω": f"{_SLIP.format(f'{_SLOWER}*{_BY_OMEGA}')}{_EITHER}",
+        "by a power of ω": f"{_SLIP.format(f'{_SLOWER}*{_BY_OMEGA}')}{_GROWS}",
         "the first step spared": _SLIP.format(f"{_SLOWER}*(1 - first)"),
         "above a depth": (
             f"{_SLIP.format('clip(0.5 + (d_0_m - d)/10**log_width, 0, 1)')}"
             "; d_0_m [m] in 0.02..0.05; log_width [1] in -3..-1.5"
         ),
         "the peak spared": f"step *= clip(1 - sigma*(d_r/{_DEPTH})**power, 0, 1){_POWER.format(1, 3)}",
-        "the peak spared, by a power of ω": f"step *= clip(1 - sigma*{_SLOWER}*{_BY_OMEGA}, 0, 1){_EITHER}",
+        "the peak spared, by a power of ω": f"step *= clip(1 - sigma*{_SLOWER}*{_BY_OMEGA}, 0, 1){_GROWS}",
     },
     "exact_vertical_acceleration": {"a power of the sine": f"lift_ratio *= (s_0/(2*R))**power{_POWER.format(0.5, 3)}"},
     "dilation": {"another ramp": f"k + {_DILATED}*{_STEP.format(reach='reach')}{_WIDTH}; reach [1] in 0.6..2"},
