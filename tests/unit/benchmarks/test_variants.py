@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import _drawn
 import variants
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.fit import fit
@@ -36,7 +37,7 @@ def test_a_verdict_falls_in_its_column(family, status, sets, said):
 
 def observables(form):
     trials = variants.campaign(form, 3)
-    return np.stack([getattr(trials, one.column) for one in Observable], axis=-1) / variants.NOISE
+    return np.stack([getattr(trials, one.column) for one in Observable], axis=-1) / _drawn.NOISE
 
 
 def test_every_form_is_of_a_family_or_of_none_and_moves_something():
@@ -48,8 +49,8 @@ def test_every_form_is_of_a_family_or_of_none_and_moves_something():
 
 
 @pytest.mark.parametrize(("name", "same"), [("hold is Coulomb friction", True), ("slip falls linearly", False)])
-def test_the_same_formula_is_no_false_claim(name, same):
+def test_what_can_t_be_told_from_what_is_named_is_no_false_claim(name, same):
     """A constant share of each step with the peak spared is an overlap; one that falls with depth is not."""
     form = next(one for one in variants.FORMS if one.name.startswith(name))
     overlap = fit(model_of("simple", ("stance_overlap",), catalogue()), cells_of(variants.campaign(form, 3)))
-    assert variants.same_formula(form, overlap) is same
+    assert (variants.missed(form, 3, overlap) < variants.TOLD) is same

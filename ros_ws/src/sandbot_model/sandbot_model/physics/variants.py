@@ -17,7 +17,7 @@ from sandbot_model.physics.formula import formula_effect
 _POWER = "; power [1] in {}..{}"
 _EITHER = _POWER.format(-2, 2)
 _GROWS = _POWER.format(0, 2)
-"""What contact or friction takes of a step grows with pace: by the time that both tripods stand, or by speed squared."""
+"""What contact or friction takes of a step grows with pace: by the time that both tripods stand, by speed squared."""
 _BY_OMEGA = "(omega/16)**power"
 _DEPTH = "maximum(d, 1e-6)"
 _WIDTH = "; log_width [1] in -2..0"
@@ -98,10 +98,6 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     "inertial_drag": {
         "by another power of speed": f"extra_force += lambda_1*600*w*R*(R*16)**2*{_BY_OMEGA}{_POWER.format(0, 4)}",
         "by a power of depth": f"extra_force += lambda_1*600*w*R*({_DEPTH}/R)**power*(R*omega)**2{_POWER.format(0, 2)}",
-        "of the legs' way down, by a power of depth": (
-            # As much as the catalogue's where legs stand, a chord of 1.1 R apart.
-            f"extra_force += lambda_1*600*w*R*({_DEPTH}/R)**power*(omega*s_0/2)**2/0.3{_POWER.format(0, 2)}"
-        ),
     },
     "crater_refill": {
         "a ramp of another width": _CRATER.format(left="exp(-pi/(omega*tau_s))"),
