@@ -26,7 +26,8 @@ ros_ws/install/.ready: .venv/.ready $(PACKAGE_FILES) tools/install_ros2_fallback
 	@rm -rf ros_ws/build ros_ws/install ros_ws/log
 	source .venv/bin/activate && cd ros_ws && colcon build --symlink-install --event-handlers console_direct- status- --executor sequential
 	.venv/bin/python tools/install_ros2_fallback.py
-	@echo "trackway: compiling the numerical kernels"
+	@echo "trackway: compiling"
+	$(RUN) python -m compileall -q ros_ws/src
 	$(RUN) python tools/warm_up.py >/dev/null 2>&1 || { $(RUN) python tools/warm_up.py; exit 1; }
 	@touch $@
 
@@ -40,7 +41,12 @@ demo: setup
 PYTEST := python -m pytest --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 WORKERS ?= $(shell echo $$(($$(nproc) + 2)))
 
-test: setup browser lint
+# Tests compiled once, not by each worker that reads them.
+.venv/.tests: ros_ws/install/.ready
+	$(RUN) PYTHONDONTWRITEBYTECODE= python -m pytest --collect-only -q > /dev/null || true
+	@touch $@
+
+test: setup browser lint .venv/.tests
 	$(RUN) $(PYTEST) -n $(WORKERS) -m "not whole" $(PYTEST_ARGS)
 
 test-quick: setup

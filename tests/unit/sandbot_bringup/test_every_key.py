@@ -2,6 +2,7 @@
 refused, and every file there has its test here."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
@@ -168,7 +169,10 @@ def film(content, name):
     return [camera.film(Rolling, n / camera.calibration.frame_rate_hz, n > 0) for n in range(4)]
 
 
-FRAMES = {name: film(CAMERAS, name) for name in ("dorsal", "lateral")}
+@cache
+def frames():
+    """Of both cameras, as they are."""
+    return {name: film(CAMERAS, name) for name in ("dorsal", "lateral")}
 
 
 def tracked(content):
@@ -177,13 +181,13 @@ def tracked(content):
     views = {name: View(camera) for name, camera in cameras.items()}
     tracker = OfflineTracker(cameras)
     clocks = []
-    for n, (above, beside) in enumerate(zip(FRAMES["dorsal"], FRAMES["lateral"], strict=True)):
+    for n, (above, beside) in enumerate(zip(*frames().values(), strict=True)):
         tracker.update(n / cameras["dorsal"].frame_rate_hz, above, beside)
         for view, frame in zip(views.values(), (above, beside), strict=True):
             view.look(10_000_000 * n, 10_000_000 * n, 0, frame)
     for view in views.values():
         view.led(10_000_000)
-        view.look(50_000_000, 50_000_000, 50_000_000, FRAMES["dorsal"][0])
+        view.look(50_000_000, 50_000_000, 50_000_000, frames()["dorsal"][0])
         clocks.append(np.array([view.clock.edges, view.clock.half_width_ns or -1, view.times.period_s]))
     marks = tracker.landmarks()
     return marks.t_s, marks.com, marks.front_axle, marks.rear_axle, *clocks
@@ -203,7 +207,7 @@ def test_a_camera_is_obeyed_by_the_lab_and_the_tracking_or_refused(path):
         with pytest.raises(InputError, match=path[1]):
             film(otherwise, path[0])
     else:
-        assert not same(FRAMES[path[0]], film(otherwise, path[0]))
+        assert not same(frames()[path[0]], film(otherwise, path[0]))
     if path[1] in ("rotation", "width", "height") or path[-1] == "normal":
         with pytest.raises(InputError, match="calibrated for" if path[1] in ("width", "height") else path[1]):
             tracked(otherwise)
@@ -213,7 +217,7 @@ def test_a_camera_is_obeyed_by_the_lab_and_the_tracking_or_refused(path):
 
 def test_a_camera_left_as_it_is_changes_nothing():
     """Control of the test before."""
-    assert same(film(CAMERAS, "dorsal"), FRAMES["dorsal"])
+    assert same(film(CAMERAS, "dorsal"), frames()["dorsal"])
     assert same(TRACKED, tracked(CAMERAS))
 
 
