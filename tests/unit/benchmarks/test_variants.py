@@ -52,5 +52,6 @@ def test_every_form_is_of_a_family_or_of_none_and_moves_something():
 def test_what_can_t_be_told_from_what_is_named_is_no_false_claim(name, same):
     """A constant share of each step with the peak spared is an overlap; one that falls with depth is not."""
     form = next(one for one in variants.FORMS if one.name.startswith(name))
-    overlap = fit(model_of("simple", ("stance_overlap",), catalogue()), cells_of(variants.campaign(form, 3)))
-    assert (variants.missed(form, 3, overlap) < variants.TOLD) is same
+    cells = cells_of(variants.campaign(form, 3))
+    overlap = fit(model_of("simple", ("stance_overlap",), catalogue()), cells)
+    assert (variants.missed(form, cells, overlap) < variants.TOLD) is same
