@@ -282,8 +282,7 @@ def _on_rough_ground(search: EffectSearch) -> Fit:
     """
     if search.rough is None:
         plain = search.fits[()]
-        alike = shared_by(plain, search.criteria)
-        own = replace(alike, ln_k_sd=np.full(len(plain.cells), ROUGH * search.criteria.bed_scatter))
+        own = shared_by(plain, search.criteria).rougher(ROUGH * search.criteria.bed_scatter)
         point = solve_beside((plain.model, plain.cells, None, own))
         search.rough = fitted_at(plain.model, plain.cells, point, own)
     return search.rough

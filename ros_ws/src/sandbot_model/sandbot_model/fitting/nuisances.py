@@ -56,6 +56,10 @@ class Nuisances:
         slope, ln_k_sd, by_ln_k = fewer
         return replace(self, slope=slope, ln_k_sd=ln_k_sd, by_ln_k=by_ln_k)
 
+    def rougher(self, ln_k_sd: float) -> "Nuisances":
+        """The same on a bed whose ln k scatters, that much more, from condition to condition."""
+        return replace(self, ln_k_sd=np.hypot(self.ln_k_sd, ln_k_sd))
+
 
 def sizes_tried(prior: float) -> Array:
     """σ_b that are tried, 0 first, for the sd of its half-normal prior."""

@@ -75,9 +75,8 @@ def _held(problem: Problem, begin: States, index: int) -> States:
 
 
 def _rougher(problem: Problem, ln_k_sd: float) -> Problem:
-    """The same on a bed whose ln k scatters from condition to condition."""
     own = problem.nuisances or _none(len(problem.cells))
-    return replace(problem, nuisances=replace(own, ln_k_sd=np.hypot(own.ln_k_sd, ln_k_sd)))
+    return replace(problem, nuisances=own.rougher(ln_k_sd))
 
 
 def _none(cells: int) -> Nuisances:
