@@ -17,7 +17,7 @@ from sandbot_model.physics.formula import formula_effect
 _POWER = "; power [1] in {}..{}"
 _EITHER = _POWER.format(-2, 2)
 _GROWS = _POWER.format(0, 2)
-"""What contact or friction takes of a step grows with pace: by the time that both tripods stand, by speed squared."""
+"""What contact or friction takes of any step grows with pace: by the time that both tripods stand, by speed squared."""
 _BY_OMEGA = "(omega/16)**power"
 _DEPTH = "maximum(d, 1e-6)"
 _WIDTH = "; log_width [1] in -2..0"
@@ -64,7 +64,7 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     "stance_overlap": {
         "the first step spared": "kept *= 1 - eta*(1 - first)",
         "by a power of ω": f"kept *= maximum(1 - eta*{_BY_OMEGA}, 0){_GROWS}",
-        "the first step spared, by a power of ω": f"kept *= maximum(1 - eta*{_BY_OMEGA}*(1 - first), 0){_GROWS}",
+        "the first step spared, by a power of ω": f"kept *= maximum(1 - eta*{_BY_OMEGA}*(1 - first), 0){_EITHER}",
         "a length of each step": "kept *= maximum(1 - eta*R/maximum(step, 1e-6), 0)",
         "by a power of depth": f"kept *= maximum(1 - eta*({_DEPTH}/d_r)**power, 0){_POWER.format(-3, 3)}",
     },
