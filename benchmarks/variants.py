@@ -155,8 +155,8 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         "the first two had written. What came out wrong of the first to sixth was looked at and has conventions of its "
         "kind, of the seventh and the eighth what was claimed. "
         "`adequate`: the base model takes in what the form does, nothing is left to be told. `half`: the family, and "
-        f"another beside it. `{NOT_TOLD}`: what is named does not act, but its deviance is less than {TOLD:g} above that "
-        "of the form itself, fitted to the same trials: these can't tell the two apart. leg_slip, cable_drag and "
+        f"another beside it. `{NOT_TOLD}`: what is named does not act, but its deviance is less than {TOLD:g} above "
+        "that of the form itself, fitted to the same trials: these can't tell the two apart. leg_slip, cable_drag and "
         "bed_slope count as one family.",
     ]
     for lab in dict.fromkeys(form.lab for form in FORMS):

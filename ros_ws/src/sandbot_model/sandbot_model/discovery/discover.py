@@ -209,7 +209,7 @@ def _found(search: EffectSearch, at_once: Verdict | None, max_effects: int) -> t
     search.run(0 if at_once else max_effects, lambda size: nuisances_suffice(search, size))
     found = Shared(at_once, search.fits, search.fits[()]) if at_once else _beside_nuisances(search)
     partial = None
-    if found.verdict.status == "identified" and against(search, search.fits[found.verdict.effects], found.named):
+    if found.verdict.status in CLAIMS and against(search, search.fits[found.verdict.effects], found.named):
         found = _beside_nuisances(search)
     found = _imitated(search, found) or found
     # From one observable alone no convention can be told from another.
