@@ -36,10 +36,10 @@ setup: ros_ws/install/.ready
 demo: setup
 	$(RUN) bash tools/demo.sh "$(DEMO_OUT)" "$(SEED)"
 
-# Two workers more than there are CPUs: what runs nodes over DDS or a browser mostly waits.
+# Three workers more than there are CPUs: what runs nodes over DDS or a browser mostly waits.
 # A worker that died is not replaced: xdist would give the new one the same test, again and again.
 PYTEST := python -m pytest --dist loadfile --no-loadscope-reorder --max-worker-restart 0
-WORKERS ?= $(shell echo $$(($$(nproc) + 2)))
+WORKERS ?= $(shell echo $$(($$(nproc) + 3)))
 
 # Tests compiled once, not by each worker that reads them.
 .venv/.tests: ros_ws/install/.ready
