@@ -9,6 +9,7 @@ from sandbot_model.discovery.conventions import against, other_conventions, sing
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.partial import beyond_its_range
+from sandbot_model.discovery.verdict import judge
 from sandbot_model.physics.catalogue import catalogue
 
 FEW = {name: effect for name, effect in catalogue().items() if name in ("stance_overlap", "leg_slip", "inertial_drag")}
@@ -46,6 +47,27 @@ def test_one_effect_under_another_convention_takes_the_place_of_two(drawn):
     overlap = next(fit for fit in found.fits if fit.effects == ("stance_overlap",))
     power = overlap.parameters["stance_overlap.power"]
     assert power.value == pytest.approx(1.0, abs=3 * power.stderr)
+
+
+@pytest.mark.slow
+def test_what_is_lost_to_being_slow_is_no_overlap(drawn):
+    """Grains that stick were an overlap by ω to the power of -1.1."""
+    few = {name: FEW[name] for name in ("stance_overlap", "leg_slip")}
+    found = discover(
+        cells_of(drawn(formulas=("o: speed: kept *= 1 - 0.35*exp(-omega/6)",), seed=5)), few, max_effects=1
+    )
+    assert found.verdict.status == "unexplained"
+
+
+@pytest.mark.slow
+def test_effects_that_look_alike_stand_against_other_conventions(drawn):
+    """A slip that falls steeply with depth: two explain it under their usual formulas, one under its own better."""
+    alike = {name: catalogue()[name] for name in ("leg_slip", "cable_drag", "bed_slope")}
+    cells = cells_of(drawn(formulas=("o: step: s, peak *= 1 - 0.12*(0.039/d)^4",), seed=2000, levels=7))
+    search = EffectSearch(cells, alike, "simple")
+    search.run(1)
+    assert judge(search.fits).status == "ambiguous"
+    assert discover(cells, alike, max_effects=1).headline == "identified: leg_slip (by another power of depth)"
 
 
 TIME_LEFT = "maximum(pi/omega - 2*arcsin(s_0/(2*R))/(beta*omega), 0)"

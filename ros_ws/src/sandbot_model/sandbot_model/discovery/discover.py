@@ -178,7 +178,7 @@ def discover(
     found, partial = _found(search, at_once, max_effects)
     search.fits, verdict, named = found.fits, found.verdict, found.named
     search.effects = {**effects, **named.model.catalogue}
-    # What a step below leaves to explain makes any error of its parameters a figure of speech: it is not sampled for.
+    # Steps below leave something to explain: how well their parameters are known means nothing, and is not sampled.
     below = search.ladder(verdict)[:-1]
     named, reported = _reported(named, criteria)
     floor = noise_floor(cells)

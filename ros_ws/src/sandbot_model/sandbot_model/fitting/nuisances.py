@@ -57,7 +57,7 @@ class Nuisances:
         return replace(self, slope=slope, ln_k_sd=ln_k_sd, by_ln_k=by_ln_k)
 
     def rougher(self, ln_k_sd: float) -> "Nuisances":
-        """The same on a bed whose ln k scatters, that much more, from condition to condition."""
+        """The same on a bed whose ln k also scatters by so much from condition to condition."""
         return replace(self, ln_k_sd=np.hypot(self.ln_k_sd, ln_k_sd))
 
 
