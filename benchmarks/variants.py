@@ -105,15 +105,16 @@ def analyse(case: Case) -> dict[str, Any]:
     said, told = outcome(case.family, found), np.nan
     if said == "false claim" or (said in NAMED and case.family == OUTSIDE):
         named = [one for one in (*found.fits, found.fit) if one.effects in found.verdict.alternatives]
-        told = min(missed(form, cells, one) for one in named)
+        told = missed(form, cells, named)
         said = NOT_TOLD if told < TOLD else said
     return {**dataclasses.asdict(case), "outcome": said, "said": found.headline, "missed": told}
 
 
-def missed(form: Form, cells: Cells, named: Fit) -> float:
-    """How far a named model's deviance is above that of the form itself, fitted to the same trials."""
+def missed(form: Form, cells: Cells, named: Sequence[Fit]) -> float:
+    """How far the least deviance of what is named is above that of the form itself, fitted to the same trials."""
     effects = {effect.identifier: effect for effect in form.walker.effects}
-    return named.deviance - fit(model_of("simple", tuple(effects), effects), cells).deviance
+    itself = fit(model_of("simple", tuple(effects), effects), cells)
+    return min(one.deviance for one in named) - itself.deviance
 
 
 def outcome(family: str, found: Discovery) -> str:

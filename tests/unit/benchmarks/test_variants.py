@@ -54,4 +54,4 @@ def test_what_can_t_be_told_from_what_is_named_is_no_false_claim(name, same):
     form = next(one for one in variants.FORMS if one.name.startswith(name))
     cells = cells_of(variants.campaign(form, 3))
     overlap = fit(model_of("simple", ("stance_overlap",), catalogue()), cells)
-    assert (variants.missed(form, cells, overlap) < variants.TOLD) is same
+    assert (variants.missed(form, cells, [overlap]) < variants.TOLD) is same

@@ -242,7 +242,7 @@ def wider(cells, off):
     averaged = averaged_over_scatter(beside, DEFAULT)
     assert averaged.point is beside.point
     ratio = averaged.stderr / beside.stderr
-    return ratio[0], ratio[2:].max()
+    return ratio[0], np.nanmax(ratio[2:])
 
 
 def test_one_frequency_a_day_costs_what_only_days_tell(drawn):
@@ -251,11 +251,12 @@ def test_one_frequency_a_day_costs_what_only_days_tell(drawn):
 
 
 def test_blocks_tell_how_far_they_differ(drawn):
-    """They cost Δt nothing, and k what they differ."""
+    """They cost Δt nothing, and k what they differ. Where all walk: beside a switch errors are those of a sample."""
     cells = cells_of(table(drawn, batch="block{row.replicate:g}"))
+    cells = cells.without(np.flatnonzero(cells.level_phi[cells.level] < 0.59))
     assert max(wider(cells, np.zeros(3))) < 1.15
     delta_t, k = wider(cells, np.array([-1, 0, 1]) * 6e-3)
-    assert delta_t < 1.3  # of a sample, known to a tenth
+    assert delta_t < 1.1
     assert k > 1.5
 
 

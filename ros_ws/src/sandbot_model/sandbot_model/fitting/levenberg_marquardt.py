@@ -12,6 +12,8 @@ from sandbot_model.physics.arrays import Array, Ints
 ITERATIONS = 30
 TOLERANCE = 1e-2
 """The descent ends with a step that lowers the deviance by less than this."""
+FOUND_AT_ONCE = "v_swim_m_s"
+"""The parameter that any descent finds: no switch depends on it, and no search beside descents looks for it."""
 MAX_DAMPING = 1e5
 """Damping beyond which a row is no longer improved."""
 

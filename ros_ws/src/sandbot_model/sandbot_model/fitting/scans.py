@@ -3,7 +3,7 @@
 import numpy as np
 
 from sandbot_model.fitting.jacobian import cell_jacobian
-from sandbot_model.fitting.levenberg_marquardt import TOLERANCE, bounds
+from sandbot_model.fitting.levenberg_marquardt import FOUND_AT_ONCE, TOLERANCE, bounds
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.states import States
 from sandbot_model.physics.arrays import Array, Bool, Ints
@@ -16,8 +16,6 @@ OFFSETS = np.array([-2.0, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 2.0])
 """Shifts of an offset of the bed tried, in units of its prior."""
 REACHES = np.concatenate([-(r := np.array([0.02, 0.05, 0.1, 0.16, 0.24, 0.36, 0.5])), r])
 """Shifts of an effect's parameter tried, in plausible ranges."""
-SMOOTH = "v_swim_m_s"
-"""No switch depends on it: a descent finds it."""
 
 
 def look_along_k(problem: Problem, state: States) -> States:
@@ -45,7 +43,7 @@ def look_along_theta(problem: Problem, state: States, fixed: int | None = None) 
     low, high = bounds(problem)
     response = k_response(problem, state)
     for index, (name, parameter) in enumerate(zip(problem.model.names, problem.model.parameters, strict=True)):
-        if index == fixed or name == SMOOTH:
+        if index == fixed or name == FOUND_AT_ONCE:
             continue
         reach = state.theta[0, index] if "." not in name else parameter.width
         here = state.theta[0, index]

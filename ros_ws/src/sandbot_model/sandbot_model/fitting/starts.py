@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sandbot_model.fitting.levenberg_marquardt import FOUND_AT_ONCE
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.geometry import critical_k_n_per_m
@@ -160,7 +161,7 @@ def _theta(model: Model, unit: Array) -> Array:
 
 def _samples(model: Model) -> Array:
     """An even sample of the plausible ranges in unit coordinates; v_swim, found by any descent, at its start."""
-    free = [i for i, name in enumerate(model.names) if name != "v_swim_m_s"]
+    free = [i for i, name in enumerate(model.names) if name != FOUND_AT_ONCE]
     count = {1: 24, 2: 56, 3: 112}.get(len(free), 144)
     unit = np.tile(_unit(model, np.array([parameter.start for parameter in model.parameters])), (count, 1))
     unit[:, free] = _even(count, len(free))
