@@ -57,6 +57,23 @@ def test_an_effect_typed_with_the_symbols_that_are_shown_is_that_effect(identifi
     assert not np.allclose(predicted(own), predicted(), rtol=1e-6)
 
 
+BY_PARTS = (("y", "s *= 1 - a"), ("z", "peak *= 1 - a"))
+
+
+def test_formulas_after_the_first_change_more_in_turn():
+    both = formula_effect("x: step: s *= 1 - a; peak *= s/s_0; a [1] in 0..0.5")
+    parts = [formula_effect(f"{name}: step: {what}; a [1] in 0..0.5") for name, what in BY_PARTS]
+    here = Inputs(np.array([[160.0], [210.0]]), np.linspace(4.0, 28.0, 9), 0.4, 0.62)
+    found, expected, least = (
+        Walker(tuple(effects)).predict(here, [{"a": 0.3}] * len(effects)).observables
+        for effects in ([both], parts, parts[:1])
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    assert not np.allclose(found, least)
+    assert both.formula == "s -> s * (1 - a); peak -> peak * (s/s_0)"
+    assert [one.name for one in both.parameters] == ["a"]
+
+
 def test_every_symbol_may_be_typed_where_it_exists():
     for symbol in listed():
         stage = symbol.stage if symbol.stage in STAGES else "clock"
@@ -202,7 +219,8 @@ def test_one_number_stands_for_all_depths_and_conditions(text):
         ("boost: strength: k*first; first in 0..1", "choose another name"),
         ("boost: speed: kept, k2 *= 1 + a; a in 0..1", "'k2' can't be set at stage speed"),
         ("boost: speed: kept %= a; a in 0..1", "boost"),
-        ("boost: step: s *= 0.9; peak *= 1.1", "'peak \\*= 1.1' is not .* an effect of its own"),
+        ("boost: step: s *= 0.9; peek *= 1.1", "'peek' can't be set at stage step, did you mean 'peak'?"),
+        ("boost: step: s *= 0.9; peak *= 1 +", "'1 \\+' is not an expression"),
         ("boost: step: s*(1 + 2 first)", r"at '1 \+ 2 first\)'"),
         ("boost: strength: phi += 0.01", r"k does not follow 'phi'; k -> K\(phi \+ ...\)"),
         ("boost: speed: kept*sqrt(-1)", "gives no number at k 200 N/m, ω 10 rad/s"),

@@ -4,56 +4,94 @@ A claim is of a family, and another family may explain as much under a conventio
 conventions are therefore tried against every claim. One that only comes near is none: it was picked from dozens, and
 some have the claim's formula for a limit (a slip that spares the peak is an overlap where it is the same at all
 depths). So the catalogue's formula stands unless another is better by BIC, its choice paid for; then both are named,
-and the other alone where it is clearly better as well (``verdict.judge``).
+and the other alone where it is clearly better as well (``verdict.judge``). A bed of another depth than the robot's
+file says is no formula to be picked: a floor that is felt is named beside the claim where it explains about as much.
+
+What changes a step, and not how deep legs go, is seen along the track alone: where only the mean speed was measured
+there, no convention of it can be told from another, and none is claimed.
 """
 
+import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
-from sandbot_model.discovery.batch_sd import granted
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.nuisances_about import shared_by
-from sandbot_model.discovery.verdict import leaves_nothing, overdispersion, parts_of, passes, picked_from, sound, worth
+from sandbot_model.discovery.nuisances_about import gain_of_batches, shared_by
+from sandbot_model.discovery.verdict import (
+    claim,
+    leaves_nothing,
+    overdispersion,
+    parts_of,
+    passes,
+    picked_from,
+    sound,
+    worth,
+)
 from sandbot_model.fitting.fit import Fit, fitted_at
-from sandbot_model.fitting.global_minimum import far_above, solve, solve_below, solve_near
+from sandbot_model.fitting.global_minimum import WarmStart, far_above, solve, solve_below, solve_near
 from sandbot_model.physics.model import Model, model_of
-from sandbot_model.physics.variants import variants_of
+from sandbot_model.physics.observables import Observable
+from sandbot_model.physics.variants import IN_ANOTHER_BED, variants_of
 
 CLOSER = 8
 """Single effects under other conventions that get a global search after a first look, the best."""
-PAIRS = 3
-"""Pairs that are tried under other conventions, the best; of single effects all are."""
+ALONG = {Observable.speed.name, Observable.peak_speed.name, Observable.first_step.name}
+"""Observables along the track."""
 
 
-def other_conventions(search: EffectSearch, size: int) -> bool:
-    """Give single effects, or the best pairs, the convention that fits them best; whether any fits clearly better.
+def other_conventions(search: EffectSearch) -> bool:
+    """Give single effects the convention that fits them best; whether any fits clearly better.
 
-    Each is looked at near the best smaller set, the best of all then anywhere.
+    Each is looked at near the base model, the best of all then anywhere.
     """
-    better = [names for names in _leading(search, size) if _better(search, names)]
+    best = [_best_of(search, usual.effects) for usual in search.ranked(1)]
+    return _taken(search, [fit for fit in best if fit is not None])
+
+
+def beside_the_leader(search: EffectSearch) -> bool:
+    """Try each effect beside the best single one, where that is under another convention; whether any fits clearly
+    better than with the usual one."""
+    leader = search.ranked(1)[0]
+    if not leader.variants:
+        return False
+    own = {**search.effects, leader.effects[0]: leader.model.effects[0]}
+    sets = search.extended(leader.effects)
+    found = _near(search, [model_of(search.base, names, own, search.cells.robot) for names in sets])
+    return _taken(search, list(filter(partial(_clearly_better, search), found)))
+
+
+def _taken(search: EffectSearch, better: Sequence[Fit]) -> bool:
+    """Put these in the place of the usual ones, the best where a search of everywhere comes to; whether there are."""
+    search.fits |= {fit.effects: fit for fit in better}
     if better:
-        best = min(better, key=lambda names: search.fits[names].bic)
-        fit = search.fits[best]
-        anywhere = fitted_at(fit.model, search.cells, solve((fit.model, search.cells, fit.warm_start)))
-        search.fits[best] = anywhere if anywhere.deviance < fit.deviance else fit
+        best = min(better, key=lambda fit: fit.bic)
+        anywhere = fitted_at(best.model, search.cells, solve((best.model, search.cells, best.warm_start)))
+        search.fits[best.effects] = min(best, anywhere, key=_deviance)
     return bool(better)
 
 
-def against(search: EffectSearch, claimed: Fit, named: Fit) -> bool:
+def against(search: EffectSearch, claimed: Fit) -> bool:
     """Let in single effects under other conventions that leave nothing to explain and speak against a claim.
 
     Against several effects one must be clearly better. Against one, another family must be better though it was picked
-    from all that were tried, also beside what trials share, as the claim is ``named``; then the claim's own family has
-    the convention that is best for it, too. Whether there are any.
+    from all that were tried, also beside what trials share; then the claim's own family has the convention that is best
+    for it, too. Whether there are any.
     """
-    tried = _near(search, _models_of_one(search), far_above(claimed.deviance, 1.0))
-    lead = search.criteria.clearly if len(claimed.effects) > 1 else picked_from(len(tried))
-    better = [
-        fit
-        for fit in tried
-        if _leads(fit, claimed, lead) and _explains(search, fit) and _leads(_beside(search, fit, named), named, lead)
-    ]
+    # Half way to the base model, by orders of magnitude: the valley from which a leg's end loses more lies that high.
+    hopeless = max(far_above(claimed.deviance, 1.0), math.sqrt(claimed.deviance * search.fits[()].deviance))
+    tried = _near(search, _models_of_one(search), hopeless, (claimed.warm_start,))
+    picked = search.criteria.clearly if len(claimed.effects) > 1 else picked_from(len(tried))
+
+    def leads(fit: Fit, bic: float, claims: float) -> bool:
+        lead = -search.criteria.clearly if IN_ANOTHER_BED in fit.variants.values() else picked
+        return bic < claims - lead * overdispersion(claimed)
+
+    better = [fit for fit in tried if leads(fit, fit.bic, claimed.bic) and _explains(search, fit)]
+    if better:
+        claims = _weighed(search, claimed)
+        better = [fit for fit in better if leads(fit, _weighed(search, fit), claims)]
     if all(fit.effects == claimed.effects for fit in better):
         return False
     search.fits |= {fit.effects: fit for fit in sorted(better, key=lambda fit: -fit.bic)}
@@ -65,37 +103,48 @@ def conventions(fits: Sequence[Fit]) -> dict[str, str]:
     return {name: variant for fit in fits for name, variant in fit.variants.items()}
 
 
-def _leads(fit: Fit, claimed: Fit, lead: float) -> bool:
-    return fit.bic < claimed.bic - lead * overdispersion(claimed)
-
-
-def _beside(search: EffectSearch, fit: Fit, named: Fit) -> Fit:
-    """A set beside what trials share, the bed as rough as it is beside another."""
-    if named.nuisances is None:
-        return fit
-    own = shared_by(fit, search.criteria, granted(named))
-    return fitted_at(fit.model, fit.cells, solve_near((fit.model, fit.cells, (fit.warm_start,), own)), own)
+def _weighed(search: EffectSearch, fit: Fit) -> float:
+    """BIC beside what trials share, on a bed that scatters as suits what is left: what needs a rough bed has explained
+    less."""
+    own = shared_by(fit, search.criteria)
+    beside = fitted_at(fit.model, fit.cells, solve_near((fit.model, fit.cells, (fit.warm_start,), own)), own)
+    return float(beside.bic - gain_of_batches(beside, search.criteria))
 
 
 def _explains(search: EffectSearch, fit: Fit) -> bool:
     return passes(fit, search.criteria) and worth({**search.fits, fit.effects: fit}, fit.effects, (), search.criteria)
 
 
-def _better(search: EffectSearch, names: Names) -> bool:
-    """Whether a set fits clearly better under another convention, which then takes its place.
+def _best_of(search: EffectSearch, names: Names) -> Fit | None:
+    """An effect under the convention that fits best, if clearly better than the usual one and worth that it was picked
+    from all that were tried."""
+    tried = singles(search)
+    picked = picked_from(len(tried))
+    found = [
+        fit
+        for fit in tried
+        if fit.effects == names
+        and _seen(search, fit)
+        and search.fits[()].deviance - fit.deviance > claim(fit, search.criteria) + picked * overdispersion(fit)
+    ]
+    return min(filter(partial(_clearly_better, search), found), key=lambda fit: fit.bic, default=None)
 
-    One that leaves nothing takes it with a number that nobody believes, too: it is no claim, but may be ``partial``.
+
+def _clearly_better(search: EffectSearch, fit: Fit) -> bool:
+    """Whether a set fits clearly better than under the usual convention.
+
+    One that leaves nothing takes its place with a number that nobody believes, too: it is no claim, but may be
+    ``partial``.
     """
-    if len(names) == 1:
-        found = [fit for fit in singles(search) if fit.effects == names]
-    else:
-        found = _near(search, _models(search, names))
-    some = [fit for fit in found if sound(fit) or leaves_nothing(fit, search.criteria)]
-    best = min(some, key=lambda fit: fit.bic, default=search.fits[names])
-    if best.bic >= search.fits[names].bic - search.criteria.clearly:
-        return False
-    search.fits[names] = best
-    return True
+    usual = search.fits.get(fit.effects)
+    gains = usual is None or fit.bic < usual.bic - search.criteria.clearly
+    return gains and (sound(fit) or leaves_nothing(fit, search.criteria))
+
+
+def _seen(search: EffectSearch, fit: Fit) -> bool:
+    """Whether more than one observable sees what the convention changes."""
+    stages = {effect.stage for effect in fit.model.effects if effect.variant}
+    return not stages <= {"step", "speed"} or len(ALONG.intersection(search.cells.observables)) > 1
 
 
 def singles(search: EffectSearch) -> list[Fit]:
@@ -117,19 +166,29 @@ def _closer(search: EffectSearch, near: Sequence[Fit]) -> list[Fit]:
 
 
 def _models_of_one(search: EffectSearch) -> list[Model]:
-    return [model for name in search.names for model in _models(search, (name,))]
+    """Each single effect under each other convention; those of a gait's phases where it has two."""
+    one_rate = search.cells.clock.one_rate.all()
+    return [
+        model_of(search.base, (name,), {**search.effects, name: variant}, search.cells.robot)
+        for name in search.names
+        for variant in variants_of(search.effects[name])
+        if not (one_rate and variant.of_phases)
+    ]
 
 
-def _near(search: EffectSearch, models: Sequence[Model], hopeless: float = np.inf) -> list[Fit]:
-    """Sets under another convention, near their best smaller set and near where the usual one has come to, if that
-    gains: a threshold is not found from far away. What is above a deviance that is ``hopeless`` at once is left there.
+def _near(
+    search: EffectSearch, models: Sequence[Model], hopeless: float = np.inf, also: tuple[WarmStart, ...] = ()
+) -> list[Fit]:
+    """Sets under another convention, near their best smaller set, near where the usual one has come to, if that gains,
+    and where they begin ``also``: a threshold is not found from far away, and what explains as much as a claim does
+    stands on ground as stiff. What is above a deviance that is ``hopeless`` at once is left there.
     """
     tasks = []
     for model in models:
-        usual = search.fits[model.identifiers]
+        usual = search.fits.get(model.identifiers)
         smaller = min((search.fits[part] for part in parts_of(model.identifiers, search.fits)), key=_deviance)
-        gains = smaller.deviance - usual.deviance > search.criteria.claim
-        starts = (smaller.warm_start, usual.warm_start)[: 1 + gains]
+        gains = usual is not None and smaller.deviance - usual.deviance > search.criteria.claim
+        starts = (smaller.warm_start, *((usual.warm_start,) if usual and gains else ()), *also)
         tasks.append((model, search.cells, starts, None, hopeless))
     points = search.fit_all(solve_below, tasks)
     return search.believable(models, points)
@@ -137,22 +196,3 @@ def _near(search: EffectSearch, models: Sequence[Model], hopeless: float = np.in
 
 def _deviance(fit: Fit) -> float:
     return fit.deviance
-
-
-def _leading(search: EffectSearch, size: int) -> list[Names]:
-    ranked = search.ranked(size)
-    return [fit.effects for fit in (ranked if size == 1 else ranked[:PAIRS])]
-
-
-def _models(search: EffectSearch, names: Names) -> list[Model]:
-    """A set with one of its effects under another convention; those of a gait's phases where it has two."""
-    one_rate = search.cells.clock.one_rate.all()
-    swaps = [
-        (name, variant)
-        for name in names
-        for variant in variants_of(search.effects[name])
-        if not (one_rate and variant.of_phases)
-    ]
-    return [
-        model_of(search.base, names, {**search.effects, name: variant}, search.cells.robot) for name, variant in swaps
-    ]

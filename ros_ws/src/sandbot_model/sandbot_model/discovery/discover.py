@@ -17,7 +17,7 @@ from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.alone import taken_back
 from sandbot_model.discovery.calibration import beyond_belief, would_fall
 from sandbot_model.discovery.candidates import Candidate, candidates
-from sandbot_model.discovery.conventions import against, conventions, other_conventions
+from sandbot_model.discovery.conventions import against, beside_the_leader, conventions, other_conventions
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try, outdone_by_a_formula
@@ -209,7 +209,7 @@ def _found(search: EffectSearch, at_once: Verdict | None, max_effects: int) -> t
     search.run(0 if at_once else max_effects, lambda size: nuisances_suffice(search, size))
     found = Shared(at_once, search.fits, search.fits[()]) if at_once else _beside_nuisances(search)
     partial = None
-    if found.verdict.status in CLAIMS and against(search, search.fits[found.verdict.effects], found.named):
+    if found.verdict.status in CLAIMS and against(search, search.fits[found.verdict.effects]):
         found = _beside_nuisances(search)
     found = _imitated(search, found) or found
     # From one observable alone no convention can be told from another.
@@ -280,7 +280,7 @@ def _beside_nuisances(search: EffectSearch) -> Shared:
 def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple[Shared, Partial | None]:
     """Where no set of the catalogue fits: under another convention one effect may, or repair most, or two may."""
     usual = dict(search.fits)
-    better = other_conventions(search, 1)
+    better = other_conventions(search)
     # A formula that nobody wrote down is no claim where one of the catalogue fits clearly better with a number nobody
     # believes.
     most = beyond_its_range(search)
@@ -292,7 +292,7 @@ def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple
         search.fits = fits
         if part := _in_part(search, partly(search)):
             return part
-    if other_conventions(search, 2) and _stands(search, found := _beside_nuisances(search)):
+    if beside_the_leader(search) and _stands(search, found := _beside_nuisances(search)):
         return found, None
     return replace(unexplained, fits=usual), None
 

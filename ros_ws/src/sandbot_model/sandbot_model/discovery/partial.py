@@ -90,7 +90,7 @@ def _with_a_rest(search: EffectSearch, observables: Sequence[Observable]) -> Fou
     """The effect that leaves nothing without one observable, or a small rest."""
     spared = {one: _without(search, one) for one in observables}
     found = _one_is_wrong(spared, search.criteria)
-    if found is not None and not _another_does(search, found):
+    if found is not None and not _falls_behind(search, found[1]) and not _another_does(search, found):
         return found
     return _all_but_a_rest(search, spared)
 
@@ -139,6 +139,13 @@ def _one_is_wrong(spared: Spared, criteria: Criteria) -> Found | None:
     odd, best = min(passing, key=lambda key: excess[key])
     rivals = [key for key in passing if key[1] != best and excess[key] - excess[odd, best] < criteria.clearly]
     return None if rivals else (spared[odd], best, [odd])
+
+
+def _falls_behind(search: EffectSearch, names: Names) -> bool:
+    """Whether another effect is clearly better with no observable left out: then it leads, if any does."""
+    singles, leader = _singles(search)
+    named = singles[names]
+    return leader.bic < named.bic - search.criteria.clearly * overdispersion(named)
 
 
 def _another_does(search: EffectSearch, found: Found) -> bool:

@@ -3,7 +3,8 @@
 The expression gives the new value of the stage's quantity (``k``, ``force``, ``step``, ``kept`` or ``omega``), or of
 another one if it says so: ``"brake: balance: extra_force = c*omega; c [N s] in 0..0.1"`` (``->`` does as well as
 ``=``). ``*=``, ``/=``, ``+=`` and ``-=`` change what is there, also several quantities alike:
-``"slip: speed: kept, peak *= 1 - a*d/R; a [1] in 0..1"``.
+``"slip: speed: kept, peak *= 1 - a*d/R; a [1] in 0..1"``. What follows changes more, in turn:
+``"slip: step: s *= 1 - a; peak *= 1 - a/2; a [1] in 0..1"``.
 
 Names are the symbols that the catalogue shows (see ``symbols``: quantities of the chain, the robot's R, h, w, m, g, …),
 the parameters, ``first`` (1 in the first step, on virgin ground, 0 in all others), K(phi), and functions; a parameter
@@ -81,14 +82,11 @@ def formula_effect(text: str, *, tried: bool = False) -> Effect:
         raise InputError(f"--effect {text!r}: name {name!r} must be lower-case letters, digits and _")
     if stage not in STAGES:
         raise InputError(f"--effect {text!r}: no stage {stage!r}{did_you_mean(stage, STAGES)}")
-    parameters = tuple(_parameter(part, text) for part in declared if part.strip())
+    more = [part.strip() for part in declared if _ASSIGNMENT.fullmatch(part)]
+    parameters = tuple(_parameter(part, text) for part in declared if part.strip() and part.strip() not in more)
     if twice := named_twice(parameters):
         raise InputError(f"--effect {text!r}: parameter {twice!r} is declared twice")
-    assigned = _ASSIGNMENT.fullmatch(body)
-    targets, how, expression = assigned.groups("") if assigned else (MAIN[stage], "", body)
-    expression = expression.translate(_AS_TYPED)
-    sets = _Sets(tuple(name.strip() for name in targets.split(",")), how, expression, _parsed(expression, text))
-    effect = _Formula(name, stage, sets, parameters)
+    effect = _Formula(name, stage, tuple(_sets(part, stage, text) for part in (body, *more)), parameters)
     return effect if tried else _checked(effect, text)
 
 
@@ -100,25 +98,37 @@ class _Sets(NamedTuple):
     expression: str
     parsed: ast.Expr
 
+    @property
+    def names(self) -> set[str]:
+        """All that its expression speaks of."""
+        return {node.id for node in ast.walk(self.parsed) if isinstance(node, ast.Name)}
+
+    def __str__(self) -> str:
+        changed = "{0} -> {0} {1} ({2})" if self.how else "{0} -> {2}"
+        return ", ".join(changed.format(one, self.how, self.expression) for one in self.quantities)
+
+
+def _sets(part: str, stage: str, text: str) -> _Sets:
+    assigned = _ASSIGNMENT.fullmatch(part)
+    targets, how, expression = assigned.groups("") if assigned else (MAIN[stage], "", part)
+    expression = expression.translate(_AS_TYPED)
+    return _Sets(tuple(name.strip() for name in targets.split(",")), how, expression, _parsed(expression, text))
+
 
 class _Formula(Effect):
-    """Changes quantities of the chain by an expression's value."""
+    """Changes quantities of the chain by the values of expressions."""
 
     source = GIVEN
     seen_in = "-"
 
-    def __init__(self, name: str, stage: str, sets: _Sets, parameters: tuple[Parameter, ...]) -> None:
+    def __init__(self, name: str, stage: str, sets: tuple[_Sets, ...], parameters: tuple[Parameter, ...]) -> None:
         self.identifier, self.stage, self.sets, self.parameters = name, stage, sets, parameters
-        self.formula = ", ".join(
-            f"{quantity} -> {quantity} {sets.how} ({sets.expression})"
-            if sets.how
-            else f"{quantity} -> {sets.expression}"
-            for quantity in sets.quantities
-        )
-        self.names = {node.id for node in ast.walk(sets.parsed) if isinstance(node, ast.Name)}
+        self.formula = "; ".join(map(str, sets))
+        self.names = set().union(*(one.names for one in sets))
+        self.quantities = tuple(quantity for one in sets for quantity in one.quantities)
         self.first_step_differs = not ANOTHER_AT_FIRST.isdisjoint(self.names)
         self.readable = readable(stage)
-        self.along_the_track = "sigma_phi" in map(self.readable.get, sets.quantities)
+        self.along_the_track = "sigma_phi" in map(self.readable.get, self.quantities)
         # What an interpreter evaluates stands in a table of its own, and the explorer fits in several threads.
         self._each_thread = threading.local()
 
@@ -127,39 +137,44 @@ class _Formula(Effect):
         return _Formula, (self.identifier, self.stage, self.sets, self.parameters)
 
     def apply(self, chain: Chain, p: Values) -> None:
-        """Evaluate the expression on the chain's arrays."""
+        """Evaluate the expressions on the chain's arrays, one after the other."""
+        for sets in self.sets:
+            value = self._value(sets, chain, p)
+            for name in sets.quantities:
+                meant = self.readable[name]
+                put(chain, meant, _CHANGES[sets.how](get(chain, meant), np.multiply(value, 1.0)))
+
+    def _value(self, sets: _Sets, chain: Chain, p: Values) -> Any:
+        names = sets.names
         interpreter: asteval.Interpreter | None = getattr(self._each_thread, "interpreter", None)
         if interpreter is None:
             interpreter = self._each_thread.interpreter = _interpreter()
         interpreter.symtable.update(
-            {name: value(chain.robot) for name, (_, _, value) in CONSTANTS.items() if name in self.names},
+            {name: value(chain.robot) for name, (_, _, value) in CONSTANTS.items() if name in names},
             first=float(chain.first_step),
             K=chain.k_of_phi,
         )
         interpreter.symtable.update(
-            {name: get(chain, meant) for name, meant in self.readable.items() if name in self.names and name not in p},
+            {name: get(chain, meant) for name, meant in self.readable.items() if name in names and name not in p},
             **p,
         )
         interpreter.error, interpreter.error_msg = [], None
         try:
             # At depth 0, as in d_r/d: what is no number there is seen in the result.
             with np.errstate(all="ignore"):
-                value = interpreter.run(self.sets.parsed, expr=self.sets.expression)
+                value = interpreter.run(sets.parsed, expr=sets.expression)
         except Exception as error:
             _pass_on_interrupt(error)
             fault = interpreter.error[0]
             message = " ".join(f"{fault.exc.__name__}: {fault.msg}".split())
-            raise InputError(f"effect {self.identifier}: {self.sets.expression}: {message}") from None
+            raise InputError(f"effect {self.identifier}: {sets.expression}: {message}") from None
         finally:
             interpreter.code_text.clear()  # it would keep an entry for every call
         kind = value.dtype if hasattr(value, "dtype") else np.asarray(value).dtype
         if value is None or kind.kind not in "iuf":
             given = "nothing" if value is None else f"values of type {kind}"
-            raise InputError(f"effect {self.identifier}: {self.sets.expression!r} gives {given}, expected numbers")
-        change = _CHANGES[self.sets.how]
-        for name in self.sets.quantities:
-            meant = self.readable[name]
-            put(chain, meant, change(get(chain, meant), np.multiply(value, 1.0)))
+            raise InputError(f"effect {self.identifier}: {sets.expression!r} gives {given}, expected numbers")
+        return value
 
 
 def _as_large(old: Array, new: Array) -> Array:
@@ -191,8 +206,7 @@ def _interpreter() -> asteval.Interpreter:
 def _parameter(text: str, whole: str) -> Parameter:
     found = _PARAMETER.fullmatch(text)
     if not found:
-        more = "; what is done to another quantity is an effect of its own" if "=" in text else ""
-        raise InputError(f"--effect {whole!r}: {text.strip()!r} is not 'parameter [unit] in low..high'{more}")
+        raise InputError(f"--effect {whole!r}: {text.strip()!r} is not 'parameter [unit] in low..high'")
     name, unit, low, high = found[1], found[2] or "1", float(found[3]), float(found[4])
     if not (low < high and np.isfinite(high - low)):
         raise InputError(f"--effect {whole!r}: {name} in {low:g}..{high:g}: low must be below high, both finite")
@@ -258,7 +272,7 @@ def _plain(part: ast.AST) -> bool:
 
 def _checked(effect: _Formula, text: str) -> Effect:
     """The same, run once. Raises InputError for what it can't name, set or give a number of."""
-    for name in effect.sets.quantities:
+    for name in effect.quantities:
         if name not in effect.readable:
             raise InputError(f"--effect {text!r}: {name!r} can't be set at stage {effect.stage}{_hint(name, effect)}")
         if not settable(effect.readable[name]):
@@ -275,7 +289,7 @@ def _checked(effect: _Formula, text: str) -> Effect:
     if not np.isfinite(found).all():
         raise InputError(f"--effect {text!r}: gives no number at k 200 N/m, ω 10 rad/s, φ 0.6 and {starts}")
     if idle:
-        sets = ", ".join(effect.sets.quantities)
+        sets = ", ".join(effect.quantities)
         raise InputError(f"--effect {text!r}: changes nothing: {sets} stays the same, or is used before {effect.stage}")
     return effect
 

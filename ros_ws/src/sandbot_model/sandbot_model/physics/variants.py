@@ -51,7 +51,19 @@ _DECAY_M = f"{_AT}**2/(mu_b*g)"
 _VISCOUS = f"s + {_TOUCH_DOWN}*{_DECAY_S}*(1 - exp(-{{left}}/({_DECAY_S})))"
 _SQUARE = f"s + {_DECAY_M}*log(1 + {_TOUCH_DOWN}*{{left}}/({_DECAY_M}))"
 AT_THE_SLOW_RATE, BY_THE_MEAN_RATE = "all of a stance at the slow rate", "by the mean rate"
+PAST_THE_NEXT_LEG = "no stance cut short by the next leg"
+OF_PHASES = (AT_THE_SLOW_RATE, BY_THE_MEAN_RATE, PAST_THE_NEXT_LEG)
 """What a formula may overlook of a gait of two phases: its family's own where legs turn at one rate."""
+IN_ANOTHER_BED = "in a bed of another depth"
+"""No other formula, but what a robot's file may have wrong."""
+_PSI_MAX = "arccos(clip(1 - z/R, -1, 1))"
+_PSI_MIN = f"minimum({_PSI_MAX}, arccos(clip((d + h)/R - 1, -1, 1)) + Delta_xi)"
+_ON_ARC = " + ".join(f"R/2*({psi} + cos({psi})*sin({psi})) + (z - R)*sin({psi})" for psi in (_PSI_MAX, _PSI_MIN))
+_UNDER = "clip((d/(2*R - h) - 0.89)/0.11, 0, 1)"
+"""From where the end of a leg goes under to where the robot swims."""
+_CHORD = "sqrt(maximum(R**2 - (d*{} + h - R)**2, 0))"
+_OF_A_TRIPOD = f"({_CHORD.format('(1 + x)')} + 2*{_CHORD.format('(1 - x/2)')})/(1.5*maximum(s_0, 1e-6))"
+"""Mean of the steps of a middle leg that carries more and of two outer ones, over that of legs that share."""
 VARIANTS: Mapping[str, Mapping[str, str]] = {
     "disturbed_ground": {
         "a ramp of another width": f"k - maximum(k - k_l_n_per_m, 0)*{_DISTURBED}{_WIDTH}",
@@ -126,8 +138,21 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
         "the peak spared": f"step *= clip(1 - sigma*(d_r/{_DEPTH})**power, 0, 1){_POWER.format(1, 3)}",
         "the peak spared, by a power of ω": f"step *= clip(1 - sigma*{_SLOWER}*{_BY_OMEGA}, 0, 1){_GROWS}",
     },
+    "exact_leg_arc": {
+        "more lost as the leg's end goes under": (
+            f"F*({_ON_ARC})/maximum(z, 1e-6)*(1 - part*{_UNDER}); part [1] in 0..0.3"
+        ),
+    },
+    "resistive_force_theory": {
+        "by the square of how far a leg tilts": "F*(1 - part*((1 - z/R)**2 - (1 - d_r/R)**2)); part [1] in 0.5..2",
+    },
     "exact_vertical_acceleration": {"a power of the sine": f"lift_ratio *= (s_0/(2*R))**power{_POWER.format(0.5, 3)}"},
     "dilation": {"another ramp": f"k + {_DILATED}*{_STEP.format(reach='reach')}{_WIDTH}; reach [1] in 0.6..2"},
+    "finite_depth": {IN_ANOTHER_BED: "k*(1 + exp(-(bed_m - z)/l_m)); bed_m [m] in 0.05..0.2"},
+    "slow_phase_speed": {PAST_THE_NEXT_LEG: "Delta_v *= beta; peak *= rho"},
+    "unequal_leg_load": {
+        "a step is the mean of its legs'": f"k *= where((1 + x)*z > 2*R - h, 0, 1); step *= {_OF_A_TRIPOD}",
+    },
     "motor_saturation": {
         BY_THE_MEAN_RATE: "omega/sqrt(1 + (omega/omega_s_rad_s)**2)",
         "another bend": f"omega/(1 + 0.5*(30/omega_s_rad_s)**2*(omega/30)**power){_POWER.format(1, 6)}",
@@ -152,7 +177,7 @@ class Variant(Effect):
         self.family = family
         self.identifier, self.stage, self.variant = family.identifier, family.stage, variant
         self.source, self.seen_in, self.replaces = family.source, family.seen_in, family.replaces
-        self.of_phases = variant in (AT_THE_SLOW_RATE, BY_THE_MEAN_RATE)
+        self.of_phases = variant in OF_PHASES
         """Whether it differs from its family only where legs turn at two rates."""
         ranges = (f"{one.name} [{one.unit}] in {one.low}..{one.high}" for one in family.parameters)
         acts = "; ".join((f"{self.stage}: {text}", *ranges))
