@@ -84,6 +84,8 @@ class Effect:
     clocked: bool = False
     """True if legs turn by the clock of the gait: the force needed then jumps where the slow phase begins
     (``chain.slow_begin``), and the next leg may end a stance (``chain.longest_step``)."""
+    at_the_slow_rate: bool = False
+    """True if legs give the push in their slow phase: the same push then takes a Δt that is as much shorter."""
     along_the_track: bool = False
     """True if φ varies within a trial (the effect sets ``chain.sigma_phi``): averages are then taken along the way."""
     replaces: tuple[str, ...] = ()

@@ -1,7 +1,7 @@
 """A base model with a set of effects and the parameters they share: what a fit searches."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,9 @@ BASE_PARAMETERS = (
 )
 """Shared by all φ levels. Li09 gives v_swim ≈ 2 cm/s; it is fitted, lest a robot that swims a little faster be
 mistaken for one with a missing effect."""
+
+SLOWEST = 0.24
+"""A slow phase's rate over the mean one (β of HGCS): by as much a Δt may be shorter where legs push in it."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,9 @@ class Model:
         effects = self.walker.effects
         replaced = {name for effect in effects for name in effect.replaces}
         base = {parameter.name: parameter for parameter in BASE_PARAMETERS if parameter.name not in replaced}
+        if any(effect.at_the_slow_rate for effect in effects):
+            usual = base["delta_t_s"]
+            base["delta_t_s"] = replace(usual, low=SLOWEST * usual.low)
         return base | {
             f"{effect.identifier}.{parameter.name}": parameter for effect in effects for parameter in effect.parameters
         }

@@ -189,6 +189,7 @@ class Variant(Effect):
             *(_as_number(one) for one in self.acts.parameters if one.name not in own),
         )
         self.formula, self.first_step_differs = self.acts.formula, self.acts.first_step_differs
+        self.at_the_slow_rate = family.at_the_slow_rate
 
     def apply(self, chain: Chain, p: Values) -> None:
         """Set what the formula says."""

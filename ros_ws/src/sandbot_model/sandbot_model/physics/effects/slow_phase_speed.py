@@ -34,7 +34,7 @@ class SlowPhaseSpeed(Effect):
         "share = clip((asin(s_0/(2*R)) - acos(c))/0.1, 0, 1); c = (max(d_slow, d_end) + h - R)/R"
     )
     source = "the clock: beta = theta_s/(2 pi d_c)"
-    clocked = True
+    clocked = at_the_slow_rate = True
     first_step_differs = True
     seen_in = "W peak"
     parameters = (
