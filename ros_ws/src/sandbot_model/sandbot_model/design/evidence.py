@@ -26,11 +26,15 @@ WIDTH = 45.0
 WEAK, USUAL = 0.5, 1.0
 """Strengths to exclude, as a share of an effect's usual one."""
 
+NONE = 1e-9
+"""A share of trials that is none of them."""
+
 
 def at_every_look(alpha: float, effects: int, criteria: Criteria) -> Criteria:
     """Criteria by which one of ``effects`` effects that are not there is ever claimed with probability ``alpha``."""
     claim = 2 * math.log(effects / alpha) + math.log1p(WIDTH**2)
-    return replace(criteria, claim=max(criteria.claim, claim))
+    # Where explanations differ most there is one trial at first: a campaign repeats it, and leaves none out.
+    return replace(criteria, claim=max(criteria.claim, claim), lone_trials=NONE)
 
 
 def lack_of_fit_at(look: int, alpha: float) -> float:

@@ -26,6 +26,8 @@ class Criteria:
     claim: float = 22.0
     """Gain in deviance that each effect must bring. The best of some 25 effects that are not there gains as much in
     less than 1 % of worlds where nothing is missing."""
+    lone_trials: float = 0.05
+    """Share of the conditions, of one trial each and missed by far, that may be slips: what many say is none."""
     one_cell: float = 0.5
     """Share of the claim that must remain without the cell that gains most: one odd cell does not buy an effect."""
     clearly: float = 10.0
@@ -55,7 +57,7 @@ class Criteria:
                 raise InputError(f"criteria: {field.name} is {value!r}; a number between 0 and {most:g} is needed")
 
 
-SHARES = ("lack_of_fit", "lack_of_fit_of_one", "one_cell", "all_but_a_rest")
+SHARES = ("lack_of_fit", "lack_of_fit_of_one", "lone_trials", "one_cell", "all_but_a_rest")
 """Criteria that are probabilities or shares."""
 DEFAULT = Criteria()
 WIDEST = 0.3

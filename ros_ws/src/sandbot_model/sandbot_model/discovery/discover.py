@@ -23,6 +23,7 @@ from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try, outdone_by_a_formula
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.limits import Limit, limits
+from sandbot_model.discovery.lone_trials import gone_wrong, told
 from sandbot_model.discovery.next_trials import NextTrial, excluding, next_trials
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter
 from sandbot_model.discovery.partial import Partial, beyond_its_range, partly
@@ -52,6 +53,8 @@ from sandbot_model.physics.effect import Effect
 SCHEMA = "sandbot.discovery/2"
 LEADING = 8
 """Sets compared in the bootstrap."""
+LEAVES_A_REST = ("partial", "unexplained")
+"""Verdicts after which something is left to explain."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -170,8 +173,30 @@ def discover(
     """Search the catalogue.
 
     ``criteria`` say what it takes to claim an effect, ``fit_all`` maps the fits (see ``parallel``) and ``progress``
-    hears (stage, done, total). Nothing is searched for where the robot is doubted (see ``plausibility``).
+    hears (stage, done, total). Nothing is searched for where the robot is doubted (see ``plausibility``). Where nothing
+    explains all trials, those alone and far off are left out if that explains the others (see ``lone_trials``).
     """
+    how: dict[str, Any] = {"base": base, "criteria": criteria, "fit_all": fit_all, "progress": progress}
+    found = _discovered(cells, effects, max_effects, **how)
+    if found.verdict.status not in LEAVES_A_REST or not len(wrong := gone_wrong(found.fits[0], criteria)):
+        return found
+    others = _discovered(cells.without(wrong), effects, max_effects, **how)
+    if others.verdict.status in LEAVES_A_REST:
+        return found
+    because = f"{others.verdict.because}; {told(cells, wrong)}"
+    return replace(others, verdict=replace(others.verdict, because=because))
+
+
+def _discovered(
+    cells: Cells,
+    effects: Mapping[str, Effect],
+    max_effects: int,
+    *,
+    base: str,
+    criteria: Criteria,
+    fit_all: Map,
+    progress: Progress,
+) -> Discovery:
     search = EffectSearch(cells, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
     doubted = doubts(cells)
     at_once = _of_another_robot(doubted) if doubted else untested(cells, criteria)
