@@ -32,8 +32,8 @@ from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.sharing import (
     Shared,
     as_granted,
+    bends,
     nuisances_suffice,
-    read_anew,
     reconsidered,
     refitted_globally,
 )
@@ -323,12 +323,10 @@ def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple
 
 
 def _stands(search: EffectSearch, found: Shared) -> bool:
-    """Whether a verdict under other conventions is one. No claim is that needs readings set anew each batch as well:
-    an effect in a shape of its own, beside offsets of days, can be bent to nearly anything.
-    """
+    """Whether a verdict under other conventions is one: no claim is that needs offsets of each batch as well."""
     if found.verdict.status not in CLAIMS:
         return found.verdict.status != "unexplained"
-    bent = read_anew(found.named) and conventions([found.fits[names] for names in found.verdict.alternatives])
+    bent = bends(found.named) and conventions([found.fits[names] for names in found.verdict.alternatives])
     return not bent and _imitated(search, found) is None
 
 

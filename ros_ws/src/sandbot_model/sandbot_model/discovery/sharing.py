@@ -91,9 +91,13 @@ def at_priors(search: EffectSearch, sets: Sequence[Names]) -> dict[Names, Fit]:
     return _refitted(search, sets, priors(search.fits[()], search.criteria) if told else ALIKE)
 
 
-def read_anew(fit: Fit) -> bool:
-    """Whether a fit takes for granted that each batch has a zero or a scale of its own."""
-    return fit.nuisances is not None and not set(READINGS).isdisjoint(fit.nuisances.names)
+def bends(fit: Fit) -> bool:
+    """Whether a fit takes for granted that beside which an effect in a shape of its own can be bent to nearly anything:
+    a zero or a scale of each batch or, where no batches are told, a k of each condition."""
+    if fit.nuisances is None:
+        return False
+    offsets = set(READINGS) if fit.cells.batch_share is not None else {*READINGS, BATCH}
+    return not offsets.isdisjoint(fit.nuisances.names)
 
 
 def nuisances_suffice(search: EffectSearch, size: int) -> bool:
