@@ -79,7 +79,7 @@ def against(search: EffectSearch, claimed: Fit) -> bool:
     from all that were tried, also beside what trials share; then the claim's own family has the convention that is best
     for it, too. Whether there are any.
     """
-    # Half way to the base model, by orders of magnitude: the valley from which a leg's end loses more lies that high.
+    # Half way to the base model, by orders of magnitude: so high may end a first descent of what explains all.
     hopeless = max(far_above(claimed.deviance, 1.0), math.sqrt(claimed.deviance * search.fits[()].deviance))
     tried = _near(search, _models_of_one(search), hopeless, (claimed.warm_start,))
     picked = search.criteria.clearly if len(claimed.effects) > 1 else picked_from(len(tried))
