@@ -104,7 +104,7 @@ bent as nobody would write it; without the peak an overlap under another convent
 @pytest.mark.slow
 @pytest.mark.whole
 def test_part_of_it_is_no_familys_where_another_does_better_under_a_convention_of_its_own(drawn, monkeypatch):
-    """Nor is it the overlap's, for others are clearly better with all observables. A formula does all, and is offered."""
+    """Nor is it the overlap's: others are clearly better with all observables. A formula does all, and is offered."""
     some = ("stance_overlap", "motor_saturation", "leg_slip", "slow_phase_speed")
     effects = {name: effect for name, effect in catalogue().items() if name in some}
     cells = cells_of(drawn(formulas=(FELT_BY_THE_PEAK,), seed=5))
