@@ -44,8 +44,8 @@ def test_every_form_is_of_a_family_or_of_none_and_moves_something():
     without = observables(variants.Form("none", "nothing acts", {}))
     for form in variants.FORMS:
         assert form.family in {*catalogue(), variants.OUTSIDE}
-        # The same noise in both.
-        assert np.nanmax(np.abs(observables(form) - without)) > 3, form
+        # The same noise in both. An added mass of its own size moves least.
+        assert np.nanmax(np.abs(observables(form) - without)) > 0.9, form
 
 
 @pytest.mark.parametrize(("name", "same"), [("hold is Coulomb friction", True), ("slip falls linearly", False)])

@@ -14,7 +14,7 @@ from sandbot_model.physics.walking import Inputs, KCurve, Walker
 from sandbot_model.report.effect_facts import words
 
 PAIRS = [(effect, variant) for effect in CATALOGUE for variant in variants_of(effect)]
-OMEGA, K = (axis.ravel() for axis in np.meshgrid([4.0, 10.0, 16.0, 24.0], np.linspace(172.0, 220.0, 40)))
+OMEGA, K = (axis.ravel() for axis in np.meshgrid([4.0, 10.0, 16.0, 24.0], np.linspace(120.0, 220.0, 80)))
 
 GROUND = KCurve(np.array([0.58, 0.633]), np.array([172.0, 220.0]))
 

@@ -53,8 +53,8 @@ def other_conventions(search: EffectSearch) -> bool:
 def beside_the_leader(search: EffectSearch) -> bool:
     """Try each effect beside the best single one, where that is under another convention; whether any fits clearly
     better than with the usual one."""
-    leader = search.ranked(1)[0]
-    if not leader.variants:
+    leader = next(iter(search.ranked(1)), None)
+    if leader is None or not leader.variants:
         return False
     own = {**search.effects, leader.effects[0]: leader.model.effects[0]}
     sets = search.extended(leader.effects)
