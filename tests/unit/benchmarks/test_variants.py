@@ -40,12 +40,20 @@ def observables(form):
     return np.stack([getattr(trials, one.column) for one in Observable], axis=-1) / _drawn.NOISE
 
 
+FAINT = {
+    "prism of grains under the chord, as deep as the leg": 0.9,
+    "recorder drops frames once its buffer is full, after eight seconds": 2,
+    "thrust lost with the logarithm of frequency": 2,
+}
+"""Forms of an honest size that moves hardly anything."""
+
+
 def test_every_form_is_of_a_family_or_of_none_and_moves_something():
     without = observables(variants.Form("none", "nothing acts", {}))
     for form in variants.FORMS:
         assert form.family in {*catalogue(), variants.OUTSIDE}
-        # The same noise in both. An added mass of its own size moves least.
-        assert np.nanmax(np.abs(observables(form) - without)) > 0.9, form
+        # The same noise in both.
+        assert np.nanmax(np.abs(observables(form) - without)) > FAINT.get(form.name, 3), form
 
 
 @pytest.mark.parametrize(("name", "same"), [("hold is Coulomb friction", True), ("slip falls linearly", False)])

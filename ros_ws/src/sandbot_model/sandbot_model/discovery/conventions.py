@@ -17,8 +17,8 @@ from functools import partial
 
 import numpy as np
 
-from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.nuisances_about import gain_of_batches, shared_by
+from sandbot_model.discovery.effect_search import EffectSearch
+from sandbot_model.discovery.nuisances_about import ALONG, gain_of_batches, shared_by
 from sandbot_model.discovery.verdict import (
     claim,
     leaves_nothing,
@@ -32,29 +32,35 @@ from sandbot_model.discovery.verdict import (
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, far_above, solve, solve_below, solve_near
 from sandbot_model.physics.model import Model, model_of
-from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.variants import IN_ANOTHER_BED, variants_of
 
 CLOSER = 8
 """Single effects under other conventions that get a global search after a first look, the best."""
-ALONG = {Observable.speed.name, Observable.peak_speed.name, Observable.first_step.name}
-"""Observables along the track."""
 
 
 def other_conventions(search: EffectSearch) -> bool:
-    """Give single effects the convention that fits them best; whether any fits clearly better.
+    """Give single effects the convention that fits them best; whether any fits clearly better, and is worth that it
+    was picked from all.
 
     Each is looked at near the base model, the best of all then anywhere.
     """
-    best = [_best_of(search, usual.effects) for usual in search.ranked(1)]
-    return _taken(search, [fit for fit in best if fit is not None])
+    tried = singles(search)
+    picked = picked_from(len(tried))
+    better = [
+        fit
+        for fit in tried
+        if _seen(search, fit)
+        and search.fits[()].deviance - fit.deviance > claim(fit, search.criteria) + picked * overdispersion(fit)
+        and _clearly_better(search, fit)
+    ]
+    return _taken(search, better)
 
 
 def beside_the_leader(search: EffectSearch) -> bool:
     """Try each effect beside the best single one, where that is under another convention; whether any fits clearly
     better than with the usual one."""
-    leader = next(iter(search.ranked(1)), None)
-    if leader is None or not leader.variants:
+    leader = search.ranked(1)[0]
+    if not leader.variants:
         return False
     own = {**search.effects, leader.effects[0]: leader.model.effects[0]}
     sets = search.extended(leader.effects)
@@ -63,8 +69,9 @@ def beside_the_leader(search: EffectSearch) -> bool:
 
 
 def _taken(search: EffectSearch, better: Sequence[Fit]) -> bool:
-    """Put these in the place of the usual ones, the best where a search of everywhere comes to; whether there are."""
-    search.fits |= {fit.effects: fit for fit in better}
+    """Put the best of each set in the usual one's place, the best of all where a search of everywhere comes to; whether
+    there are."""
+    search.fits |= {fit.effects: fit for fit in sorted(better, key=lambda fit: -fit.bic)}
     if better:
         best = min(better, key=lambda fit: fit.bic)
         anywhere = fitted_at(best.model, search.cells, solve((best.model, search.cells, best.warm_start)))
@@ -115,21 +122,6 @@ def _explains(search: EffectSearch, fit: Fit) -> bool:
     return passes(fit, search.criteria) and worth({**search.fits, fit.effects: fit}, fit.effects, (), search.criteria)
 
 
-def _best_of(search: EffectSearch, names: Names) -> Fit | None:
-    """An effect under the convention that fits best, if clearly better than the usual one and worth that it was picked
-    from all that were tried."""
-    tried = singles(search)
-    picked = picked_from(len(tried))
-    found = [
-        fit
-        for fit in tried
-        if fit.effects == names
-        and _seen(search, fit)
-        and search.fits[()].deviance - fit.deviance > claim(fit, search.criteria) + picked * overdispersion(fit)
-    ]
-    return min(filter(partial(_clearly_better, search), found), key=lambda fit: fit.bic, default=None)
-
-
 def _clearly_better(search: EffectSearch, fit: Fit) -> bool:
     """Whether a set fits clearly better than under the usual convention.
 
@@ -144,7 +136,7 @@ def _clearly_better(search: EffectSearch, fit: Fit) -> bool:
 def _seen(search: EffectSearch, fit: Fit) -> bool:
     """Whether more than one observable sees what the convention changes."""
     stages = {effect.stage for effect in fit.model.effects if effect.variant}
-    return not stages <= {"step", "speed"} or len(ALONG.intersection(search.cells.observables)) > 1
+    return not stages <= {"step", "speed"} or sum(one.name in search.cells.observables for one in ALONG) > 1
 
 
 def singles(search: EffectSearch) -> list[Fit]:

@@ -237,8 +237,9 @@ def _found(search: EffectSearch, at_once: Verdict | None, max_effects: int) -> t
     if found.verdict.status in CLAIMS and against(search, search.fits[found.verdict.effects]):
         found = _beside_nuisances(search)
     found = _imitated(search, found) or found
-    # From one observable alone no convention can be told from another.
-    if found.verdict.status == "unexplained" and not at_once and len(search.cells.observables) > 1:
+    # From one observable alone no convention can be told from another; where no effect was tried there is none.
+    searched = not at_once and len(search.fits) > 1
+    if found.verdict.status == "unexplained" and searched and len(search.cells.observables) > 1:
         found, partial = _under_other_conventions(search, found)
     return found, partial
 

@@ -91,17 +91,13 @@ def formula_effect(text: str, *, tried: bool = False) -> Effect:
 
 
 class _Sets(NamedTuple):
-    """Quantities, how they change (``*``, ``+``, or nothing where they are replaced), by what."""
+    """Quantities, how they change (``*``, ``+``, or nothing where they are replaced), by what, and what that names."""
 
     quantities: tuple[str, ...]
     how: str
     expression: str
     parsed: ast.Expr
-
-    @property
-    def names(self) -> set[str]:
-        """All that its expression speaks of."""
-        return {node.id for node in ast.walk(self.parsed) if isinstance(node, ast.Name)}
+    names: frozenset[str]
 
     def __str__(self) -> str:
         changed = "{0} -> {0} {1} ({2})" if self.how else "{0} -> {2}"
@@ -112,7 +108,9 @@ def _sets(part: str, stage: str, text: str) -> _Sets:
     assigned = _ASSIGNMENT.fullmatch(part)
     targets, how, expression = assigned.groups("") if assigned else (MAIN[stage], "", part)
     expression = expression.translate(_AS_TYPED)
-    return _Sets(tuple(name.strip() for name in targets.split(",")), how, expression, _parsed(expression, text))
+    parsed = _parsed(expression, text)
+    names = frozenset(node.id for node in ast.walk(parsed) if isinstance(node, ast.Name))
+    return _Sets(tuple(name.strip() for name in targets.split(",")), how, expression, parsed, names)
 
 
 class _Formula(Effect):
@@ -124,7 +122,7 @@ class _Formula(Effect):
     def __init__(self, name: str, stage: str, sets: tuple[_Sets, ...], parameters: tuple[Parameter, ...]) -> None:
         self.identifier, self.stage, self.sets, self.parameters = name, stage, sets, parameters
         self.formula = "; ".join(map(str, sets))
-        self.names = set().union(*(one.names for one in sets))
+        self.names = frozenset[str]().union(*(one.names for one in sets))
         self.quantities = tuple(quantity for one in sets for quantity in one.quantities)
         self.first_step_differs = not ANOTHER_AT_FIRST.isdisjoint(self.names)
         self.readable = readable(stage)
@@ -145,17 +143,16 @@ class _Formula(Effect):
                 put(chain, meant, _CHANGES[sets.how](get(chain, meant), np.multiply(value, 1.0)))
 
     def _value(self, sets: _Sets, chain: Chain, p: Values) -> Any:
-        names = sets.names
         interpreter: asteval.Interpreter | None = getattr(self._each_thread, "interpreter", None)
         if interpreter is None:
             interpreter = self._each_thread.interpreter = _interpreter()
         interpreter.symtable.update(
-            {name: value(chain.robot) for name, (_, _, value) in CONSTANTS.items() if name in names},
+            {name: value(chain.robot) for name, (_, _, value) in CONSTANTS.items() if name in sets.names},
             first=float(chain.first_step),
             K=chain.k_of_phi,
         )
         interpreter.symtable.update(
-            {name: get(chain, meant) for name, meant in self.readable.items() if name in names and name not in p},
+            {name: get(chain, meant) for name, meant in self.readable.items() if name in sets.names and name not in p},
             **p,
         )
         interpreter.error, interpreter.error_msg = [], None

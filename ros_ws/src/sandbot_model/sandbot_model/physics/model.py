@@ -13,7 +13,7 @@ from sandbot_common.robot import SANDBOT, Robot
 from sandbot_common.suggest import did_you_mean
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.effect import Effect, Parameter
-from sandbot_model.physics.gait import EVEN, Clock
+from sandbot_model.physics.gait import EVEN, Clock, slow_phase_ratio
 from sandbot_model.physics.walking import BASES, V_SWIM_M_S, Inputs, Params, Walker
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ BASE_PARAMETERS = (
 """Shared by all φ levels. Li09 gives v_swim ≈ 2 cm/s; it is fitted, lest a robot that swims a little faster be
 mistaken for one with a missing effect."""
 
-SLOWEST = 0.24
+SLOWEST = round(slow_phase_ratio("HGCS"), 2)
 """A slow phase's rate over the mean one (β of HGCS): by as much a Δt may be shorter where legs push in it."""
 
 
