@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sandbot_model.physics.arrays import Array
+from sandbot_model.physics.averaging import predicted
 from sandbot_model.physics.observables import COLUMNS
 from sandbot_model.physics.walking import Inputs, KCurve, Walker
 from sandbot_record.trials.table import Row, Trials, from_rows
@@ -30,7 +31,8 @@ def drawn(
     grid = np.meshgrid(phi, omega_rad_s, np.arange(replicates), indexing="ij")
     level, omega, replicate = (axis.ravel().astype(float) for axis in grid)
     true = level + rng.normal(0.0, PHI_SD, level.shape)
-    seen = walker.predict(Inputs(GROUND(true), omega, DELTA_T_S, true, k_of_phi=GROUND), params).observables
+    inputs = Inputs(GROUND(true), omega, DELTA_T_S, true, k_of_phi=GROUND)
+    seen = predicted(walker, inputs, params, GROUND).observables
     return table(true, omega, replicate, seen + noise * NOISE * rng.normal(size=seen.shape))
 
 

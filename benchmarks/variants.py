@@ -152,9 +152,9 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         "",
         f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × {REPLICATES}, drawn from the project's own chain "
         f"with a formula of forms.yaml in the place of a catalogue's effect; up to {MAX_EFFECTS} effects. The first "
-        "two labs and the fourth to ninth knew the catalogue's formulas and nothing else, the third what "
+        "two labs and the fourth to tenth knew the catalogue's formulas and nothing else, the third what "
         "the first two had written. What came out wrong of the first to sixth was looked at and has conventions of its "
-        "kind, of the seventh to the ninth what was claimed. "
+        "kind, of the seventh to the tenth what was claimed. "
         "`adequate`: the base model takes in what the form does, nothing is left to be told. `half`: the family, and "
         f"another beside it. `{NOT_TOLD}`: what is named does not act, but its deviance is less than {TOLD:g} above "
         "that of the form itself, fitted to the same trials: these can't tell the two apart. leg_slip, cable_drag and "

@@ -44,6 +44,8 @@ FAINT = {
     "prism of grains under the chord, as deep as the leg": 0.9,
     "recorder drops frames once its buffer is full, after eight seconds": 2,
     "thrust lost with the logarithm of frequency": 2,
+    "kinetic energy of the walking body is taken off what the leg must give": 1.2,
+    "swimming belly is held up by denser ground": 2,
 }
 """Forms of an honest size that moves hardly anything."""
 

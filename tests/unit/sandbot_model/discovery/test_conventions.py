@@ -99,6 +99,21 @@ def test_a_floor_nearer_than_the_robots_file_says_is_named_beside_what_looks_lik
     assert response.headline == "identified: phi_dependent_response"
 
 
+PLUNGE = "p: balance: extra_force += 2.2*(omega*s/2)^2"
+TILT = "t: balance: F*(1 - 1.2*((1 - z/R)^2 - (1 - d_r/R)^2))"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("formula", "said"),
+    [(PLUNGE, "unexplained"), (TILT, "identified: resistive_force_theory (by the square of how far a leg tilts)")],
+)
+def test_a_law_of_force_bent_by_a_number_speaks_against_a_claim_and_is_none_alone(drawn, formula, said):
+    """Grains that a leg throws on its way down were `partial: resistive_force_theory` by this convention."""
+    few = {name: catalogue()[name] for name in ("inertial_drag", "resistive_force_theory", "exact_leg_arc")}
+    assert discover(cells_of(drawn(formulas=(formula,), seed=2000, levels=7)), few, max_effects=1).headline == said
+
+
 @pytest.mark.slow
 def test_no_convention_is_claimed_where_only_the_mean_speed_shows_it(drawn):
     """An overlap by a power of ω, seen in every observable; by speed and lift alone it might be anything."""

@@ -50,6 +50,20 @@ def test_an_effect_that_holds_in_all_observables_but_one_is_named_with_the_rest(
     assert "in the first step" in found.residual.sentence
 
 
+GLIDE = "beta*omega*max(d + h - R, 0.001)"
+HARMONIC = f"b: step: s += {GLIDE}*t_left/(1 + 0.8*g*t_left/({GLIDE}))"
+
+
+@pytest.mark.slow
+def test_a_small_share_of_what_is_missed_by_far_is_a_rest(drawn):
+    """A belly that slides on till friction or the next step ends it, in a smooth way: 2 % of 58000 is left."""
+    some = {name: catalogue()[name] for name in ("belly_coast", "bed_slope", "carried_momentum")}
+    found = discover(cells_of(drawn(formulas=(HARMONIC,), seed=2000, levels=7)), some, max_effects=1)
+    assert found.headline == "partial: belly_coast"
+    assert 0.9 < found.partial.share < 1.0
+    assert found.partial.fails
+
+
 def test_where_only_an_observable_is_wrong_no_effect_is_named(drawn):
     rows = drawn(seed=4).rows()
     off = from_rows([dataclasses.replace(row, first_step_m=0.7 * row.first_step_m) for row in rows])

@@ -32,7 +32,7 @@ from sandbot_model.discovery.verdict import (
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, far_above, solve, solve_below, solve_near
 from sandbot_model.physics.model import Model, model_of
-from sandbot_model.physics.variants import IN_ANOTHER_BED, variants_of
+from sandbot_model.physics.variants import BY_ITS_TILT, IN_ANOTHER_BED, variants_of
 
 CLOSER = 8
 """Single effects under other conventions that get a global search after a first look, the best."""
@@ -49,7 +49,8 @@ def other_conventions(search: EffectSearch) -> bool:
     better = [
         fit
         for fit in tried
-        if _seen(search, fit)
+        if BY_ITS_TILT not in fit.variants.values()
+        and _seen(search, fit)
         and search.fits[()].deviance - fit.deviance > claim(fit, search.criteria) + picked * overdispersion(fit)
         and _clearly_better(search, fit)
     ]

@@ -88,11 +88,10 @@ def _said(search: EffectSearch, finds: Finds) -> tuple[Verdict, Partial] | None:
 
 def _with_a_rest(search: EffectSearch, observables: Sequence[Observable]) -> Found | None:
     """The effect that leaves nothing without one observable, or a small rest."""
-    spared = {one: _without(search, one) for one in observables}
-    found = _one_is_wrong(spared, search.criteria)
+    found = _one_is_wrong(_spared(search, observables, HOPELESS), search.criteria)
     if found is not None and not _falls_behind(search, found[1]) and not _another_does(search, found):
         return found
-    return _all_but_a_rest(search, spared)
+    return _all_but_a_rest(search, observables)
 
 
 def without(cells: Cells, observable: Observable) -> Cells:
@@ -102,18 +101,22 @@ def without(cells: Cells, observable: Observable) -> Cells:
     return replace(cells, mean=mean, n=count)
 
 
-def _without(search: EffectSearch, observable: Observable) -> dict[Names, Fit]:
-    """The base model and the most hopeful single effects with one observable left out."""
-    cells = without(search.cells, observable)
-    hopeful = _hopeful(cells, [fit for names, fit in search.fits.items() if len(names) == 1])
-    some = [search.fits[()], *hopeful] if hopeful else []
-    return {fit.effects: fit for fit in _fitted_to(search, cells, some)}
+def _spared(search: EffectSearch, observables: Sequence[Observable], hopeless: float) -> Spared:
+    """The base model and the most hopeful single effects with each observable left out in turn."""
+    singles = [fit for names, fit in search.fits.items() if len(names) == 1]
+    found = {}
+    for one in observables:
+        cells = without(search.cells, one)
+        hopeful = _hopeful(cells, singles, hopeless)
+        some = [search.fits[()], *hopeful] if hopeful else []
+        found[one] = {fit.effects: fit for fit in _fitted_to(search, cells, some)}
+    return found
 
 
-def _hopeful(cells: Cells, fits: Iterable[Fit]) -> list[Fit]:
-    """Those that come nearest to other cells than they were made to."""
+def _hopeful(cells: Cells, fits: Iterable[Fit], hopeless: float = HOPELESS) -> list[Fit]:
+    """Those that come nearest to other cells than they were made to, and not hopelessly far."""
     missed = sorted(((_missed(fit, cells), fit) for fit in fits), key=lambda one: one[0])
-    return [fit for miss, fit in missed[:TRIED] if miss < HOPELESS]
+    return [fit for miss, fit in missed[:TRIED] if miss < hopeless]
 
 
 def _fitted_to(search: EffectSearch, cells: Cells, fits: Sequence[Fit]) -> list[Fit]:
@@ -184,11 +187,13 @@ def _all_but_its_number(search: EffectSearch) -> Found | None:
     return (singles, leader.effects, []) if alone and gains(singles, leader.effects, (), search.criteria) else None
 
 
-def _all_but_a_rest(search: EffectSearch, spared: Spared) -> Found | None:
+def _all_but_a_rest(search: EffectSearch, observables: Sequence[Observable]) -> Found | None:
     """The effect that leads whichever observable is left out and leaves a small rest; where that is."""
     singles, leader = _singles(search)
     if _share(singles, leader.effects) < search.criteria.all_but_a_rest:
         return None
+    # A small share of what is missed by far is still far from nothing.
+    spared = _spared(search, observables, np.inf)
     if not all(_leads(fits, leader.effects, search.criteria) for fits in (singles, *spared.values())):
         return None
     tests = leader.goodness.lack_of_fit

@@ -56,6 +56,8 @@ OF_PHASES = (AT_THE_SLOW_RATE, BY_THE_MEAN_RATE, PAST_THE_NEXT_LEG)
 """What a formula may overlook of a gait of two phases: its family's own where legs turn at one rate."""
 IN_ANOTHER_BED = "in a bed of another depth"
 """No other formula, but what a robot's file may have wrong."""
+BY_ITS_TILT = "by the square of how far a leg tilts"
+"""A law of force that is bent by one number, as much else can seem to: it speaks against a claim, and is none alone."""
 _PSI_MAX = "arccos(clip(1 - z/R, -1, 1))"
 _PSI_MIN = f"minimum({_PSI_MAX}, arccos(clip((d + h)/R - 1, -1, 1)) + Delta_xi)"
 _ON_ARC = " + ".join(f"R/2*({psi} + cos({psi})*sin({psi})) + (z - R)*sin({psi})" for psi in (_PSI_MAX, _PSI_MIN))
@@ -144,7 +146,7 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
         ),
     },
     "resistive_force_theory": {
-        "by the square of how far a leg tilts": "F*(1 - part*((1 - z/R)**2 - (1 - d_r/R)**2)); part [1] in 0.5..2",
+        BY_ITS_TILT: "F*(1 - part*((1 - z/R)**2 - (1 - d_r/R)**2)); part [1] in 0.5..2",
     },
     "exact_vertical_acceleration": {"a power of the sine": f"lift_ratio *= (s_0/(2*R))**power{_POWER.format(0.5, 3)}"},
     "dilation": {"another ramp": f"k + {_DILATED}*{_STEP.format(reach='reach')}{_WIDTH}; reach [1] in 0.6..2"},
