@@ -10,6 +10,7 @@ from sandbot_model.discovery.conventions import against, other_conventions, sing
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.partial import beyond_its_range
+from sandbot_model.discovery.sharing import bends
 from sandbot_model.discovery.verdict import judge
 from sandbot_model.physics.catalogue import catalogue
 
@@ -97,6 +98,15 @@ def test_a_floor_nearer_than_the_robots_file_says_is_named_beside_what_looks_lik
     late = drawn(("phi_dependent_response",), values={"phi_dependent_response": {"b": 0.8}}, seed=5)
     response = discover(cells_of(late), few, max_effects=1)
     assert response.headline == "identified: phi_dependent_response"
+
+
+@pytest.mark.slow
+def test_a_convention_that_leaves_nothing_may_be_claimed_on_a_bed_that_scatters(drawn):
+    """It was refused as one that needs a k of each condition, which explain a little more here."""
+    level = "o: speed: kept *= 1 - 0.15*(1 - first)*tanh((omega/11)^2)"
+    found = discover(cells_of(drawn(formulas=(level,), seed=2000, levels=7)), FEW, max_effects=1)
+    assert bends(found.fit)
+    assert found.headline == "identified: stance_overlap (the first step spared, by a power of ω)"
 
 
 PLUNGE = "p: balance: extra_force += 2.2*(omega*s/2)^2"

@@ -83,14 +83,14 @@ def _taken(search: EffectSearch, better: Sequence[Fit]) -> bool:
 def against(search: EffectSearch, claimed: Fit) -> bool:
     """Let in single effects under other conventions that leave nothing to explain and speak against a claim.
 
-    Against several effects one must be clearly better. Against one, another family must be better though it was picked
-    from all that were tried, also beside what trials share; then the claim's own family has the convention that is best
-    for it, too. Whether there are any.
+    Against several effects, which were picked as well, one need only be better. Against one, another family must be
+    better though it was picked from all that were tried; then the claim's own family has the convention that is best
+    for it, too. Both are compared beside what trials share, as well. Whether there are any.
     """
     # Half way to the base model, by orders of magnitude: so high may end a first descent of what explains all.
     hopeless = max(far_above(claimed.deviance, 1.0), math.sqrt(claimed.deviance * search.fits[()].deviance))
     tried = _near(search, _models_of_one(search), hopeless, (claimed.warm_start,))
-    picked = search.criteria.clearly if len(claimed.effects) > 1 else picked_from(len(tried))
+    picked = 0.0 if len(claimed.effects) > 1 else picked_from(len(tried))
 
     def leads(fit: Fit, bic: float, claims: float) -> bool:
         lead = -search.criteria.clearly if IN_ANOTHER_BED in fit.variants.values() else picked

@@ -40,7 +40,7 @@ from sandbot_model.discovery.sharing import (
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
 from sandbot_model.discovery.untested import repeats, untested
-from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, sound
+from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, passes, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
@@ -327,7 +327,8 @@ def _stands(search: EffectSearch, found: Shared) -> bool:
     """Whether a verdict under other conventions is one: no claim is that needs offsets of each batch as well."""
     if found.verdict.status not in CLAIMS:
         return found.verdict.status != "unexplained"
-    bent = bends(found.named) and conventions([found.fits[names] for names in found.verdict.alternatives])
+    sets = [search.fits[names] for names in found.verdict.alternatives]
+    bent = bends(found.named) and conventions(sets) and not all(passes(fit, search.criteria) for fit in sets)
     return not bent and _imitated(search, found) is None
 
 
