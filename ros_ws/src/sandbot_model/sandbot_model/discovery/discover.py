@@ -26,7 +26,7 @@ from sandbot_model.discovery.limits import Limit, limits
 from sandbot_model.discovery.lone_trials import gone_wrong, told
 from sandbot_model.discovery.next_trials import NextTrial, excluding, next_trials
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter
-from sandbot_model.discovery.partial import Partial, beyond_its_range, partly
+from sandbot_model.discovery.partial import Partial, beyond_its_range, partly, repairs
 from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.sharing import (
@@ -40,7 +40,7 @@ from sandbot_model.discovery.sharing import (
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
 from sandbot_model.discovery.untested import repeats, untested
-from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, passes, sound
+from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
@@ -324,11 +324,13 @@ def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple
 
 
 def _stands(search: EffectSearch, found: Shared) -> bool:
-    """Whether a verdict under other conventions is one: no claim is that needs offsets of each batch as well."""
+    """Whether a verdict under other conventions is one: no claim is that needs offsets of each batch as well, for more
+    than a small rest."""
     if found.verdict.status not in CLAIMS:
         return found.verdict.status != "unexplained"
-    sets = [search.fits[names] for names in found.verdict.alternatives]
-    bent = bends(found.named) and conventions(sets) and not all(passes(fit, search.criteria) for fit in sets)
+    sets = found.verdict.alternatives
+    needed = bends(found.named) and not all(repairs(search.fits, names, search.criteria) for names in sets)
+    bent = needed and conventions([search.fits[names] for names in sets])
     return not bent and _imitated(search, found) is None
 
 

@@ -215,6 +215,11 @@ def _leads(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:
     return all(fit.bic - fits[names].bic > apart for key, fit in fits.items() if key and key != names and sound(fit))
 
 
+def repairs(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:
+    """Whether a set leaves nothing, or a small rest of what the base model misses."""
+    return leaves_nothing(fits[names], criteria) or _share(fits, names) >= criteria.all_but_a_rest
+
+
 def _share(fits: Mapping[Names, Fit], names: Names) -> float:
     """Share of the base model's excess deviance that a set removes."""
     return (fits[()].deviance - fits[names].deviance) / max(_excess(fits[()]), 1e-9)
