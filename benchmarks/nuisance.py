@@ -10,7 +10,6 @@ holds a nuisance cover as often as it says.
 import argparse
 import dataclasses
 import math
-import statistics
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,20 +21,15 @@ import numpy as np
 
 from _figures import Figure, share
 from _matrix import Matrix, collect
-from hidden import CLEAR, DOUBTFUL, DRAWS, OMEGA, PHI
+from hidden import OMEGA, PHI
 from sandbot_common.accuracy import Accuracy
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.week import Week
 from sandbot_lab.world import World
-from sandbot_model.data.conditions import Cells, cells_of
-from sandbot_model.discovery.batch_sd import BatchSd
+from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.nuisances_about import shared_by
-from sandbot_model.fitting.fit import fit, fitted_at
-from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.physics.catalogue import catalogue
-from sandbot_model.physics.model import model_of
 from sandbot_record.trials.table import Row, from_rows
 
 SEEDS, QUICK_SEEDS, EVERY = 20, 2, 4
@@ -146,41 +140,13 @@ def analyse(case: Case, own: bool = False) -> dict[str, Any]:
 
     ``own``: no effect is offered but the truth's.
     """
-    effects = {name: effect for name, effect in catalogue().items() if not own or name in TRUTHS[case.truth]}
-    found = discover(campaign(case, 1000 + case.seed), effects, max_effects=1 if own else 2)
-    said = outcome(frozenset(TRUTHS[case.truth]), found.verdict)
-    return {**dataclasses.asdict(case), "outcome": said, "z": standardised(case, found), "gain": expected_gain(case)}
-
-
-def campaign(case: Case, seed: int) -> Cells:
-    """Its trials, their noise and offsets drawn by a seed."""
-    shared = NUISANCES[case.nuisance][0]
-    rows = direct_trials(case.world, PHI, OMEGA, "UNIFORM", 3, seed, None, case.order, shared)
-    return cells_of(from_rows([Row(**row) for row in rows]))
-
-
-def expected_gain(case: Case) -> float:
-    """What the truth gains over the base model in other draws, see ``hidden.expected_gain``; NaN if there is none."""
-    if not TRUTHS[case.truth]:
-        return math.nan
-    gains = [_gain(case, case.seed + 10_000)]
-    if CLEAR / DOUBTFUL < gains[0] < CLEAR * DOUBTFUL:
-        gains += [_gain(case, case.seed + 10_000 * draw) for draw in range(2, DRAWS + 1)]
-    return statistics.median(gains)
-
-
-def _gain(case: Case, seed: int) -> float:
-    """Beside what the trials share, by somebody who knows how far batches differ."""
-    cells, week = campaign(case, seed), case.world.week
-    apart = BatchSd(week.k_batch_sd, week.lift_zero_batch_sd_m, week.speed_scale_batch_sd)
-    base = fit(model_of("simple", (), catalogue()), cells)
-    whole = fit(model_of("simple", tuple(TRUTHS[case.truth]), catalogue()), cells, base.warm_start)
-    own = shared_by(whole, DEFAULT, apart)
-    without, with_it = (
-        fitted_at(one.model, cells, solve_near((one.model, cells, (one.warm_start,), own)), own)
-        for one in (base, whole)
+    rows = direct_trials(
+        case.world, PHI, OMEGA, "UNIFORM", 3, 1000 + case.seed, None, case.order, NUISANCES[case.nuisance][0]
     )
-    return without.deviance - with_it.deviance
+    effects = {name: effect for name, effect in catalogue().items() if not own or name in TRUTHS[case.truth]}
+    found = discover(cells_of(from_rows([Row(**row) for row in rows])), effects, max_effects=1 if own else 2)
+    said = outcome(frozenset(TRUTHS[case.truth]), found.verdict)
+    return {**dataclasses.asdict(case), "outcome": said, "z": standardised(case, found)}
 
 
 def outcome(hidden: frozenset[str], verdict: Any) -> str:
