@@ -1,5 +1,7 @@
 """A chain executed as operations says what it says on arrays: every effect, alone and beside others."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -10,11 +12,14 @@ from sandbot_model.fitting.fit import fit
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.operations import CompiledChains
 from sandbot_model.fitting.points import SEEN, ArrayChains, Conditions, Points
+from sandbot_model.fitting.switch import share_of_nodes, switches_of
+from sandbot_model.physics.averaging import NODES
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.model import model_of
+from sandbot_model.physics.observables import NAMES
 from sandbot_model.physics.tape import record
 from sandbot_model.physics.variants import variants_of
 from sandbot_model.physics.walking import KCurve
@@ -83,6 +88,48 @@ def test_every_effect_alone(name):
 def test_any_of_them_together(names, share, k):
     some = model(*(EFFECTS[name] for name in names))
     agree(some, theta_of(some, share), np.tile(k, (len(share), 1)))
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_with_inputs_moved_it_says_what_it_says_where_all_is_done_again(name):
+    some = model(EFFECTS[name])
+    rows, blocks = 2, len(some.names) + 3
+    theta = np.tile(theta_of(some, [0.3, 0.6]), (blocks, 1, 1))
+    k = np.tile([[168.0, 190.0, 225.0], [175.0, 205.0, 240.0]], (blocks, 1, 1))
+    theta[np.arange(blocks - 3), :, np.arange(blocks - 3)] *= 1.01
+    k[blocks - 3] *= 1.01
+    if EFFECTS[name].along_the_track:
+        k[: blocks - 3] *= 1.005
+    arrays, operations, points = both(some, theta.reshape(blocks * rows, -1), k.reshape(blocks * rows, -1))
+    feet = [part.reshape(blocks, rows, *points.shape[1:]) for part in vars(arrays.footing(points)).values()]
+    feet = [np.tile(part[-1], (blocks, 1, 1, 1)) for part in feet]
+    for depth in feet[::2]:
+        depth[blocks - 2] += 1e-4
+    feet = [part.reshape(points.shape) for part in feet]
+    found, expected = operations.seen_moved(points, feet, rows), operations.values(SEEN, points, feet)
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_allclose(found, arrays.seen_moved(points, feet, rows), rtol=1e-9, atol=1e-9)
+    # k and the depth do matter.
+    of_k, of_depth, unmoved = found.reshape(len(SEEN), blocks, -1)[:, -3:].transpose(1, 0, 2)
+    assert (of_k != unmoved).any()
+    assert (of_depth != unmoved).any()
+
+
+@pytest.mark.parametrize("name", ["disturbed_ground", "stance_overlap", "swimming_thrust", "phi_nonuniformity"])
+def test_at_once_it_stands_where_it_stands_step_by_step(name):
+    some = model(EFFECTS[name])
+    _, operations, points = both(some, theta_of(some, [0.1, 0.4, 0.8]), np.tile([168.0, 180.0, 195.0], (3, 1)))
+    points = replace(points, k=points.k[..., 1:2] * (1 + 0.01 * NODES))
+    apart = np.ones((1, len(OMEGA)), dtype=bool)
+    apart[0, 1] = False
+    footing, values, share = operations.stood(points, apart)
+    expected = operations.footing(points)
+    for part, value in vars(expected).items():
+        np.testing.assert_array_equal(getattr(footing, part), value)
+    np.testing.assert_array_equal(values, operations.values(NAMES, points, vars(expected).values()))
+    found = switches_of(operations, points, expected, apart, remembers=some.walker.remembers)
+    assert sum(len(switches.row) for _, switches in found)
+    np.testing.assert_array_equal(share, share_of_nodes(found, points.shape))
 
 
 class Deciding(Effect):

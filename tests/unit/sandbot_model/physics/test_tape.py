@@ -10,7 +10,7 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.machine import BINARY, COMPARISONS, OF_FEET, UNARY
-from sandbot_model.physics.tape import Tape, Unrecordable, by_depth, depth_last, program, record
+from sandbot_model.physics.tape import Tape, Unrecordable, by_depth, depth_last, moved, program, record
 from sandbot_model.physics.walking import Walker
 
 X = np.array([-2.5, -1.0, -0.5, 0.0, 0.3, 1.0, 2.0, np.nan])
@@ -59,14 +59,31 @@ def test_the_same_operation_is_done_once_and_what_no_output_needs_is_not():
 def test_what_is_the_same_at_all_points_is_done_once_for_them_and_so_is_what_is_the_same_in_a_row_or_cell():
     tape = Tape(["theta", "omega", "k", "depth"])
     theta, omega, k, depth = (tape.input(name) for name in ("theta", "omega", "k", "depth"))
-    tape.output("z", np.exp(theta) * depth + np.sqrt(omega) - k * np.cos(depth))
+    tape.output("z", np.exp(theta * theta) * depth + np.sqrt(omega) - k * np.cos(depth))
     of = {"theta": (machine.OF_ROW, 0), "omega": (machine.OF_CELL, 0), "k": (machine.OF_NODE, 0)}
     scan, levels = by_depth(program(tape, ("z",), of, {}))
-    assert [machine.NUMBER[name] for name in ("cos", "exp", "multiply", "sqrt", "add", "multiply", "subtract")] == list(
-        scan.code[:, 0]
-    )
-    assert levels.tolist() == [1, 3, 5]
-    assert scan.code[:, 5].tolist() == [0, 1, 0, 1, 0, 0, 0]
+    names = ("cos", "multiply", "exp", "multiply", "sqrt", "add", "multiply", "subtract")
+    assert [machine.NUMBER[name] for name in names] == scan.code[:, 0].tolist()
+    assert levels.tolist() == [1, 4, 6]
+    # A result is put down at all points where something that is not the same at all of them reads it.
+    each, once, spread = machine.EACH, machine.ONCE, machine.SPREAD
+    assert scan.code[:, 5].tolist() == [each, once, spread, each, spread, each, each, each]
+
+
+def test_of_a_move_nothing_is_done_again_but_what_follows_from_it():
+    tape = Tape(["theta", "k", "depth"])
+    theta, k, depth = (tape.input(name) for name in ("theta", "k", "depth"))
+    tape.output("z", np.exp(depth) * np.sqrt(theta) - k * theta)
+    of = {"theta": (machine.OF_ROW, 0), "k": (machine.OF_NODE, 0), "depth": (machine.OF_FEET, 0)}
+    plain = program(tape, ("z",), of, {})
+    again = moved(plain, [{tape.inputs["k"]}, {tape.inputs["depth"]}, set()])
+    names = [machine.NUMBER[name] for name in ("multiply", "subtract", "exp", "multiply", "subtract")]
+    assert again.code[:, 0].tolist() == names
+    assert again.lines.tolist() == [0, 2, 5, 5]
+    assert again.own.tolist() == [0, 1, 2, 2]
+    # What nothing was moved of is where the program has it.
+    result = plain.outputs[0]
+    assert again.results.ravel().tolist() == [result + plain.registers, result + plain.registers, result]
 
 
 def test_what_the_depth_changes_comes_last_whatever_came_between():

@@ -81,19 +81,15 @@ class CellMeans:
     def said(self, theta: Array, ln_k: Array, slope: Array, moved: Array) -> Said:
         """Prediction and likelihood of all cells."""
         points, track = self._points(theta, ln_k, slope, moved)
-        footing = self.chains.footing(points)
-        values = self.chains.values(NAMES, points, vars(footing).values())
         replicates = self._independent(ln_k, slope)
-        share = share_of_nodes(self._switches(points, footing, self._apart(replicates)), points.shape)
+        footing, values, share = self._stood(points, self._apart(replicates))
         return self._judged(footing, share, values, track, replicates)
 
     def said_by_row(self, theta: Array, ln_k: Array, slope: Array, moved: Array) -> Said:
         """Prediction and likelihood of cell i by row i, in one row."""
         points, track = self._points(theta, ln_k, slope, moved, by_row=True)
-        footing = self.chains.footing(points)
-        values = self.chains.values(NAMES, points, vars(footing).values())
         replicates = np.ascontiguousarray(_own(self._independent(ln_k, slope))[None])
-        share = share_of_nodes(self._switches(points, footing, self._apart(replicates).T), points.shape)
+        footing, values, share = self._stood(points, self._apart(replicates).T)
         parts = (np.ascontiguousarray(np.swapaxes(part, 0, 1)) for part in vars(footing).values())
         footing, share = Footing(*parts), np.ascontiguousarray(np.swapaxes(share, 0, 1))
         return self._judged(footing, share, np.ascontiguousarray(np.swapaxes(values, 1, 2)), track.T, replicates)
@@ -108,6 +104,14 @@ class CellMeans:
         found = shared.copy()
         found[:, which] = values * sd
         return said._replace(predicted=predicted, residual=residual, deviance=deviance), found
+
+    def _stood(self, points: Points, apart: Bool) -> tuple[Footing, Array, Array]:
+        """See ``CompiledChains.stood``; step by step where the chain could not be recorded."""
+        if isinstance(self.chains, CompiledChains):
+            return self.chains.stood(points, apart)
+        footing = self.chains.footing(points)
+        values = self.chains.values(NAMES, points, vars(footing).values())
+        return footing, values, share_of_nodes(self._switches(points, footing, apart), points.shape)
 
     def _switches(self, points: Points, footing: Footing, apart: Bool) -> list[tuple[str, Switches]]:
         return switches_of(self.chains, points, footing, apart, remembers=self.walker.remembers)
@@ -152,7 +156,7 @@ class CellMeans:
         steps = np.concatenate([step.T, np.full((1, rows), STEP), np.full((1, rows), -DEPTH_STEP_M)], axis=0)
         slopes, offsets = (np.repeat(part[None], count + 3, axis=0) for part in (slope, moved))
         points, _ = self._points(*(part.reshape(-1, part.shape[-1]) for part in (theta, ln_k, slopes, offsets)))
-        seen = self.chains.values(SEEN, points, [part.reshape(points.shape) for part in at])
+        seen = self.chains.seen_moved(points, [part.reshape(points.shape) for part in at], rows)
         seen = seen.reshape(len(SEEN), count + 3, *feet.depth.shape)
         values = seen[: len(NAMES), -1]
         weights = self._weights(values, share_of_nodes(found, here.shape))

@@ -11,6 +11,8 @@ import math
 import numba
 import numpy as np
 
+from sandbot_model.physics import machine
+
 _compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 
@@ -325,6 +327,46 @@ def _along(table, k_grid, sigma, nodes, weights):
 
 
 @_compiled
+def stood(steady, virgin, seen, points, grid, may, looked_for, quadrature):
+    """Depths and whether the ground holds, steady and on virgin ground ``(rows, cells * nodes)``, the observables there
+    ``(4, rows, cells * nodes)``, and the share of a cell's trials that each node stands for ``(rows, cells, nodes)``.
+
+    ``steady`` and ``virgin`` are a margin's programs (see ``machine.switches``) with the register of its depth, the
+    second that of the first where the first step is like the others; ``seen`` is that of the observables. Shares are
+    those of ``quadrature`` but where legs jump between nodes, in cells that ``may (rows or 1, cells)``.
+    """
+    polish, rises, held, drop, window = looked_for
+    nodes, weights, edges = quadrature
+    shape = len(points[0]), points[1].shape[2], points[2].shape[2]
+    depth, walking = machine.footing(*steady[:3], points, steady[4], grid, polish, rises, held)
+    remembers, virgin_depth, virgin_walking = steady[4] != virgin[4], depth, walking
+    if remembers:
+        virgin_depth, virgin_walking = machine.footing(*virgin[:3], points, virgin[4], grid, polish, rises, held)
+    feet = np.empty((4, *depth.shape))
+    feet[0], feet[1], feet[2], feet[3] = depth, walking, virgin_depth, virgin_walking
+    values = machine.evaluate(seen, points, feet)
+    share, taken = np.empty(shape), np.zeros(shape, dtype=np.bool_)
+    share[:] = weights
+    for step in range(2 if remembers else 1):
+        stands = (virgin_depth if step else depth).reshape(shape)
+        pairs = apart(stands, (virgin_walking if step else walking).reshape(shape), may, drop)
+        if len(pairs[0]):
+            stiffer = np.empty(len(pairs[0]))
+            for i in range(len(stiffer)):
+                stiffer[i] = stands[pairs[0][i], pairs[1][i], pairs[2][i] + 1]
+            its = virgin if step else steady
+            (row, cell, below), _, part = machine.switches(*its[:4], points, its[4], pairs, stiffer, grid, window)
+            for i in range(len(row)):
+                # Of two between the same nodes the steady gait's is the one that more observables see.
+                if not taken[row[i], cell[i], below[i]]:
+                    at = nodes[below[i]] + part[i] * (nodes[below[i] + 1] - nodes[below[i]])
+                    _hand_over(share[row[i], cell[i]], edges, below[i], at)
+                if not step:
+                    taken[row[i], cell[i], below[i]] = True
+    return depth, walking, virgin_depth, virgin_walking, values, share
+
+
+@_compiled
 def apart(depth, walking, may, drop):
     """Neighbouring nodes of which the softer stands deeper by more than ``drop``, or does not walk: their rows, cells
     and the softer nodes, of cells that ``may (rows or 1, cells)``."""
@@ -346,9 +388,14 @@ def apart(depth, walking, may, drop):
 def hand_over(share, edges, row, cell, below, at):
     """Move edges between nodes' shares of the normal distribution, in ``share (rows, cells, nodes)``."""
     for i in range(len(row)):
-        more = _normal(at[i]) - _normal(edges[below[i]])
-        share[row[i], cell[i], below[i]] += more
-        share[row[i], cell[i], below[i] + 1] -= more
+        _hand_over(share[row[i], cell[i]], edges, below[i], at[i])
+
+
+@_compiled
+def _hand_over(share, edges, below, at):
+    more = _normal(at) - _normal(edges[below])
+    share[below] += more
+    share[below + 1] -= more
 
 
 @_compiled

@@ -5,16 +5,23 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_model.fitting.points import CONDITIONS, Feet, Pairs, Points
+from sandbot_model.fitting import kernels
+from sandbot_model.fitting.points import CONDITIONS, SEEN, Feet, Pairs, Points
+from sandbot_model.fitting.switch import DROP_M, EDGES, WINDOW
 from sandbot_model.physics import machine
 from sandbot_model.physics.arrays import Array, Bool, Ints
+from sandbot_model.physics.averaging import NODES, WEIGHTS
 from sandbot_model.physics.machine import OF_CELL, OF_FEET, OF_NODE, OF_ROW
 from sandbot_model.physics.model import Model
-from sandbot_model.physics.tape import FEET, VIRGIN, Program, Tape, by_depth, depth_last, program
+from sandbot_model.physics.observables import NAMES
+from sandbot_model.physics.tape import FEET, VIRGIN, Moved, Program, Tape, by_depth, depth_last, moved, program
 from sandbot_model.physics.walking import HELD_N, POLISH, RISES, V_SWIM_M_S, Footing
 
 BASE = {"delta_t": "delta_t_s", "v_swim": "v_swim_m_s"}
 """Inputs that are parameters of the base model, and these."""
+
+LOOKED_FOR = POLISH, RISES, HELD_N, DROP_M, WINDOW
+"""How a footing is searched for, and where legs may jump (see ``walking`` and ``switch``)."""
 
 
 class CompiledChains:
@@ -24,6 +31,7 @@ class CompiledChains:
         self.tape, self.remembers = tape, model.walker.remembers
         self.varies_phi = tape.outputs["sigma_phi"] not in tape.constants.values()
         self.uses_phi = any(tape.inputs["phi"] in line[2:] for line in tape.code)
+        self._count = len(model.names)
         parameters = [BASE.get(name, name) for name in tape.inputs]
         self._inputs = {
             **{
@@ -50,18 +58,57 @@ class CompiledChains:
         at = np.array([*feet], dtype=float).reshape(-1, rows, cells * nodes)
         return np.asarray(machine.evaluate(made, points.packed, at).reshape(-1, rows, cells, nodes))
 
+    def stood(self, points: Points, apart: Bool) -> tuple[Footing, Array, Array]:
+        """Footing, the observables there ``(4, *points.shape)``, and the share of a cell's trials that each node stands
+        for, where these walk or swim each by itself in cells ``apart (rows or 1, cells)``."""
+        virgin = "virgin_margin" if self.remembers else "margin"
+        of = self._of_switches("margin"), self._of_switches(virgin), self._program(NAMES, self._inputs)
+        at = points.packed, points.at.depths, np.ascontiguousarray(apart)
+        *feet, values, share = kernels.stood(*of, *at, LOOKED_FOR, (NODES, WEIGHTS, EDGES))
+        return Footing(*(each.reshape(points.shape) for each in feet)), values.reshape(-1, *points.shape), share
+
+    def seen_moved(self, points: Points, feet: Feet, rows: int) -> Array:
+        """See ``Chains``."""
+        made = self._program(SEEN, self._inputs)
+        again: Moved = self._known(("moved", SEEN), lambda: moved(made, self._moves))
+        at = np.array([*feet], dtype=float).reshape(-1, len(points.theta), points.shape[1] * points.shape[2])
+        return np.asarray(machine.evaluate_moved(made, again, points.packed, at, rows).reshape(-1, *points.shape))
+
+    @property
+    def _moves(self) -> list[set[int]]:
+        """The registers that change with each parameter, with ln k and with the depth."""
+        k, register = self.tape.inputs["k"], self.tape.inputs.items()
+        of_theta = [{at for name, at in register if self._inputs.get(name) == (OF_ROW, p)} for p in range(self._count)]
+        # What varies along the track is a spread of k.
+        of_theta = [one | {k} for one in of_theta] if self.varies_phi else of_theta
+        return [*of_theta, {k}, {self.tape.inputs[FEET[0]], self.tape.inputs[VIRGIN[0]]}]
+
     def switches(
         self, margin: str, points: Points, pairs: Pairs, stands: Array, window: Array
     ) -> tuple[Pairs, Array, Array]:
         """See ``Chains``."""
-        at = points.packed, self._depth(margin), pairs, stands, points.at.depths, window
-        found: tuple[Pairs, Array, Array] = machine.switches(*self._arranged(margin), *at)
+        *of, depth = self._of_switches(margin)
+        at = points.packed, depth, pairs, stands, points.at.depths, window
+        found: tuple[Pairs, Array, Array] = machine.switches(*of, *at)
         return found
+
+    def _of_switches(self, margin: str) -> Any:
+        """The programs of a margin as ``machine.switches`` wants them, and the register of its depth."""
+
+        def made() -> Any:
+            return *self._arranged(margin), moved(self._margin(margin), []), self._depth(margin)
+
+        return self._known(("switches", margin), made)
 
     def places(self, margin: str, points: Points, pairs: Pairs, depths: Array, rows: int) -> Array:
         """See ``Chains``."""
-        made = self._program((margin,), self._without_feet)
-        return np.asarray(machine.places(made, points.packed, self._depth(margin), pairs, depths, rows))
+        made = self._margin(margin)
+        # Depths are given: all but that are moved.
+        again: Moved = self._known(("moved", margin), lambda: moved(made, self._moves[:-1]))
+        return np.asarray(machine.places(made, again, points.packed, self._depth(margin), pairs, depths, rows))
+
+    def _margin(self, margin: str) -> Program:
+        return self._program((margin,), self._without_feet)
 
     def _depth(self, margin: str) -> int:
         """The register of the depth that a margin is at."""
@@ -71,7 +118,7 @@ class CompiledChains:
         """The program of a margin as ``machine.footing`` wants it."""
 
         def arranged() -> tuple[Program, Ints, tuple[Program, int]]:
-            plain = self._program((margin,), self._without_feet)
+            plain = self._margin(margin)
             return *by_depth(plain), depth_last(plain, self._depth(margin))
 
         found: tuple[Program, Ints, tuple[Program, int]] = self._known(("by depth", margin), arranged)

@@ -93,6 +93,10 @@ class Chains(Protocol):
     def values(self, outputs: tuple[str, ...], points: Points, feet: Feet) -> Array:
         """Some of ``SEEN`` or ``sigma_phi`` at given feet, ``(outputs, *points.shape)``."""
 
+    def seen_moved(self, points: Points, feet: Feet, rows: int) -> Array:
+        """``SEEN`` of points in blocks of ``rows`` rows: in each another parameter is moved, then ln k, then the depth,
+        and nothing in the last ``(6, *points.shape)``."""
+
     def switches(
         self, margin: str, points: Points, pairs: Pairs, stands: Array, window: Array
     ) -> tuple[Pairs, Array, Array]:
@@ -100,7 +104,8 @@ class Chains(Protocol):
         n)``, and where between the nodes k begins to suffice (0 to 1)."""
 
     def places(self, margin: str, points: Points, pairs: Pairs, depths: Array, rows: int) -> Array:
-        """The last for the same pairs in blocks of ``rows`` rows ``(blocks, pairs)``."""
+        """The last for the same pairs in blocks of ``rows`` rows, those of ``seen_moved`` but that of the depth
+        ``(blocks - 1, pairs)``."""
 
 
 class ArrayChains:
@@ -133,6 +138,10 @@ class ArrayChains:
             found |= zip(NAMES, np.moveaxis(seen, -1, 0), strict=True)
         return np.stack([np.broadcast_to(found[name], points.shape) for name in outputs])
 
+    def seen_moved(self, points: Points, feet: Feet, rows: int) -> Array:  # noqa: ARG002
+        """See ``Chains``."""
+        return self.values(SEEN, points, feet)
+
     def switches(
         self, margin: str, points: Points, pairs: Pairs, stands: Array, window: Array
     ) -> tuple[Pairs, Array, Array]:
@@ -148,7 +157,7 @@ class ArrayChains:
     def places(self, margin: str, points: Points, pairs: Pairs, depths: Array, rows: int) -> Array:
         """See ``Chains``."""
         row, cell, below = pairs
-        blocks = range(0, len(points.theta), rows)
+        blocks = np.delete(np.arange(0, len(points.theta), rows), -2)
         found = [self._margins(margin, points, (row + first, cell, below), depths) for first in blocks]
         return np.array([machine.suffices(each, depths) for each in found])
 

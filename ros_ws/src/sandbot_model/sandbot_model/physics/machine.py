@@ -30,6 +30,8 @@ LESS, LESS_EQUAL, GREATER, GREATER_EQUAL, EQUAL, NOT_EQUAL, AND, OR, NOT, WHERE,
 
 OF_ROW, OF_CELL, OF_NODE, OF_FEET = range(4)
 """What an input depends on."""
+EACH, ONCE, SPREAD = range(3)
+"""Whether an operation is done at each point or, the same at all of them, once; and then put down at all of them."""
 AT_ONCE = 256
 """Points worked on at once: their registers stay in the processor's cache."""
 
@@ -106,62 +108,59 @@ def interpolated(x, xp, fp):
 
 
 @_compiled
-def _run(code, begin, end, reg, n, tables, phi, k):  # noqa: C901
-    """Do operations ``begin`` to ``end`` at the first ``n`` points; ``phi (levels,)`` and ``k`` are the curve."""
-    for line in range(begin, end):
+def _run(code, lines, reg, points, tables, phi, k):  # noqa: C901
+    """Do the operations of some ``lines`` at some ``points``, each told as the first and where they end; ``phi
+    (levels,)`` and ``k`` are the curve."""
+    for line in range(lines[0], lines[1]):
         operation, out, a, b, c = code[line, 0], code[line, 1], code[line, 2], code[line, 3], code[line, 4]
-        points = n
-        if code[line, 5]:
-            # The same at all points: done once.
-            points, n = n, 1
+        first, end = points if code[line, 5] == EACH else (0, 1)
         if operation == MULTIPLY:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = reg[a, i] * reg[b, i]
         elif operation == ADD:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = reg[a, i] + reg[b, i]
         elif operation == SUBTRACT:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = reg[a, i] - reg[b, i]
         elif operation == DIVIDE:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = reg[a, i] / reg[b, i]
         elif operation == MINIMUM:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = reg[a, i] if reg[a, i] < reg[b, i] or reg[a, i] != reg[a, i] else reg[b, i]
         elif operation == MAXIMUM:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = reg[a, i] if reg[a, i] > reg[b, i] or reg[a, i] != reg[a, i] else reg[b, i]
         elif operation == SQRT:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = math.sqrt(reg[a, i]) if reg[a, i] >= 0.0 else np.nan
         elif operation == WHERE:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = reg[b, i] if reg[a, i] != 0.0 else reg[c, i]
         elif operation == NEGATIVE:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = -reg[a, i]
         elif operation == ABSOLUTE:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = abs(reg[a, i])
         elif operation == NOT:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = 1.0 - reg[a, i]
         elif operation == INTERP:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = interpolated(reg[a, i], tables[2 * b], tables[2 * b + 1])
         elif operation == CURVE:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = interpolated(reg[a, i], phi, k) if len(phi) else reg[b, i]
         elif operation < ADD:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = _function(operation, reg[a, i])
         else:
-            for i in range(n):
+            for i in range(first, end):
                 reg[out, i] = _of_two(operation, reg[a, i], reg[b, i])
-        if n < points:
-            n = points
-            for i in range(1, n):
+        if code[line, 5] == SPREAD:
+            for i in range(points[0], points[1]):
                 reg[out, i] = reg[out, 0]
 
 
@@ -211,9 +210,39 @@ def evaluate(program, points, feet):
         for first in range(0, each, AT_ONCE):
             n = min(AT_ONCE, each - first)
             _load(inputs, points, feet, row, np.arange(first, first + n), reg)
-            _run(code, 0, len(code), reg, n, tables, phi, curve[row % len(curve)])
+            _run(code, (0, len(code)), reg, (0, n), tables, phi, curve[row % len(curve)])
             for at in range(len(outputs)):
                 found[at, row, first : first + n] = reg[outputs[at], :n]
+    return found
+
+
+@_compiled
+def evaluate_moved(program, moved, points, feet, rows):
+    """The outputs of a program at points in blocks of ``rows`` rows ``(outputs, blocks * rows, cells * nodes)``.
+
+    The last block is the points themselves; in each before it some inputs are moved, and only what follows from these
+    is done again (see ``tape.Moved``).
+    """
+    code, inputs, outputs, count, constants, tables = program
+    lines, its_lines, own, its_own, results = moved
+    each, phi, curve = points[1].shape[2] * points[2].shape[2], points[3], points[4]
+    reg, blocks = _registers(2 * count, AT_ONCE, constants), len(results)
+    found = np.empty((len(outputs), (blocks + 1) * rows, each))
+    for row in range(rows):
+        for first in range(0, each, AT_ONCE):
+            n = min(AT_ONCE, each - first)
+            which, here = np.arange(first, first + n), blocks * rows + row
+            _load(inputs, points, feet, here, which, reg)
+            _run(code, (0, len(code)), reg, (0, n), tables, phi, curve[here % len(curve)])
+            for at in range(len(outputs)):
+                found[at, here, first : first + n] = reg[outputs[at], :n]
+            for block in range(blocks):
+                there = block * rows + row
+                _load(own[its_own[block] : its_own[block + 1]], points, feet, there, which, reg)
+                lasts = (its_lines[block], its_lines[block + 1])
+                _run(lines, lasts, reg, (0, n), tables, phi, curve[there % len(curve)])
+                for at in range(len(outputs)):
+                    found[at, there, first : first + n] = reg[results[block, at], :n]
     return found
 
 
@@ -226,22 +255,42 @@ def _put(inputs, kind, values, reg):
 
 
 @_compiled
-def _margins(program, points, depth, pairs, depths):
-    """The margin at ``depths (pairs, 2, n)`` of nodes and of those above them; ``pairs`` are their rows, cells, and the
-    lower nodes. ``depth`` is the register of the depth."""
+def _put_some(inputs, kind, values, reg, first, n):
+    """The same at some of the points."""
+    for at in range(len(inputs)):
+        if inputs[at, 1] == kind:
+            reg[inputs[at, 0], first : first + n] = values[inputs[at, 2]]
+
+
+@_compiled
+def _margins(program, moved, points, depth, pairs, depths, rows):
+    """The margin at ``depths (pairs, 2, n)`` of nodes and of those above them ``(blocks, pairs, 2, n)``; ``pairs`` are
+    their rows, cells, and the lower nodes. ``depth`` is the register of the depth.
+
+    The last block are the last ``rows`` rows of the points; in each before it, at the first ones, some inputs are moved
+    (see ``evaluate_moved``).
+    """
     code, inputs, outputs, count, constants, tables = program
+    lines, its_lines, own, its_own, results = moved
     row, cell, below = pairs
     theta, conditions, k, phi, curve = points
-    reg, found = _registers(count, depths.shape[2], constants), np.empty(depths.shape)
+    n, blocks, last = depths.shape[2], len(results), len(theta) - rows
+    reg, found = _registers(2 * count, 2 * n, constants), np.empty((blocks + 1, *depths.shape))
     for i in range(len(row)):
-        its = k[row[i] % k.shape[0], cell[i] % k.shape[1]]
         for node in range(2):
-            _put(inputs, OF_ROW, theta[row[i]], reg)
-            _put(inputs, OF_CELL, conditions[:, row[i] % conditions.shape[1], cell[i]], reg)
-            _put(inputs, OF_NODE, its[below[i] + node :], reg)
-            reg[depth] = depths[i, node]
-            _run(code, 0, len(code), reg, depths.shape[2], tables, phi, curve[row[i] % len(curve)])
-            found[i, node] = reg[outputs[0]]
+            reg[depth, node * n : (node + 1) * n] = depths[i, node]
+        for block in range(-1, blocks):
+            at = row[i] + (last if block < 0 else block * rows)
+            these = inputs if block < 0 else own[its_own[block] : its_own[block + 1]]
+            _put(these, OF_ROW, theta[at], reg)
+            if block < 0:
+                _put(these, OF_CELL, conditions[:, at % conditions.shape[1], cell[i]], reg)
+            for node in range(2):
+                _put_some(these, OF_NODE, k[at % k.shape[0], cell[i] % k.shape[1], below[i] + node :], reg, node * n, n)
+            ends = (0, len(code)) if block < 0 else (its_lines[block], its_lines[block + 1])
+            _run(code if block < 0 else lines, ends, reg, (0, 2 * n), tables, phi, curve[at % len(curve)])
+            margin = reg[outputs[0] if block < 0 else results[block, 0]]
+            found[block, i, 0], found[block, i, 1] = margin[:n], margin[n:]
     return found
 
 
@@ -255,42 +304,41 @@ def _margins_on(scan, levels, points, depth, pairs, grid):
     n = len(grid)
     reg, found = _registers(count, n, constants), np.empty((len(row), 2, n))
     reg[depth] = grid
-    _run(code, 0, levels[0], reg, n, tables, phi, curve[0])
+    _run(code, (0, levels[0]), reg, (0, n), tables, phi, curve[0])
     for i in range(len(row)):
         own, its = curve[row[i] % len(curve)], k[row[i] % k.shape[0], cell[i] % k.shape[1]]
         other_row = i == 0 or row[i] != row[i - 1]
         if other_row:
             _put(inputs, OF_ROW, theta[row[i]], reg)
-            _run(code, levels[0], levels[1], reg, n, tables, phi, own)
+            _run(code, (levels[0], levels[1]), reg, (0, n), tables, phi, own)
         if other_row or cell[i] != cell[i - 1]:
             _put(inputs, OF_CELL, conditions[:, row[i] % conditions.shape[1], cell[i]], reg)
-            _run(code, levels[1], levels[2], reg, n, tables, phi, own)
+            _run(code, (levels[1], levels[2]), reg, (0, n), tables, phi, own)
         for node in range(2):
             _put(inputs, OF_NODE, its[below[i] + node :], reg)
-            _run(code, levels[2], len(code), reg, n, tables, phi, own)
+            _run(code, (levels[2], len(code)), reg, (0, n), tables, phi, own)
             found[i, node] = reg[outputs[0]]
     return found
 
 
 @_compiled
-def switches(scan, levels, plain, points, depth, pairs, stands, grid, window):
+def switches(scan, levels, plain, unmoved, points, depth, pairs, stands, grid, window):
     """Of ``pairs`` of nodes (their rows, cells, the softer nodes) those between which legs jump; see ``tops`` and
     ``suffices``. Also the depths looked at. Programs as in ``footing``; ``depth`` is the register of the depth."""
     row, cell, below = pairs
     top, jumps = tops(_margins_on(scan, levels, points, depth, pairs, grid), grid, stands)
     some = np.nonzero(jumps)[0]
     pairs, depths = (row[some], cell[some], below[some]), about(top[some], grid, window)
-    return pairs, depths, suffices(_margins(plain[0], points, depth, pairs, depths), depths)
+    return pairs, depths, suffices(_margins(plain[0], unmoved, points, depth, pairs, depths, len(points[0]))[0], depths)
 
 
 @_compiled
-def places(program, points, depth, pairs, depths, rows):
+def places(program, moved, points, depth, pairs, depths, rows):
     """Where k begins to suffice between the same pairs in each block of so many rows ``(blocks, pairs)``."""
-    row, cell, below = pairs
-    found = np.empty((len(points[0]) // rows, len(row)))
+    margins = _margins(program, moved, points, depth, pairs, depths, rows)
+    found = np.empty(margins.shape[:2])
     for block in range(len(found)):
-        there = row + block * rows, cell, below
-        found[block] = suffices(_margins(program, points, depth, there, depths), depths)
+        found[block] = suffices(margins[block], depths)
     return found
 
 
@@ -382,27 +430,28 @@ def _bracket(program, levels, points, depth, grid):
     code, inputs, outputs, count, constants, tables = program
     theta, conditions, k, phi, curve = points
     rows, cells, nodes = len(theta), conditions.shape[2], k.shape[2]
-    n, margin = len(grid), outputs[0]
+    n, margin, stiffness = len(grid), outputs[0], _register_of(inputs, OF_NODE)
     reg = _registers(count, n, constants)
     reg[depth] = grid
-    stiffness = -1
     upper, peak = np.zeros((rows, cells * nodes), dtype=np.int64), np.zeros((rows, cells * nodes), dtype=np.int64)
     first, second = np.zeros((2, rows, cells * nodes))
-    order = np.roll(np.arange(nodes), 1)  # the outermost first
-    _run(code, 0, levels[0], reg, n, tables, phi, curve[0])
+    order, again = np.arange(cells), np.zeros(cells, dtype=np.bool_)
+    outermost_first = np.roll(np.arange(nodes), 1)
+    _run(code, (0, levels[0]), reg, (0, n), tables, phi, curve[0])
     for row in range(rows):
         own = curve[row % len(curve)]
-        for at in range(len(inputs)):
-            if inputs[at, 1] == OF_ROW:
-                reg[inputs[at, 0]] = theta[row, inputs[at, 2]]
-            elif inputs[at, 1] == OF_NODE:
-                stiffness = inputs[at, 0]
-        _run(code, levels[0], levels[1], reg, n, tables, phi, own)
-        for cell in range(cells):
-            _put(inputs, OF_CELL, conditions[:, row % conditions.shape[1], cell], reg)
-            _run(code, levels[1], levels[2], reg, n, tables, phi, own)
-            its, least, most = k[row % k.shape[0], cell % k.shape[1]], cell * nodes, cell * nodes + nodes - 1
-            for node in order:
+        _put(inputs, OF_ROW, theta[row], reg)
+        _run(code, (levels[0], levels[1]), reg, (0, n), tables, phi, own)
+        if row < conditions.shape[1]:
+            _alike(inputs, conditions[:, row], order, again)
+        for at in range(cells):
+            cell = order[at]
+            if not again[at]:
+                _put(inputs, OF_CELL, conditions[:, row % conditions.shape[1], cell], reg)
+                _run(code, (levels[1], levels[2]), reg, (0, n), tables, phi, own)
+            row_k, cell_k = row % k.shape[0], cell % k.shape[1]
+            least, most = cell * nodes, cell * nodes + nodes - 1
+            for node in outermost_first:
                 point = least + node
                 agree = upper[row, least] == upper[row, most] and peak[row, least] + peak[row, most] == 0
                 if 0 < node < nodes - 1 and agree:
@@ -412,11 +461,11 @@ def _bracket(program, levels, points, depth, grid):
                     continue
                 if stiffness >= 0:
                     for i in range(n):
-                        reg[stiffness, i] = its[node]
-                _run(code, levels[2], len(code), reg, n, tables, phi, own)
-                at, top = _climbed(reg[margin])
-                if at < n:
-                    upper[row, point] = max(at, 1)
+                        reg[stiffness, i] = k[row_k, cell_k, node]
+                _run(code, (levels[2], len(code)), reg, (0, n), tables, phi, own)
+                held, top = _climbed(reg[margin])
+                if held < n:
+                    upper[row, point] = max(held, 1)
                 if top:
                     before = max(top - 1, 1)
                     peak[row, point] = top
@@ -425,16 +474,48 @@ def _bracket(program, levels, points, depth, grid):
 
 
 @_compiled
+def _register_of(inputs, kind):
+    """That of the last input of a kind, -1 if there is none."""
+    found = -1
+    for at in range(len(inputs)):
+        if inputs[at, 1] == kind:
+            found = inputs[at, 0]
+    return found
+
+
+@_compiled
+def _alike(inputs, conditions, order, again):
+    """Order cells of ``conditions (columns, cells)`` so that those that a program can't tell apart follow each other,
+    and say which ones are as the one before ``again (cells,)``."""
+    placed, count = np.zeros(len(order), dtype=np.bool_), 0
+    for first in range(len(order)):
+        begin = count
+        for cell in range(first, len(order)):
+            if not placed[cell] and not placed[first] and _same(inputs, conditions, first, cell):
+                order[count], again[count] = cell, count > begin
+                placed[cell], count = cell > first, count + 1
+        placed[first] = True
+
+
+@_compiled
+def _same(inputs, conditions, cell, other):
+    for at in range(len(inputs)):
+        if inputs[at, 1] == OF_CELL and conditions[inputs[at, 2], cell] != conditions[inputs[at, 2], other]:
+            return False
+    return True
+
+
+@_compiled
 def _climbed(margin):
     """Where it first is not negative, its length if nowhere; where its highest peak before that is, 0 if nowhere."""
-    top, last = 0, len(margin) - 1
-    for at in range(len(margin)):
+    held, last, top = 0, len(margin) - 1, 0
+    while held <= last and not margin[held] >= 0:
+        held += 1
+    for at in range(1, min(held, last)):
         here = margin[at]
-        if here >= 0:
-            return at, top
-        if 0 < at < last and here > margin[at - 1] and here >= margin[at + 1] and (top == 0 or here > margin[top]):
+        if here > margin[at - 1] and here >= margin[at + 1] and (top == 0 or here > margin[top]):
             top = at
-    return len(margin), top
+    return held, top
 
 
 @_compiled
@@ -451,17 +532,17 @@ def _polish(program, points, depth, grid, upper, steps):
             which = crossing[begin : begin + AT_ONCE]
             n = len(which)
             _load(inputs, points, none, row, which, reg)
-            _run(code, 0, first_moved, reg, n, tables, phi, curve[row % len(curve)])
+            _run(code, (0, first_moved), reg, (0, n), tables, phi, curve[row % len(curve)])
             for i in range(n):
                 low[i], high[i] = grid[upper[row, which[i]] - 1], grid[upper[row, which[i]]]
             for end, margin in ((low, below), (high, above)):
                 reg[depth, :n] = end[:n]
-                _run(code, first_moved, len(code), reg, n, tables, phi, curve[row % len(curve)])
+                _run(code, (first_moved, len(code)), reg, (0, n), tables, phi, curve[row % len(curve)])
                 margin[:n] = reg[outputs[0], :n]
             for _ in range(steps):
                 for i in range(n):
                     reg[depth, i] = _secant(low[i], high[i], below[i], above[i])
-                _run(code, first_moved, len(code), reg, n, tables, phi, curve[row % len(curve)])
+                _run(code, (first_moved, len(code)), reg, (0, n), tables, phi, curve[row % len(curve)])
                 for i in range(n):
                     here = reg[outputs[0], i]
                     # Illinois: halve the margin of the end that stays, so that it does not stay for ever.
@@ -489,7 +570,7 @@ def _follow(program, points, depth, grid, peak, first, second, steps, held, foun
             which = peaked[begin : begin + AT_ONCE]
             n = len(which)
             _load(inputs, points, none, row, which, reg)
-            _run(code, 0, first_moved, reg, n, tables, phi, curve[row % len(curve)])
+            _run(code, (0, first_moved), reg, (0, n), tables, phi, curve[row % len(curve)])
             for i in range(n):
                 before = max(peak[row, which[i]] - 1, 1)
                 low[i], here[i], reg[depth, i] = grid[before - 1], second[row, which[i]], grid[before]
@@ -499,7 +580,7 @@ def _follow(program, points, depth, grid, peak, first, second, steps, held, foun
                     beyond = _prolonged(low[i], now, first[row, which[i]], here[i])
                     if abs(here[i]) >= held and beyond <= grid[min(top + 1, len(grid) - 1)]:
                         low[i], first[row, which[i]], reg[depth, i] = now, here[i], beyond
-                _run(code, first_moved, len(code), reg, n, tables, phi, curve[row % len(curve)])
+                _run(code, (first_moved, len(code)), reg, (0, n), tables, phi, curve[row % len(curve)])
                 here[:n] = reg[outputs[0], :n]
             for i in range(n):
                 if abs(here[i]) < held:

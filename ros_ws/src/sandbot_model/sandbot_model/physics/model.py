@@ -12,7 +12,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_common.suggest import did_you_mean
 from sandbot_model.physics.arrays import Array
-from sandbot_model.physics.effect import Effect, Parameter
+from sandbot_model.physics.effect import Effect, Parameter, of_catalogue
 from sandbot_model.physics.gait import EVEN, Clock, slow_phase_ratio
 from sandbot_model.physics.walking import BASES, V_SWIM_M_S, Inputs, Params, Walker
 
@@ -60,9 +60,10 @@ class Model:
     def tape(self) -> "Tape | None":
         """The chain as operations; None where an effect can't be recorded."""
         # Imported now: nobody who fits nothing waits for the compiler.
-        from sandbot_model.physics.tape import record
+        from sandbot_model.physics.tape import record, recorded
 
-        return record(self.walker)
+        # A user may change an effect of his own between two models.
+        return recorded(self.walker) if all(map(of_catalogue, self.walker.effects)) else record(self.walker)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

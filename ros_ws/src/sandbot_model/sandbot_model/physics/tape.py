@@ -6,6 +6,7 @@ can't be recorded: the chain is then run as it is, on arrays (``Walker``).
 """
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from sandbot_model.physics.arrays import Array, Ints
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.guarded import Replaced
-from sandbot_model.physics.machine import COMPARISONS, LOGICAL, NUMBER, OF_ROW, UNARY
+from sandbot_model.physics.machine import COMPARISONS, EACH, LOGICAL, NUMBER, OF_ROW, ONCE, SPREAD, UNARY
 from sandbot_model.physics.stages import through
 from sandbot_model.physics.walking import Walker, observables
 
@@ -176,6 +177,12 @@ def record(walker: Walker) -> Tape | None:
     return tape
 
 
+@lru_cache(maxsize=256)
+def recorded(walker: Walker) -> Tape | None:
+    """The same for effects that never change, recorded once."""
+    return record(walker)
+
+
 def _chain(tape: Tape, walker: Walker, depth: str, *, first_step: bool) -> Chain:
     quantities: Any = {name: tape.input(name) for name in CONDITIONS} | {"depth": tape.input(depth)}
     chain = Chain(walker.robot, **quantities, first_step=first_step, k_of_phi=tape.curve)
@@ -190,7 +197,7 @@ class Program(NamedTuple):
     """What ``machine`` executes."""
 
     code: Ints
-    """Operation, the register of the result, those it is made of, whether it is the same at all points."""
+    """Operation, the register of the result, those it is made of, where it is done (``machine.EACH`` and so on)."""
     inputs: Ints
     """Register, what it depends on (``machine.OF_ROW`` and so on), and which of those it is."""
     outputs: Ints
@@ -218,14 +225,56 @@ def program(
     constants = [(register, value) for value, register in tape.constants.items()]
     constants += [(tape.inputs[name], value) for name, value in fixed.items()]
     same = {register for register, of, _ in own if of == OF_ROW} | {register for register, _ in constants}
+    results = np.array([tape.outputs[name] for name in outputs])
     return Program(
-        _marked(np.array(needed[::-1], dtype=np.int64).reshape(-1, 5), same),
+        _marked(np.array(needed[::-1], dtype=np.int64).reshape(-1, 5), same, results),
         np.array(own, dtype=np.int64).reshape(-1, 3),
-        np.array([tape.outputs[name] for name in outputs]),
+        results,
         tape.registers,
         np.array(constants, dtype=float).reshape(-1, 2),
         _padded(tape.tables),
     )
+
+
+class Moved(NamedTuple):
+    """What of a program is done again where some of its inputs are moved, each time in registers beyond those of the
+    program, which keep what they hold."""
+
+    code: Ints
+    """As that of a ``Program``, that of one move after the other."""
+    lines: Ints
+    """Where the code of each begins, and of the last ends ``(moves + 1,)``."""
+    inputs: Ints
+    """As those of a ``Program``."""
+    own: Ints
+    """Where the inputs of each begin, and of the last end."""
+    results: Ints
+    """The registers of the outputs ``(moves, outputs)``."""
+
+
+def moved(plain: Program, moves: Sequence[set[int]]) -> Moved:
+    """What of a program follows from inputs, the registers of each of these moves."""
+    code, lines, its_inputs, results = plain.code.tolist(), [0], [0], []
+    again: list[list[int]] = []
+    inputs: list[list[int]] = []
+    for registers in moves:
+        own = {register: register + plain.registers for register in registers}
+        for line in code:
+            operands = _operands_of(line)
+            if not own.keys().isdisjoint(operands):
+                own[line[1]] = line[1] + plain.registers
+                changed = [own.get(register, register) for register in operands]
+                again.append([line[0], own[line[1]], *changed, *line[2 + len(changed) :]])
+        inputs += [[own[at], kind, column] for at, kind, column in plain.inputs.tolist() if at in registers]
+        lines.append(len(again))
+        its_inputs.append(len(inputs))
+        results.append([own.get(register, register) for register in plain.outputs.tolist()])
+
+    def columns(rows: Sequence[Sequence[int]], count: int) -> Ints:
+        return np.array(rows, dtype=np.int64).reshape(-1, count)
+
+    ends = np.array(lines), np.array(its_inputs)
+    return Moved(columns(again, 6), ends[0], columns(inputs, 3), ends[1], columns(results, len(plain.outputs)))
 
 
 def by_depth(plain: Program) -> tuple[Program, Ints]:
@@ -239,7 +288,8 @@ def by_depth(plain: Program) -> tuple[Program, Ints]:
     order = np.argsort(levels, kind="stable")
     # All but the depths tried is the same at all of them.
     same = {*plain.inputs[:, 0].tolist(), *plain.constants[:, 0].astype(int).tolist()}
-    return plain._replace(code=_marked(plain.code[order, :5], same)), np.searchsorted(levels[order], [1, 2, 3])
+    code = _marked(plain.code[order, :5], same, plain.outputs)
+    return plain._replace(code=code), np.searchsorted(levels[order], [1, 2, 3])
 
 
 def depth_last(plain: Program, depth: int) -> tuple[Program, int]:
@@ -252,14 +302,16 @@ def depth_last(plain: Program, depth: int) -> tuple[Program, int]:
     return plain._replace(code=np.concatenate([plain.code[~last], plain.code[last]])), int(np.count_nonzero(~last))
 
 
-def _marked(code: Ints, same: set[int]) -> Ints:
-    """The code with a column that says which results are the same at all points, as those inputs are."""
-    same = set(same)
-    marks = []
+def _marked(code: Ints, same: set[int], outputs: Ints) -> Ints:
+    """The code with a column that says where each operation is done (``machine.EACH`` and so on): once where its result
+    is the same at all points, as those inputs are."""
+    same, read = set(same), set(outputs.tolist())
     for line in code.tolist():
-        marks.append(all(register in same for register in _operands_of(line)))
-        if marks[-1]:
+        if all(register in same for register in _operands_of(line)):
             same.add(line[1])
+        else:
+            read.update(_operands_of(line))
+    marks = [(SPREAD if out in read else ONCE) if out in same else EACH for out in code[:, 1].tolist()]
     return np.column_stack([code, np.array(marks, dtype=np.int64)])
 
 
