@@ -56,6 +56,17 @@ class Nuisances:
         slope, ln_k_sd, by_ln_k = fewer
         return replace(self, slope=slope, ln_k_sd=ln_k_sd, by_ln_k=by_ln_k)
 
+    @property
+    def of_one_cell(self) -> Bool:
+        """Which are offsets of the bed under a single cell ``(m,)``."""
+        return np.asarray(np.count_nonzero(self.by_ln_k, axis=0) == 1)
+
+    def only(self, which: Bool) -> "Nuisances":
+        """Some of them ``(m,)``."""
+        names = tuple(name for name, kept in zip(self.names, which, strict=True) if kept)
+        sd, about, slope, by_ln_k = self.sd[which], self.about[which], self.slope[..., which], self.by_ln_k[:, which]
+        return Nuisances(names, sd, slope, self.ln_k_sd, about, by_ln_k)
+
     def rougher(self, ln_k_sd: float) -> "Nuisances":
         """The same on a bed whose ln k also scatters by so much from condition to condition."""
         return replace(self, ln_k_sd=np.hypot(self.ln_k_sd, ln_k_sd))

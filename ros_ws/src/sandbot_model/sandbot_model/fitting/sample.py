@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sandbot_model.fitting.jacobian import cell_jacobian
 from sandbot_model.fitting.levenberg_marquardt import bounds, descend
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
@@ -49,6 +50,7 @@ def moments(problem: Problem, begin: States, free: Bool, along: Sequence[int]) -
 
     ``along`` are the parameters, by index in θ, that are no parabolas.
     """
+    problem, begin = _beside_single_conditions(problem, begin)
     ensemble = _Ensemble(problem, begin, free)
     members = ensemble.begun(joined([begin, *(_held(problem, begin, index) for index in along)]))
     sampler = ensemble.sampler(len(members))
@@ -58,6 +60,22 @@ def moments(problem: Problem, begin: States, free: Bool, along: Sequence[int]) -
     sampler.run_mcmc(members, STEPS, skip_initial_state_check=True)
     away = (sampler.get_chain(flat=True) - ensemble.here)[:, : np.count_nonzero(free)]
     return np.asarray(away.T @ away / len(away))
+
+
+def _beside_single_conditions(problem: Problem, begin: States) -> tuple[Problem, States]:
+    """The same without offsets of the bed under single conditions, which need not be sampled: to first order about a
+    state they widen the covariance of what was measured there, and beside a switch replicates walk by what they share.
+    """
+    nuisances = problem.nuisances
+    if nuisances is None or not nuisances.of_one_cell.any():
+        return problem, begin
+    single = nuisances.of_one_cell
+    ln_k_sd = np.sqrt(nuisances.by_ln_k[:, single] ** 2 @ nuisances.sd[single] ** 2)
+    slope = ln_k_sd[:, None] * np.linalg.solve(begin.whiten[0], cell_jacobian(problem, begin)[0][..., -1:])[..., 0]
+    cells = replace(problem.cells, covariance=problem.cells.covariance + slope[:, :, None] * slope[:, None, :])
+    others = replace(nuisances.only(~single), ln_k_sd=np.where(ln_k_sd > 0, ln_k_sd, nuisances.ln_k_sd))
+    found = Problem(problem.model, cells, others)
+    return found, found.states(begin.theta, begin.ln_k, begin.slope, problem.bed(begin)[:, ~single])
 
 
 def _held(problem: Problem, begin: States, index: int) -> States:
