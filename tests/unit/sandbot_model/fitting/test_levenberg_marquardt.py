@@ -5,7 +5,7 @@ import pytest
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.fitting.jacobian import full_jacobian, project_out, tangent_basis
-from sandbot_model.fitting.levenberg_marquardt import bounds, descend
+from sandbot_model.fitting.levenberg_marquardt import PATIENCE, bounds, descend
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
@@ -33,6 +33,20 @@ def test_it_ends_lower_where_the_gradient_is_nothing(problem, begin):
 
 def test_no_step_is_no_change(problem, begin):
     assert (descend(problem, begin, 0).theta == begin.theta).all()
+
+
+def test_what_comes_no_nearer_to_a_hopeless_deviance_is_given_up_and_what_does_is_not(problem, begin, monkeypatch):
+    end = descend(problem, begin)
+    reached = float(end.deviance.min())
+    assert descend(problem, begin, hopeless=reached + 10).deviance.min() == reached
+    tried = []
+    monkeypatch.setattr(
+        Problem, "states", lambda self, *of, states=Problem.states: tried.append(1) or states(self, *of)
+    )
+    # Where it has come to there is nothing to gain; a tenth of that would do.
+    given_up = descend(problem, begin.where(np.ones(2, dtype=bool), end), hopeless=0.1 * reached)
+    assert len(tried) <= PATIENCE
+    np.testing.assert_allclose(given_up.deviance, end.deviance, atol=0.1)
 
 
 def test_parameters_stay_inside_what_may_be_searched(problem, begin):

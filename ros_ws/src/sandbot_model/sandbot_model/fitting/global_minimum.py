@@ -297,18 +297,18 @@ def nearby_state(problem: Problem, starts_at: Sequence[WarmStart], hopeless: flo
 
     Where the first descents end above a deviance that is ``hopeless``, they are not refined.
     """
-    best = _descended(problem, starts_at)
+    best = _descended(problem, starts_at, hopeless)
     return best if best.deviance[0] > hopeless else _looked_round(problem, best)
 
 
-def _descended(problem: Problem, starts_at: Sequence[WarmStart]) -> States:
+def _descended(problem: Problem, starts_at: Sequence[WarmStart], hopeless: float = np.inf) -> States:
     """The best that short descents from smaller models come to."""
     theta = np.concatenate([_warm_starts(problem.model, near) for near in starts_at])
     ln_k = np.repeat(np.log([near.k_n_per_m for near in starts_at]), len(theta) // len(starts_at), axis=0)
     low, high = bounds(problem)
     begin = problem.states(np.clip(theta, low, high), ln_k, _slopes(problem, ln_k))
     # Every k is adjusted to the new effect before the rows are compared.
-    return descend(problem, begin, 2 * FIRST_ITERATIONS).lowest()
+    return descend(problem, begin, 2 * FIRST_ITERATIONS, hopeless=hopeless).lowest()
 
 
 def _looked_round(problem: Problem, state: States) -> States:

@@ -14,17 +14,29 @@ TOLERANCE = 1e-2
 """The descent ends with a step that lowers the deviance by less than this."""
 FOUND_AT_ONCE = "v_swim_m_s"
 """The parameter that any descent finds: no switch depends on it, and no search beside descents looks for it."""
+PATIENCE, NEARER = 2, 0.05
+"""Iterations in which a row that is above a hopeless deviance must come so much of the way nearer to it."""
 MAX_DAMPING = 1e5
 """Damping beyond which a row is no longer improved."""
 
 
-def descend(problem: Problem, states: States, iterations: int = ITERATIONS, fixed: Sequence[int] = ()) -> States:
-    """The local minimum that each row descends to; the parameters ``fixed``, by index in θ, stay where they are."""
+def descend(
+    problem: Problem,
+    states: States,
+    iterations: int = ITERATIONS,
+    fixed: Sequence[int] = (),
+    hopeless: float = np.inf,
+) -> States:
+    """The local minimum that each row descends to; the parameters ``fixed``, by index in θ, stay where they are.
+
+    Rows above a deviance that is ``hopeless`` end where they come hardly nearer to it.
+    """
+    begun = states.deviance
     rows = np.arange(len(states.theta))
     damping = np.full(len(rows), 1e-2)
     active = np.ones(len(rows), dtype=bool)
     jacobian, moved = full_jacobian(problem, states, switches=True), np.zeros(len(rows), dtype=bool)
-    for _ in range(iterations):
+    for done in range(1, iterations + 1):
         at = np.flatnonzero(active)
         if not len(at):
             break
@@ -37,6 +49,10 @@ def descend(problem: Problem, states: States, iterations: int = ITERATIONS, fixe
         states = put(states, at, here.where(better, trial))
         damping[at] = np.where(better, np.maximum(damping[at] / 10, 1e-9), damping[at] * 10)
         active[at] = np.where(better, gain > TOLERANCE, damping[at] < MAX_DAMPING)
+        if done % PATIENCE == 0 and np.isfinite(hopeless):
+            above = states.deviance - hopeless
+            active &= (above <= 0) | (begun - states.deviance > NEARER * above)
+            begun = states.deviance
     return states
 
 

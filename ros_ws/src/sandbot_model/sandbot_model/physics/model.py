@@ -1,5 +1,6 @@
 """A base model with a set of effects and the parameters they share: what a fit searches."""
 
+import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -62,8 +63,10 @@ class Model:
         # Imported now: nobody who fits nothing waits for the compiler.
         from sandbot_model.physics.tape import record, recorded
 
+        walker = self.walker
         # A user may change an effect of his own between two models.
-        return recorded(self.walker) if all(map(of_catalogue, self.walker.effects)) else record(self.walker)
+        known = all(map(of_catalogue, walker.effects))
+        return recorded(pickle.dumps((walker.effects, walker.robot))) if known else record(walker)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

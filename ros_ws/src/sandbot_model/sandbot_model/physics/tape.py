@@ -5,6 +5,7 @@ A recording is one path through the code. An effect that looks at values or shap
 can't be recorded: the chain is then run as it is, on arrays (``Walker``).
 """
 
+import pickle
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -178,9 +179,10 @@ def record(walker: Walker) -> Tape | None:
 
 
 @lru_cache(maxsize=256)
-def recorded(walker: Walker) -> Tape | None:
-    """The same for effects that never change, recorded once."""
-    return record(walker)
+def recorded(pickled: bytes) -> Tape | None:
+    """The same of a walker's effects and robot as they are pickled, recorded once: a process that fits for another is
+    sent them with every task."""
+    return record(Walker(*pickle.loads(pickled)))
 
 
 def _chain(tape: Tape, walker: Walker, depth: str, *, first_step: bool) -> Chain:

@@ -9,6 +9,7 @@ one parameter more, fitted and paid for like any other.
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect, Parameter, Values, of_catalogue
@@ -200,8 +201,11 @@ class Variant(Effect):
 
 def variants_of(effect: Effect) -> tuple[Variant, ...]:
     """The other conventions of a family; none of an effect that a user has put in its place."""
-    if effect.variant or not of_catalogue(effect):
-        return ()
+    return () if effect.variant or not of_catalogue(effect) else _variants(effect)
+
+
+@lru_cache(maxsize=64)
+def _variants(effect: Effect) -> tuple[Variant, ...]:
     return tuple(Variant(effect, name, text) for name, text in VARIANTS.get(effect.identifier, {}).items())
 
 
