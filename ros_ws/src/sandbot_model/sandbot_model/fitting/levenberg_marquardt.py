@@ -14,7 +14,7 @@ TOLERANCE = 1e-2
 """The descent ends with a step that lowers the deviance by less than this."""
 FOUND_AT_ONCE = "v_swim_m_s"
 """The parameter that any descent finds: no switch depends on it, and no search beside descents looks for it."""
-PATIENCE, NEARER = 2, 0.05
+PATIENCE, NEARER = 3, 0.02
 """Iterations in which a row that is above a hopeless deviance must come so much of the way nearer to it."""
 MAX_DAMPING = 1e5
 """Damping beyond which a row is no longer improved."""
