@@ -108,59 +108,58 @@ def interpolated(x, xp, fp):
 
 
 @_compiled
-def _run(code, lines, reg, points, tables, phi, k):  # noqa: C901
-    """Do the operations of some ``lines`` at some ``points``, each told as the first and where they end; ``phi
-    (levels,)`` and ``k`` are the curve."""
-    for line in range(lines[0], lines[1]):
+def _run(code, begin, end, reg, n, tables, phi, k):  # noqa: C901
+    """Do operations ``begin`` to ``end`` at the first ``n`` points; ``phi (levels,)`` and ``k`` are the curve."""
+    for line in range(begin, end):
         operation, out, a, b, c = code[line, 0], code[line, 1], code[line, 2], code[line, 3], code[line, 4]
-        first, end = points if code[line, 5] == EACH else (0, 1)
+        points = n if code[line, 5] == EACH else 1
         if operation == MULTIPLY:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = reg[a, i] * reg[b, i]
         elif operation == ADD:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = reg[a, i] + reg[b, i]
         elif operation == SUBTRACT:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = reg[a, i] - reg[b, i]
         elif operation == DIVIDE:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = reg[a, i] / reg[b, i]
         elif operation == MINIMUM:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = reg[a, i] if reg[a, i] < reg[b, i] or reg[a, i] != reg[a, i] else reg[b, i]
         elif operation == MAXIMUM:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = reg[a, i] if reg[a, i] > reg[b, i] or reg[a, i] != reg[a, i] else reg[b, i]
         elif operation == SQRT:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = math.sqrt(reg[a, i]) if reg[a, i] >= 0.0 else np.nan
         elif operation == WHERE:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = reg[b, i] if reg[a, i] != 0.0 else reg[c, i]
         elif operation == NEGATIVE:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = -reg[a, i]
         elif operation == ABSOLUTE:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = abs(reg[a, i])
         elif operation == NOT:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = 1.0 - reg[a, i]
         elif operation == INTERP:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = interpolated(reg[a, i], tables[2 * b], tables[2 * b + 1])
         elif operation == CURVE:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = interpolated(reg[a, i], phi, k) if len(phi) else reg[b, i]
         elif operation < ADD:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = _function(operation, reg[a, i])
         else:
-            for i in range(first, end):
+            for i in range(points):
                 reg[out, i] = _of_two(operation, reg[a, i], reg[b, i])
         if code[line, 5] == SPREAD:
-            for i in range(points[0], points[1]):
+            for i in range(1, n):
                 reg[out, i] = reg[out, 0]
 
 
@@ -210,7 +209,7 @@ def evaluate(program, points, feet):
         for first in range(0, each, AT_ONCE):
             n = min(AT_ONCE, each - first)
             _load(inputs, points, feet, row, np.arange(first, first + n), reg)
-            _run(code, (0, len(code)), reg, (0, n), tables, phi, curve[row % len(curve)])
+            _run(code, 0, len(code), reg, n, tables, phi, curve[row % len(curve)])
             for at in range(len(outputs)):
                 found[at, row, first : first + n] = reg[outputs[at], :n]
     return found
@@ -233,14 +232,13 @@ def evaluate_moved(program, moved, points, feet, rows):
             n = min(AT_ONCE, each - first)
             which, here = np.arange(first, first + n), blocks * rows + row
             _load(inputs, points, feet, here, which, reg)
-            _run(code, (0, len(code)), reg, (0, n), tables, phi, curve[here % len(curve)])
+            _run(code, 0, len(code), reg, n, tables, phi, curve[here % len(curve)])
             for at in range(len(outputs)):
                 found[at, here, first : first + n] = reg[outputs[at], :n]
             for block in range(blocks):
                 there = block * rows + row
                 _load(own[its_own[block] : its_own[block + 1]], points, feet, there, which, reg)
-                lasts = (its_lines[block], its_lines[block + 1])
-                _run(lines, lasts, reg, (0, n), tables, phi, curve[there % len(curve)])
+                _run(lines, its_lines[block], its_lines[block + 1], reg, n, tables, phi, curve[there % len(curve)])
                 for at in range(len(outputs)):
                     found[at, there, first : first + n] = reg[results[block, at], :n]
     return found
@@ -287,8 +285,10 @@ def _margins(program, moved, points, depth, pairs, depths, rows):
                 _put(these, OF_CELL, conditions[:, at % conditions.shape[1], cell[i]], reg)
             for node in range(2):
                 _put_some(these, OF_NODE, k[at % k.shape[0], cell[i] % k.shape[1], below[i] + node :], reg, node * n, n)
-            ends = (0, len(code)) if block < 0 else (its_lines[block], its_lines[block + 1])
-            _run(code if block < 0 else lines, ends, reg, (0, 2 * n), tables, phi, curve[at % len(curve)])
+            if block < 0:
+                _run(code, 0, len(code), reg, 2 * n, tables, phi, curve[at % len(curve)])
+            else:
+                _run(lines, its_lines[block], its_lines[block + 1], reg, 2 * n, tables, phi, curve[at % len(curve)])
             margin = reg[outputs[0] if block < 0 else results[block, 0]]
             found[block, i, 0], found[block, i, 1] = margin[:n], margin[n:]
     return found
@@ -304,19 +304,19 @@ def _margins_on(scan, levels, points, depth, pairs, grid):
     n = len(grid)
     reg, found = _registers(count, n, constants), np.empty((len(row), 2, n))
     reg[depth] = grid
-    _run(code, (0, levels[0]), reg, (0, n), tables, phi, curve[0])
+    _run(code, 0, levels[0], reg, n, tables, phi, curve[0])
     for i in range(len(row)):
         own, its = curve[row[i] % len(curve)], k[row[i] % k.shape[0], cell[i] % k.shape[1]]
         other_row = i == 0 or row[i] != row[i - 1]
         if other_row:
             _put(inputs, OF_ROW, theta[row[i]], reg)
-            _run(code, (levels[0], levels[1]), reg, (0, n), tables, phi, own)
+            _run(code, levels[0], levels[1], reg, n, tables, phi, own)
         if other_row or cell[i] != cell[i - 1]:
             _put(inputs, OF_CELL, conditions[:, row[i] % conditions.shape[1], cell[i]], reg)
-            _run(code, (levels[1], levels[2]), reg, (0, n), tables, phi, own)
+            _run(code, levels[1], levels[2], reg, n, tables, phi, own)
         for node in range(2):
             _put(inputs, OF_NODE, its[below[i] + node :], reg)
-            _run(code, (levels[2], len(code)), reg, (0, n), tables, phi, own)
+            _run(code, levels[2], len(code), reg, n, tables, phi, own)
             found[i, node] = reg[outputs[0]]
     return found
 
@@ -437,18 +437,18 @@ def _bracket(program, levels, points, depth, grid):
     first, second = np.zeros((2, rows, cells * nodes))
     order, again = np.arange(cells), np.zeros(cells, dtype=np.bool_)
     outermost_first = np.roll(np.arange(nodes), 1)
-    _run(code, (0, levels[0]), reg, (0, n), tables, phi, curve[0])
+    _run(code, 0, levels[0], reg, n, tables, phi, curve[0])
     for row in range(rows):
         own = curve[row % len(curve)]
         _put(inputs, OF_ROW, theta[row], reg)
-        _run(code, (levels[0], levels[1]), reg, (0, n), tables, phi, own)
+        _run(code, levels[0], levels[1], reg, n, tables, phi, own)
         if row < conditions.shape[1]:
             _alike(inputs, conditions[:, row], order, again)
         for at in range(cells):
             cell = order[at]
             if not again[at]:
                 _put(inputs, OF_CELL, conditions[:, row % conditions.shape[1], cell], reg)
-                _run(code, (levels[1], levels[2]), reg, (0, n), tables, phi, own)
+                _run(code, levels[1], levels[2], reg, n, tables, phi, own)
             row_k, cell_k = row % k.shape[0], cell % k.shape[1]
             least, most = cell * nodes, cell * nodes + nodes - 1
             for node in outermost_first:
@@ -462,7 +462,7 @@ def _bracket(program, levels, points, depth, grid):
                 if stiffness >= 0:
                     for i in range(n):
                         reg[stiffness, i] = k[row_k, cell_k, node]
-                _run(code, (levels[2], len(code)), reg, (0, n), tables, phi, own)
+                _run(code, levels[2], len(code), reg, n, tables, phi, own)
                 held, top = _climbed(reg[margin])
                 if held < n:
                     upper[row, point] = max(held, 1)
@@ -489,12 +489,12 @@ def _alike(inputs, conditions, order, again):
     and say which ones are as the one before ``again (cells,)``."""
     placed, count = np.zeros(len(order), dtype=np.bool_), 0
     for first in range(len(order)):
-        begin = count
-        for cell in range(first, len(order)):
-            if not placed[cell] and not placed[first] and _same(inputs, conditions, first, cell):
-                order[count], again[count] = cell, count > begin
-                placed[cell], count = cell > first, count + 1
-        placed[first] = True
+        if not placed[first]:
+            begin = count
+            for cell in range(first, len(order)):
+                if _same(inputs, conditions, first, cell):
+                    order[count], again[count], placed[cell] = cell, count > begin, True
+                    count += 1
 
 
 @_compiled
@@ -532,17 +532,17 @@ def _polish(program, points, depth, grid, upper, steps):
             which = crossing[begin : begin + AT_ONCE]
             n = len(which)
             _load(inputs, points, none, row, which, reg)
-            _run(code, (0, first_moved), reg, (0, n), tables, phi, curve[row % len(curve)])
+            _run(code, 0, first_moved, reg, n, tables, phi, curve[row % len(curve)])
             for i in range(n):
                 low[i], high[i] = grid[upper[row, which[i]] - 1], grid[upper[row, which[i]]]
             for end, margin in ((low, below), (high, above)):
                 reg[depth, :n] = end[:n]
-                _run(code, (first_moved, len(code)), reg, (0, n), tables, phi, curve[row % len(curve)])
+                _run(code, first_moved, len(code), reg, n, tables, phi, curve[row % len(curve)])
                 margin[:n] = reg[outputs[0], :n]
             for _ in range(steps):
                 for i in range(n):
                     reg[depth, i] = _secant(low[i], high[i], below[i], above[i])
-                _run(code, (first_moved, len(code)), reg, (0, n), tables, phi, curve[row % len(curve)])
+                _run(code, first_moved, len(code), reg, n, tables, phi, curve[row % len(curve)])
                 for i in range(n):
                     here = reg[outputs[0], i]
                     # Illinois: halve the margin of the end that stays, so that it does not stay for ever.
@@ -570,7 +570,7 @@ def _follow(program, points, depth, grid, peak, first, second, steps, held, foun
             which = peaked[begin : begin + AT_ONCE]
             n = len(which)
             _load(inputs, points, none, row, which, reg)
-            _run(code, (0, first_moved), reg, (0, n), tables, phi, curve[row % len(curve)])
+            _run(code, 0, first_moved, reg, n, tables, phi, curve[row % len(curve)])
             for i in range(n):
                 before = max(peak[row, which[i]] - 1, 1)
                 low[i], here[i], reg[depth, i] = grid[before - 1], second[row, which[i]], grid[before]
@@ -580,7 +580,7 @@ def _follow(program, points, depth, grid, peak, first, second, steps, held, foun
                     beyond = _prolonged(low[i], now, first[row, which[i]], here[i])
                     if abs(here[i]) >= held and beyond <= grid[min(top + 1, len(grid) - 1)]:
                         low[i], first[row, which[i]], reg[depth, i] = now, here[i], beyond
-                _run(code, (first_moved, len(code)), reg, (0, n), tables, phi, curve[row % len(curve)])
+                _run(code, first_moved, len(code), reg, n, tables, phi, curve[row % len(curve)])
                 here[:n] = reg[outputs[0], :n]
             for i in range(n):
                 if abs(here[i]) < held:
