@@ -10,6 +10,7 @@ holds a nuisance cover as often as it says.
 import argparse
 import dataclasses
 import math
+import statistics
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,15 +22,20 @@ import numpy as np
 
 from _figures import Figure, share
 from _matrix import Matrix, collect
-from hidden import OMEGA, PHI
+from hidden import CLEAR, DOUBTFUL, DRAWS, OMEGA, PHI
 from sandbot_common.accuracy import Accuracy
 from sandbot_lab.direct import direct_trials
 from sandbot_lab.week import Week
 from sandbot_lab.world import World
-from sandbot_model.data.conditions import cells_of
+from sandbot_model.data.conditions import Cells, cells_of
+from sandbot_model.discovery.batch_sd import BatchSd
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
+from sandbot_model.discovery.nuisances_about import shared_by
+from sandbot_model.fitting.fit import fit, fitted_at
+from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.physics.catalogue import catalogue
+from sandbot_model.physics.model import model_of
 from sandbot_record.trials.table import Row, from_rows
 
 SEEDS, QUICK_SEEDS, EVERY = 20, 2, 4
@@ -140,13 +146,39 @@ def analyse(case: Case, own: bool = False) -> dict[str, Any]:
 
     ``own``: no effect is offered but the truth's.
     """
-    rows = direct_trials(
-        case.world, PHI, OMEGA, "UNIFORM", 3, 1000 + case.seed, None, case.order, NUISANCES[case.nuisance][0]
-    )
     effects = {name: effect for name, effect in catalogue().items() if not own or name in TRUTHS[case.truth]}
-    found = discover(cells_of(from_rows([Row(**row) for row in rows])), effects, max_effects=1 if own else 2)
+    found = discover(campaign(case, 1000 + case.seed), effects, max_effects=1 if own else 2)
     said = outcome(frozenset(TRUTHS[case.truth]), found.verdict)
-    return {**dataclasses.asdict(case), "outcome": said, "z": standardised(case, found)}
+    gain = expected_gain(case) if TRUTHS[case.truth] else None
+    return {**dataclasses.asdict(case), "outcome": said, "z": standardised(case, found), "gain": gain}
+
+
+def campaign(case: Case, seed: int) -> Cells:
+    """Its trials, their noise and offsets drawn by a seed."""
+    shared = NUISANCES[case.nuisance][0]
+    rows = direct_trials(case.world, PHI, OMEGA, "UNIFORM", 3, seed, None, case.order, shared)
+    return cells_of(from_rows([Row(**row) for row in rows]))
+
+
+def expected_gain(case: Case) -> float:
+    """What the truth gains over the base model in another draw, or several, see ``hidden.expected_gain``."""
+    gains = [_gain(case, case.seed + 10_000)]
+    if CLEAR / DOUBTFUL < gains[0] < CLEAR * DOUBTFUL:
+        gains += [_gain(case, case.seed + 10_000 * draw) for draw in range(2, DRAWS + 1)]
+    return statistics.median(gains)
+
+
+def _gain(case: Case, seed: int) -> float:
+    """Beside what the trials share, by somebody who knows how far batches differ."""
+    cells, week = campaign(case, seed), case.world.week
+    apart = BatchSd(week.k_batch_sd, week.lift_zero_batch_sd_m, week.speed_scale_batch_sd)
+    base = fit(model_of("simple", (), catalogue()), cells)
+    whole = fit(model_of("simple", tuple(TRUTHS[case.truth]), catalogue()), cells, base.warm_start)
+    own, starts = shared_by(whole, DEFAULT, apart), (base.warm_start, whole.warm_start)
+    without, with_it = (
+        fitted_at(one.model, cells, solve_near((one.model, cells, starts, own)), own) for one in (base, whole)
+    )
+    return without.deviance - with_it.deviance
 
 
 def outcome(hidden: frozenset[str], verdict: Any) -> str:
@@ -191,14 +223,32 @@ def usual_k(world: World, phi: float) -> float:
 
 def report(results: Sequence[Mapping[str, Any]]) -> str:
     """A row for each nuisance, dose and order, with nothing hidden and with an effect, in Markdown."""
-    head = ["nuisance", "dose", "order", "hidden", "worlds", *STATUSES, "Δt 1σ/2σ", "k 1σ/2σ", "effect 1σ/2σ"]
+    head = [
+        "nuisance",
+        "dose",
+        "order",
+        "hidden",
+        "worlds",
+        *STATUSES,
+        "named if it can be",
+        "Δt 1σ/2σ",
+        "k 1σ/2σ",
+        "effect 1σ/2σ",
+    ]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for key in sorted(set(map(_row, results)), key=_place):
         some = [one for one in results if _row(one) == key]
         counts = Counter(one["outcome"] for one in some)
         shares = [covered(some, kind) for kind in ("delta_t_s", "k[", ".")]
-        lines.append(f"| {' | '.join([*key, str(len(some)), *(str(counts[one]) for one in STATUSES), *shares])} |")
+        numbers = [len(some), *(counts[one] for one in STATUSES)]
+        lines.append(f"| {' | '.join([*key, *map(str, numbers), _named_if_it_can_be(some), *shares])} |")
     return "\n".join(lines) + "\n"
+
+
+def _named_if_it_can_be(some: Sequence[Mapping[str, Any]]) -> str:
+    """How many are named of those whose effect is expected to gain enough to be told from what trials share."""
+    told = [one for one in some if (one.get("gain") or 0.0) >= CLEAR]
+    return f"{sum(map(_right, told))} of {len(told)}" if told else "–"
 
 
 def _row(one: Mapping[str, Any]) -> tuple[str, str, str, str]:
@@ -234,9 +284,10 @@ def document(results: Sequence[Mapping[str, Any]]) -> str:
         "",
         f"{len(results)} campaigns of {len(PHI)} φ × {len(OMEGA)} ω × 3 trials, {seeds} seed(s) of the matrix; "
         f"`discover` with up to two effects. Hidden: nothing, or one of {', '.join(EFFECTS)} in turn. "
-        "A false claim names effects, none of whose alternatives is what is hidden. A dose is a size: to which side "
-        "readings are off, k drifts or jumps, and when it jumps, each seed draws anew. Rows share the noise of a seed: "
-        "what they cover is no independent sample, k and Δt of one seed least of all.",
+        "A false claim names effects, none of whose alternatives is what is hidden. An effect can be named where it is "
+        f"expected to gain {CLEAR:g} in deviance beside what trials share, as in hidden.md. A dose is a size: "
+        "to which side readings are off, k drifts or jumps, and when it jumps, each seed draws anew. "
+        "Rows share the noise of a seed: what they cover is no independent sample, k and Δt of one seed least of all.",
         "",
     ]
     for dose in ("clean", *DOSES):

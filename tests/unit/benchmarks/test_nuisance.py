@@ -51,8 +51,17 @@ def test_what_is_known_is_not_run_again_and_coverage_is_counted(tmp_path):
     assert found == [known]
     assert len(path.read_text().splitlines()) == 1
     assert nuisance.report(found).splitlines()[2] == (
-        "| drift | mild | as_listed | nothing | 1 | 1 | 0 | 0 | 0 | 0 | 0 | 0 | 1.00/1.00 | 0.00/0.50 | – |"
+        "| drift | mild | as_listed | nothing | 1 | 1 | 0 | 0 | 0 | 0 | 0 | 0 | – | 1.00/1.00 | 0.00/0.50 | – |"
     )
+
+
+def test_what_could_not_be_told_is_not_missed():
+    of = {"nuisance": "jump", "dose": "strong", "order": "as_listed", "truth": "stance_overlap", "z": {}}
+    some = [("named", 90.0), ("named", 20.0), ("adequate", 30.0), ("adequate", 60.0)]
+    found = [{**of, "outcome": outcome, "gain": gain} for outcome, gain in some]
+    assert " | 1 of 2 | " in nuisance.report(found).splitlines()[2]
+    # Of a run that did not ask, nothing is said.
+    assert " | – | – | – | – |" in nuisance.report([{**one, "gain": None} for one in found]).splitlines()[2]
 
 
 def test_a_week_from_the_priors_scatters_as_they_say():
