@@ -41,5 +41,13 @@ def test_it_prints_its_ladder_and_its_last_step_and_pickles_small(drawn):
     assert pickle.loads(pickle.dumps(ladder)).to_dict() == ladder.to_dict()
 
 
+def test_errors_across_stairs_are_looked_for_in_the_last_step_alone(drawn, monkeypatch):
+    asked = []
+    monkeypatch.setattr("sandbot_model.discovery.compare.with_sampled_errors", lambda fit: asked.append(fit) or fit)
+    ladder = compare(cells_of(drawn(levels=3)), EFFECTS, ["leg_slip"])
+    assert asked == [ladder.fit]
+    assert len(ladder) == 2
+
+
 def test_the_lock_holds_without_an_effect(drawn):
     assert np.nanmedian(geometry_lock(cells_of(drawn()))) == pytest.approx(1.0, abs=0.03)

@@ -81,7 +81,8 @@ def compare(
     *,
     base: str = "simple",
 ) -> Comparison:
-    """Fits of the base model and of it with the first, the first two, … of the named effects.
+    """Fits of the base model and of it with the first, the first two, … of the named effects. Steps but the last keep
+    the errors of their derivative, as those of ``discover``.
 
     Raises InputError for a name that is not in the catalogue.
     """
@@ -90,7 +91,7 @@ def compare(
     for count in range(len(names) + 1):
         model = model_of(base, names[:count], effects, cells.robot)
         steps.append(fit(model, cells, steps[-1].warm_start if steps else None))
-    return Comparison(tuple(map(with_sampled_errors, steps)))
+    return Comparison((*steps[:-1], with_sampled_errors(steps[-1])))
 
 
 def geometry_lock(cells: Cells) -> Array:
