@@ -230,7 +230,7 @@ def report(results: Sequence[Mapping[str, Any]]) -> str:
         "hidden",
         "worlds",
         *STATUSES,
-        "named if it can be",
+        "found if it can be",
         "Δt 1σ/2σ",
         "k 1σ/2σ",
         "effect 1σ/2σ",
@@ -241,14 +241,16 @@ def report(results: Sequence[Mapping[str, Any]]) -> str:
         counts = Counter(one["outcome"] for one in some)
         shares = [covered(some, kind) for kind in ("delta_t_s", "k[", ".")]
         numbers = [len(some), *(counts[one] for one in STATUSES)]
-        lines.append(f"| {' | '.join([*key, *map(str, numbers), _named_if_it_can_be(some), *shares])} |")
+        lines.append(f"| {' | '.join([*key, *map(str, numbers), _found_if_it_can_be(some), *shares])} |")
     return "\n".join(lines) + "\n"
 
 
-def _named_if_it_can_be(some: Sequence[Mapping[str, Any]]) -> str:
-    """How many are named of those whose effect is expected to gain enough to be told from what trials share."""
+def _found_if_it_can_be(some: Sequence[Mapping[str, Any]]) -> str:
+    """How many are named, alone or in a set, of those whose effect is expected to gain ``CLEAR`` beside what trials
+    share."""
     told = [one for one in some if (one.get("gain") or 0.0) >= CLEAR]
-    return f"{sum(map(_right, told))} of {len(told)}" if told else "–"
+    found = sum(one["outcome"] in ("named", "partial", "ambiguous") for one in told)
+    return f"{found} of {len(told)}" if told else "–"
 
 
 def _row(one: Mapping[str, Any]) -> tuple[str, str, str, str]:

@@ -57,9 +57,9 @@ def test_what_is_known_is_not_run_again_and_coverage_is_counted(tmp_path):
 
 def test_what_could_not_be_told_is_not_missed():
     of = {"nuisance": "jump", "dose": "strong", "order": "as_listed", "truth": "stance_overlap", "z": {}}
-    some = [("named", 90.0), ("named", 20.0), ("adequate", 30.0), ("adequate", 60.0)]
+    some = [("named", 90.0), ("named", 20.0), ("adequate", 30.0), ("adequate", 60.0), ("ambiguous", 90.0)]
     found = [{**of, "outcome": outcome, "gain": gain} for outcome, gain in some]
-    assert " | 1 of 2 | " in nuisance.report(found).splitlines()[2]
+    assert " | 2 of 3 | " in nuisance.report(found).splitlines()[2]
     # Of a run that did not ask, nothing is said.
     assert " | – | – | – | – |" in nuisance.report([{**one, "gain": None} for one in found]).splitlines()[2]
 
