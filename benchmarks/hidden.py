@@ -6,7 +6,7 @@ Truth stays here: ``discover`` gets the trials table and nothing else.
 import statistics
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
@@ -213,17 +213,20 @@ def judged(case: Case, trials: Trials, gain: float) -> Outcome:
 
 
 def expected_gain(case: Case) -> float:
-    """What the truth gains over the best model with one effect less, scaled to the case's noise; NaN if not asked.
-
-    From another draw of the usual noise; where that comes within a factor of ``DOUBTFUL`` of ``CLEAR``, the median of
-    several: in a single one a faint effect may gain four times as much as it mostly does.
-    """
+    """What the truth gains over the best model with one effect less, scaled to the case's noise; NaN if not asked."""
     world = case.world
     if world.kind not in ("separable", "pair") or any(name not in catalogue() for name in world.truth):
         return float("nan")
-    gains = [_gain(world, case.seed + 10_000) / case.noise**2]
+    return of_other_draws(lambda seed: _gain(world, seed) / case.noise**2, case.seed)
+
+
+def of_other_draws(gain: Callable[[int], float], seed: int) -> float:
+    """A gain in another draw of the usual noise than a seed's; where that comes within a factor of ``DOUBTFUL`` of
+    ``CLEAR``, the median of several: in a single one a faint effect may gain four times as much as it mostly does.
+    """
+    gains = [gain(seed + 10_000)]
     if CLEAR / DOUBTFUL < gains[0] < CLEAR * DOUBTFUL:
-        gains += [_gain(world, case.seed + 10_000 * draw) / case.noise**2 for draw in range(2, DRAWS + 1)]
+        gains += [gain(seed + 10_000 * draw) for draw in range(2, DRAWS + 1)]
     return statistics.median(gains)
 
 

@@ -11,7 +11,7 @@ from sandbot_model.discovery.structure import batch_share
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import Estimate
-from sandbot_model.fitting.jacobian import cell_jacobian, without_nuisances
+from sandbot_model.fitting.jacobian import slope_by_ln_k, without_nuisances
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import (
     Nuisances,
@@ -34,7 +34,7 @@ def shared_by(fit: Fit, criteria: Criteria, apart: BatchSd = ALIKE) -> Nuisances
 
     They begin at what the fit has found of them. How well readings are known is said beside the cameras.
     """
-    slope, share, order = _by_ln_k(fit), batch_share(fit), fit.cells.order
+    slope, share, order = slope_by_ln_k(fit.problem, fit.state), batch_share(fit), fit.cells.order
     none, (lift, along) = np.zeros(len(fit.cells)), np.zeros((2, *slope.shape))
     lift[:, Observable.lift] = 1.0
     along[:, ALONG] = fit.predicted[:, ALONG]
@@ -61,16 +61,6 @@ def _found(fit: Fit, names: Sequence[str]) -> tuple[Array, Array]:
     own = [known[name].pop(0) if known.get(name) else Estimate(0.0, np.inf) for name in names]
     values, stderr = np.array(own).T
     return values, stderr
-
-
-def _by_ln_k(fit: Fit) -> Array:
-    """d(cell mean)/d ln k ``(cells, 4)``.
-
-    Also of cells that walk or swim by chance: k of a level has the same slope there, and must not be known from cells
-    in which no batch is free to differ.
-    """
-    white = cell_jacobian(fit.problem, fit.state)[0][..., -1]
-    return np.asarray(np.einsum("cij,cj->ci", np.linalg.inv(fit.state.whiten[0]), white))
 
 
 def batches_apart(fit: Fit, criteria: Criteria) -> BatchSd:
@@ -137,7 +127,7 @@ def _within_cells(fit: Fit) -> tuple[Array, Array]:
 
     They are free of what any model says of a cell's mean.
     """
-    share, batch_mean, by_ln_k = batch_share(fit), fit.cells.batch_mean, _by_ln_k(fit)
+    share, batch_mean, by_ln_k = batch_share(fit), fit.cells.batch_mean, slope_by_ln_k(fit.problem, fit.state)
     apart, slopes = [np.zeros(0)], [np.zeros((0, share.shape[1]))]
     if batch_mean is None:
         return apart[0], slopes[0]

@@ -58,6 +58,16 @@ def cell_jacobian(problem: Problem, states: States, *, switches: bool = False) -
     return problem.cell_means.jacobian(*at, states.footing, states.whiten, switches=switches)
 
 
+def slope_by_ln_k(problem: Problem, states: States) -> Array:
+    """d(cell mean)/d ln k ``(cells, 4)``. One row.
+
+    Also of cells that walk or swim by chance: k of a level has the same slope there, and must not be known from cells
+    in which no batch is free to differ.
+    """
+    white = cell_jacobian(problem, states)[0][..., -1]
+    return np.asarray(np.einsum("cij,cj->ci", np.linalg.inv(states.whiten[0]), white))
+
+
 def readings_jacobian(problem: Problem, states: States) -> Array:
     """d(whitened model of the readings)/d(θ, ln k of a level), ``(rows, readings, θ + levels)``."""
     rows, count = states.theta.shape

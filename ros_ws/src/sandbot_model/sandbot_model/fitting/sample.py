@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sandbot_model.fitting.jacobian import cell_jacobian
+from sandbot_model.fitting.jacobian import slope_by_ln_k
 from sandbot_model.fitting.levenberg_marquardt import bounds, descend
 from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.fitting.nuisances import Nuisances
@@ -71,7 +71,7 @@ def _beside_single_conditions(problem: Problem, begin: States) -> tuple[Problem,
         return problem, begin
     single = nuisances.of_one_cell
     ln_k_sd = np.sqrt(nuisances.by_ln_k[:, single] ** 2 @ nuisances.sd[single] ** 2)
-    slope = ln_k_sd[:, None] * np.linalg.solve(begin.whiten[0], cell_jacobian(problem, begin)[0][..., -1:])[..., 0]
+    slope = ln_k_sd[:, None] * slope_by_ln_k(problem, begin)
     cells = replace(problem.cells, covariance=problem.cells.covariance + slope[:, :, None] * slope[:, None, :])
     others = replace(nuisances.only(~single), ln_k_sd=np.where(ln_k_sd > 0, ln_k_sd, nuisances.ln_k_sd))
     found = Problem(problem.model, cells, others)

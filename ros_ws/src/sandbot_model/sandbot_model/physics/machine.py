@@ -253,14 +253,6 @@ def _put(inputs, kind, values, reg):
 
 
 @_compiled
-def _put_some(inputs, kind, values, reg, first, n):
-    """The same at some of the points."""
-    for at in range(len(inputs)):
-        if inputs[at, 1] == kind:
-            reg[inputs[at, 0], first : first + n] = values[inputs[at, 2]]
-
-
-@_compiled
 def _margins(program, moved, points, depth, pairs, depths, rows):
     """The margin at ``depths (pairs, 2, n)`` of nodes and of those above them ``(blocks, pairs, 2, n)``; ``pairs`` are
     their rows, cells, and the lower nodes. ``depth`` is the register of the depth.
@@ -284,7 +276,8 @@ def _margins(program, moved, points, depth, pairs, depths, rows):
             if block < 0:
                 _put(these, OF_CELL, conditions[:, at % conditions.shape[1], cell[i]], reg)
             for node in range(2):
-                _put_some(these, OF_NODE, k[at % k.shape[0], cell[i] % k.shape[1], below[i] + node :], reg, node * n, n)
+                its = k[at % k.shape[0], cell[i] % k.shape[1], below[i] + node :]
+                _put(these, OF_NODE, its, reg[:, node * n : (node + 1) * n])
             if block < 0:
                 _run(code, 0, len(code), reg, 2 * n, tables, phi, curve[at % len(curve)])
             else:
