@@ -1,8 +1,8 @@
-"""demo_live OUT: two trials over the real nodes, /speed while they run, and each bag once more into a second tracker.
+"""demo_live OUT: two trials over the real nodes, /speed while they run, and each bag once more into another tracker.
 
-Two trackways run beside each other, each in a namespace of its own: /demo is walked on, /replay hears its bags. What
-they print goes to OUT.log. Where a step does not come to its end, one line says what was missing: exit code 1, or 130
-after Ctrl-C.
+Trackways run beside each other, each in a namespace of its own: /demo is walked on, /replay_1 and /replay_2 hear its
+bags. What they print goes to OUT.log. Where a step does not come to its end, one line says what was missing: exit code
+1, or 130 after Ctrl-C.
 """
 
 import contextlib
@@ -12,7 +12,9 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
@@ -45,7 +47,7 @@ CAMPAIGN_S, READY_S, REPLAY_S, END_S = 150.0, 40.0, 60.0, 10.0
 """Longer than a busy machine needs: what has not come by then does not come."""
 ATTEMPTS = 4
 SAME = 1e-3
-"""Speeds are the same within this part: a replay shows the second tracker the same frames, bit for bit."""
+"""Speeds are the same within this part: a replay shows the other tracker the same frames, bit for bit."""
 PATIENCE_S = (3, 10)
 """So long a replay waits to be found; a busy machine gets a second try."""
 TO_TRACKER = (
@@ -84,16 +86,23 @@ def live(out: Path, programs: "Programs") -> None:
     write_text(plan_file, dump_yaml(PLAN | {"robot": str(config_folder() / "sgcs_robot.yaml")}))
     plan = read_plan(plan_file)
     nodes = programs.start("ros2", "launch", "sandbot_bringup", "trackway.launch.py", *launch_arguments(plan))
-    tracker = programs.start("ros2", "run", "sandbot_tracking", "tracker", *in_namespace("/replay"))
-    with Watch("/demo") as watch:
+    trials = [trial.trial_id for trial in trials_of(plan)]
+    spaces = [f"/replay_{number}" for number in range(1, len(trials) + 1)]
+    trackers = [programs.start("ros2", "run", "sandbot_tracking", "tracker", *in_namespace(space)) for space in spaces]
+    with Watch("/demo", spaces) as watch:
         walk(plan_file, out, programs, nodes, watch)
-        there = "the second tracker's start"
-        programs.until(lambda: watch.second_tracker or ended(tracker), READY_S, there, watch.look)
+        there = "the start of the other trackers"
+        programs.until(lambda: watch.all_there or ended(*trackers), READY_S, there, watch.look)
     programs.end(nodes)
 
-    print("\nEach bag is played into a second tracker, which sees the frames and nothing of the first one:")
-    for trial in trials_of(plan):
-        compare(programs, out / "trials" / trial.trial_id, out / "replayed" / trial.trial_id)
+    print("\nEach bag is played into another tracker, which sees the frames and nothing of the first one:")
+    with ThreadPoolExecutor() as pool:  # a replay lasts as long as its trial did
+        for compared in pool.map(
+            lambda trial, space: compare(programs, out / "trials" / trial, out / "replayed" / trial, space),
+            trials,
+            spaces,
+        ):
+            print(compared, flush=True)
 
 
 def walk(plan_file: Path, out: Path, programs: "Programs", nodes: "subprocess.Popen[str]", watch: "Watch") -> None:
@@ -126,33 +135,35 @@ def in_namespace(name: str) -> tuple[str, ...]:
     return ("--ros-args", "-r", f"__ns:={name}")
 
 
-def compare(programs: "Programs", bag: Path, again: Path) -> None:
-    """Print the speed that was measured live and that of the replay; LiveFailed where they differ."""
+def compare(programs: "Programs", bag: Path, again: Path, space: str) -> str:
+    """The speed that was measured live and that of the replay, in a line; LiveFailed where they differ."""
     first = row_from_bag(bag)
     for delay_s in PATIENCE_S:
-        second = replayed(programs, bag, again.with_name(f"{again.name}_{delay_s}"), delay_s)
-        if same := abs(second.speed_m_s - first.speed_m_s) <= SAME * abs(first.speed_m_s):
+        second = replayed(programs, bag, again.with_name(f"{again.name}_{delay_s}"), space, delay_s)
+        if abs(second.speed_m_s - first.speed_m_s) <= SAME * abs(first.speed_m_s):
             break
-    print(
+    else:
+        raise LiveFailed(
+            f"the replay of {bag.name} gave {100 * second.speed_m_s:.3f} cm/s for {100 * first.speed_m_s:.3f}: "
+            "messages were lost on the way"
+        )
+    return (
         f"  φ {first.phi:.3f}, ω {first.omega_rad_s:g} rad/s: {100 * first.speed_m_s:.3f} cm/s live, "
-        f"{100 * second.speed_m_s:.3f} cm/s replayed: {'the same' if same else 'NOT the same'}",
-        flush=True,
+        f"{100 * second.speed_m_s:.3f} cm/s replayed: the same"
     )
-    if not same:
-        raise LiveFailed("a replay gave another speed: messages were lost on the way")
 
 
-def replayed(programs: "Programs", bag: Path, again: Path, delay_s: int) -> Row:
-    """What the second tracker makes of a bag, recorded, read as any other bag is."""
+def replayed(programs: "Programs", bag: Path, again: Path, space: str, delay_s: int) -> Row:
+    """What the tracker in a namespace makes of a bag, recorded, read as any other bag is."""
     again.parent.mkdir(exist_ok=True)
     played = [topic.name for topic in TO_TRACKER]
     heard = [topic.name for topic in (*TO_TRACKER, *FROM_TRACKER) if "image" not in topic.name]
     record = programs.start(
-        "ros2", "run", "sandbot_record", "record", *heard, "--out", str(again), *in_namespace("/replay")
+        "ros2", "run", "sandbot_record", "record", *heard, "--out", str(again), *in_namespace(space)
     )
     replay = programs.start(
         "ros2", "run", "sandbot_record", "replay", str(bag), "--delay", str(delay_s), "--start",
-        f"{standing_s(bag):.1f}", "--topics", *played, *in_namespace("/replay"),
+        f"{standing_s(bag):.1f}", "--topics", *played, *in_namespace(space),
     )  # fmt: skip
     programs.until(lambda: ended(replay), REPLAY_S, "a replay")
     if replay.poll() != 0:
@@ -217,10 +228,10 @@ class Programs:
 
 
 class Watch:
-    """Listens to /trial and /speed of a trackway, and prints them as a plot; and for the second tracker's health."""
+    """Listens to /trial and /speed of a trackway, and prints them as a plot; and to the health of other trackers."""
 
-    def __init__(self, namespace: str) -> None:
-        self._namespace, self.second_tracker = namespace, False
+    def __init__(self, namespace: str, others: Sequence[str]) -> None:
+        self._namespace, self._silent = namespace, set(others)
 
     def __enter__(self) -> "Watch":
         # Ctrl-C is ours: what was started is to be ended.
@@ -230,7 +241,9 @@ class Watch:
         subscription(self._node, topics.TRIAL, self._on_trial)
         subscription(self._node, topics.SPEED, self._on_speed)
         health = messages.message_class(topics.DIAGNOSTICS.type)
-        self._node.create_subscription(health, f"/replay{topics.DIAGNOSTICS.name}", self._on_second, 10)
+        for space in self._silent:
+            heard = partial(self._on_other, space)
+            self._node.create_subscription(health, f"{space}{topics.DIAGNOSTICS.name}", heard, 10)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -238,6 +251,11 @@ class Watch:
         # Not left to the interpreter's end: DDS threads can hold each other up for ever as other nodes come and go.
         self._node.destroy_node()
         rclpy.try_shutdown()
+
+    @property
+    def all_there(self) -> bool:
+        """Whether every other tracker was heard of."""
+        return not self._silent
 
     def look(self) -> None:
         """Whatever has come, at most one message of each."""
@@ -256,8 +274,8 @@ class Watch:
         for line in self._plot.add(stamp_s, message.twist.twist.linear.x):
             print(line, flush=True)
 
-    def _on_second(self, _: Any) -> None:
-        self.second_tracker = True
+    def _on_other(self, space: str, _: Any) -> None:
+        self._silent.discard(space)
 
     def _print_rest(self) -> None:
         for line in self._plot.rest():
