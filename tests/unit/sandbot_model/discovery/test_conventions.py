@@ -159,6 +159,19 @@ def test_the_best_after_a_first_look_are_looked_for_everywhere(drawn):
     assert found.headline == "identified: belly_coast (friction in proportion to speed, the first step as any other)"
 
 
+QUARTER = f"b: step: s + 0.25*beta*omega*maximum(d + h - R, 0)*{TIME_LEFT}"
+PLOUGH = "b: step: s*(1 - 0.35*exp(-(0.046 - d)/0.004))"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("formula", "said"), [(QUARTER, "partial: belly_coast"), (PLOUGH, "unexplained")])
+def test_a_belly_may_slide_on_with_a_share_of_the_speed(drawn, formula, said):
+    """Control: a body that ploughs grains up; a slide backwards, by a share below nothing, fits that and is none."""
+    few = {"belly_coast": catalogue()["belly_coast"]}
+    found = discover(cells_of(drawn(formulas=(formula,), seed=2000, levels=7)), few, max_effects=1)
+    assert found.headline.startswith(said)
+
+
 @pytest.mark.slow
 def test_a_claim_falls_where_another_family_explains_more_under_another_convention(drawn):
     """A slip that spares the peak is an overlap but for how it falls with depth, which either may do."""
