@@ -218,8 +218,9 @@ def read_csv(path: Path, needed: str = "a CSV file") -> tuple[list[str], Iterato
 
 
 _SEP_LINE = re.compile(r""""?sep=([^\w"'.+-])\1*"?(?=\n|$)""", re.IGNORECASE)
-_NUMBER = re.compile(r"[+-]?(\d+\.?|\d*[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
+_NUMBER = re.compile(r"[+\-\N{MINUS SIGN}]?(\d+\.?|\d*[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
 _NUMBER_OR_NONE = re.compile(rf"({_NUMBER.pattern}|nan)?", re.IGNORECASE)
+_THOUSANDS = re.compile(r"[+\-\N{MINUS SIGN}]?[1-9]\d{0,2}[.,]\d{3}")
 _Rows = list[tuple[int, list[str]]]
 
 
@@ -290,18 +291,26 @@ def _remark(line: list[str]) -> list[str]:
 
 def _with_points(path: Path, header: list[str], rows: _Rows) -> _Rows:
     """The rows with a point for the comma in numbers. Raises InputError if there are numbers with a point, too: one of
-    the signs would stand between thousands, and nobody could tell which. Columns with words in them do not count.
+    the signs would stand between thousands, and nobody could tell which; nor can they where the one sign there is
+    stands nowhere but as between thousands. Columns with words in them do not count.
     """
     words = {place for _, cells in rows for place, cell in enumerate(cells) if not _NUMBER_OR_NONE.fullmatch(cell)}
     places: dict[str, str] = {}
+    decimals = False
     for number, cells in rows:
         for place, (name, cell) in enumerate(zip(header, cells, strict=False)):
             for sign in {",", "."}.intersection(cell) if place not in words else ():
                 places.setdefault(sign, f"row {number}, column {name}: {cell!r}")
+                decimals |= not _THOUSANDS.fullmatch(cell)
     if len(places) > 1:
         raise InputError(
             f"{path}: {places[',']} has a comma, but {places['.']} has a point: write the decimals of all numbers with "
             "the one or all with the other, and thousands with neither"
+        )
+    if places and not decimals:
+        raise InputError(
+            f"{path}: {', '.join(places.values())} may be a decimal number or thousands, and no other number tells: "
+            "write thousands without a sign, or decimals of another length"
         )
     return [
         (number, [cell.replace(",", ".") if _NUMBER.fullmatch(cell) else cell for cell in cells])

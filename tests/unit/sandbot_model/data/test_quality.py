@@ -57,6 +57,29 @@ def test_copies_are_named():
     assert f"{CLEAN.trial_id[4]} = {CLEAN.trial_id[3]}" in note
 
 
+def test_a_table_that_was_pasted_twice_is_named():
+    twice = from_rows([*CLEAN.rows(), *(replace(row, trial_id=f"{row.trial_id}_2") for row in CLEAN.rows())])
+    assert any("was a table pasted or given twice?" in note for note in checked(twice))
+    speed = np.round(CLEAN.speed_m_s, 2)
+    nothing = np.full(len(CLEAN), np.nan)
+    rounded = replace(CLEAN, speed_m_s=speed, lift_m=nothing, peak_speed_m_s=nothing, first_step_m=nothing)
+    assert not any("twice" in note for note in checked(rounded))
+
+
+def test_trials_without_a_gait_among_others_are_named():
+    (note,) = checked(changed("gait", slice(3), ""))
+    assert note.startswith("3 trials name no gait")
+
+
+def test_legs_of_no_such_robot_are_named():
+    fast = replace(CLEAN, omega_rad_s=CLEAN.omega_rad_s * 30 / np.pi)
+    assert any("is it in rpm" in note for note in checked(fast))
+
+
+def test_a_peak_below_the_mean_is_named():
+    assert any("below the mean speed in 1 trials" in note for note in checked(changed("peak_speed_m_s", 7, 0.0)))
+
+
 def test_trials_without_a_batch_among_others_are_named():
     (note,) = checked(changed("batch", [3, 4], ""))
     assert note.startswith("2 trials name no batch")
@@ -123,6 +146,9 @@ def test_a_drift_is_named_and_none_is_seen_where_there_is_none():
             r"Rω at the fastest .* is omega .* the peak speed in",
         ),
         (replace(CLEAN, phi=1 - CLEAN.phi), "is it the porosity"),
+        (changed("phi", 7, 0.058), f"phi is 0.058 in {CLEAN.trial_id[7]}.* 0.5 to 0.7 of the volume$"),
+        (replace(CLEAN, peak_speed_m_s=0.5 * CLEAN.speed_m_s), "are the columns exchanged"),
+        (replace(CLEAN, speed_sd_m_s=np.full(len(CLEAN), 0.5)), "speed_sd_m_s is 0.5 in .*, more than any speed"),
         (
             replace(CLEAN, speed_m_s=-CLEAN.speed_m_s),
             f"below 0 in {len(CLEAN)} of {len(CLEAN)}: does its axis point the way the robot walks",

@@ -256,6 +256,15 @@ def test_columns_of_ones_own_are_not_written_over(tmp_path, capsys):
     assert out.read_text().splitlines()[0] == first
 
 
+def test_what_is_printed_is_a_table_and_nothing_else(tmp_path, capsys):
+    (tmp_path / "own.csv").write_text("phi,omega_rad_s,speed_m_s,status,note\n.6,8,.2,ok,wet\n.6,9,,stuck,dry\n")
+    assert table_tool.main([str(tmp_path / "own.csv")]) == 0
+    printed = capsys.readouterr()
+    (tmp_path / "kept.csv").write_text(printed.out)
+    assert len(read(tmp_path / "kept.csv")) == 2
+    assert printed.err.splitlines() == ["note: columns that are not read: note", "not usable: row3: stuck"]
+
+
 def test_bags_that_give_no_row_are_named(tmp_path, capsys):
     folder = campaign(tmp_path)
     file = folder / "trials" / "t1" / "t1_0.mcap"

@@ -67,6 +67,11 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
         ("phi;omega_rad_s;speed_m_s\n0,6;8;0,2\n0,6;8\n", "row 3: 2 values for 3 columns"),
         ("phi;omega_rad_s;speed_m_s\n0,6,1;8;0,2\n", "row 2, column phi: '0,6,1' is not a number"),
         ("phi,phi,omega_rad_s,speed_m_s\n", "row 1: column phi is there twice"),
+        (GOOD.replace(",", " "), "column phi is missing; columns are separated by commas, tabs or semicolons, not by"),
+        (
+            "trial_id,phi,omega_rad_s,speed_m_s\nMean,.6,8,.2\n",
+            "row 2, column trial_id: 'Mean' is no trial",
+        ),
         (GOOD + "0.6,8\n", "row 4: 2 values for 3 columns"),
         (GOOD + "0.6,8,\n", "row 4, column speed_m_s: empty"),
         (GOOD + "0.6,8,nan\n", "row 4, column speed_m_s: nan; a value is needed here"),
@@ -140,6 +145,25 @@ def test_several_inputs_are_joined(tmp_path):
     table = read([bag, write(tmp_path, GOOD)])
     assert table.trial_id.tolist() == ["t0001", "row2", "row3"]
     assert read([bag, bag]).trial_id.tolist() == ["t0001"]
+
+
+def test_rows_of_two_days_are_replicates_however_alike_and_a_table_given_twice_is_there_once(tmp_path):
+    """Speeds rounded to cm/s: in two of three rows the second day has the first day's number."""
+    header = "phi,omega_rad_s,speed [cm/s]\n"
+    first = write(tmp_path, header + "0.6,8,12\n0.6,12,16\n0.62,8,14\n", "first.csv")
+    second = write(tmp_path, header + "0.6,8,12\n0.6,12,17\n0.62,8,14\n", "second.csv")
+    both = read([first, second])
+    assert (len(both), both.unread) == (6, ())
+    again = read([first, second, first])
+    assert len(again) == 6
+    assert again.unread == (f"3 trials of {first} are in what was given before it, and count once",)
+
+
+def test_trials_of_a_campaign_are_known_by_name_and_digits_where_one_was_run_again(tmp_path):
+    header = "trial_id,phi,omega_rad_s,speed_m_s,lift_m\n"
+    old = write(tmp_path, header + "a,0.6,8,0.123456789,0.0123\nb,0.6,12,0.2345678,0.0145\n", "old.csv")
+    new = write(tmp_path, header + "a,0.6,8,0.123456789,0.0123\nb,0.6,12,0.2388888,0.0145\n", "new.csv")
+    assert read([old, new]).trial_id.tolist() == ["a", "b", f"{new}/b"]
 
 
 def test_two_days_on_one_plan_are_two_sets_of_trials(tmp_path):
@@ -264,6 +288,8 @@ def test_gait_and_status_are_known_however_they_are_written(tmp_path):
         "phi (%),omega (rpm),v (mm/s)\n60,76.39437268,210\n62,76.39437268,250\n",
         "volume fraction [-],frequency [Hz],mean speed [m/s]\n.6,1.2732395447,.21\n.62,1.2732395447,.25\n",
         # As spreadsheets and numpy write them.
+        "phi;omega_rad_s;speed_m_s;lift_m\n0,600;8,000;0,210;\N{MINUS SIGN}0,001\n0,620;8,000;0,250;0,001\n",
+        "phi,omega_rad_s,speed_m_s,gait,batch\n.6,8,.21,NA,-\n.62,8,.25,-,n/a\n",
         "sep=;\nphi;omega_rad_s;speed_m_s\n0,60;8;0,21\n0,62;8;0,25\n",
         'phi;omega_rad_s;speed_m_s;note\n0,60;8;0,21;"slow; wet"\n0,62;8;0,25;dry\n',
         'phi;omega_rad_s;speed_m_s;"note, who"\n0,60;8;0,21;a\n0,62;8;0,25;b\n',
@@ -279,6 +305,7 @@ def test_common_forms_are_read_in_si_units(tmp_path, text, encoding):
     np.testing.assert_allclose(table.phi, [0.60, 0.62])
     np.testing.assert_allclose(table.omega_rad_s, [8, 8])
     np.testing.assert_allclose(table.speed_m_s, [0.21, 0.25])
+    assert set(table.gait) | set(table.batch) == {""}
 
 
 @pytest.mark.parametrize(
@@ -293,6 +320,9 @@ def test_common_forms_are_read_in_si_units(tmp_path, text, encoding):
             r"row 2, column phi: '0,61' has a comma, but row 3, column speed \[mm/s\]: '1.200' has a point",
         ),
         ("phi\tomega [rpm]\tspeed_m_s\n0.61\t1,200\t.2\n", r"column omega \[rpm\]: '1,200' has a comma"),
+        # 1.1 µm or 1100: nothing else in the table has a decimal.
+        ("phi [%];omega [Hz];speed [mm/s];lift [µm]\n61;2;19;1,100\n", r"'1,100' may be a decimal number or thousands"),
+        ("phi [%];omega [Hz];speed [mm/s];lift [µm]\n61;2;19;1.100\n", r"'1.100' may be a decimal number or thousands"),
     ],
 )
 def test_thousands_are_not_taken_for_decimals(tmp_path, text, complaint):

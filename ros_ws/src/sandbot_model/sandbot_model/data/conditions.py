@@ -17,6 +17,7 @@ from sandbot_model.data.covariate import local_slope, reliability
 from sandbot_model.data.penetrometer import Pressed, Readings, at_levels
 from sandbot_model.data.pure_error import pure_error
 from sandbot_model.data.regime import begins_on_both, peaks_seen, swum_at_once, walks
+from sandbot_model.data.rounding import rounded_alike, rounding_sd
 from sandbot_model.data.stated_error import of_single_trials, stated_variance, with_stated
 from sandbot_model.physics.gait import USUAL_FRAME_RATE_HZ, Clock, clock
 from sandbot_model.physics.observables import NAMES, Observable, shared_variance, usual_noise
@@ -190,13 +191,16 @@ def _gather(
     cells, levels = _Groups(cell, keys.shape[1]), _Groups(level, int(level.max()) + 1)
     level_phi, cell_phi = levels.mean(phi), cells.mean(phi)
     walking = walks(cells.means(values))
+    rounding = rounding_sd(values)
     values, rho = _at_level_phi(values, phi - level_phi[level], phi - cell_phi[cell], cells, keys, level_phi)
     mean, count = cells.means(values), cells.measured(values)
     usual = usual_noise(accuracy)
-    error = pure_error(values - mean[cell], cell, count, walking, cells.mean(omega), usual)
+    error = pure_error(values - mean[cell], cell, count, walking, cells.mean(omega), usual, rounding)
     slope = local_slope(mean, keys, level_phi, walking)[cell, Observable.speed]
     error = with_stated(error, cells.mean(stated_variance(stated, slope)))
+    alike = rounded_alike(rounding, np.diagonal(error.covariance, axis1=1, axis2=2), count)
     covariance = _of_the_mean(error.covariance, count, usual) + _accuracy(mean, accuracy)
+    covariance += alike[:, :, None] * np.eye(len(Observable))
     names = tuple(np.unique(gait)[keys[1]].tolist())
     share, by_batch = _by_batch(batch, values, cells)
     return Cells(

@@ -49,22 +49,33 @@ class PureError:
     """Cells ``(n,)`` taken at their own scatter."""
 
 
-def pure_error(residual: Floats, cell: Ints, count: Ints, walking: Bools, omega: Floats, usual: Floats) -> PureError:
+def pure_error(
+    residual: Floats,
+    cell: Ints,
+    count: Ints,
+    walking: Bools,
+    omega: Floats,
+    usual: Floats,
+    rounding: Floats | None = None,
+) -> PureError:
     """Pool residuals ``(trials, 4)`` about their cell's mean.
 
     ``count (cells, 4)`` are the replicates measured, ``walking (cells,)`` the regime, ``omega (cells,)`` [rad/s] and
     ``usual (4,)`` the standard deviations of a usual lab: one pair of replicates that happen to agree knows less.
+    ``rounding (4,)`` are the standard deviations of what rounding takes: replicates that agree are no nearer than that.
     """
+    least = np.full(residual.shape[1], FLOOR) if rounding is None else np.maximum(rounding, FLOOR)
     cells, observables = count.shape
     square = np.zeros((cells, observables, observables))
     filled = np.nan_to_num(residual)
     np.add.at(square, cell, filled[:, :, None] * filled[:, None, :])
     variance, dof = np.diagonal(square, axis1=1, axis2=2), np.maximum(count - 1, 0)
     regimes = [regime for regime in (walking, ~walking) if regime.any()]
-    keep = _consistent(variance, dof, omega, regimes)
+    keep = _consistent(variance, dof, omega, regimes, least)
     overall = _constant(variance[keep], dof[keep])
     copies = overall <= FLOOR**2
-    overall[copies], dof[:, copies] = np.nan, 0
+    overall = np.where(copies, np.nan, np.maximum(overall, least**2))
+    dof[:, copies] = 0
     kept = dof * keep[:, None]
     known = kept.sum(axis=0)
     # NaN stays where nothing is known.
@@ -73,7 +84,7 @@ def pure_error(residual: Floats, cell: Ints, count: Ints, walking: Bools, omega:
     slope = _common_slope(variance, kept, omega, regimes)
     covariance = np.zeros_like(square)
     for regime in regimes:
-        pooled = _trend(variance[regime], kept[regime], omega[regime], slope, together, prior)
+        pooled = _trend(variance[regime], kept[regime], omega[regime], slope, together, prior, least)
         covariance[regime] = _pool(square[regime], dof[regime], keep[regime], pooled)
     return PureError(covariance, np.sqrt(overall), known, ~keep)
 
@@ -83,14 +94,14 @@ def freedom_known(dof: Ints) -> Floats:
     return np.asarray(dof + np.where(dof < FEW_REPLICATES, PRIOR, 0.0))
 
 
-def _consistent(sums: Floats, dof: Ints, omega: Floats, regimes: Sequence[Bools]) -> Bools:
+def _consistent(sums: Floats, dof: Ints, omega: Floats, regimes: Sequence[Bools], least: Floats) -> Bools:
     """Cells ``(n,)`` that scatter no more than the others of their regime.
 
     It begins at the median: one cell of a few that flips would pass in the mean, as scatter of all.
     """
     usual, pooled, freedom = np.empty((3, *sums.shape))
     for regime in regimes:
-        usual[regime] = pooled[regime] = _median(sums[regime], dof[regime])
+        usual[regime] = pooled[regime] = _median(sums[regime], dof[regime], least)
         freedom[regime] = dof[regime].sum(axis=0) / 2
     keep = np.ones(len(sums), dtype=bool)
     for _ in range(10):
@@ -102,21 +113,21 @@ def _consistent(sums: Floats, dof: Ints, omega: Floats, regimes: Sequence[Bools]
         slope = _common_slope(sums, kept, omega, regimes)
         for regime in regimes:
             by_median = usual[regime][0]
-            pooled[regime] = _trend(sums[regime], kept[regime], omega[regime], slope, by_median, by_median)
+            pooled[regime] = _trend(sums[regime], kept[regime], omega[regime], slope, by_median, by_median, least)
             freedom[regime] = kept[regime].sum(axis=0) - kept[regime]
         if (before == keep).all():
             break
     return keep
 
 
-def _median(sums: Floats, dof: Ints) -> Floats:
+def _median(sums: Floats, dof: Ints, least: Floats) -> Floats:
     """Variance of one trial ``(4,)`` by the median of the cells', NaN where there are no replicates."""
     found = np.full(sums.shape[1], np.nan)
     for column in range(sums.shape[1]):
         had = dof[:, column] > 0
         if had.any():
             own, n = sums[had, column] / dof[had, column], float(np.median(dof[had, column]))
-            found[column] = max(float(np.median(own)) * n / chi2_ppf(0.5, n), FLOOR**2)
+            found[column] = max(float(np.median(own)) * n / chi2_ppf(0.5, n), least[column] ** 2)
     return found
 
 
@@ -158,7 +169,9 @@ def _common_slope(sums: Floats, dof: Ints, omega: Floats, regimes: Sequence[Bool
     return found
 
 
-def _trend(sums: Floats, dof: Ints, omega: Floats, slope: Floats, together: Floats, prior: Floats) -> Floats:
+def _trend(
+    sums: Floats, dof: Ints, omega: Floats, slope: Floats, together: Floats, prior: Floats, least: Floats
+) -> Floats:
     """Variance of one trial ``(cells, 4)`` of a regime, a power law in ω fitted to the cells' scatter.
 
     A step takes π/ω and a body on faster legs shakes more, so scatter follows ω. ``slope (4,)`` is the power of both
@@ -180,7 +193,7 @@ def _trend(sums: Floats, dof: Ints, omega: Floats, slope: Floats, together: Floa
         if total >= LEAST_FOR_TREND:
             b = _gamma(sums[:, column], weight, design, b, slope[column], OWN_SLOPE)
         found[:, column] = np.exp(design @ b)
-    return np.maximum(found, FLOOR**2)
+    return np.maximum(found, least**2)
 
 
 def _gamma(sums: Floats, weight: Floats, design: Floats, start: Floats, slope: float, sd: float) -> Floats:

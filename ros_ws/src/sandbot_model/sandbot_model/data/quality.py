@@ -3,6 +3,8 @@
 The lines are notes for a reader; no trial is left out for them.
 """
 
+from datetime import datetime
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,7 @@ from sandbot_common.robot import SANDBOT
 from sandbot_model.data.clustering import conditions, phi_levels, widest_scatter
 from sandbot_model.data.distributions import t_sf
 from sandbot_model.data.regime import SURE_LIFT_M, WALKING_LIFT_M, walks
+from sandbot_model.data.rounding import rounding_step
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import Observable
@@ -35,6 +38,12 @@ AT_MOST = ("2Rω/π", "2R - h", "Rω at the fastest phase of the gait", "2R")
 """What legs can do, of each observable. In a step a leg of radius R carries the body by its own chord, 2R, at most; two
 steps take a period 2π/ω. It lifts it from lying on its belly to standing on the legs; and a foot that stays where it is
 moves the body at the pace of the leg."""
+LOW_PEAK = 0.8
+"""Peak speed over mean speed below which one of the two is something else."""
+FAST = 60.0
+"""Frequency of legs [rad/s] above which a plan allows none."""
+SET_POINT = 3
+"""Decimals of φ as it is told to a bed; as measured it has more."""
 MANY = 64
 """Trials of a cell up to which all pairs are compared."""
 FAR_OUT = 8.0
@@ -57,28 +66,41 @@ def checked(trials: Trials) -> tuple[str, ...]:
     share = _beyond(used, values)
     _refuse(used, share)
     _refuse_backwards(used, values)
+    _refuse_low_peaks(used, values)
     cell, _ = conditions(used.phi, used.gait, used.omega_rad_s)
     return (
         *trials.unread,
         *_copied(used, values),
+        *_doubled(used, values),
+        *_fast(used),
         *_too_far(used, share),
+        *_low_peaks(values),
         *_zeros(values),
         *_classes(used),
         *_far_out(used, values, cell),
         *_coarse(values, cell),
         *_trends(used, values, cell),
+        *_without_a_gait(used),
         *_nameless(used),
         *_unordered(used),
     )
 
 
 def _refuse(used: Trials, share: Floats) -> None:
+    # A single one would be a level of its own, with a k, and trials would be proposed there.
     outside = (used.phi < PHI_LOW) | (used.phi > PHI_HIGH)
-    if outside.mean() > 0.5:
-        porosity = "; is it the porosity? then phi = 1 - value" if ((1 - used.phi[outside]) > PHI_LOW).any() else ""
+    if outside.any():
+        void = 1 - used.phi[outside]
+        porosity = "; is it the porosity? then phi = 1 - value" if (void[0] > PHI_LOW) & (void[0] < PHI_HIGH) else ""
         raise InputError(
             f"trials: phi is {used.phi[outside][0]:g} in {used.trial_id[outside][0]}: grains at rest fill "
             f"{PHI_LOW:g} to {PHI_HIGH:g} of the volume{porosity}"
+        )
+    error_bar = used.speed_sd_m_s > np.abs(used.speed_m_s).max()
+    if 2 * error_bar.sum() > np.isfinite(used.speed_sd_m_s).sum():
+        raise InputError(
+            f"trials: speed_sd_m_s is {used.speed_sd_m_s[error_bar][0]:g} in {used.trial_id[error_bar][0]}, more than "
+            "any speed: is it in cm/s (divided by 100)?"
         )
     for observable in Observable:
         far = share[:, observable] > FAR_TOO_FAR
@@ -97,6 +119,50 @@ def _refuse_backwards(used: Trials, values: Floats) -> None:
                 f"trials: {observable.column} is {values[row, observable]:g} in {used.trial_id[row]} and below 0 in "
                 f"{below.sum()} of {count}: does its axis point {axis}? else times -1"
             )
+
+
+def _low(values: Floats) -> NDArray[np.bool_]:
+    """Trials ``(n,)`` whose speed is less at its peak than in the mean, by more than readings differ."""
+    return np.asarray(values[:, Observable.peak_speed] < LOW_PEAK * values[:, Observable.speed])
+
+
+def _refuse_low_peaks(used: Trials, values: Floats) -> None:
+    low, peak = _low(values), used.peak_speed_m_s
+    if 2 * low.sum() > (count := np.isfinite(peak).sum()):
+        raise InputError(
+            f"trials: peak_speed_m_s is {peak[low][0]:g} and speed_m_s {used.speed_m_s[low][0]:g} in "
+            f"{used.trial_id[low][0]}, and below the mean in {low.sum()} of {count}: are the columns exchanged?"
+        )
+
+
+def _low_peaks(values: Floats) -> list[str]:
+    count = int(_low(values).sum())
+    return [f"peak_speed_m_s is below the mean speed in {count} trials; not measured is empty"] if count else []
+
+
+def _fast(used: Trials) -> list[str]:
+    """Legs faster than those of any such robot."""
+    fast = used.omega_rad_s > FAST
+    if not fast.any():
+        return []
+    return [
+        f"omega_rad_s is {used.omega_rad_s[fast][0]:g} in {used.trial_id[fast][0]} and above {FAST:g} in {fast.sum()} "
+        "trials: is it in rpm (times π/30)?"
+    ]
+
+
+def _doubled(used: Trials, values: Floats) -> list[str]:
+    """Where every trial is there several times, condition and all: a table pasted twice.
+
+    Rounding makes some replicates alike, or all of each set-point, but no φ as it was measured.
+    """
+    rows = np.nan_to_num(np.column_stack([used.phi, used.omega_rad_s, values]), nan=-1.0)
+    _, first, count = np.unique(rows, axis=0, return_index=True, return_counts=True)
+    one_a_condition = len(first) == len(np.unique(rows[:, :2], axis=0))
+    least = int(count.min())
+    if least < 2 or (one_a_condition and np.allclose(used.phi, np.round(used.phi, SET_POINT))):
+        return []
+    return [f"every trial is there {least} times or more, to the last digit: was a table pasted or given twice?"]
 
 
 def _beyond(used: Trials, values: Floats) -> Floats:
@@ -215,14 +281,9 @@ def _coarse(values: Floats, cell: Ints) -> list[str]:
     found = []
     for observable in Observable:
         column = values[:, observable]
-        finite = np.isfinite(column)
-        steps = np.diff(np.unique(column[finite]))
-        scatter = _within(column, cell)
-        if finite.sum() >= 6 and len(steps) and scatter > 0:
-            step = float(steps.min())
-            regular = np.allclose(steps / step, np.round(steps / step), atol=1e-6)
-            if regular and step > COARSE * scatter and (steps < 20 * step).mean() > 0.5:
-                found.append(f"{observable.column} is rounded to {step:.2g}, replicates scatter {scatter:.2g}")
+        step, scatter = rounding_step(column), _within(column, cell)
+        if scatter > 0 and step > COARSE * scatter:
+            found.append(f"{observable.column} is rounded to {step:.2g}, replicates scatter {scatter:.2g}")
     return found
 
 
@@ -271,6 +332,14 @@ def _trends(used: Trials, values: Floats, cell: Ints) -> list[str]:
     return found
 
 
+def _without_a_gait(used: Trials) -> list[str]:
+    """Trials of no gait among those of some."""
+    none = [*used.trial_id[used.gait == ""]]
+    if not none or len(none) == len(used):
+        return []
+    return [f"{len(none)} trials name no gait, each is taken with such trials alone: {_some(none)}"]
+
+
 def _nameless(used: Trials) -> list[str]:
     """Trials of no batch among those of some."""
     none = [*used.trial_id[used.batch == ""]]
@@ -287,10 +356,21 @@ def _unordered(used: Trials) -> list[str]:
     if numbered.any():
         missing = [*used.trial_id[~numbered]]
         return [f"the run order is not used, for {len(missing)} of {len(used)} trials have none: {_some(missing)}"]
-    told = [f"{one!r} in {name}" for name, one in zip(used.trial_id, used.started, strict=True) if one]
-    return (
-        [f"started tells no order: {told[0]} is not as 2026-05-04T08:10, always or never with a zone"] if told else []
-    )
+    told = [(name, one) for name, one in zip(used.trial_id.tolist(), used.started.tolist(), strict=True)]
+    if not any(one for _, one in told):
+        return []
+    if nothing := [name for name, one in told if not one]:
+        return [f"started tells no order, for {len(nothing)} of {len(used)} trials have none: {_some(nothing)}"]
+    name, one = next(((name, one) for name, one in told if not _iso(one)), told[0])
+    return [f"started tells no order: {one!r} in {name} is not as 2026-05-04T08:10, always or never with a zone"]
+
+
+def _iso(text: str) -> bool:
+    try:
+        datetime.fromisoformat(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _some(names: list[str]) -> str:

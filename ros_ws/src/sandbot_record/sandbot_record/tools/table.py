@@ -1,5 +1,6 @@
 """table: bags to the trials table (trials.csv)."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -47,12 +48,14 @@ def _table(argv: Sequence[str]) -> None:
         with writing(out):
             write_csv(rows, out)
         print(f"{out}: {len(rows)} trials, {rows.excluded} of them not usable, {len(skipped)} bags skipped")
+    # Beside the table, not in it: what is printed may be kept as a file.
+    beside = sys.stderr if out is None else sys.stdout
     for line in rows.unread:
-        print(f"note: {line}")
+        print(f"note: {line}", file=beside)
     for row in rows.select(rows.status != OK).rows():
-        print(f"not usable: {row.trial_id}: {row.status}")
+        print(f"not usable: {row.trial_id}: {row.status}", file=beside)
     for line in skipped:
-        print(f"skipped: {line}")
+        print(f"skipped: {line}", file=beside)
 
 
 def _nothing_lost(out: Path | None) -> Path | None:

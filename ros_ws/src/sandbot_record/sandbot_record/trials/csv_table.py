@@ -29,6 +29,8 @@ BATCH_SYNONYMS = ("day", "preparation")
 PRESETS = ("SGCS", "HGCS", "UNIFORM")
 _NOT_MEASURED = frozenset({"", "-", "--", "–", "—", "n/a", "na", "nan", "null", "none"})
 """What people write in the cell of a value that was not measured, in small letters."""
+_SUMMARIES = frozenset({"mean", "average", "median", "sd", "std", "stdev", "sem", "sum", "total", "min", "max"})
+"""What a spreadsheet's last rows are called, in small letters."""
 _NOT_NEGATIVE = ("phi_sd", "speed_sd_m_s")
 _QUANTITIES = {
     **dict.fromkeys(("phi", "φ", "volume_fraction"), "phi"),
@@ -177,7 +179,7 @@ def unread(given: Sequence[str]) -> tuple[str, ...]:
     return (*found, *([f"columns that are not read: {', '.join(others)}"] if others else []))
 
 
-def _hint(name: str, header: Iterable[str]) -> str:
+def _hint(name: str, header: Sequence[str]) -> str:
     """What a foreign column should become, or what there is."""
     for other in header:
         if _OTHER_NAMES.get(_plain(other), "").split(" ")[0] == name:
@@ -185,6 +187,8 @@ def _hint(name: str, header: Iterable[str]) -> str:
     # With a unit of its own, a column is not misspelt but not understood.
     if foreign := next((other for other in header if _in_brackets(other)[0] == name), ""):
         return f"; {foreign!r} has a unit that is not known; {', '.join(_FACTORS[name])} are"
+    if len(header) == 1 and " " in header[0]:
+        return "; columns are separated by commas, tabs or semicolons, not by spaces"
     strange = [other for other in header if other not in COLUMNS and not set(other) & set("[(")]
     close = near(name, strange)
     return f"; is {close!r} meant?" if close else f"; there are: {', '.join(filter(None, header))}"
@@ -193,10 +197,16 @@ def _hint(name: str, header: Iterable[str]) -> str:
 def _csv_row(where: str, number: int, cells: Mapping[str, str]) -> Row:
     status = cells.get("status", "") or OK
     status = OK if status.lower() == OK else status
+    if status == OK and (summary := cells.get("trial_id", "")).lower() in _SUMMARIES:
+        raise InputError(
+            f"{where}, column trial_id: {summary!r} is no trial but sums up others; leave it out (or a status other "
+            "than ok)"
+        )
     values: dict[str, Any] = {"trial_id": f"row{number}", "gait": "", "status": status, "batch": "", "started": ""}
     for name in COLUMNS:
         text = cells.get(name, "")
         if name in TEXTS:
+            text = "" if text.lower() in _NOT_MEASURED else text
             values[name] = values[name] if name == "status" else _gait(text) if name == "gait" else text or values[name]
         else:
             values[name] = _number(f"{where}, column {name}", name, text, required=name in REQUIRED and status == OK)
@@ -215,7 +225,7 @@ def _number(where: str, name: str, text: str, *, required: bool) -> float:
             raise InputError(f"{where}: {text or 'empty'}; {instead}")
         return math.nan
     try:
-        value = float(text)
+        value = float(text.replace("\N{MINUS SIGN}", "-"))
     except ValueError:
         instead = "write decimals with a point" if "," in text else instead
         raise InputError(f"{where}: {text!r} is not a number; {instead}") from None

@@ -32,5 +32,10 @@ def from_frame(frame: "DataFrame") -> Trials:
 
 
 def _text(value: Any) -> str:
-    # A value that is not itself: NaN, NaT.
-    return "" if value is None or value != value else str(value)
+    return "" if value is None or _is_missing(value) else str(value)
+
+
+def _is_missing(value: Any) -> bool:
+    """Whether a value is not itself: NaN, NaT; pandas.NA answers that question with itself."""
+    unlike = value != value
+    return unlike is value or bool(unlike)

@@ -1,7 +1,7 @@
 """``read(DATA)`` is the one door by which analysis gets its data: a campaign folder, bags, or a CSV from anywhere."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,16 +15,20 @@ from sandbot_record.trials.table import OK, Row, Trials, check_ids, from_rows
 
 BLOCK = re.compile(r"block\d+")
 """What a campaign calls its batches."""
+ROW = re.compile(r"row\d+")
+"""What a trial is called that has no name."""
+MANY_DIGITS = 8
+"""Digits of what was measured, all together, that no two trials have in common."""
 
 
 def read(data: Path | str | Sequence[Path | str]) -> Trials:
     """The trials of DATA: a campaign folder, one or more bags, or CSV files (several are joined).
 
     Where trials are not numbered in the order they were run, or come from several tables, ``started`` tells it.
-    A trial that is in several of them is there once; another of the same name, as two days on one plan give, gets its
-    folder's name before its own, and so do blocks of another campaign. Raises InputError (one line: which file, row,
-    column, value) if anything does not fit, if two trials of one table share an id, if they are of two robots, or if
-    no trial is usable.
+    A trial that is in several of them is there once, and ``unread`` says so; another of the same name, as two days on
+    one plan give, gets its folder's name before its own, and so do blocks of another campaign. Raises InputError (one
+    line: which file, row, column, value) if anything does not fit, if two trials of one table share an id, if they are
+    of two robots, or if no trial is usable.
 
     >>> import sandbot_record
     >>> sandbot_record.read_trials("trial")
@@ -34,7 +38,7 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     if not given:
         raise InputError("no data given: a campaign folder, bags or a trials CSV is needed")
     tables = [_read_one(path) for path in map(Path, given)]
-    rows = _joined(given, tables)
+    rows, again = _joined(given, tables)
     where = ", ".join(str(path) for path in given[:3]) + (" …" if len(given) > 3 else "")
     check_ids(rows, [where] * len(rows))
     rows = by_the_clock(rows, joined=len(tables) > 1)
@@ -42,23 +46,28 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
         Setting(str(path), table.robot, table.frame_rate_hz, table.accuracy)
         for path, table in zip(given, tables, strict=True)
     )
-    unread = tuple(dict.fromkeys(clause for table in tables for clause in table.unread))
+    unread = tuple(dict.fromkeys([*(clause for table in tables for clause in table.unread), *again]))
     table = replace(from_rows(rows, *setting.for_table), unread=unread)
     if not table.usable.any():
         raise InputError(f"{where}: no usable trial among {len(rows)}: {_why_unusable(rows)}")
     return table
 
 
-def _joined(given: Sequence[Path | str], tables: Sequence[Trials]) -> list[Row]:
+def _joined(given: Sequence[Path | str], tables: Sequence[Trials]) -> tuple[list[Row], list[str]]:
+    """The rows of all tables, and a clause for each of which some were there before."""
     joined: list[Row] = []
-    known: set[str] = set()
+    again: list[str] = []
+    earlier: list[dict[str, Row]] = []
     first_with: dict[str, Path] = {}
     for path, table in zip(given, tables, strict=True):
         own, campaign_of = table.rows(), _campaign_of(Path(path))
         check_ids(own, [str(path)] * len(own))
-        # As text: what was not measured is NaN, and NaN is not itself.
-        new = [row for row in own if repr(row) not in known]
-        known |= set(map(repr, new))
+        by_id = {row.trial_id: row for row in own}
+        known = set[str]().union(*(_same(by_id, other) for other in earlier))
+        new = [row for row in own if row.trial_id not in known]
+        if known:
+            again.append(f"{len(known)} trials of {path} are in what was given before it, and count once")
+        earlier.append(by_id)
         taken = {row.trial_id for row in joined}
         for row in new:
             trial_id = f"{path}/{row.trial_id}" if row.trial_id in taken else row.trial_id
@@ -66,7 +75,25 @@ def _joined(given: Sequence[Path | str], tables: Sequence[Trials]) -> list[Row]:
             is_own = BLOCK.fullmatch(row.batch) and first_with.setdefault(row.batch, campaign_of) != campaign_of
             batch = f"{campaign_of}/{row.batch}" if is_own else row.batch
             joined.append(replace(row, trial_id=trial_id, batch=batch))
-    return joined
+    return joined, again
+
+
+def _same(one: Mapping[str, Row], other: Mapping[str, Row]) -> set[str]:
+    """Names of the trials that two tables share: all of one name, where none differs; else those that have a name of
+    their own and so many digits that no two trials have them all. The 7th row of each day is no one trial, though a
+    rounded speed be the same.
+    """
+    shared = one.keys() & other.keys()
+    # As text: what was not measured is NaN, and NaN is not itself.
+    alike = {name for name in shared if repr(one[name]) == repr(other[name])}
+    if alike == shared:
+        return alike
+    return {name for name in alike if not ROW.fullmatch(name) and _digits(one[name]) >= MANY_DIGITS}
+
+
+def _digits(row: Row) -> int:
+    measured = (row.speed_m_s, row.lift_m, row.peak_speed_m_s, row.first_step_m)
+    return sum(len(f"{abs(value):.15e}".partition("e")[0].replace(".", "").strip("0")) for value in measured)
 
 
 def _campaign_of(path: Path) -> Path:

@@ -78,7 +78,7 @@ class Trials:
     accuracy: Accuracy | None = None
     """How well they measure; None: the data do not tell."""
     unread: tuple[str, ...] = ()
-    """Columns of the file that the table has no place for, a clause each."""
+    """What was not taken from the files, a clause each: columns that the table has no place for, trials given twice."""
 
     def __len__(self) -> int:
         return len(self.trial_id)
