@@ -95,16 +95,21 @@ def writing(path: Path) -> Iterator[None]:
 
 def read_text(path: Path, needed: str = "a text file", remedy: str = "") -> str:
     """The UTF-8 text of a file, without a byte order mark; ``remedy`` ends the line about a file that is missing."""
+    content = b""
     try:
-        return _decoded(path.read_bytes()).replace("\r\n", "\n").replace("\r", "\n")
+        content = path.read_bytes()
+        return _decoded(content).replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file{remedy}") from None
     except IsADirectoryError:
         raise InputError(f"{path}: is a folder, {needed} is needed") from None
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file (UTF-8); {needed} is needed") from None
+    except UnicodeDecodeError as error:
+        # Text of an older encoding has letters beyond ASCII here and there, and no byte 0.
+        place = content.count(b"\n", 0, error.start) + 1
+        instead = f"{needed} is needed" if b"\0" in content else f"line {place} is not: save it as UTF-8 (CSV UTF-8)"
+        raise InputError(f"{path}: not a text file (UTF-8); {instead}") from None
 
 
 def _decoded(content: bytes) -> str:

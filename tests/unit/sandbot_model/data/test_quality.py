@@ -66,6 +66,14 @@ def test_a_table_that_was_pasted_twice_is_named():
     assert not any("twice" in note for note in checked(rounded))
 
 
+def test_a_status_that_may_mean_ok_is_named():
+    def of_status(word):
+        return replace(CLEAN, status=np.where(np.arange(len(CLEAN)) < 2, word, CLEAN.status))
+
+    assert checked(of_status("Good")) == ("2 trials are left out by their status, Good: only ok is ok",)
+    assert checked(of_status("slipped")) == ()
+
+
 def test_trials_without_a_gait_among_others_are_named():
     (note,) = checked(changed("gait", slice(3), ""))
     assert note.startswith("3 trials name no gait")

@@ -140,6 +140,13 @@ def test_what_is_no_table(tmp_path):
         read([])
 
 
+def test_of_text_in_an_older_encoding_the_line_is_named(tmp_path):
+    path = tmp_path / "old.csv"
+    path.write_text("phi,omega_rad_s,speed_m_s,note\n.6,8,.2,trocken\n.62,8,.2,gerüttelt\n", encoding="cp1252")
+    with pytest.raises(InputError, match=r"old.csv: not a text file \(UTF-8\); line 3 is not: save it as UTF-8"):
+        read(path)
+
+
 def test_several_inputs_are_joined(tmp_path):
     bag = bags.trial_bag(tmp_path / "b")
     table = read([bag, write(tmp_path, GOOD)])

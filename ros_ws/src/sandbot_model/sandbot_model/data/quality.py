@@ -42,6 +42,10 @@ LOW_PEAK = 0.8
 """Peak speed over mean speed below which one of the two is something else."""
 FAST = 60.0
 """Frequency of legs [rad/s] above which a plan allows none."""
+APPROVING = frozenset(
+    {"good", "fine", "okay", "yes", "y", "true", "1", "valid", "done", "success", "complete", "passed"}
+)
+"""A status, in small letters, by which its writer may have meant "ok"."""
 SET_POINT = 3
 """Decimals of φ as it is told to a bed; as measured it has more."""
 MANY = 64
@@ -70,6 +74,7 @@ def checked(trials: Trials) -> tuple[str, ...]:
     cell, _ = conditions(used.phi, used.gait, used.omega_rad_s)
     return (
         *trials.unread,
+        *_meant_ok(trials),
         *_copied(used, values),
         *_doubled(used, values),
         *_fast(used),
@@ -330,6 +335,15 @@ def _trends(used: Trials, values: Floats, cell: Ints) -> list[str]:
                 f"(p = {p:.1g})"
             )
     return found
+
+
+def _meant_ok(trials: Trials) -> list[str]:
+    """Trials left out by a status that may well mean "ok"."""
+    statuses = trials.status.tolist()
+    meant = [one for one in statuses if one.lower() in APPROVING]
+    if not meant:
+        return []
+    return [f"{len(meant)} trials are left out by their status, {_some(list(dict.fromkeys(meant)))}: only ok is ok"]
 
 
 def _without_a_gait(used: Trials) -> list[str]:
