@@ -39,6 +39,7 @@ def test_numbers_that_were_not_rounded_are_as_they_were():
     exact = np.random.default_rng(2).normal(size=(50, 4))
     assert rounding_sd(exact).tolist() == [0.0] * 4
     assert not rounded_alike(np.zeros(4), np.ones((3, 4)), np.full((3, 4), 3)).any()
+    assert not rounded_alike(np.ones(4), np.full((3, 4), np.nan), np.ones((3, 4), dtype=int)).any()  # no replicates
 
 
 @pytest.mark.parametrize("seed", range(4))

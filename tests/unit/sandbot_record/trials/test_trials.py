@@ -166,6 +166,13 @@ def test_rows_of_two_days_are_replicates_however_alike_and_a_table_given_twice_i
     assert again.unread == (f"3 trials of {first} are in what was given before it, and count once",)
 
 
+def test_trials_that_are_numbered_anew_each_day_are_replicates_too(tmp_path):
+    header = "trial_id,phi,omega_rad_s,speed [cm/s]\n"
+    first = write(tmp_path, header + "1,0.6,8,7\n2,0.6,12,16\n", "first.csv")
+    second = write(tmp_path, header + "1,0.6,8,7\n2,0.6,12,17\n", "second.csv")
+    assert read([first, second]).trial_id.tolist() == ["1", "2", f"{second}/1", f"{second}/2"]
+
+
 def test_trials_of_a_campaign_are_known_by_name_and_digits_where_one_was_run_again(tmp_path):
     header = "trial_id,phi,omega_rad_s,speed_m_s,lift_m\n"
     old = write(tmp_path, header + "a,0.6,8,0.123456789,0.0123\nb,0.6,12,0.2345678,0.0145\n", "old.csv")
@@ -180,8 +187,8 @@ def test_two_days_on_one_plan_are_two_sets_of_trials(tmp_path):
     for day, speed in zip(days, (0.2, 0.21, 0.2), strict=True):
         day.write_text(f"{head}a,0.6,8,{speed}\nb,0.6,12,0.3\n")
     table = read(days)
-    assert table.trial_id.tolist() == ["a", "b", f"{days[1]}/a"]
-    assert table.speed_m_s.tolist() == [0.2, 0.3, 0.21]
+    assert table.trial_id.tolist() == ["a", "b", f"{days[1]}/a", f"{days[1]}/b"]
+    assert table.speed_m_s.tolist() == [0.2, 0.3, 0.21, 0.3]
     assert read([*days, days[1]]).trial_id.tolist() == table.trial_id.tolist()
     days[2].write_text(f"{head}c,0.6,8,0.2\nc,0.6,12,0.3\n")
     with pytest.raises(InputError, match=r"copy\.csv.*trial id 'c' is there twice"):

@@ -40,7 +40,7 @@ def rounded_alike(rounding: Floats, variance: Floats, count: NDArray[np.int64]) 
     Quantization Noise).
     """
     own = np.square(rounding)
-    before = np.maximum(variance - own, 0.0)
+    before = np.maximum(np.nan_to_num(variance) - own, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(own > 0, before / own, np.inf)[..., None]
     alike = 6 / np.pi**2 * np.sum(np.exp(-(np.pi**2) / 3 * HARMONICS**2 * ratio) / HARMONICS**2, axis=-1)
