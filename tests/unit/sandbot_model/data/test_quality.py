@@ -84,8 +84,8 @@ def test_legs_of_no_such_robot_are_named():
     assert any("is it in rpm" in note for note in checked(fast))
 
 
-def test_a_peak_below_the_mean_is_named():
-    assert any("below the mean speed in 1 trials" in note for note in checked(changed("peak_speed_m_s", 7, 0.0)))
+def test_a_peak_of_0_for_not_measured_is_named():
+    assert any("1 peak_speed_m_s of trials that moved" in note for note in checked(changed("peak_speed_m_s", 7, 0.0)))
 
 
 def test_trials_without_a_batch_among_others_are_named():

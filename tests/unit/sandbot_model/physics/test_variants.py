@@ -19,7 +19,7 @@ OMEGA, K = (axis.ravel() for axis in np.meshgrid([4.0, 10.0, 16.0, 24.0], np.lin
 GROUND = KCurve(np.array([0.58, 0.633]), np.array([172.0, 220.0]))
 
 
-NUMBERS = {"power", "log_width", "part", "reach", "reach_m", "d_0_m", "tau_m_s", "bed_m"}
+NUMBERS = {"power", "log_width", "part", "reach", "reach_m", "d_0_m", "tau_m_s", "bed_m", "share"}
 """Conventions that are numbers."""
 
 
