@@ -132,8 +132,8 @@ def _refuse_low_peaks(used: Trials, values: Floats) -> None:
     low = peak < LOW_PEAK * mean
     if low.sum() > MOST * (count := np.isfinite(peak).sum()):
         raise InputError(
-            f"trials: peak_speed_m_s is {peak[low][0]:g} and speed_m_s {mean[low][0]:g} in {used.trial_id[low][0]}, and "
-            f"below the mean in {low.sum()} of {count}: are the columns exchanged?"
+            f"trials: peak_speed_m_s is {peak[low][0]:g} and speed_m_s {mean[low][0]:g} in {used.trial_id[low][0]}, "
+            f"and below the mean in {low.sum()} of {count}: are the columns exchanged?"
         )
 
 
