@@ -95,10 +95,8 @@ def writing(path: Path) -> Iterator[None]:
 
 def read_text(path: Path, needed: str = "a text file", remedy: str = "") -> str:
     """The UTF-8 text of a file, without a byte order mark; ``remedy`` ends the line about a file that is missing."""
-    content = b""
     try:
-        content = path.read_bytes()
-        return _decoded(content).replace("\r\n", "\n").replace("\r", "\n")
+        return _decoded(path.read_bytes()).replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file{remedy}") from None
     except IsADirectoryError:
@@ -107,8 +105,10 @@ def read_text(path: Path, needed: str = "a text file", remedy: str = "") -> str:
         raise InputError(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError as error:
         # Text of an older encoding has letters beyond ASCII here and there, and no byte 0.
-        place = content.count(b"\n", 0, error.start) + 1
-        instead = f"{needed} is needed" if b"\0" in content else f"line {place} is not: save it as UTF-8 (CSV UTF-8)"
+        place = error.object.count(b"\n", 0, error.start) + 1
+        instead = (
+            f"{needed} is needed" if b"\0" in error.object else f"line {place} is not: save it as UTF-8 (CSV UTF-8)"
+        )
         raise InputError(f"{path}: not a text file (UTF-8); {instead}") from None
 
 

@@ -199,8 +199,7 @@ def _gather(
     slope = local_slope(mean, keys, level_phi, walking)[cell, Observable.speed]
     error = with_stated(error, cells.mean(stated_variance(stated, slope)))
     alike = rounded_alike(rounding, np.diagonal(error.covariance, axis1=1, axis2=2), count)
-    covariance = _of_the_mean(error.covariance, count, usual) + _accuracy(mean, accuracy)
-    covariance += alike[:, :, None] * np.eye(len(Observable))
+    covariance = _of_the_mean(error.covariance, count, usual) + _shared(mean, accuracy, alike)
     names = tuple(np.unique(gait)[keys[1]].tolist())
     share, by_batch = _by_batch(batch, values, cells)
     return Cells(
@@ -271,9 +270,12 @@ def _of_the_mean(covariance: Floats, count: Ints, usual: Floats) -> Floats:
     return np.asarray(scale / root[:, :, None] / root[:, None, :])
 
 
-def _accuracy(mean: Floats, accuracy: Accuracy) -> Floats:
-    """Variances ``(n, 4, 4)`` that all replicates share, of the cell means ``mean (n, 4)``."""
-    return np.asarray(shared_variance(accuracy, np.nan_to_num(mean))[:, :, None] * np.eye(len(Observable)))
+def _shared(mean: Floats, accuracy: Accuracy, alike: Floats) -> Floats:
+    """Variances ``(n, 4, 4)`` that all replicates share, of the cell means ``mean (n, 4)``: what cameras are off by, and
+    what is rounded ``alike (n, 4)``.
+    """
+    variance = shared_variance(accuracy, np.nan_to_num(mean)) + alike
+    return np.asarray(variance[:, :, None] * np.eye(len(Observable)))
 
 
 def _pooled_sd(residual: Floats, dof: int) -> float:

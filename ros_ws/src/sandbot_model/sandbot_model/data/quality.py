@@ -3,8 +3,6 @@
 The lines are notes for a reader; no trial is left out for them.
 """
 
-from datetime import datetime
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +15,7 @@ from sandbot_model.data.rounding import rounding_step
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import Observable
+from sandbot_record.trials.order import began_at
 from sandbot_record.trials.table import Trials
 
 Floats = NDArray[np.float64]
@@ -85,8 +84,8 @@ def checked(trials: Trials) -> tuple[str, ...]:
         *_far_out(used, values, cell),
         *_coarse(values, cell),
         *_trends(used, values, cell),
-        *_without_a_gait(used),
-        *_nameless(used),
+        *_nameless(used, "gait", "such trials"),
+        *_nameless(used, "batch", "those of its condition"),
         *_unordered(used),
     )
 
@@ -346,20 +345,12 @@ def _meant_ok(trials: Trials) -> list[str]:
     return [f"{len(meant)} trials are left out by their status, {_some(list(dict.fromkeys(meant)))}: only ok is ok"]
 
 
-def _without_a_gait(used: Trials) -> list[str]:
-    """Trials of no gait among those of some."""
-    none = [*used.trial_id[used.gait == ""]]
+def _nameless(used: Trials, column: str, others: str) -> list[str]:
+    """Trials that name no batch or no gait among those that do."""
+    none = [*used.trial_id[getattr(used, column) == ""]]
     if not none or len(none) == len(used):
         return []
-    return [f"{len(none)} trials name no gait, each is taken with such trials alone: {_some(none)}"]
-
-
-def _nameless(used: Trials) -> list[str]:
-    """Trials of no batch among those of some."""
-    none = [*used.trial_id[used.batch == ""]]
-    if not none or len(none) == len(used):
-        return []
-    return [f"{len(none)} trials name no batch, each is taken with those of its condition alone: {_some(none)}"]
+    return [f"{len(none)} trials name no {column}, each is taken with {others} alone: {_some(none)}"]
 
 
 def _unordered(used: Trials) -> list[str]:
@@ -375,16 +366,8 @@ def _unordered(used: Trials) -> list[str]:
         return []
     if nothing := [name for name, one in told if not one]:
         return [f"started tells no order, for {len(nothing)} of {len(used)} trials have none: {_some(nothing)}"]
-    name, one = next(((name, one) for name, one in told if not _iso(one)), told[0])
+    name, one = next(((name, one) for name, one in told if began_at(one) is None), told[0])
     return [f"started tells no order: {one!r} in {name} is not as 2026-05-04T08:10, always or never with a zone"]
-
-
-def _iso(text: str) -> bool:
-    try:
-        datetime.fromisoformat(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _some(names: list[str]) -> str:

@@ -25,6 +25,8 @@ _BOUNDS = {
     "lift_m": (-1.0, 1.0, "a length in m"),
     "first_step_m": (-10.0, 10.0, "a length in m"),
 }
+NAMELESS = re.compile(r"row\d+")
+"""What trials are called whose table names none."""
 BATCH_SYNONYMS = ("day", "preparation")
 PRESETS = ("SGCS", "HGCS", "UNIFORM")
 _NOT_MEASURED = frozenset({"", "-", "--", "–", "—", "n/a", "na", "nan", "null", "none"})

@@ -17,7 +17,7 @@ def by_the_clock(rows: Sequence[Row], *, joined: bool) -> list[Row]:
     counted = [row for row in rows if row.status == OK]
     if not joined and not any(math.isnan(row.run_order) for row in counted):
         return list(rows)
-    when = {row.trial_id: began for row in rows if (began := _began(row.started)) is not None}
+    when = {row.trial_id: began for row in rows if (began := began_at(row.started)) is not None}
     if len({began.tzinfo is None for began in when.values()}) != 1 or any(row.trial_id not in when for row in counted):
         return list(rows)
     place = _places(when)
@@ -30,7 +30,8 @@ def _places(when: Mapping[str, datetime]) -> dict[str, float]:
     return {name: 0.5 * (bisect_left(times, began) + 1 + bisect_right(times, began)) for name, began in when.items()}
 
 
-def _began(started: str) -> datetime | None:
+def began_at(started: str) -> datetime | None:
+    """The time of a text as ISO 8601 has it; None of any other."""
     try:
         return datetime.fromisoformat(started)
     except ValueError:

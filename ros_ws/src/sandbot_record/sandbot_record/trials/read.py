@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sandbot_common.errors import InputError
 from sandbot_record.bags.reader import is_bag
-from sandbot_record.trials.csv_table import read_csv
+from sandbot_record.trials.csv_table import NAMELESS, read_csv
 from sandbot_record.trials.from_bags import campaign, trial_from_bag
 from sandbot_record.trials.order import by_the_clock
 from sandbot_record.trials.setting import Setting, shared
@@ -16,8 +16,6 @@ from sandbot_record.trials.table import OK, Row, Trials, check_ids, from_rows
 
 BLOCK = re.compile(r"block\d+")
 """What a campaign calls its batches."""
-ROW = re.compile(r"row\d+")
-"""What a trial is called that has no name."""
 MANY_DIGITS = 8
 """Digits of what was measured, all together, that no two trials have in common."""
 
@@ -89,7 +87,7 @@ def _same(one: Mapping[str, Row], other: Mapping[str, Row]) -> set[str]:
     alike = {name for name in shared if repr(one[name]) == repr(other[name])}
     if alike == shared:
         return alike
-    return {name for name in alike if not ROW.fullmatch(name) and _digits(one[name]) >= MANY_DIGITS}
+    return {name for name in alike if not NAMELESS.fullmatch(name) and _digits(one[name]) >= MANY_DIGITS}
 
 
 def _digits(row: Row) -> int:
