@@ -271,8 +271,8 @@ def _of_the_mean(covariance: Floats, count: Ints, usual: Floats) -> Floats:
 
 
 def _shared(mean: Floats, accuracy: Accuracy, alike: Floats) -> Floats:
-    """Variances ``(n, 4, 4)`` that all replicates share, of the cell means ``mean (n, 4)``: what cameras are off by, and
-    what is rounded ``alike (n, 4)``.
+    """Variances ``(n, 4, 4)`` that all replicates share, of the cell means ``mean (n, 4)``: what cameras are off
+    by, and what is rounded ``alike (n, 4)``.
     """
     variance = shared_variance(accuracy, np.nan_to_num(mean)) + alike
     return np.asarray(variance[:, :, None] * np.eye(len(Observable)))
