@@ -1,9 +1,12 @@
-"""Who joins nodes that run already hears them at once, not with their next announcement but one."""
+"""Who joins nodes that run already hears them at once, also in the place of one that was killed."""
 
+import contextlib
 import subprocess
 import sys
 
 import pytest
+
+from sandbot_common.dead_ports import dead_ports
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -21,32 +24,57 @@ while True:
     time.sleep(0.02)
 """
 LISTENER = """
-import time
-import rclpy
-from rclpy.experimental import EventsExecutor
+import sys, time
+from rclpy.node import Node
 from sandbot_common import topics
-from sandbot_common.node import subscription, use_shared_memory
-use_shared_memory(frames=False)
-rclpy.init()
-node, executor, heard = rclpy.create_node("listener"), EventsExecutor(), []
-executor.add_node(node)
-subscription(node, topics.LEG_STATES, heard.append)
-begun = time.monotonic()
-while not heard:
-    executor.spin_once(timeout_sec=0.1)
-print(time.monotonic() - begun)
+from sandbot_common.node import run, subscription
+
+class Listener(Node):
+    def __init__(self):
+        begun, self.done = time.monotonic(), False
+        super().__init__("listener")
+        subscription(self, topics.LEG_STATES, lambda message: self.hear(time.monotonic() - begun))
+
+    def hear(self, after_s):
+        print(after_s, flush=True)
+        self.done = "stay" not in sys.argv
+
+sys.exit(run(Listener, []))
 """
 
 
-def test_who_joins_hears_within_a_second_and_a_half(domain):
+@pytest.fixture
+def speaker(domain):
+    """Somebody who publishes all the time."""
+    with subprocess.Popen([sys.executable, "-c", SPEAKER], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "up\n"
+        yield
+        process.kill()
+
+
+@contextlib.contextmanager
+def listener():
+    """One who has heard the speaker, and is killed."""
+    with subprocess.Popen([sys.executable, "-c", LISTENER, "stay"], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline()
+        yield
+        process.kill()
+
+
+def test_who_joins_hears_within_a_second_and_a_half(speaker):
     # Announced every 3 s, as DDS has it by itself, every other one waits for 2.4 s.
-    with subprocess.Popen([sys.executable, "-c", SPEAKER], stdout=subprocess.PIPE, text=True) as speaker:
-        try:
-            assert speaker.stdout.readline() == "up\n"
-            waits = [
-                float(subprocess.run([sys.executable, "-c", LISTENER], capture_output=True, check=True).stdout)
-                for _ in range(8)
-            ]
-        finally:
-            speaker.kill()
+    command = [sys.executable, "-c", LISTENER]
+    waits = [
+        float(subprocess.run(command, capture_output=True, check=True, text=True).stdout.split()[0]) for _ in range(8)
+    ]
     assert sorted(waits)[-3] < 1.5, waits
+
+
+def test_nobody_takes_the_number_of_one_that_was_killed(speaker, domain):
+    assert dead_ports(domain) == []
+    with listener():
+        assert dead_ports(domain) == []
+    killed = dead_ports(domain)
+    assert len(killed) == 1
+    with listener():
+        assert dead_ports(domain) == killed

@@ -30,6 +30,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
 from sandbot_common import cli, messages, topics
+from sandbot_common.dead_ports import dead_ports, left_aside
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import Spec, from_mapping, specs
 from sandbot_common.process import ask_for_real_time, keep_memory, own_name
@@ -280,7 +281,8 @@ def run(
             start_ros([sys.argv[0], *arguments])
             node: Node | None = None
             try:
-                node = make()
+                with left_aside(dead_ports(rclpy.get_default_context().get_domain_id())):
+                    node = make()
                 with _beating(node, stop) as turn:
                     _spin(node, stop, turn)
             finally:

@@ -1,0 +1,56 @@
+"""Whose number a new node should not take: that of a killed process to which somebody still sends.
+
+Who sends through shared memory keeps the receiver's port mapped (/dev/shm/fastrtps_portN). A node that starts after a
+kill gets the dead one's number, and with it his ports: it makes their files anew, and those who map the old ones send
+on to nobody. Fast DDS notices that after 1 to 3 s, and never if the dead one was at work on a message when he died
+(decision 6).
+"""
+
+import re
+import socket
+from collections.abc import Iterator, Sequence, Set
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+
+SHARED_MEMORY, PROCESSES = Path("/dev/shm"), Path("/proc")
+MOST = 16
+"""Numbers left aside at once. Nodes of one host look for each other under the first 32."""
+_MAPPED = re.compile(r"/fastrtps_port(\d+)(?: \(deleted\))?$", re.M)
+_LOCKED = re.compile(r"FLOCK .* (\d+) [0-9a-f]+:[0-9a-f]+:(\d+) ")
+
+
+def dead_ports(domain: int, shared_memory: Path = SHARED_MEMORY, processes: Path = PROCESSES) -> list[int]:
+    """Ports of a ROS domain that somebody sends to and nobody reads: 7411 + 250 domain + 2 number (RTPS 2.3, 9.6.1).
+
+    Who reads a port holds a lock on a file beside it, which the system takes from the dead.
+    """
+    locks = _LOCKED.findall((processes / "locks").read_text())
+    mapped: set[int] = set()
+    for process in {process for process, _ in locks}:  # whoever sends reads as well
+        with suppress(OSError):  # gone meanwhile, or not ours to see
+            mapped.update(int(port) for port in _MAPPED.findall((processes / process / "maps").read_text()))
+    read = _locked(shared_memory, {inode for _, inode in locks})
+    first = 7400 + 250 * domain
+    return sorted(port for port in mapped - read if first < port < first + 250)
+
+
+def _locked(shared_memory: Path, inodes: Set[str]) -> set[int]:
+    found = set()
+    for lock in shared_memory.glob("fastrtps_port*_el"):
+        with suppress(OSError):
+            if str(lock.stat().st_ino) in inodes:
+                found.add(int(lock.name.removeprefix("fastrtps_port").removesuffix("_el")))
+    return found
+
+
+@contextmanager
+def left_aside(ports: Sequence[int]) -> Iterator[None]:
+    """While in here no node of this host takes the numbers to which these ports belong; any, of more than ``MOST``.
+
+    A number is taken by whoever gets its UDP port of discovery, the one below.
+    """
+    with ExitStack() as kept:
+        for port in ports if len(ports) <= MOST else ():
+            with suppress(OSError):  # another node that starts keeps it too
+                kept.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)).bind(("", port - 1))
+        yield
