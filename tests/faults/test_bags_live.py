@@ -195,13 +195,10 @@ class AllButTheLastSecond:
         return self._killed_ns - last_ns < 1_000_000_000 + self.starved_ns
 
 
-def heard(
-    stack: contextlib.ExitStack, source: subprocess.Popen, bag: Path, *arguments: str, again: bool = True
-) -> AllButTheLastSecond:
+def heard(stack: contextlib.ExitStack, source: subprocess.Popen, bag: Path, *arguments: str) -> AllButTheLastSecond:
     """A recorder that has heard something: before, there may be nothing to bring back.
 
-    Fast DDS now and then leaves one deaf that takes the place of one killed (1 of some hundred): then another is
-    started. A second one that hears nothing says where its threads are (on stderr).
+    One that hears nothing says where its threads are (on stderr).
     """
     record = stack.enter_context(recorder(*arguments, "--out", bag))
     until(record, "recording to")
@@ -210,11 +207,8 @@ def heard(
     while Bag.open(bag, strict=False).count == 0:
         if time.monotonic() > deadline:
             ended = record.poll()
-            record.send_signal(signal.SIGKILL if again else signal.SIGABRT)
-            assert again, f"{bag.name}: nothing came within a minute; exit code then {ended}, now {record.wait(10)}"
-            record.wait()
-            shutil.rmtree(bag)
-            return heard(stack, source, bag, *arguments, again=False)
+            record.send_signal(signal.SIGABRT)
+            pytest.fail(f"{bag.name}: nothing came within a minute; exit code then {ended}, now {record.wait(10)}")
         time.sleep(0.05)
     return killed
 

@@ -54,6 +54,10 @@ def test_nor_one_of_another_domain(host):
     assert dead_ports(2, *arguments) == []
 
 
+def test_where_the_system_tells_nothing_none_is_known(tmp_path):
+    assert dead_ports(0, tmp_path, tmp_path / "proc") == []
+
+
 def free() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         one.bind(("", 0))

@@ -22,9 +22,12 @@ _LOCKED = re.compile(r"FLOCK .* (\d+) [0-9a-f]+:[0-9a-f]+:(\d+) ")
 def dead_ports(domain: int, shared_memory: Path = SHARED_MEMORY, processes: Path = PROCESSES) -> list[int]:
     """Ports of a ROS domain that somebody sends to and nobody reads: 7411 + 250 domain + 2 number (RTPS 2.3, 9.6.1).
 
-    Who reads a port holds a lock on a file beside it, which the system takes from the dead.
+    Who reads a port holds a lock on a file beside it, which the system takes from the dead. Unknown locks: none.
     """
-    locks = _LOCKED.findall((processes / "locks").read_text())
+    try:
+        locks = _LOCKED.findall((processes / "locks").read_text())
+    except OSError:
+        return []
     mapped: set[int] = set()
     for process in {process for process, _ in locks}:  # whoever sends reads as well
         with suppress(OSError):  # gone meanwhile, or not ours to see

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -262,6 +262,11 @@ def start_ros(argv: Sequence[str]) -> None:
             rclpy.logging.set_logger_level("rcl", LoggingSeverity.UNSET)
 
 
+def number_of_its_own() -> AbstractContextManager[None]:
+    """While in here a process makes its first node, which gets the number of none that was killed (``dead_ports``)."""
+    return left_aside(dead_ports(rclpy.get_default_context().get_domain_id()))
+
+
 def run(
     make: Callable[[], Node],
     argv: Sequence[str] | None = None,
@@ -281,7 +286,7 @@ def run(
             start_ros([sys.argv[0], *arguments])
             node: Node | None = None
             try:
-                with left_aside(dead_ports(rclpy.get_default_context().get_domain_id())):
+                with number_of_its_own():
                     node = make()
                 with _beating(node, stop) as turn:
                     _spin(node, stop, turn)
