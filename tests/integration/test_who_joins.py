@@ -47,18 +47,22 @@ sys.exit(run(Listener, []))
 def speaker(domain):
     """Somebody who publishes all the time."""
     with subprocess.Popen([sys.executable, "-c", SPEAKER], stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout.readline() == "up\n"
-        yield
-        process.kill()
+        try:
+            assert process.stdout.readline() == "up\n"
+            yield
+        finally:
+            process.kill()
 
 
 @contextlib.contextmanager
 def listener():
     """One who has heard the speaker, and is killed."""
     with subprocess.Popen([sys.executable, "-c", LISTENER, "stay"], stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout.readline()
-        yield
-        process.kill()
+        try:
+            assert process.stdout.readline()
+            yield
+        finally:
+            process.kill()
 
 
 def test_who_joins_hears_within_a_second_and_a_half(speaker):

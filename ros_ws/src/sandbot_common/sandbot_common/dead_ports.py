@@ -2,8 +2,7 @@
 
 Who sends through shared memory keeps the receiver's port mapped (/dev/shm/fastrtps_portN). A node that starts after a
 kill gets the dead one's number, and with it his ports: it makes their files anew, and those who map the old ones send
-on to nobody. Fast DDS notices that after 1 to 3 s, and never if the dead one was at work on a message when he died
-(decision 6).
+on to nobody until Fast DDS notices: after 2 to 20 s, once not within a minute (decision 6).
 """
 
 import re
