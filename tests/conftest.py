@@ -98,9 +98,12 @@ class Beside:
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
 
+        from sandbot_common.dead_ports import number_of_its_own
+
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=domain)
-        self.node = rclpy.create_node("beside", context=self._context)
+        with number_of_its_own(domain):
+            self.node = rclpy.create_node("beside", context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
 

@@ -1,12 +1,13 @@
 """Who joins nodes that run already hears them at once, also in the place of one that was killed."""
 
 import contextlib
+import os
 import subprocess
 import sys
 
 import pytest
 
-from sandbot_common.dead_ports import dead_ports
+from sandbot_common.dead_ports import SHARED_MEMORY, dead_ports
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -82,3 +83,12 @@ def test_nobody_takes_the_number_of_one_that_was_killed(speaker, domain):
     assert len(killed) == 1
     with listener():
         assert dead_ports(domain) == killed
+
+
+@pytest.mark.timeout(60)
+def test_nobody_waits_for_a_port_that_a_killed_one_did_not_finish(speaker, domain):
+    half_made = SHARED_MEMORY / f"fastrtps_port{7411 + 250 * domain + 2}"  # the next number's
+    half_made.touch()
+    os.utime(half_made, (0, 0))
+    with listener():
+        pass

@@ -1,9 +1,10 @@
+import os
 import socket
 from pathlib import Path
 
 import pytest
 
-from sandbot_common.dead_ports import MOST, dead_ports, left_aside
+from sandbot_common.dead_ports import MOST, clear_half_made, dead_ports, left_aside
 
 SENDER, READER, GONE = 100, 200, 300
 
@@ -56,6 +57,23 @@ def test_nor_one_of_another_domain(host):
 
 def test_where_the_system_tells_nothing_none_is_known(tmp_path):
     assert dead_ports(0, tmp_path, tmp_path / "proc") == []
+
+
+def test_ports_that_nobody_will_finish_are_removed_and_no_others(tmp_path):
+    files = {
+        "fastrtps_port7411": b"",
+        "fastrtps_port7413": bytes(64),
+        "fastrtps_port7415": b"\x02" + bytes(63),
+        "fastrtps_port7411_el": b"",
+        "fastrtps_0123456789abcdef": b"",
+    }
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+        os.utime(tmp_path / name, (0, 0))
+    (tmp_path / "fastrtps_port7417").touch()  # just being made
+    clear_half_made(tmp_path)
+    kept = {path.name for path in tmp_path.iterdir()}
+    assert kept == {"fastrtps_port7415", "fastrtps_port7411_el", "fastrtps_0123456789abcdef", "fastrtps_port7417"}
 
 
 def free() -> int:

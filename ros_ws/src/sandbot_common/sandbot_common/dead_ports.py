@@ -2,11 +2,13 @@
 
 Who sends through shared memory keeps the receiver's port mapped (/dev/shm/fastrtps_portN). A node that starts after a
 kill gets the dead one's number, and with it his ports: it makes their files anew, and those who map the old ones send
-on to nobody until Fast DDS notices: after 2 to 20 s, once not within a minute (decision 6).
+on to nobody until Fast DDS notices: after 2 to 20 s, once not within a minute. And who was killed while it made such a
+file has left it half made: whoever opens that waits for ever for it to be finished (decision 6).
 """
 
 import re
 import socket
+import time
 from collections.abc import Iterator, Sequence, Set
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -14,8 +16,20 @@ from pathlib import Path
 SHARED_MEMORY, PROCESSES = Path("/dev/shm"), Path("/proc")
 MOST = 16
 """Numbers left aside at once. Nodes of one host look for each other under the first 32."""
+MAKING_S = 2.0
+"""Longer than it takes to make a port's file."""
+_READY = (2).to_bytes(4, "little")
+"""How the file of a port begins that has been made (boost/interprocess/detail/managed_open_or_create_impl.hpp)."""
 _MAPPED = re.compile(r"/fastrtps_port(\d+)(?: \(deleted\))?$", re.M)
 _LOCKED = re.compile(r"FLOCK .* (\d+) [0-9a-f]+:[0-9a-f]+:(\d+) ")
+
+
+@contextmanager
+def number_of_its_own(domain: int) -> Iterator[None]:
+    """While in here a process makes its first node of a ROS domain: it gets the number of none that was killed."""
+    clear_half_made()
+    with left_aside(dead_ports(domain)):
+        yield
 
 
 def dead_ports(domain: int, shared_memory: Path = SHARED_MEMORY, processes: Path = PROCESSES) -> list[int]:
@@ -43,6 +57,16 @@ def _locked(shared_memory: Path, inodes: Set[str]) -> set[int]:
             if str(lock.stat().st_ino) in inodes:
                 found.add(int(lock.name.removeprefix("fastrtps_port").removesuffix("_el")))
     return found
+
+
+def clear_half_made(shared_memory: Path = SHARED_MEMORY) -> None:
+    """Remove the ports' files that nobody will finish."""
+    for port in shared_memory.glob("fastrtps_port*[0-9]"):
+        with suppress(OSError):  # gone meanwhile, or not ours
+            with port.open("rb") as file:
+                ready = file.read(len(_READY)) == _READY
+            if not ready and port.stat().st_mtime < time.time() - MAKING_S:
+                port.unlink()
 
 
 @contextmanager

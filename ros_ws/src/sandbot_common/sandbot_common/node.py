@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -30,7 +30,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
 from sandbot_common import cli, messages, topics
-from sandbot_common.dead_ports import dead_ports, left_aside
+from sandbot_common.dead_ports import number_of_its_own
 from sandbot_common.errors import InputError
 from sandbot_common.parameters import Spec, from_mapping, specs
 from sandbot_common.process import ask_for_real_time, keep_memory, own_name
@@ -262,11 +262,6 @@ def start_ros(argv: Sequence[str]) -> None:
             rclpy.logging.set_logger_level("rcl", LoggingSeverity.UNSET)
 
 
-def number_of_its_own() -> AbstractContextManager[None]:
-    """While in here a process makes its first node, which gets the number of none that was killed (``dead_ports``)."""
-    return left_aside(dead_ports(rclpy.get_default_context().get_domain_id()))
-
-
 def run(
     make: Callable[[], Node],
     argv: Sequence[str] | None = None,
@@ -286,7 +281,7 @@ def run(
             start_ros([sys.argv[0], *arguments])
             node: Node | None = None
             try:
-                with number_of_its_own():
+                with number_of_its_own(rclpy.get_default_context().get_domain_id()):
                     node = make()
                 with _beating(node, stop) as turn:
                     _spin(node, stop, turn)
