@@ -1,7 +1,7 @@
 """Compile the numba kernels once, as part of the set-up, so that no first run waits a minute for them.
 
 One short trial of the virtual lab goes through the compiled kernels: dynamics, drawing, tracking, folding. What no such
-campaign uses is called by itself: the smoother of a video's track, the lab's other ground, a fit.
+campaign uses is called by itself: the smoother of a video's track, the lab's other ground, a search for effects.
 """
 
 import sys
@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from sandbot_bringup.tools import campaign
+from sandbot_lab.direct import direct_trials
 from sandbot_lab.resistive import ResistiveGround
 from sandbot_lab.robot import simulate
 from sandbot_lab.world import World
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.fitting.fit import fit
+from sandbot_model.discovery.discover import discover
 from sandbot_model.physics.catalogue import catalogue
-from sandbot_model.physics.model import model_of
 from sandbot_record.trials.table import Row, from_rows
 from sandbot_tracking.smooth import smooth
 
@@ -36,8 +36,10 @@ def main() -> int:
     t_s = 0.01 * np.arange(200)
     simulate(World(resistive=ResistiveGround()), 0.6, t_s[:2], np.zeros((2, 6)), np.zeros((2, 6)), seed=1)
     smooth(t_s, 0.2 * t_s + 1e-5 * np.sin(1e3 * t_s))
-    trials = [Row(trial_id=str(i), phi=0.62, omega_rad_s=6.0 + i, speed_m_s=0.06 + 0.01 * i) for i in range(6)]
-    fit(model_of("simple", (), catalogue()), cells_of(from_rows(trials)))
+    # On days of their own, so that readings are looked at that may be off; at its softest some walk and some swim.
+    rows = direct_trials(World(), (0.58, 0.605, 0.633), (4.0, 12.0, 20.0, 28.0), replicates=3, batches="omega")
+    few = {name: catalogue()[name] for name in ("stance_overlap", "disturbed_ground")}
+    discover(cells_of(from_rows([Row(**row) for row in rows])), few, max_effects=1)
     with tempfile.TemporaryDirectory() as folder:
         plan = Path(folder) / "plan.yaml"
         plan.write_text(PLAN, encoding="utf-8")

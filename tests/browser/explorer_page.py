@@ -52,7 +52,7 @@ class Page:
     def until(self, condition):
         """Wait for something to come; where it does not, say what the page says."""
         try:
-            return WebDriverWait(self.driver, PATIENCE_S, poll_frequency=0.05).until(lambda _: condition())
+            return WebDriverWait(self.driver, PATIENCE_S, poll_frequency=0.25).until(lambda _: condition())
         except TimeoutException:
             at = self.driver.switch_to.active_element.get_attribute("outerHTML")[:200]
             said = {name: self.text(name) for name in ("status", "message")}

@@ -10,7 +10,7 @@ from fuzz_parsers import PARSERS, Parser
 from sandbot_common.errors import InputError
 
 BY_NAME = {parser.name: parser for parser in PARSERS}
-SLOW = {"bag": 60, "message": 20, "discovery": 60}
+SLOW = {"bag": 60, "message": 20, "discovery": 20}
 """Cases of those that read much, or whose good files take seconds to make."""
 SAMPLE = 150
 

@@ -91,7 +91,7 @@ def test_a_bed_that_had_less_air_than_told_is_not_prepared(driver, heard):
         heard.beside.until(lambda: heard.blown[-1] == 0)
 
         heard.prepare(driver)  # once more, and nobody turns it off
-        assert heard.ends()[0] == "ready"
+        assert (ended := heard.ends())[0] == "ready", ended
 
 
 def test_a_cable_that_was_out_for_a_moment_ends_the_air(heard, tmp_path):
@@ -105,4 +105,4 @@ def test_a_cable_that_was_out_for_a_moment_ends_the_air(heard, tmp_path):
         heard.beside.until(lambda: int(heard.told["serial_bed"]["opened"]) == 2)
 
         heard.prepare("serial_bed")
-        assert heard.ends()[0] == "ready"
+        assert (ended := heard.ends())[0] == "ready", ended

@@ -23,7 +23,7 @@ ATTEMPTS = 3
     [
         ("campaign", "KILL", "walking", "whoever ran the trial is gone"),
         pytest.param("tracker", "STOP", "walking", "tracker is frozen", marks=pytest.mark.whole),
-        ("bed", "KILL", "blowing", "bed is gone"),
+        pytest.param("bed", "KILL", "blowing", "bed is gone", marks=pytest.mark.whole),
     ],
 )
 def test_all_stops_and_the_bag_says_why(target, fault, moment, why, tmp_path):

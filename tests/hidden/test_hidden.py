@@ -16,7 +16,7 @@ from sandbot_record.trials.table import Row, from_rows
 IDENTIFIED = [
     "disturbed_ground(k_l_n_per_m=175, s_c=0.95)",
     pytest.param("exact_vertical_acceleration()", marks=pytest.mark.whole),
-    "stance_overlap(eta=0.1)",
+    pytest.param("stance_overlap(eta=0.1)", marks=pytest.mark.whole),
     pytest.param("swimming_thrust(a_m_s2=0.32)", marks=pytest.mark.whole),
     pytest.param("slow_phase_speed(SGCS)", marks=pytest.mark.whole),
 ]

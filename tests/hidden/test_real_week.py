@@ -72,19 +72,15 @@ def test_a_lift_read_one_grain_too_high_is_no_effect():
 STRONG_WEEK = {"k_batch_sd": 0.01, "k_drift": 0.03, "lift_zero_m": 1e-3, "speed_scale": 0.01}
 
 
+@pytest.mark.whole  # test_sharing has some without the lab
 @pytest.mark.parametrize(
     ("effect", "parameters", "seed", "batches", "order", "week"),
     [
         ("phi_dependent_response", {"b": 0.6}, 1030, "replicate", "as_listed", {"lift_zero_m": 1e-3}),
-        *(
-            pytest.param(*case, marks=pytest.mark.whole)
-            for case in [
-                ("phi_dependent_response", {"b": 0.6}, 1030, "omega", "as_listed", {"k_batch_sd": 0.015}),
-                ("phi_dependent_response", {"b": 0.6}, 1004, "condition", "randomised", {"k_batch_sd": 0.01}),
-                ("exact_vertical_acceleration", {}, 1031, "omega", "as_listed", STRONG_WEEK),
-                ("stance_overlap", {"eta": 0.1}, 1031, "omega", "randomised", STRONG_WEEK),
-            ]
-        ),
+        ("phi_dependent_response", {"b": 0.6}, 1030, "omega", "as_listed", {"k_batch_sd": 0.015}),
+        ("phi_dependent_response", {"b": 0.6}, 1004, "condition", "randomised", {"k_batch_sd": 0.01}),
+        ("exact_vertical_acceleration", {}, 1031, "omega", "as_listed", STRONG_WEEK),
+        ("stance_overlap", {"eta": 0.1}, 1031, "omega", "randomised", STRONG_WEEK),
     ],
 )
 def test_no_formula_has_what_a_week_does_for_its_own(effect, parameters, seed, batches, order, week):
@@ -115,6 +111,7 @@ def test_a_world_outside_the_catalogue_is_no_effect_beside_what_a_week_does(batc
 ANEW = {"lift_zero_batch_sd_m": 6e-4, "speed_scale_batch_sd": 0.01}
 
 
+@pytest.mark.whole  # test_sharing has it without the lab
 def test_an_effect_is_named_beside_readings_set_anew_each_day():
     """One frequency a day: a formula alone would have the zeros of days for its own."""
     one = found(1014, "omega", {"phi_dependent_response": {"b": 0.6}}, order="randomised", **ANEW)

@@ -102,6 +102,7 @@ def test_frames_are_kept_of_one_trial_and_the_truth_only_in_its_place(done):
     assert said == [done / "truth" / "world.yaml"]
 
 
+@pytest.mark.whole  # test_video has them without a campaign
 def test_frames_kept_as_video_are_the_raw_ones_to_the_last_bit(tmp_path):
     plan, frames = write_plan(tmp_path, phi=[0.633], omega_rad_s=[20.0]), {}
     for images in ("raw", "video"):

@@ -50,6 +50,7 @@ FAINT = {
 """Forms of an honest size that moves hardly anything."""
 
 
+@pytest.mark.whole
 def test_every_form_is_of_a_family_or_of_none_and_moves_something():
     without = observables(variants.Form("none", "nothing acts", {}))
     for form in variants.FORMS:

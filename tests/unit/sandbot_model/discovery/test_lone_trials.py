@@ -35,13 +35,14 @@ def test_a_slip_that_no_replicate_shows_refuses_no_model(drawn):
     assert "ω 4 rad/s, which is alone in its condition and far off: repeat it" in found.verdict.because
 
 
+@pytest.mark.whole
 def test_an_effect_is_named_beside_such_a_slip(drawn):
     found = discover(cells_of(slipped(drawn(("stance_overlap",), seed=5))), FEW, max_effects=1)
     assert found.headline == "identified: stance_overlap"
     assert "repeat it" in found.verdict.because
 
 
-@pytest.mark.parametrize("how", [{"alone": False}, {"conditions": 3}])
+@pytest.mark.parametrize("how", [pytest.param({"alone": False}, marks=pytest.mark.whole), {"conditions": 3}])
 def test_what_replicates_or_several_conditions_say_is_no_slip(drawn, how):
     found = discover(cells_of(slipped(drawn(seed=5), **how)), FEW, max_effects=1)
     assert found.verdict.status == "unexplained"

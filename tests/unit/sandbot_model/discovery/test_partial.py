@@ -54,6 +54,7 @@ GLIDE = "beta*omega*max(d + h - R, 0.001)"
 HARMONIC = f"b: step: s += {GLIDE}*t_left/(1 + 0.8*g*t_left/({GLIDE}))"
 
 
+@pytest.mark.whole
 @pytest.mark.slow
 def test_a_small_share_of_what_is_missed_by_far_is_a_rest(drawn):
     """A belly that slides on till friction or the next step ends it, in a smooth way: 2 % of 58000 is left."""

@@ -121,7 +121,8 @@ class ArrayChains:
     def footing(self, points: Points) -> Footing:
         """See ``Chains``."""
         found = self.walker.footing(*self._inputs(points))
-        return Footing(*(np.broadcast_to(part, points.shape) for part in vars(found).values()))
+        # Arrays of their own: for what can only be read every kernel would be compiled once more.
+        return Footing(*(np.array(np.broadcast_to(part, points.shape)) for part in vars(found).values()))
 
     def values(self, outputs: tuple[str, ...], points: Points, feet: Feet) -> Array:
         """See ``Chains``."""
