@@ -11,7 +11,7 @@ import os
 import re
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -204,11 +204,14 @@ def append_line(path: Path, content: object) -> None:
         file.write(json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def read_csv(path: Path, needed: str = "a CSV file") -> tuple[list[str], Iterator[tuple[int, dict[str, str]]]]:
+def read_csv(
+    path: Path, needed: str = "a CSV file", matters: Callable[[str], bool] = bool
+) -> tuple[list[str], Iterator[tuple[int, dict[str, str]]]]:
     """Column names of a CSV file, and its rows: (number in the file, text by column), stripped; empty rows left out.
 
-    Tabs or semicolons may stand for the commas, or what a first line such as ``sep=;`` names, and then a comma in a
-    number for its point. A title or lines with # may stand on top; the last of these is the header where none follows.
+    Tabs or semicolons may stand for the commas, or what a first line such as ``sep=;`` names, or spaces in a table that
+    has nothing else, and then a comma in a number for its point. A title or lines with # may stand on top; the last of
+    these is the header where none follows. No column that ``matters`` may be there twice.
     """
     text = read_text(path, needed)
     try:
@@ -216,7 +219,7 @@ def read_csv(path: Path, needed: str = "a CSV file") -> tuple[list[str], Iterato
     except csv.Error as error:
         raise InputError(f"{path}: not a CSV: {error}") from None
     header = [" ".join(name.split()) for name in table.header]
-    if repeated := [name for index, name in enumerate(header) if name and name in header[:index]]:
+    if repeated := [name for index, name in enumerate(header) if matters(name) and name in header[:index]]:
         raise InputError(f"{path}: row 1: column {repeated[0]} is there twice")
     rows = table.rows if table.separator == "," else _with_points(path, header, table.rows)
     return header, _csv_rows(path, header, rows)
@@ -262,7 +265,18 @@ def _table(text: str) -> _Table:
             errors.append(error)
     if not found:
         raise errors[0]
-    return max(found, key=lambda table: table.fit)
+    best = max(found, key=lambda table: table.fit)
+    if not all(best.fit[:2]):
+        with suppress(csv.Error):
+            spaced = _split(_spaced(text), " ")
+            return spaced if all(spaced.fit[:2]) else best
+    return best
+
+
+def _spaced(text: str) -> str:
+    """One space between words, and none behind the # of a remark, which numpy puts there."""
+    lines = (" ".join(line.split()) for line in text.split("\n"))
+    return "\n".join(re.sub("^#+ ", "#", line) for line in lines)
 
 
 def _split(text: str, separator: str) -> _Table:

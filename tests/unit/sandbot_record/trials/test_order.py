@@ -41,7 +41,7 @@ def test_trials_of_a_day_whose_hour_nobody_tells_share_their_place(days):
 
 def test_numbers_stand_unless_several_tables_count_alike():
     some = rows("2026-11-25T10:02:00", "2026-11-25T10:01:00", run_order=5.0)
-    assert orders(by_the_clock(some, joined=False)) == [5, 5]
+    assert by_the_clock(some, joined=False) is None
     assert orders(by_the_clock(some, joined=True)) == [2, 1]
 
 
@@ -50,7 +50,7 @@ def test_numbers_stand_unless_several_tables_count_alike():
     [("", ""), ("2026-11-25T10:00:00", ""), ("2026-11-25T10:00:00", "noon"), ("2026-11-25T10:00", "2026-11-25T11:00Z")],
 )
 def test_a_clock_that_does_not_tell_all_changes_nothing(started):
-    assert all(math.isnan(order) for order in orders(by_the_clock(rows(*started), joined=True)))
+    assert by_the_clock(rows(*started), joined=True) is None
 
 
 def test_a_trial_that_failed_needs_no_time():
@@ -71,3 +71,29 @@ def test_days_in_tables_of_their_own_follow_each_other(tmp_path):
         **{f"first{i}": i + 1 for i in range(3)},
         **{f"second{i}": i + 4 for i in range(3)},
     }
+
+
+def days(tmp_path, *numbers, more=""):
+    """Tables of trials of these numbers, and what is read of them all."""
+    paths = [tmp_path / f"day{day}.csv" for day in range(len(numbers))]
+    for day, (path, own) in enumerate(zip(paths, numbers, strict=True)):
+        lines = [f"{day}:{number},0.6,{8 + number},0.1,{number}{more.format(day)}" for number in own]
+        head = "trial_id,phi,omega_rad_s,speed_m_s,run_order" + (",started" if more else "")
+        path.write_text("\n".join([head, *lines]))
+    return paths, read(paths)
+
+
+def test_days_that_each_begin_with_1_follow_each_other_as_they_were_given_and_that_is_said(tmp_path):
+    paths, found = days(tmp_path, (1, 2, 3), (1, 2), (2, 1))
+    assert found.run_order.tolist() == [1, 2, 3, 4, 5, 7, 6]
+    assert [clause.split(",")[0] for clause in found.unread] == [
+        f"run_order begins anew in {path}" for path in paths[1:]
+    ]
+
+
+def test_numbers_that_tables_share_among_them_stand(tmp_path):
+    """Control: trials of one campaign sorted into tables, and days of which the clock tells the order."""
+    _, found = days(tmp_path, (2, 5), (1, 3, 4))
+    assert (found.run_order.tolist(), found.unread) == ([2, 5, 1, 3, 4], ())
+    _, found = days(tmp_path, (1,), (1,), more=",2026-11-2{}")
+    assert (found.run_order.tolist(), found.unread) == ([1, 2], ())

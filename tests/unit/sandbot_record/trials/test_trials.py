@@ -1,5 +1,7 @@
 import csv
 import math
+import os
+import subprocess
 
 import bags
 import numpy as np
@@ -67,7 +69,10 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
         ("phi;omega_rad_s;speed_m_s\n0,6;8;0,2\n0,6;8\n", "row 3: 2 values for 3 columns"),
         ("phi;omega_rad_s;speed_m_s\n0,6,1;8;0,2\n", "row 2, column phi: '0,6,1' is not a number"),
         ("phi,phi,omega_rad_s,speed_m_s\n", "row 1: column phi is there twice"),
-        (GOOD.replace(",", " "), "column phi is missing; columns are separated by commas, tabs or semicolons, not by"),
+        (
+            "phi omega [rad/s] speed_m_s\n0.6 8 .2\n",
+            "column phi is missing; columns are separated by commas, tabs or semicolons, or by spaces where no name or",
+        ),
         (
             "trial_id,phi,omega_rad_s,speed_m_s\nMean,.6,8,.2\n",
             "row 2, column trial_id: 'Mean' is no trial",
@@ -310,6 +315,8 @@ def test_gait_and_status_are_known_however_they_are_written(tmp_path):
         'phi;"omega\n[rad/s]";speed_m_s\n0,60;8;0,21\n0,62;8;0,25\n',
         "# phi,omega_rad_s,speed_m_s\n0.60,8,0.21\n0.62,8,0.25\n",
         "# made on Monday, by hand\n# phi; omega_rad_s; speed_m_s\n0,60;8;0,21\n0,62;8;0,25\n",
+        "# made on Monday, by hand\n# phi omega_rad_s speed_m_s\n0.60 8 0.21\n6.2e-1 8 0.25\n",
+        "   phi   omega_rad_s  speed_m_s \n  0,60            8       0,21\n  0,62           8\t    0,25  \n",
     ],
 )
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
@@ -364,3 +371,29 @@ def test_a_unit_that_is_not_known_is_not_guessed(tmp_path):
 def test_rows_below_a_title_keep_their_number_in_the_file(tmp_path):
     with pytest.raises(InputError, match="row 4, column omega_rad_s: 'fast'"):
         read(write(tmp_path, "# title\n" + GOOD.replace("0.62,8", "0.62,fast")))
+
+
+def test_a_day_is_one_however_a_spreadsheet_writes_its_number(tmp_path):
+    header = "phi,omega_rad_s,speed_m_s,day\n"
+    first = write(tmp_path, header + "0.6,8,0.1,1\n0.6,12,0.2,10\n", "first.csv")
+    second = write(tmp_path, header + "0.6,8,0.11,1.0\n0.6,12,0.21,10.0\n", "second.csv")
+    found = read([first, second])
+    assert (found.batch.tolist(), found.unread) == (["1", "10", "1", "10"], ())
+
+
+def test_days_of_almost_one_name_are_two_and_that_is_said(tmp_path):
+    table = read(write(tmp_path, "phi,omega_rad_s,speed_m_s,day\n0.6,8,0.1,Mon\n0.6,8,0.11,mon\n0.6,8,0.1,Tue\n"))
+    assert table.batch.tolist() == ["Mon", "mon", "Tue"]
+    assert table.unread == ("batches Mon and mon are taken for 2",)
+
+
+def test_two_columns_that_nobody_reads_may_have_one_name(tmp_path):
+    table = read(write(tmp_path, "phi,omega_rad_s,speed_m_s,note,note\n0.6,8,0.1,a,b\n"))
+    assert table.unread == ("columns that are not read: note, note",)
+
+
+def test_what_a_command_writes_into_a_pipe_is_a_table(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with subprocess.Popen(["sh", "-c", f"printf '%s' '{GOOD}' > {pipe}"]):
+        assert read(pipe).trial_id.tolist() == ["row2", "row3"]

@@ -73,7 +73,7 @@ _OTHER_NAMES = {
 
 def read_csv(path: Path) -> Trials:
     """A trials table from a CSV file; only phi, omega_rad_s and speed_m_s are required. Raises InputError."""
-    header, lines = files.read_csv(path, "a trials CSV, a bag or a campaign folder")
+    header, lines = files.read_csv(path, "a trials CSV, a bag or a campaign folder", _is_read)
     return replace(from_rows(rows_of(header, lines, str(path))), unread=unread(header))
 
 
@@ -112,6 +112,10 @@ def rows_of(given: Sequence[str], lines: Iterable[tuple[int, Mapping[str, str]]]
         raise InputError(f"{where}: no trials: nothing below the header")
     check_ids(rows, [f"{where}: row {number}, column trial_id" for number in numbers])
     return rows
+
+
+def _is_read(name: str) -> bool:
+    return _known_names([name])[0] in COLUMNS
 
 
 def _known_names(header: Sequence[str]) -> list[str]:
@@ -190,7 +194,7 @@ def _hint(name: str, header: Sequence[str]) -> str:
     if foreign := next((other for other in header if _in_brackets(other)[0] == name), ""):
         return f"; {foreign!r} has a unit that is not known; {', '.join(_FACTORS[name])} are"
     if len(header) == 1 and " " in header[0]:
-        return "; columns are separated by commas, tabs or semicolons, not by spaces"
+        return "; columns are separated by commas, tabs or semicolons, or by spaces where no name or value has any"
     strange = [other for other in header if other not in COLUMNS and not set(other) & set("[(")]
     close = near(name, strange)
     return f"; is {close!r} meant?" if close else f"; there are: {', '.join(filter(None, header))}"
@@ -209,6 +213,8 @@ def _csv_row(where: str, number: int, cells: Mapping[str, str]) -> Row:
         text = cells.get(name, "")
         if name in TEXTS:
             text = "" if text.lower() in _NOT_MEASURED else text
+            # Of numbers a spreadsheet makes 1 or 1.0, as it likes: both are one batch.
+            text = text.removesuffix(".0") if name == "batch" and text[:-2].isdecimal() else text
             values[name] = values[name] if name == "status" else _gait(text) if name == "gait" else text or values[name]
         else:
             values[name] = _number(f"{where}, column {name}", name, text, required=name in REQUIRED and status == OK)

@@ -27,7 +27,8 @@ def from_frame(frame: "DataFrame") -> Trials:
         (number, dict(zip(header, map(_text, row), strict=True)))
         for number, row in enumerate(frame.itertuples(index=False, name=None), start=2)
     )
-    rows = by_the_clock(rows_of(header, lines, "data"), joined=False)
+    rows = rows_of(header, lines, "data")
+    rows = by_the_clock(rows, joined=False) or rows
     return replace(from_rows(rows), unread=unread(header))
 
 

@@ -9,19 +9,35 @@ from datetime import datetime
 from sandbot_record.trials.table import OK, Row
 
 
-def by_the_clock(rows: Sequence[Row], *, joined: bool) -> list[Row]:
+def by_the_clock(rows: Sequence[Row], *, joined: bool) -> list[Row] | None:
     """The same rows, ``run_order`` as ``started`` has it: where it is missing, or several tables are ``joined``.
 
-    They stay as they are unless the clock tells when each trial that is ok began, always with a zone or never.
+    None where they are numbered, or the clock does not tell when each trial that is ok began, always with a zone or
+    never.
     """
     counted = [row for row in rows if row.status == OK]
     if not joined and not any(math.isnan(row.run_order) for row in counted):
-        return list(rows)
+        return None
     when = {row.trial_id: began for row in rows if (began := began_at(row.started)) is not None}
     if len({began.tzinfo is None for began in when.values()}) != 1 or any(row.trial_id not in when for row in counted):
-        return list(rows)
+        return None
     place = _places(when)
     return [replace(row, run_order=place.get(row.trial_id, math.nan)) for row in rows]
+
+
+def one_after_the_other(tables: Sequence[Sequence[Row]]) -> tuple[list[list[Row]], list[int]]:
+    """The rows of tables; where one has numbers that were there before, as each day begins with 1, all of its own go on
+    from the last. Also which tables these are."""
+    found: list[list[Row]] = []
+    anew: list[int] = []
+    taken: set[float] = set()
+    for at, rows in enumerate(tables):
+        own = {row.run_order for row in rows if not math.isnan(row.run_order)}
+        last = max(taken) if own & taken else 0.0
+        found.append([replace(row, run_order=row.run_order + last) for row in rows])
+        anew += [at] * bool(last)
+        taken |= {number + last for number in own}
+    return found, anew
 
 
 def _places(when: Mapping[str, datetime]) -> dict[str, float]:

@@ -10,7 +10,7 @@ from sandbot_common.errors import InputError
 from sandbot_record.bags.reader import is_bag
 from sandbot_record.trials.csv_table import NAMELESS, read_csv
 from sandbot_record.trials.from_bags import campaign, trial_from_bag
-from sandbot_record.trials.order import by_the_clock
+from sandbot_record.trials.order import by_the_clock, one_after_the_other
 from sandbot_record.trials.setting import Setting, shared
 from sandbot_record.trials.table import OK, Row, Trials, check_ids, from_rows
 
@@ -23,7 +23,8 @@ MANY_DIGITS = 8
 def read(data: Path | str | Sequence[Path | str]) -> Trials:
     """The trials of DATA: a campaign folder, one or more bags, or CSV files (several are joined).
 
-    Where trials are not numbered in the order they were run, or come from several tables, ``started`` tells it.
+    Where trials are not numbered in the order they were run, or come from several tables, ``started`` tells it; tables
+    without it that number their trials anew were run in the order given, and ``unread`` says so.
     A trial that is in several of them is there once, and ``unread`` says so; another of the same name, as two days on
     one plan give, gets its folder's name before its own, and so do blocks of another campaign. Raises InputError (one
     line: which file, row, column, value) if anything does not fit, if two trials of one table share an id, if they are
@@ -37,24 +38,38 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     if not given:
         raise InputError("no data given: a campaign folder, bags or a trials CSV is needed")
     tables = [_read_one(path) for path in map(Path, given)]
-    rows, again = _joined(given, tables)
+    joined, said = _joined(given, tables)
+    numbered, anew = one_after_the_other(joined)
+    rows = [row for some in numbered for row in some]
     where = ", ".join(str(path) for path in given[:3]) + (" …" if len(given) > 3 else "")
     check_ids(rows, [where] * len(rows))
-    rows = by_the_clock(rows, joined=len(tables) > 1)
+    if (clocked := by_the_clock(rows, joined=len(tables) > 1)) is not None:
+        rows, anew = clocked, []
+    said += [f"run_order begins anew in {given[at]}, taken for later than what was given before it" for at in anew]
+    said += _nearly_one(rows)
     setting = shared(
         Setting(str(path), table.robot, table.frame_rate_hz, table.accuracy)
         for path, table in zip(given, tables, strict=True)
     )
-    unread = tuple(dict.fromkeys([*(clause for table in tables for clause in table.unread), *again]))
+    unread = tuple(dict.fromkeys([*(clause for table in tables for clause in table.unread), *said]))
     table = replace(from_rows(rows, *setting.for_table), unread=unread)
     if not table.usable.any():
         raise InputError(f"{where}: no usable trial among {len(rows)}: {_why_unusable(rows)}")
     return table
 
 
-def _joined(given: Sequence[Path | str], tables: Sequence[Trials]) -> tuple[list[Row], list[str]]:
-    """The rows of all tables, and a clause for each of which some were there before."""
-    joined: list[Row] = []
+def _nearly_one(rows: Sequence[Row]) -> list[str]:
+    """A clause for batches whose names differ in capitals only."""
+    names: dict[str, set[str]] = {}
+    for row in rows:
+        names.setdefault(row.batch.casefold(), set()).add(row.batch)
+    alike = [sorted(some) for some in names.values() if len(some) > 1]
+    return [f"batches {' and '.join(some)} are taken for {len(some)}" for some in alike]
+
+
+def _joined(given: Sequence[Path | str], tables: Sequence[Trials]) -> tuple[list[list[Row]], list[str]]:
+    """The rows of each table that were not there before, and a clause for each of which some were."""
+    joined: list[list[Row]] = []
     again: list[str] = []
     earlier: list[dict[str, Row]] = []
     first_with: dict[str, Path] = {}
@@ -67,13 +82,14 @@ def _joined(given: Sequence[Path | str], tables: Sequence[Trials]) -> tuple[list
         if known:
             again.append(f"{len(known)} trials of {path} are in what was given before it, and count once")
         earlier.append(by_id)
-        taken = {row.trial_id for row in joined}
+        taken = {row.trial_id for some in joined for row in some}
+        joined.append([])
         for row in new:
             trial_id = f"{path}/{row.trial_id}" if row.trial_id in taken else row.trial_id
             # Every campaign numbers its blocks from 1; a day or a preparation is the same in whichever table it stands.
             is_own = BLOCK.fullmatch(row.batch) and first_with.setdefault(row.batch, campaign_of) != campaign_of
             batch = f"{campaign_of}/{row.batch}" if is_own else row.batch
-            joined.append(replace(row, trial_id=trial_id, batch=batch))
+            joined[-1].append(replace(row, trial_id=trial_id, batch=batch))
     return joined, again
 
 
@@ -108,7 +124,8 @@ def _campaign_of(path: Path) -> Path:
 def _read_one(path: Path) -> Trials:
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
-    if path.is_file() and not is_bag(path):
+    # What another command writes into a pipe, as in <(grep -v wet trials.csv), can only be a table.
+    if path.is_fifo() or (path.is_file() and not is_bag(path)):
         return read_csv(path)
     if is_bag(path):
         return trial_from_bag(path)
