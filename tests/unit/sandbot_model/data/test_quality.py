@@ -57,15 +57,6 @@ def test_copies_are_named():
     assert f"{CLEAN.trial_id[4]} = {CLEAN.trial_id[3]}" in note
 
 
-def test_a_table_that_was_pasted_twice_is_named():
-    twice = from_rows([*CLEAN.rows(), *(replace(row, trial_id=f"{row.trial_id}_2") for row in CLEAN.rows())])
-    assert any("was a table pasted or given twice?" in note for note in checked(twice))
-    speed = np.round(CLEAN.speed_m_s, 2)
-    nothing = np.full(len(CLEAN), np.nan)
-    rounded = replace(CLEAN, speed_m_s=speed, lift_m=nothing, peak_speed_m_s=nothing, first_step_m=nothing)
-    assert not any("twice" in note for note in checked(rounded))
-
-
 def test_a_status_that_may_mean_ok_is_named():
     def of_status(word):
         return replace(CLEAN, status=np.where(np.arange(len(CLEAN)) < 2, word, CLEAN.status))

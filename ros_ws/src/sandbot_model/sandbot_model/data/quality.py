@@ -45,8 +45,6 @@ APPROVING = frozenset(
     {"good", "fine", "okay", "yes", "y", "true", "1", "valid", "done", "success", "complete", "passed"}
 )
 """A status, in small letters, by which its writer may have meant "ok"."""
-SET_POINT = 3
-"""Decimals of φ as it is told to a bed; as measured it has more."""
 MANY = 64
 """Trials of a cell up to which all pairs are compared."""
 FAR_OUT = 8.0
@@ -75,7 +73,6 @@ def checked(trials: Trials) -> tuple[str, ...]:
         *trials.unread,
         *_meant_ok(trials),
         *_copied(used, values),
-        *_doubled(used, values),
         *_fast(used),
         *_too_far(used, share),
         *_no_peaks(values),
@@ -153,20 +150,6 @@ def _fast(used: Trials) -> list[str]:
         f"omega_rad_s is {used.omega_rad_s[fast][0]:g} in {used.trial_id[fast][0]} and above {FAST:g} in {fast.sum()} "
         "trials: is it in rpm (times π/30)?"
     ]
-
-
-def _doubled(used: Trials, values: Floats) -> list[str]:
-    """Where every trial is there several times, condition and all: a table pasted twice.
-
-    Rounding makes some replicates alike, or all of each set-point, but no φ as it was measured.
-    """
-    rows = np.nan_to_num(np.column_stack([used.phi, used.omega_rad_s, values]), nan=-1.0)
-    _, first, count = np.unique(rows, axis=0, return_index=True, return_counts=True)
-    one_a_condition = len(first) == len(np.unique(rows[:, :2], axis=0))
-    least = int(count.min())
-    if least < 2 or (one_a_condition and np.allclose(used.phi, np.round(used.phi, SET_POINT))):
-        return []
-    return [f"every trial is there {least} times or more, to the last digit: was a table pasted or given twice?"]
 
 
 def _beyond(used: Trials, values: Floats) -> Floats:

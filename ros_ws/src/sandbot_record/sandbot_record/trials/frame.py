@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from sandbot_record.trials.copies import counted_once
 from sandbot_record.trials.csv_table import rows_of, unread
 from sandbot_record.trials.order import by_the_clock
 from sandbot_record.trials.table import Trials, from_rows
@@ -28,8 +29,8 @@ def from_frame(frame: "DataFrame") -> Trials:
         for number, row in enumerate(frame.itertuples(index=False, name=None), start=2)
     )
     rows = rows_of(header, lines, "data")
-    rows = by_the_clock(rows, joined=False) or rows
-    return replace(from_rows(rows), unread=unread(header))
+    rows, copied = counted_once(by_the_clock(rows, joined=False) or rows)
+    return replace(from_rows(rows), unread=(*unread(header), *copied))
 
 
 def _text(value: Any) -> str:

@@ -1,6 +1,5 @@
 """``read(DATA)`` is the one door by which analysis gets its data: a campaign folder, bags, or a CSV from anywhere."""
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -8,6 +7,7 @@ from pathlib import Path
 
 from sandbot_common.errors import InputError
 from sandbot_record.bags.reader import is_bag
+from sandbot_record.trials.copies import counted_once, digits
 from sandbot_record.trials.csv_table import NAMELESS, read_csv
 from sandbot_record.trials.from_bags import campaign, trial_from_bag
 from sandbot_record.trials.order import by_the_clock, one_after_the_other
@@ -46,7 +46,8 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     if (clocked := by_the_clock(rows, joined=len(tables) > 1)) is not None:
         rows, anew = clocked, []
     said += [f"run_order begins anew in {given[at]}, taken for later than what was given before it" for at in anew]
-    said += _nearly_one(rows)
+    rows, copied = counted_once(rows)
+    said += [*_nearly_one(rows), *copied]
     setting = shared(
         Setting(str(path), table.robot, table.frame_rate_hz, table.accuracy)
         for path, table in zip(given, tables, strict=True)
@@ -107,10 +108,7 @@ def _same(one: Mapping[str, Row], other: Mapping[str, Row]) -> set[str]:
 
 
 def _digits(row: Row) -> int:
-    measured = (row.speed_m_s, row.lift_m, row.peak_speed_m_s, row.first_step_m)
-    # Of 16 digits the last may be the computer's: 0.07 from 7 cm.
-    told = (f"{abs(value):.12e}".partition("e")[0] for value in measured if not math.isnan(value))
-    return sum(len(digits.replace(".", "").rstrip("0")) for digits in told)
+    return sum(map(digits, (row.speed_m_s, row.lift_m, row.peak_speed_m_s, row.first_step_m)))
 
 
 def _campaign_of(path: Path) -> Path:

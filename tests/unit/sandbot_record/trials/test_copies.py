@@ -1,0 +1,81 @@
+"""A trial that is there twice is one trial; replicates that rounding makes alike are not."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sandbot_record.trials.copies import counted_once
+from sandbot_record.trials.frame import from_frame
+from sandbot_record.trials.read import read
+from sandbot_record.trials.table import Row
+
+
+def table(seed=1, *, phi=(0.6, 0.62), decimals=9, replicates=3, scatter=0.005, missed=0.0):
+    """Trials of these set-points of φ, met within ``missed``, at two frequencies; the speed as it was rounded."""
+    random = np.random.default_rng(seed)
+    return [
+        Row(trial_id=f"{level}_{omega}_{number}", phi=level + round(random.normal(0, missed), 6), omega_rad_s=omega,
+            speed_m_s=round(0.02 * omega + random.normal(0, scatter), decimals))
+        for level in phi
+        for omega in (8.0, 12.0)
+        for number in range(replicates)
+    ]  # fmt: skip
+
+
+def pasted(rows, times=2):
+    """The same below each other, with names that nobody has twice."""
+    return [replace(row, trial_id=f"{row.trial_id}_{time}") for time in range(times) for row in rows]
+
+
+def copies(rows):
+    return [row.trial_id for row in counted_once(rows)[0] if row.status.startswith("a copy of ")]
+
+
+@pytest.mark.parametrize("times", [2, 3])
+@pytest.mark.parametrize("how", [{}, {"decimals": 3}, {"decimals": 2, "replicates": 1, "missed": 1e-3}])
+def test_of_a_table_that_was_pasted_several_times_each_trial_counts_once(how, times):
+    rows = table(**how)
+    found, said = counted_once(pasted(rows, times))
+    counted = [replace(row, trial_id=row.trial_id[:-2]) for row in found if row.status == "ok"]
+    assert sorted(counted, key=str) == sorted(rows, key=str)
+    assert said == [f"{(times - 1) * len(rows)} trials are copies of others, to the last digit, and count once"]
+
+
+def test_a_single_copy_is_known_by_its_many_digits_whatever_else_is_said_of_it():
+    rows = table()
+    again = replace(rows[2], trial_id="again", replicate=4.0, batch="Tue")
+    found, said = counted_once([*rows, again])
+    assert found[:-1] == rows
+    assert found[-1].status == f"a copy of {rows[2].trial_id}"
+    assert said == ["1 trials are copies of others, to the last digit, and count once"]
+
+
+@settings(max_examples=50)
+@given(st.integers(0, 10**6), st.integers(2, 4), st.sampled_from([1e-3, 5e-3]))
+def test_replicates_that_rounding_makes_alike_are_replicates(seed, decimals, scatter):
+    assert copies(table(seed, decimals=decimals, replicates=5, scatter=scatter)) == []
+
+
+def test_where_rounding_hides_all_scatter_nobody_knows():
+    """Each set-point has one row, twice: pasted, or replicates that agree."""
+    assert copies(pasted(table(decimals=2, replicates=1))) == []
+
+
+def test_trials_that_failed_alike_are_no_copies():
+    rows = [replace(row, speed_m_s=math.nan, status="no markers") for row in pasted(table())]
+    assert counted_once(rows) == (rows, [])
+
+
+def test_by_either_door(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    rows = pasted(table(decimals=4))
+    frame = pandas.DataFrame([{"phi": r.phi, "omega_rad_s": r.omega_rad_s, "speed_m_s": r.speed_m_s} for r in rows])
+    frame.to_csv(tmp_path / "t.csv", index=False)
+    for trials in (read(tmp_path / "t.csv"), from_frame(frame)):
+        assert (len(trials), int(trials.usable.sum())) == (24, 12)
+        assert trials.unread == ("12 trials are copies of others, to the last digit, and count once",)
+        assert trials.status[12] == "a copy of row2"
