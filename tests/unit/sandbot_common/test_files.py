@@ -96,6 +96,7 @@ def test_reads_a_mapping(tmp_path):
         (b"", "got NoneType"),
         (b"a: [1\n", "not YAML"),
         (b"\xff\xfe\x00", r"not a text file \(UTF-8\); a YAML file is needed"),
+        (b"PK\x03\x04\x14\x00\xff", r"of a spreadsheet \(.xlsx, .ods\) save the sheet as CSV"),
     ],
 )
 def test_refuses_what_is_no_mapping_in_one_line(tmp_path, content, complaint):

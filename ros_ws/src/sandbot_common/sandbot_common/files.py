@@ -93,6 +93,10 @@ def writing(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: can't be written: {error.strerror}") from None
 
 
+ARCHIVE = b"PK\x03\x04"
+"""How a zip archive begins, which a workbook is."""
+
+
 def read_text(path: Path, needed: str = "a text file", remedy: str = "") -> str:
     """The UTF-8 text of a file, without a byte order mark; ``remedy`` ends the line about a file that is missing."""
     try:
@@ -104,12 +108,16 @@ def read_text(path: Path, needed: str = "a text file", remedy: str = "") -> str:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError as error:
-        # Text of an older encoding has letters beyond ASCII here and there, and no byte 0.
-        place = error.object.count(b"\n", 0, error.start) + 1
-        instead = (
-            f"{needed} is needed" if b"\0" in error.object else f"line {place} is not: save it as UTF-8 (CSV UTF-8)"
-        )
-        raise InputError(f"{path}: not a text file (UTF-8); {instead}") from None
+        raise InputError(f"{path}: not a text file (UTF-8); {_instead(error, needed)}") from None
+
+
+def _instead(error: UnicodeDecodeError, needed: str) -> str:
+    """What to do about a file that is no text."""
+    if error.object.startswith(ARCHIVE):
+        return f"{needed} is needed; of a spreadsheet (.xlsx, .ods) save the sheet as CSV"
+    # Text of an older encoding has letters beyond ASCII here and there, and no byte 0.
+    place = error.object.count(b"\n", 0, error.start) + 1
+    return f"{needed} is needed" if b"\0" in error.object else f"line {place} is not: save it as UTF-8 (CSV UTF-8)"
 
 
 def _decoded(content: bytes) -> str:
@@ -211,7 +219,8 @@ def read_csv(
 
     Tabs or semicolons may stand for the commas, or what a first line such as ``sep=;`` names, or spaces in a table that
     has nothing else, and then a comma in a number for its point. A title or lines with # may stand on top; the last of
-    these is the header where none follows. No column that ``matters`` may be there twice.
+    these is the header where none follows; where it stands again, as files put behind each other have it, it is left
+    out. No column that ``matters`` may be there twice.
     """
     text = read_text(path, needed)
     try:
@@ -226,8 +235,9 @@ def read_csv(
 
 
 _SEP_LINE = re.compile(r""""?sep=([^\w"'.+-])\1*"?(?=\n|$)""", re.IGNORECASE)
-_NUMBER = re.compile(r"[+\-\N{MINUS SIGN}]?(\d+\.?|\d*[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
-_NUMBER_OR_NONE = re.compile(rf"({_NUMBER.pattern}|nan)?", re.IGNORECASE)
+NUMBER = re.compile(r"[+\-\N{MINUS SIGN}]?(\d+\.?|\d*[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE)
+"""A number in a cell, with a point or a comma."""
+_NUMBER_OR_NONE = re.compile(rf"({NUMBER.pattern}|nan)?", re.IGNORECASE)
 _THOUSANDS = re.compile(r"[+\-\N{MINUS SIGN}]?[1-9]\d{0,2}[.,]\d{3}")
 _Rows = list[tuple[int, list[str]]]
 
@@ -248,7 +258,7 @@ class _Table:
         width = len(self.header)
         even = width > 1 and {len(cells) for _, cells in self.rows} == {width}
         first = self.rows[0][0] if self.rows else 0
-        names = not any(_NUMBER.fullmatch(cell) or '"' in cell for cell in self.header)
+        names = not any(NUMBER.fullmatch(cell) or '"' in cell for cell in self.header)
         return even, names, -first, width
 
 
@@ -283,7 +293,7 @@ def _split(text: str, separator: str) -> _Table:
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True, skipinitialspace=True)
     lines = [[cell.strip() for cell in line] for line in reader]
     header, first = _header(lines)
-    rows = [(number, cells) for number, cells in enumerate(lines[first:], start=first + 1) if any(cells)]
+    rows = [(at, cells) for at, cells in enumerate(lines[first:], start=first + 1) if any(cells) and cells != header]
     return _Table(separator, header, rows)
 
 
@@ -295,9 +305,9 @@ def _header(lines: list[list[str]]) -> tuple[list[str], int]:
     for number, line in enumerate(lines):
         if not any(line) or _remark(line) or (wide and sum(map(bool, line)) < 2):
             continue
-        if any(map(_NUMBER.fullmatch, line)):
+        if any(map(NUMBER.fullmatch, line)):
             for names in map(_remark, reversed(lines[:number])):
-                if len(names) == len(line) and not any(map(_NUMBER.fullmatch, names)):
+                if len(names) == len(line) and not any(map(NUMBER.fullmatch, names)):
                     return names, number
         return line, number + 1
     return [], len(lines)
@@ -332,7 +342,7 @@ def _with_points(path: Path, header: list[str], rows: _Rows) -> _Rows:
             "write thousands without a sign, or decimals of another length"
         )
     return [
-        (number, [cell.replace(",", ".") if _NUMBER.fullmatch(cell) else cell for cell in cells])
+        (number, [cell.replace(",", ".") if NUMBER.fullmatch(cell) else cell for cell in cells])
         for number, cells in rows
     ]
 

@@ -69,6 +69,8 @@ def test_rows_with_another_status_are_kept_but_not_usable(tmp_path):
         ("phi;omega_rad_s;speed_m_s\n0,6;8;0,2\n0,6;8\n", "row 3: 2 values for 3 columns"),
         ("phi;omega_rad_s;speed_m_s\n0,6,1;8;0,2\n", "row 2, column phi: '0,6,1' is not a number"),
         ("phi,phi,omega_rad_s,speed_m_s\n", "row 1: column phi is there twice"),
+        ("phi,.6,.61\nomega [Hz],1,2\nspeed_m_s,.1,.2\n", "row 1: column omega_rad_s is missing; there are numbers in"),
+        ("0.6,8,0.2\n0.6,12,0.3\n", "column phi is missing; there are numbers in that row: names of the columns are"),
         (
             "phi omega [rad/s] speed_m_s\n0.6 8 .2\n",
             "column phi is missing; columns are separated by commas, tabs or semicolons, or by spaces where no name or",
@@ -397,3 +399,8 @@ def test_what_a_command_writes_into_a_pipe_is_a_table(tmp_path):
     os.mkfifo(pipe)
     with subprocess.Popen(["sh", "-c", f"printf '%s' '{GOOD}' > {pipe}"]):
         assert read(pipe).trial_id.tolist() == ["row2", "row3"]
+
+
+def test_tables_put_behind_each_other_are_one(tmp_path):
+    """As `cat monday.csv tuesday.csv` does."""
+    assert read(write(tmp_path, GOOD + GOOD.replace("21", "22"))).trial_id.tolist() == ["row2", "row3", "row5", "row6"]

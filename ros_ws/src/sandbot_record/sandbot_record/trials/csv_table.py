@@ -190,6 +190,8 @@ def _hint(name: str, header: Sequence[str]) -> str:
     for other in header:
         if _OTHER_NAMES.get(_plain(other), "").split(" ")[0] == name:
             return f"; {other} would have to become {_OTHER_NAMES[_plain(other)]}"
+    if any(map(files.NUMBER.fullmatch, header)):
+        return "; there are numbers in that row: names of the columns are needed on top, and below them a row a trial"
     # With a unit of its own, a column is not misspelt but not understood.
     if foreign := next((other for other in header if _in_brackets(other)[0] == name), ""):
         return f"; {foreign!r} has a unit that is not known; {', '.join(_FACTORS[name])} are"
