@@ -16,6 +16,7 @@ from sandbot_record.trials.table import COLUMNS, Row, from_rows
 
 GOOD = "phi,omega_rad_s,speed_m_s\n0.60,8,0.21\n0.62,8,0.25\n"
 LIFT = "phi,omega_rad_s,speed_m_s,{}\n.6,8,.2,.005\n"
+DAYS = "no batch is told: the trials of each table are taken for those of one day"
 
 
 def write(tmp_path, text, name="t.csv"):
@@ -167,10 +168,10 @@ def test_rows_of_two_days_are_replicates_however_alike_and_a_table_given_twice_i
     first = write(tmp_path, header + "0.6,8,12\n0.6,12,16\n0.62,8,14\n", "first.csv")
     second = write(tmp_path, header + "0.6,8,12\n0.6,12,17\n0.62,8,14\n", "second.csv")
     both = read([first, second])
-    assert (len(both), both.unread) == (6, ())
+    assert (len(both), both.unread) == (6, (DAYS,))
     again = read([first, second, first])
     assert len(again) == 6
-    assert again.unread == (f"3 trials of {first} are in what was given before it, and count once",)
+    assert again.unread == (f"3 trials of {first} are in what was given before it, and count once", DAYS)
 
 
 def test_trials_that_are_numbered_anew_each_day_are_replicates_too(tmp_path):
@@ -404,3 +405,18 @@ def test_what_a_command_writes_into_a_pipe_is_a_table(tmp_path):
 def test_tables_put_behind_each_other_are_one(tmp_path):
     """As `cat monday.csv tuesday.csv` does."""
     assert read(write(tmp_path, GOOD + GOOD.replace("21", "22"))).trial_id.tolist() == ["row2", "row3", "row5", "row6"]
+
+
+def test_tables_that_tell_no_batch_are_days(tmp_path):
+    first, second = (write(tmp_path, GOOD.replace("21", speed), f"{speed}.csv") for speed in ("21", "22"))
+    both = read([first, second])
+    assert both.batch.tolist() == [str(first)] * 2 + [str(second)] * 2
+    assert both.unread == (DAYS,)
+    assert read(first).batch.tolist() == ["", ""]
+
+
+def test_what_is_told_of_batches_stands_and_a_single_trial_is_no_day(tmp_path):
+    told = write(tmp_path, "phi,omega_rad_s,speed_m_s,day\n0.6,8,0.21,Mon\n0.62,8,0.25,\n", "told.csv")
+    single = write(tmp_path, "phi,omega_rad_s,speed_m_s\n0.6,8,0.22\n", "single.csv")
+    table = read([told, single])
+    assert (table.batch.tolist(), table.unread) == (["Mon", "", ""], ())

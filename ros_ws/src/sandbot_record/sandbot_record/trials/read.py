@@ -24,7 +24,8 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     """The trials of DATA: a campaign folder, one or more bags, or CSV files (several are joined).
 
     Where trials are not numbered in the order they were run, or come from several tables, ``started`` tells it; tables
-    without it that number their trials anew were run in the order given, and ``unread`` says so.
+    without it that number their trials anew were run in the order given, and trials of tables that tell no batch share
+    one with the others of their table: ``unread`` says so.
     A trial that is in several of them is there once, and ``unread`` says so; another of the same name, as two days on
     one plan give, gets its folder's name before its own, and so do blocks of another campaign. Raises InputError (one
     line: which file, row, column, value) if anything does not fit, if two trials of one table share an id, if they are
@@ -39,6 +40,9 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
         raise InputError("no data given: a campaign folder, bags or a trials CSV is needed")
     tables = [_read_one(path) for path in map(Path, given)]
     joined, said = _joined(given, tables)
+    if untold := _without_batch(joined):
+        joined = [_as_batch(rows, str(given[at])) if at in untold else rows for at, rows in enumerate(joined)]
+        said.append("no batch is told: the trials of each table are taken for those of one day")
     numbered, anew = one_after_the_other(joined)
     rows = [row for some in numbered for row in some]
     where = ", ".join(str(path) for path in given[:3]) + (" …" if len(given) > 3 else "")
@@ -57,6 +61,15 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     if not table.usable.any():
         raise InputError(f"{where}: no usable trial among {len(rows)}: {_why_unusable(rows)}")
     return table
+
+
+def _without_batch(tables: Sequence[Sequence[Row]]) -> list[int]:
+    """Which of several tables tell no batch of any trial; those of one trial have nothing to share."""
+    return [at for at, rows in enumerate(tables) if len(tables) > 1 < len(rows) and not any(row.batch for row in rows)]
+
+
+def _as_batch(rows: Sequence[Row], name: str) -> list[Row]:
+    return [replace(row, batch=name) for row in rows]
 
 
 def _nearly_one(rows: Sequence[Row]) -> list[str]:
