@@ -47,11 +47,18 @@ def test_of_a_table_that_was_pasted_several_times_each_trial_counts_once(how, ti
 
 def test_a_single_copy_is_known_by_its_many_digits_whatever_else_is_said_of_it():
     rows = table()
-    again = replace(rows[2], trial_id="again", replicate=4.0, batch="Tue")
+    rows = [replace(row, lift_m=row.speed_m_s / 7) for row in rows]
+    again = replace(rows[2], trial_id="again", replicate=4.0, batch="Tue", peak_speed_m_s=float("nan"))
     found, said = counted_once([*rows, again])
     assert found[:-1] == rows
     assert found[-1].status == f"a copy of {rows[2].trial_id}"
     assert said == ["1 trials are copies of others, to the last digit, and count once"]
+
+
+def test_a_metre_by_the_stopwatch_has_many_digits_and_is_no_copy():
+    rows = [replace(row, speed_m_s=1 / round(1 / row.speed_m_s, 1), lift_m=0.012) for row in table(replicates=9)]
+    assert len({row.speed_m_s for row in rows}) < len(rows)
+    assert copies(rows) == []
 
 
 @settings(max_examples=50)

@@ -2,14 +2,13 @@
 
 import math
 from collections import Counter
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from sandbot_record.trials.table import OK, Row
 
-LONG = 6
-"""Digits of one measured value from which two trials that agree in it, and in all others, are one."""
-
+LONG, SEVERAL = 6, 2
+"""Digits, and measured values of so many, from which trials that agree in all are one: a single one may be 1 m / 5.3 s."""
 SET_POINT = 3
 """Decimals of a φ that was asked for, and not measured."""
 
@@ -17,7 +16,7 @@ SET_POINT = 3
 def counted_once(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
     """The same rows, those that are copies of others with a status that says so; and a clause if there are any.
 
-    Copies are known by a value of many digits; where all are rounded, by every trial being there several times. Where
+    Copies are known by values of many digits; where all are rounded, by every trial being there several times. Where
     each set-point has but one row so repeated, that may be rounding, and they are left.
     """
     copied = {**_many_digits(rows), **_whole_table(rows)}
@@ -29,11 +28,11 @@ def counted_once(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
 
 def _many_digits(rows: Sequence[Row]) -> dict[int, str]:
     """Of each copy, by its place, which trial it is a copy of."""
-    first: dict[Hashable, str] = {}
+    first: dict[str, str] = {}
     found: dict[int, str] = {}
     for at, row in enumerate(rows):
-        if row.status == OK and any(digits(value) >= LONG for value in _measured(row)):
-            original = first.setdefault(_condition(row) + _measured(row), row.trial_id)
+        if row.status == OK and sum(digits(value) >= LONG for value in measured(row)) >= SEVERAL:
+            original = first.setdefault(repr((_condition(row), measured(row))), row.trial_id)
             if original != row.trial_id:
                 found[at] = original
     return found
@@ -48,8 +47,8 @@ def _whole_table(rows: Sequence[Row]) -> dict[int, str]:
     set_points = all(row.phi == round(row.phi, SET_POINT) for row in rows if row.status == OK)
     if times < 2 or (set_points and len(set(keys)) == len({_condition(rows[at]) for at in counted})):
         return {}
-    first: dict[Hashable, str] = {}
-    seen: Counter[Hashable] = Counter()
+    first: dict[str, str] = {}
+    seen: Counter[str] = Counter()
     found = {}
     for at, key in zip(counted, keys, strict=True):
         original = first.setdefault(key, rows[at].trial_id)
@@ -64,14 +63,15 @@ def digits(value: float) -> int:
     return 0 if math.isnan(value) else len(f"{abs(value):.12e}".partition("e")[0].replace(".", "").rstrip("0"))
 
 
-def _condition(row: Row) -> tuple[Hashable, ...]:
-    return row.phi, row.omega_rad_s, row.gait
-
-
-def _measured(row: Row) -> tuple[float, ...]:
+def measured(row: Row) -> tuple[float, ...]:
+    """The four observables."""
     return row.speed_m_s, row.lift_m, row.peak_speed_m_s, row.first_step_m
 
 
-def _key(row: Row) -> Hashable:
-    """All that a trial says but its name and when it was run. As text: what was not measured is NaN, and not itself."""
+def _condition(row: Row) -> tuple[float, float, str]:
+    return row.phi, row.omega_rad_s, row.gait
+
+
+def _key(row: Row) -> str:
+    """All that a trial says but its name and when it was run; as text, for what was not measured is NaN, not itself."""
     return repr(replace(row, trial_id="", run_order=math.nan, started=""))

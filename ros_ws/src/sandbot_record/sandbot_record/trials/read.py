@@ -7,7 +7,7 @@ from pathlib import Path
 
 from sandbot_common.errors import InputError
 from sandbot_record.bags.reader import is_bag
-from sandbot_record.trials.copies import counted_once, digits
+from sandbot_record.trials.copies import counted_once, digits, measured
 from sandbot_record.trials.csv_table import NAMELESS, read_csv
 from sandbot_record.trials.from_bags import campaign, trial_from_bag
 from sandbot_record.trials.order import by_the_clock, one_after_the_other
@@ -121,7 +121,7 @@ def _same(one: Mapping[str, Row], other: Mapping[str, Row]) -> set[str]:
 
 
 def _digits(row: Row) -> int:
-    return sum(map(digits, (row.speed_m_s, row.lift_m, row.peak_speed_m_s, row.first_step_m)))
+    return sum(map(digits, measured(row)))
 
 
 def _campaign_of(path: Path) -> Path:
