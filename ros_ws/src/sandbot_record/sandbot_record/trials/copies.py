@@ -7,8 +7,10 @@ from dataclasses import replace
 
 from sandbot_record.trials.table import OK, Row
 
-LONG, SEVERAL = 6, 2
-"""Digits, and measured values of so many, from which trials that agree in all are one: a single one may be 1 m / 5.3 s."""
+LONG = 6
+"""Digits of a measured value that are no chance in two trials, unless it is 1 m in 5.3 s."""
+SEVERAL = 2
+"""Such values from which two trials that agree in all are one."""
 SET_POINT = 3
 """Decimals of a φ that was asked for, and not measured."""
 
