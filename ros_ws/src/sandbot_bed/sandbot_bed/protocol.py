@@ -123,6 +123,8 @@ class Stage(StrEnum):
 class Command:
     """What the blower does now, and what is known; φ and σ_φ are NaN until they have been measured."""
 
+    preparation: int = 0
+    """Which one this is, from 1; 0 before the first."""
     stage: Stage = Stage.IDLE
     blower: float = 0.0
     target_phi: float = math.nan
@@ -150,7 +152,7 @@ class PulseProtocol:
         if self.command.stage.busy:
             raise InputError(f"bed: busy ({self.command.stage}); abort first")
         self.parameters.check_target(target_phi)
-        self.command = Command(target_phi=target_phi)
+        self.command = Command(self.command.preparation + 1, target_phi=target_phi)
         self._now_s = self._good_s = math.nan
         self._forget_pulses()
         self._enter(Stage.FLUIDISE, self.parameters.fluidise_s, self.parameters.fluidise_level)

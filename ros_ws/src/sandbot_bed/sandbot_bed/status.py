@@ -9,9 +9,11 @@ _ERROR = 2
 
 
 def status_message(t_ns: int, command: Command) -> DiagnosticArray:
-    """/bed/status: stage, target, pulses, refluidised, φ, σ_φ, height and blower; an error where the bed failed."""
+    """/bed/status: which preparation, its stage, target, pulses, refluidised, φ, σ_φ, height and blower; an error where
+    the bed failed."""
     failed = command.stage is Stage.FAILED
     figures = {
+        "preparation": command.preparation,
         "stage": command.stage.value,
         "target_phi": command.target_phi,
         "pulses": command.pulses,

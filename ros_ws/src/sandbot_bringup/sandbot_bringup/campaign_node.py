@@ -26,6 +26,7 @@ from sandbot_bringup.hold import Hold
 from sandbot_bringup.hold_node import HoldServices
 from sandbot_bringup.orders_node import CALL_S, Orders
 from sandbot_bringup.plan import Plan, PlannedTrial
+from sandbot_bringup.preparation import Preparation
 from sandbot_bringup.provenance import trial_message
 from sandbot_bringup.recorder_process import RecorderProcess
 from sandbot_bringup.supervision import SILENCE_S, camera_fault
@@ -236,15 +237,10 @@ class Operator(Node):
 
     def _prepare_bed(self) -> None:
         self.desk.enter("preparing the bed")
+        bed = self._hearing
+        asked = Preparation(bed.bed_preparation)
         self._orders.call("/bed/prepare")
-        bed, begun = self._hearing, False
-
-        def over() -> bool:
-            nonlocal begun
-            begun = begun or bed.bed_stage not in ("", "idle", "ready", "failed")
-            return bed.phi is not None or (begun and bed.bed_stage in ("failed", "idle"))
-
-        done = self._wait(over, BED_S)
+        done = self._wait(lambda: asked.over(bed.bed_preparation, bed.bed_stage) or bed.phi is not None, BED_S)
         if bed.bed_stage == "idle":
             self._stopped_by_hand(bed.bed_text)
         if not done or bed.phi is None:

@@ -42,7 +42,7 @@ class Hearing:
         """``turn_s``: how long a turn waits at most; what passes beyond twice that is our own delay."""
         self.told: dict[str, Told] = {}
         self.phi: float | None = None
-        self.bed_stage = self.bed_text = ""
+        self.bed_stage = self.bed_text = self.bed_preparation = ""
         self.bed_height_m = math.nan
         self.heights = 0
         self.moving = False
@@ -187,6 +187,7 @@ class Hearing:
         for status in message.status:
             values = messages.values_of(status)
             self.bed_stage, self.bed_text = values.get("stage", self.bed_stage), status.message
+            self.bed_preparation = values.get("preparation", "")
             self.bed_height_m = float(values.get("height_m", math.nan))
 
     def _on_height(self, _: bytes) -> None:
