@@ -273,13 +273,13 @@ def _table(text: str) -> _Table:
             found.append(_split(text, separator))
         except csv.Error as error:
             errors.append(error)
-    if not found:
-        raise errors[0]
-    best = max(found, key=lambda table: table.fit)
-    if not all(best.fit[:2]):
+    best = max(found, key=lambda table: table.fit, default=None)
+    if best is None or not all(best.fit[:2]):
         with suppress(csv.Error):
             spaced = _split(_spaced(text), " ")
-            return spaced if all(spaced.fit[:2]) else best
+            best = spaced if all(spaced.fit[:2]) else best
+    if best is None:
+        raise errors[0]
     return best
 
 
@@ -291,9 +291,13 @@ def _spaced(text: str) -> str:
 
 def _split(text: str, separator: str) -> _Table:
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True, skipinitialspace=True)
-    lines = [[cell.strip() for cell in line] for line in reader]
+    # The mark of its encoding stands inside where a file was put behind another.
+    lines = [[cell.strip().strip("\ufeff").strip() for cell in line] for line in reader]
     header, first = _header(lines)
     rows = [(at, cells) for at, cells in enumerate(lines[first:], start=first + 1) if any(cells) and cells != header]
+    # R numbers its rows, and names no column for that.
+    if rows and [cells[: -len(header)] for _, cells in rows] == [[str(at + 1)] for at in range(len(rows))]:
+        header = ["", *header]
     return _Table(separator, header, rows)
 
 

@@ -319,6 +319,8 @@ def test_gait_and_status_are_known_however_they_are_written(tmp_path):
         "# phi,omega_rad_s,speed_m_s\n0.60,8,0.21\n0.62,8,0.25\n",
         "# made on Monday, by hand\n# phi; omega_rad_s; speed_m_s\n0,60;8;0,21\n0,62;8;0,25\n",
         "# made on Monday, by hand\n# phi omega_rad_s speed_m_s\n0.60 8 0.21\n6.2e-1 8 0.25\n",
+        '"phi" "omega_rad_s" "speed_m_s"\n"1" 0.6 8 0.21\n"2" 0.62 8 0.25\n',
+        "phi,omega_rad_s,speed_m_s\n1,0.6,8,0.21\n2,0.62,8,0.25\n",
         "   phi   omega_rad_s  speed_m_s \n  0,60            8       0,21\n  0,62           8\t    0,25  \n",
     ],
 )
@@ -420,3 +422,40 @@ def test_what_is_told_of_batches_stands_and_a_single_trial_is_no_day(tmp_path):
     single = write(tmp_path, "phi,omega_rad_s,speed_m_s\n0.6,8,0.22\n", "single.csv")
     table = read([told, single])
     assert (table.batch.tolist(), table.unread) == (["Mon", "", ""], ())
+
+
+def test_a_table_in_other_units_or_with_fewer_digits_is_the_same_table(tmp_path):
+    head = "trial_id,phi,omega_rad_s,{},started\n"
+    rows = [(f"t{i}", 0.58 + i / 300, 8, 0.1 + i / 70, f"2026-05-04T10:{i:02d}:01") for i in range(9)]
+    table = "\n".join(",".join(map(str, row)) for row in rows)
+    full = write(tmp_path, head.format("speed_m_s") + table, "full.csv")
+    per_cm = "\n".join(",".join(map(str, (*row[:3], 100 * row[3], row[4]))) for row in rows)
+    short = "\n".join(f"{name},{phi:.3f},{omega},{speed:.3f},{started}" for name, phi, omega, speed, started in rows)
+    for other in (
+        write(tmp_path, head.format("speed [cm/s]") + per_cm, "cm.csv"),
+        write(tmp_path, head.format("speed_m_s") + short, "short.csv"),
+    ):
+        both = read([full, other])
+        assert len(both) == 9
+        assert both.unread[0] == f"9 trials of {other} are in what was given before it, and count once"
+
+
+def test_trials_of_one_name_and_day_are_two_where_no_time_is_told(tmp_path):
+    """Control: the first trial of the morning, and of the afternoon."""
+    head = "trial_id,phi,omega_rad_s,speed_m_s,started\n"
+    morning, afternoon = (write(tmp_path, f"{head}1,0.6,8,{v},2026-05-04\n", f"{v}.csv") for v in (0.123, 0.124))
+    assert len(read([morning, afternoon])) == 2
+
+
+def test_names_of_columns_are_known_in_capitals(tmp_path):
+    table = read(write(tmp_path, "Phi,OMEGA_RAD_S,Speed_m_s,Lift_m,Status\n0.6,8,0.21,0.005,OK\n0.6,8,0.2,0.004,bad\n"))
+    assert (table.lift_m.tolist(), table.usable.tolist(), table.unread) == ([0.005, 0.004], [True, False], ())
+
+
+def test_files_with_a_mark_of_their_encoding_may_be_put_behind_each_other(tmp_path):
+    assert len(read(write(tmp_path, 2 * ("\ufeff" + GOOD)))) == 4
+
+
+def test_that_a_column_marks_trials_is_no_reason_to_leave_them_out_and_that_is_said(tmp_path):
+    table = read(write(tmp_path, "phi,omega_rad_s,speed_m_s,Exclude\n0.6,8,0.21,yes\n0.6,8,0.2,\n"))
+    assert table.unread[0] == "what Exclude says of trials is not read: to leave some out takes a status, not ok"

@@ -16,7 +16,7 @@ from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import Observable
 from sandbot_record.trials.order import began_at
-from sandbot_record.trials.table import Trials
+from sandbot_record.trials.table import OK, Trials
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -322,7 +322,7 @@ def _trends(used: Trials, values: Floats, cell: Ints) -> list[str]:
 def _meant_ok(trials: Trials) -> list[str]:
     """Trials left out by a status that may well mean "ok"."""
     statuses = trials.status.tolist()
-    meant = [one for one in statuses if one.lower() in APPROVING]
+    meant = [one for one in statuses if one != OK and (one.lower() in APPROVING or one.lower().startswith(OK))]
     if not meant:
         return []
     return [f"{len(meant)} trials are left out by their status, {_some(list(dict.fromkeys(meant)))}: only ok is ok"]

@@ -29,10 +29,15 @@ NAMELESS = re.compile(r"row\d+")
 """What trials are called whose table names none."""
 BATCH_SYNONYMS = ("day", "preparation")
 PRESETS = ("SGCS", "HGCS", "UNIFORM")
-_NOT_MEASURED = frozenset({"", "-", "--", "–", "—", "n/a", "na", "nan", "null", "none"})
+_NOT_MEASURED = frozenset(
+    {"", "-", "--", "–", "—", ".", "?", "n/a", "na", "<na>", "nan", "null", "none", "nd", "n.d.", "k.a."}
+    | {"#n/a", "#na", "#nv", "#div/0!", "#value!", "#wert!"}
+)
 """What people write in the cell of a value that was not measured, in small letters."""
 _SUMMARIES = frozenset({"mean", "average", "median", "sd", "std", "stdev", "sem", "sum", "total", "min", "max"})
 """What a spreadsheet's last rows are called, in small letters."""
+_MARKS = frozenset({"exclude", "excluded", "outlier", "valid", "use", "used", "ok", "good", "bad", "quality", "flag"})
+"""What people call columns that mark trials not to be used, in small letters."""
 _NOT_NEGATIVE = ("phi_sd", "speed_sd_m_s")
 _QUANTITIES = {
     **dict.fromkeys(("phi", "φ", "volume_fraction"), "phi"),
@@ -127,6 +132,8 @@ def _known_names(header: Sequence[str]) -> list[str]:
 
 def _unit_in_header(given: str) -> tuple[str, float]:
     """The table's name of a column such as ``omega [Hz]``, and the factor to its unit; others as they are."""
+    if (plain := _plain(given).replace(" ", "_")) in COLUMNS:
+        return plain, 1.0
     name, unit = _in_brackets(given)
     factor = _FACTORS.get(name, {}).get(unit)
     return (given, 1.0) if factor is None else (name, factor)
@@ -182,6 +189,8 @@ def unread(given: Sequence[str]) -> tuple[str, ...]:
             )
         else:
             others.append(column)
+    if marks := [column for column in others if _plain(column) in _MARKS]:
+        found.append(f"what {' and '.join(marks)} says of trials is not read: to leave some out takes a status, not ok")
     return (*found, *([f"columns that are not read: {', '.join(others)}"] if others else []))
 
 

@@ -113,11 +113,20 @@ def _same(one: Mapping[str, Row], other: Mapping[str, Row]) -> set[str]:
     rounded speed be the same.
     """
     shared = one.keys() & other.keys()
-    # As text: what was not measured is NaN, and NaN is not itself.
-    alike = {name for name in shared if repr(one[name]) == repr(other[name])}
+    alike = {name for name in shared if _told(one[name]) == _told(other[name]) or _at_once(one[name], other[name])}
     if alike == shared:
         return alike
     return {name for name in alike if not NAMELESS.fullmatch(name) and _digits(one[name]) >= MANY_DIGITS}
+
+
+def _told(row: Row) -> list[str]:
+    """A row as text, for what was not measured is NaN, which is not itself; in other units its last digits differ."""
+    return [value if isinstance(value, str) else f"{value:.9g}" for value in vars(row).values()]
+
+
+def _at_once(one: Row, other: Row) -> bool:
+    """Whether two rows of one name began at the same time of a day: they are one trial, once with fewer digits."""
+    return ":" in one.started and one.started == other.started
 
 
 def _digits(row: Row) -> int:
