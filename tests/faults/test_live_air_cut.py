@@ -33,7 +33,7 @@ def serial_bed(folder):
         yield simulated
 
 
-@pytest.fixture(params=[pytest.param("lab", marks=pytest.mark.whole), "serial_bed"])
+@pytest.fixture(params=["lab", "serial_bed"])
 def driver(request, domain, tmp_path):
     """Who drives the blower, by name."""
     with contextlib.ExitStack() as stack:
@@ -81,6 +81,7 @@ def heard(beside):
     return Heard(beside)
 
 
+@pytest.mark.whole  # the next one has the other cause
 def test_a_bed_that_had_less_air_than_told_is_not_prepared(driver, heard):
     with running("sandbot_bed.bed_node", *BED) as bed:
         heard.prepare(driver)

@@ -63,6 +63,7 @@ def test_a_planted_pair_is_identified():
     assert found.first_right, (found.status, found.named)
 
 
+@pytest.mark.whole  # test_sharing has lift zeros
 @pytest.mark.slow
 def test_half_of_a_pair_is_not_left_to_a_lift_zero_that_could_be_off():
     """One effect beside a zero off by a grain passes a test of all at once; the other gains 103 beside the same."""

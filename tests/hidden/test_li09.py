@@ -74,6 +74,7 @@ def test_without_disturbed_ground_walking_does_not_end_where_it_does():
     assert found.goodness.rmse["speed"] > 1.2 * held["speed"]
 
 
+@pytest.mark.whole  # test_errors has stairs
 @pytest.mark.slow
 def test_a_response_time_known_by_who_walks_alone_has_an_error_that_spans_the_stairs():
     """A step is cut short, so that Δt says only which cells walk. k drifts by 1 %; a control: by curvature Δt is known
