@@ -46,6 +46,20 @@ def test_a_trial_far_out_is_named():
     assert CLEAN.trial_id[7] in note
 
 
+@pytest.mark.parametrize("every", [2, 3, 5])
+def test_runs_there_and_back_are_refused(every):
+    """They scatter by twice their speed, and any model held."""
+    back = CLEAN.speed_m_s * np.where(np.arange(len(CLEAN)) % every, 1, -1)
+    with pytest.raises(InputError, match=r"speed_m_s is -.* were these runs back\? then times -1"):
+        checked(replace(CLEAN, speed_m_s=back))
+
+
+def test_a_few_below_0_and_swimmers_about_0_are_no_runs_back():
+    """Control: trials that were lost by the tracker are outliers, and who hardly moves may be read as moving back."""
+    checked(changed("speed_m_s", [3, 40], [-0.2, -0.2]))
+    checked(replace(CLEAN, speed_m_s=np.where(CLEAN.omega_rad_s > 15, -0.004, CLEAN.speed_m_s)))
+
+
 def test_copies_are_named():
     row = {name: getattr(CLEAN, name)[3] for name in ("speed_m_s", "lift_m", "peak_speed_m_s", "first_step_m")}
     copied = CLEAN

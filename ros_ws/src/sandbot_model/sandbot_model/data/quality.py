@@ -53,6 +53,8 @@ CLEARLY = 4.0
 """Times the least lift of a walker from which no replicate of the same condition swims."""
 COARSE = 0.5
 """Step of rounding over scatter from which replicates show the rounding, not the noise."""
+RUNS_BACK = 0.1
+"""Share of trials that are as far below 0 as others are above from which they are no outliers."""
 WIDE = 0.0015
 """Scatter of φ within a level beyond what a prepared bed misses its target by (it is 0.0005 to 0.001)."""
 TREND_P = 1e-3
@@ -119,6 +121,14 @@ def _refuse_backwards(used: Trials, values: Floats) -> None:
             raise InputError(
                 f"trials: {observable.column} is {values[row, observable]:g} in {used.trial_id[row]} and below 0 in "
                 f"{below.sum()} of {count}: does its axis point {axis}? else times -1"
+            )
+        # A lift of less than nothing is a zero that is off; a speed is, by as much as others are above, a run back.
+        back = values[:, observable] < -0.5 * np.nanmedian(np.abs(values[:, observable])) if count else below
+        if observable is not Observable.lift and back.sum() > RUNS_BACK * count:
+            row = int(np.argmax(back))
+            raise InputError(
+                f"trials: {observable.column} is {values[row, observable]:g} in {used.trial_id[row]} and as far below 0 "
+                f"in {back.sum()} of {count} as above in others: were these runs back? then times -1"
             )
 
 
