@@ -127,8 +127,8 @@ def _refuse_backwards(used: Trials, values: Floats) -> None:
         if observable is not Observable.lift and back.sum() > RUNS_BACK * count:
             row = int(np.argmax(back))
             raise InputError(
-                f"trials: {observable.column} is {values[row, observable]:g} in {used.trial_id[row]} and as far below 0 "
-                f"in {back.sum()} of {count} as above in others: were these runs back? then times -1"
+                f"trials: {observable.column} is {values[row, observable]:g} in {used.trial_id[row]} and as far below "
+                f"0 in {back.sum()} of {count} as above in others: were these runs back? then times -1"
             )
 
 
