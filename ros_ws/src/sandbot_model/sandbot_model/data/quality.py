@@ -53,8 +53,9 @@ CLEARLY = 4.0
 """Times the least lift of a walker from which no replicate of the same condition swims."""
 COARSE = 0.5
 """Step of rounding over scatter from which replicates show the rounding, not the noise."""
-RUNS_BACK = 0.1
-"""Share of trials that are as far below 0 as others are above from which they are no outliers."""
+RUNS_BACK, WALKED = 0.1, 0.1
+"""Share of trials that are as far below 0 as others are above from which they are no outliers; share of the most that
+legs can do from which a robot has moved: of one that is stuck half are read as below 0."""
 WIDE = 0.0015
 """Scatter of φ within a level beyond what a prepared bed misses its target by (it is 0.0005 to 0.001)."""
 TREND_P = 1e-3
@@ -68,7 +69,7 @@ def checked(trials: Trials) -> tuple[str, ...]:
     values = np.stack([getattr(used, observable.column) for observable in Observable], axis=-1)
     share = _beyond(used, values)
     _refuse(used, share)
-    _refuse_backwards(used, values)
+    _refuse_backwards(used, values, share)
     _refuse_low_peaks(used, values)
     cell, _ = conditions(used.phi, used.gait, used.omega_rad_s)
     return (
@@ -111,7 +112,7 @@ def _refuse(used: Trials, share: Floats) -> None:
             raise InputError(f"trials: {_impossible(used, observable, int(np.argmax(far)), share)}")
 
 
-def _refuse_backwards(used: Trials, values: Floats) -> None:
+def _refuse_backwards(used: Trials, values: Floats, share: Floats) -> None:
     """Most of a column below 0: no gait walks backwards, and none lowers the body, but for a zero that is off."""
     for observable in Observable:
         least = -SURE_LIFT_M if observable is Observable.lift else 0.0
@@ -124,6 +125,7 @@ def _refuse_backwards(used: Trials, values: Floats) -> None:
             )
         # A lift of less than nothing is a zero that is off; a speed is, by as much as others are above, a run back.
         back = values[:, observable] < -0.5 * np.nanmedian(np.abs(values[:, observable])) if count else below
+        back &= share[:, observable] > WALKED
         if observable is not Observable.lift and back.sum() > RUNS_BACK * count:
             row = int(np.argmax(back))
             raise InputError(
