@@ -57,6 +57,7 @@ def test_runs_there_and_back_are_refused(every):
 def test_a_few_below_0_and_swimmers_about_0_are_no_runs_back():
     """Control: trials that were lost by the tracker are outliers, and who hardly moves may be read as moving back."""
     checked(changed("speed_m_s", [3, 40], [-0.2, -0.2]))
+    checked(changed("peak_speed_m_s", [9], [-0.2]).select(np.arange(6, 10)))
     checked(replace(CLEAN, speed_m_s=np.where(CLEAN.omega_rad_s > 15, -0.004, CLEAN.speed_m_s)))
     stuck = np.random.default_rng(1).normal(1e-3, 3e-3, len(CLEAN))
     checked(replace(CLEAN, speed_m_s=stuck, peak_speed_m_s=np.abs(CLEAN.peak_speed_m_s)))

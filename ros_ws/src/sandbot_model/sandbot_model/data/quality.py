@@ -56,6 +56,8 @@ COARSE = 0.5
 RUNS_BACK, WALKED = 0.1, 0.1
 """Share of trials that are as far below 0 as others are above from which they are no outliers; share of the most that
 legs can do from which a robot has moved: of one that is stuck half are read as below 0."""
+A_FEW = 2
+"""Of a small table so many may be outliers, whatever their share."""
 WIDE = 0.0015
 """Scatter of φ within a level beyond what a prepared bed misses its target by (it is 0.0005 to 0.001)."""
 TREND_P = 1e-3
@@ -126,7 +128,7 @@ def _refuse_backwards(used: Trials, values: Floats, share: Floats) -> None:
         # A lift of less than nothing is a zero that is off; a speed is, by as much as others are above, a run back.
         back = values[:, observable] < -0.5 * np.nanmedian(np.abs(values[:, observable])) if count else below
         back &= share[:, observable] > WALKED
-        if observable is not Observable.lift and back.sum() > RUNS_BACK * count:
+        if observable is not Observable.lift and back.sum() > max(RUNS_BACK * count, A_FEW):
             row = int(np.argmax(back))
             raise InputError(
                 f"trials: {observable.column} is {values[row, observable]:g} in {used.trial_id[row]} and as far below "
