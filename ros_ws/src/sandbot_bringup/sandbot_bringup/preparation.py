@@ -1,6 +1,8 @@
 """Whether the bed has ended what it was asked to prepare; that it failed, or is idle, it may say of what was before."""
 
-AT_REST = ("", "idle", "ready", "failed")
+from sandbot_bed.protocol import Stage
+
+AT_REST = ("", *(stage.value for stage in Stage if not stage.busy))
 """Stages in which no preparation is under way; the first: none has been heard of."""
 
 
@@ -18,4 +20,4 @@ class Preparation:
         """Whether it has ended without a bed, by what the bed said last."""
         is_new = bool(self._before and number) and number != self._before
         self._begun = self._begun or is_new or stage not in AT_REST
-        return self._begun and stage in ("failed", "idle")
+        return self._begun and stage in (Stage.FAILED, Stage.IDLE)

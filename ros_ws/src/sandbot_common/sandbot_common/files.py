@@ -261,6 +261,12 @@ class _Table:
         names = not any(NUMBER.fullmatch(cell) or '"' in cell for cell in self.header)
         return even, names, -first, width
 
+    @property
+    def is_one(self) -> bool:
+        """Whether its rows are as long as the header, and the header has names."""
+        even, names, *_ = self.fit
+        return even and names
+
 
 def _table(text: str) -> _Table:
     """The table by the separator that the first line names, or that fits best. Raises csv.Error if none does."""
@@ -273,14 +279,12 @@ def _table(text: str) -> _Table:
             found.append(_split(text, separator))
         except csv.Error as error:
             errors.append(error)
-    best = max(found, key=lambda table: table.fit, default=None)
-    if best is None or not all(best.fit[:2]):
+    if not any(table.is_one for table in found):
         with suppress(csv.Error):
-            spaced = _split(_spaced(text), " ")
-            best = spaced if all(spaced.fit[:2]) else best
-    if best is None:
+            found += filter(lambda table: table.is_one, [_split(_spaced(text), " ")])
+    if not found:
         raise errors[0]
-    return best
+    return max(found, key=lambda table: table.fit)
 
 
 def _spaced(text: str) -> str:

@@ -53,9 +53,10 @@ CLEARLY = 4.0
 """Times the least lift of a walker from which no replicate of the same condition swims."""
 COARSE = 0.5
 """Step of rounding over scatter from which replicates show the rounding, not the noise."""
-RUNS_BACK, WALKED = 0.1, 0.1
-"""Share of trials that are as far below 0 as others are above from which they are no outliers; share of the most that
-legs can do from which a robot has moved: of one that is stuck half are read as below 0."""
+RUNS_BACK = 0.1
+"""Share of trials that are as far below 0 as others are above from which they are no outliers."""
+WALKED = 0.1
+"""Share of the most that legs can do from which a robot has moved: of one that is stuck half are read as below 0."""
 A_FEW = 2
 """Of a small table so many may be outliers, whatever their share."""
 WIDE = 0.0015
@@ -71,7 +72,8 @@ def checked(trials: Trials) -> tuple[str, ...]:
     values = np.stack([getattr(used, observable.column) for observable in Observable], axis=-1)
     share = _beyond(used, values)
     _refuse(used, share)
-    _refuse_backwards(used, values, share)
+    _refuse_backwards(used, values)
+    _refuse_runs_back(used, values, share)
     _refuse_low_peaks(used, values)
     cell, _ = conditions(used.phi, used.gait, used.omega_rad_s)
     return (
@@ -114,7 +116,7 @@ def _refuse(used: Trials, share: Floats) -> None:
             raise InputError(f"trials: {_impossible(used, observable, int(np.argmax(far)), share)}")
 
 
-def _refuse_backwards(used: Trials, values: Floats, share: Floats) -> None:
+def _refuse_backwards(used: Trials, values: Floats) -> None:
     """Most of a column below 0: no gait walks backwards, and none lowers the body, but for a zero that is off."""
     for observable in Observable:
         least = -SURE_LIFT_M if observable is Observable.lift else 0.0
@@ -125,14 +127,20 @@ def _refuse_backwards(used: Trials, values: Floats, share: Floats) -> None:
                 f"trials: {observable.column} is {values[row, observable]:g} in {used.trial_id[row]} and below 0 in "
                 f"{below.sum()} of {count}: does its axis point {axis}? else times -1"
             )
-        # A lift of less than nothing is a zero that is off; a speed is, by as much as others are above, a run back.
-        back = values[:, observable] < -0.5 * np.nanmedian(np.abs(values[:, observable])) if count else below
-        back &= share[:, observable] > WALKED
-        if observable is not Observable.lift and back.sum() > max(RUNS_BACK * count, A_FEW):
+
+
+def _refuse_runs_back(used: Trials, values: Floats, share: Floats) -> None:
+    """Some of a column as far below 0 as others are above; a lift of less than nothing is a zero that is off."""
+    for observable in (one for one in Observable if one is not Observable.lift):
+        told = np.isfinite(column := values[:, observable])
+        if not told.any():
+            continue
+        back = (column < -0.5 * np.median(np.abs(column[told]))) & (share[:, observable] > WALKED)
+        if back.sum() > max(RUNS_BACK * told.sum(), A_FEW):
             row = int(np.argmax(back))
             raise InputError(
-                f"trials: {observable.column} is {values[row, observable]:g} in {used.trial_id[row]} and as far below "
-                f"0 in {back.sum()} of {count} as above in others: were these runs back? then times -1"
+                f"trials: {observable.column} is {column[row]:g} in {used.trial_id[row]} and as far below 0 in "
+                f"{back.sum()} of {told.sum()} as above in others: were these runs back? then times -1"
             )
 
 

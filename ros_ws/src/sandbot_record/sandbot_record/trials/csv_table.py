@@ -132,8 +132,8 @@ def _known_names(header: Sequence[str]) -> list[str]:
 
 def _unit_in_header(given: str) -> tuple[str, float]:
     """The table's name of a column such as ``omega [Hz]``, and the factor to its unit; others as they are."""
-    if (plain := _plain(given).replace(" ", "_")) in COLUMNS:
-        return plain, 1.0
+    if (written := _name(given)) in COLUMNS:
+        return written, 1.0
     name, unit = _in_brackets(given)
     factor = _FACTORS.get(name, {}).get(unit)
     return (given, 1.0) if factor is None else (name, factor)
@@ -144,12 +144,17 @@ def _in_brackets(given: str) -> tuple[str, str]:
     found = re.fullmatch(r"(.+?)[ _]*[\[(](.+)[\])]", given)
     if found is None:
         return "", ""
-    return _QUANTITIES.get(_plain(found[1]).replace(" ", "_"), ""), _plain(found[2])
+    return _QUANTITIES.get(_name(found[1]), ""), _plain(found[2])
 
 
 def _plain(text: str) -> str:
     """In small letters, and each by one code point: µ and ϕ are typed as a micro sign and a symbol, too."""
     return unicodedata.normalize("NFKC", text).strip().lower()
+
+
+def _name(text: str) -> str:
+    """As columns are called, however it is written."""
+    return _plain(text).replace(" ", "_")
 
 
 def _in_si(text: str, column: str) -> str:
@@ -224,9 +229,8 @@ def _csv_row(where: str, number: int, cells: Mapping[str, str]) -> Row:
         text = cells.get(name, "")
         if name in TEXTS:
             text = "" if text.lower() in _NOT_MEASURED else text
-            # Of numbers a spreadsheet makes 1 or 1.0, as it likes: both are one batch.
-            text = text.removesuffix(".0") if name == "batch" and text[:-2].isdecimal() else text
-            values[name] = values[name] if name == "status" else _gait(text) if name == "gait" else text or values[name]
+            text = _AS_ONE[name](text) if name in _AS_ONE else text
+            values[name] = values[name] if name == "status" else text or values[name]
         else:
             values[name] = _number(f"{where}, column {name}", name, text, required=name in REQUIRED and status == OK)
     return Row(**values)
@@ -235,6 +239,15 @@ def _csv_row(where: str, number: int, cells: Mapping[str, str]) -> Row:
 def _gait(text: str) -> str:
     """A preset by its own name, however it is written."""
     return text.upper() if text.upper() in PRESETS else text
+
+
+def _batch(text: str) -> str:
+    """A day by its number, which a spreadsheet writes as 1 or 1.0."""
+    return text.removesuffix(".0") if text.removesuffix(".0").isdecimal() else text
+
+
+_AS_ONE = {"gait": _gait, "batch": _batch}
+"""What is written in several ways and meant as one."""
 
 
 def _number(where: str, name: str, text: str, *, required: bool) -> float:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from sandbot_record.trials.copies import counted_once
 from sandbot_record.trials.csv_table import rows_of, unread
-from sandbot_record.trials.order import by_the_clock
+from sandbot_record.trials.order import in_order
 from sandbot_record.trials.table import Trials, from_rows
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ def from_frame(frame: "DataFrame") -> Trials:
         (number, dict(zip(header, map(_text, row), strict=True)))
         for number, row in enumerate(frame.itertuples(index=False, name=None), start=2)
     )
-    rows = rows_of(header, lines, "data")
-    rows, copied = counted_once(by_the_clock(rows, joined=False) or rows)
+    rows, _ = in_order([rows_of(header, lines, "data")])
+    rows, copied = counted_once(rows)
     return replace(from_rows(rows), unread=(*unread(header), *copied))
 
 

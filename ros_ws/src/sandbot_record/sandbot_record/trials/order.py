@@ -9,6 +9,13 @@ from datetime import datetime
 from sandbot_record.trials.table import OK, Row
 
 
+def in_order(tables: Sequence[Sequence[Row]]) -> tuple[list[Row], list[int]]:
+    """The rows of all tables, ``run_order`` as the clock tells it, else as tables are numbered; also which of these, of
+    whose trials the clock does not tell, begin anew and are taken for later than those before."""
+    clocked = by_the_clock([row for rows in tables for row in rows], joined=len(tables) > 1)
+    return (clocked, []) if clocked is not None else one_after_the_other(tables)
+
+
 def by_the_clock(rows: Sequence[Row], *, joined: bool) -> list[Row] | None:
     """The same rows, ``run_order`` as ``started`` has it: where it is missing, or several tables are ``joined``.
 
@@ -25,16 +32,16 @@ def by_the_clock(rows: Sequence[Row], *, joined: bool) -> list[Row] | None:
     return [replace(row, run_order=place.get(row.trial_id, math.nan)) for row in rows]
 
 
-def one_after_the_other(tables: Sequence[Sequence[Row]]) -> tuple[list[list[Row]], list[int]]:
-    """The rows of tables; where one has numbers that were there before, as each day begins with 1, all of its own go on
-    from the last. Also which tables these are."""
-    found: list[list[Row]] = []
+def one_after_the_other(tables: Sequence[Sequence[Row]]) -> tuple[list[Row], list[int]]:
+    """The rows of all tables; where one has numbers that were there before, as each day begins with 1, all of its own
+    go on from the last. Also which tables these are."""
+    found: list[Row] = []
     anew: list[int] = []
     taken: set[float] = set()
     for at, rows in enumerate(tables):
         own = {row.run_order for row in rows if not math.isnan(row.run_order)}
         last = max(taken) if own & taken else 0.0
-        found.append([replace(row, run_order=row.run_order + last) for row in rows])
+        found += [replace(row, run_order=row.run_order + last) for row in rows]
         anew += [at] * bool(last)
         taken |= {number + last for number in own}
     return found, anew

@@ -10,7 +10,7 @@ from sandbot_record.bags.reader import is_bag
 from sandbot_record.trials.copies import counted_once, digits, measured
 from sandbot_record.trials.csv_table import NAMELESS, read_csv
 from sandbot_record.trials.from_bags import campaign, trial_from_bag
-from sandbot_record.trials.order import by_the_clock, one_after_the_other
+from sandbot_record.trials.order import in_order
 from sandbot_record.trials.setting import Setting, shared
 from sandbot_record.trials.table import OK, Row, Trials, check_ids, from_rows
 
@@ -40,15 +40,11 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
         raise InputError("no data given: a campaign folder, bags or a trials CSV is needed")
     tables = [_read_one(path) for path in map(Path, given)]
     joined, said = _joined(given, tables)
-    if untold := _without_batch(joined):
-        joined = [_as_batch(rows, str(given[at])) if at in untold else rows for at, rows in enumerate(joined)]
-        said.append("no batch is told: the trials of each table are taken for those of one day")
-    numbered, anew = one_after_the_other(joined)
-    rows = [row for some in numbered for row in some]
+    by_day = _days(given, joined)
+    said += ["no batch is told: the trials of each table are taken for those of one day"] * (by_day != joined)
     where = ", ".join(str(path) for path in given[:3]) + (" …" if len(given) > 3 else "")
-    check_ids(rows, [where] * len(rows))
-    if (clocked := by_the_clock(rows, joined=len(tables) > 1)) is not None:
-        rows, anew = clocked, []
+    check_ids(rows := [row for some in by_day for row in some], [where] * len(rows))
+    rows, anew = in_order(by_day)
     said += [f"run_order begins anew in {given[at]}, taken for later than what was given before it" for at in anew]
     rows, copied = counted_once(rows)
     said += [*_nearly_one(rows), *copied]
@@ -63,13 +59,14 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     return table
 
 
-def _without_batch(tables: Sequence[Sequence[Row]]) -> list[int]:
-    """Which of several tables tell no batch of any trial; those of one trial have nothing to share."""
-    return [at for at, rows in enumerate(tables) if len(tables) > 1 < len(rows) and not any(row.batch for row in rows)]
-
-
-def _as_batch(rows: Sequence[Row], name: str) -> list[Row]:
-    return [replace(row, batch=name) for row in rows]
+def _days(given: Sequence[Path | str], tables: list[list[Row]]) -> list[list[Row]]:
+    """The same; of several tables each that tells no batch of any trial is one. A single trial has nothing to share."""
+    if len(tables) == 1:
+        return tables
+    return [
+        rows if len(rows) < 2 or any(row.batch for row in rows) else [replace(row, batch=str(path)) for row in rows]
+        for path, rows in zip(given, tables, strict=True)
+    ]
 
 
 def _nearly_one(rows: Sequence[Row]) -> list[str]:
@@ -116,7 +113,8 @@ def _same(one: Mapping[str, Row], other: Mapping[str, Row]) -> set[str]:
     alike = {name for name in shared if _told(one[name]) == _told(other[name]) or _at_once(one[name], other[name])}
     if alike == shared:
         return alike
-    return {name for name in alike if not NAMELESS.fullmatch(name) and _digits(one[name]) >= MANY_DIGITS}
+    telling = {name for name in alike if sum(map(digits, measured(one[name]))) >= MANY_DIGITS}
+    return {name for name in telling if not NAMELESS.fullmatch(name)}
 
 
 def _told(row: Row) -> list[str]:
@@ -127,10 +125,6 @@ def _told(row: Row) -> list[str]:
 def _at_once(one: Row, other: Row) -> bool:
     """Whether two rows of one name began at the same time of a day: they are one trial, once with fewer digits."""
     return ":" in one.started and one.started == other.started
-
-
-def _digits(row: Row) -> int:
-    return sum(map(digits, measured(row)))
 
 
 def _campaign_of(path: Path) -> Path:
