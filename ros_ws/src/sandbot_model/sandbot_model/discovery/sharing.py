@@ -20,7 +20,7 @@ from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.nuisances_about import batches_apart, gain_of_batches, shared_by
 from sandbot_model.discovery.nuisances_in_words import WORDS, significant
 from sandbot_model.discovery.structure import at_random
-from sandbot_model.discovery.verdict import Verdict, claim, judge, overdispersion, parts_of, sound, worth
+from sandbot_model.discovery.verdict import Verdict, claim, judge, overdispersion, parts_of, picked_from, sound, worth
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import far_above, solve_beside, solve_near, solve_on
 from sandbot_model.fitting.profile import lowest_along
@@ -121,7 +121,9 @@ def _of_size(search: EffectSearch, plain: Verdict, size: int) -> Shared | None:
         return Shared(plain, search.fits, survivor)
     found = _readings(search, plain, apart) or _beside(search, plain, size, apart)
     larger = found is not None and len(plain.effects) > len(found.verdict.effects) and not claimed
-    survivor = _if_still_earned(search, plain.effects, apart) if larger else None
+    survivor = (
+        _if_still_earned(search, plain.effects, apart) or _without_scatter(search, plain.effects) if larger else None
+    )
     return Shared(plain, search.fits, survivor) if survivor else found
 
 
@@ -201,10 +203,26 @@ def _beats_scatter(search: EffectSearch, names: Names) -> bool:
     share = search.cells.batch_share
     if share is None or share.max(axis=1).min() < 1.0:
         return True
-    parts = parts_of(names, search.fits)
-    fits = _refitted(search, [names, *parts], ALIKE)
+    fits = _refitted(search, [names, *parts_of(names, search.fits)], ALIKE)
+    return _lead_over_scatter(search, names, fits) > _price(fits[names], share.shape[1], search.criteria)
+
+
+def _without_scatter(search: EffectSearch, names: Names) -> Fit | None:
+    """A set about which the bed does not scatter, where a bed that does explains clearly less than each of its effects.
+
+    A deviance beside an offset for every condition says how little is left, not how many offsets that took: a missing
+    effect may hide in them. Their likelihood (``gain_of_batches``) says both.
+    """
+    fits = _refitted(search, [names, *parts_of(names, search.fits)], ALIKE)
+    price = claim(fits[names], search.criteria) + picked_from(len(search.fits))
+    alike = not batches_apart(fits[names], search.criteria)
+    return fits[names] if alike and _lead_over_scatter(search, names, fits) > price else None
+
+
+def _lead_over_scatter(search: EffectSearch, names: Names, fits: Mapping[Names, Fit]) -> float:
+    """By how much each effect of a set, at least, explains more than a bed that scatters, in -2 ln of the posterior."""
     left = {one: fit.deviance - gain_of_batches(fit, search.criteria) for one, fit in fits.items()}
-    return all(left[part] - left[names] > _price(fits[names], share.shape[1], search.criteria) for part in parts)
+    return min((left[part] - left[names] for part in parts_of(names, fits)), default=0.0)
 
 
 def _price(fit: Fit, batches: int, criteria: Criteria) -> float:
