@@ -57,28 +57,13 @@ _FACTORS = {
     **dict.fromkeys(("lift_m", "first_step_m"), _LENGTHS),
 }
 """Factors to the table's units of what stands in brackets behind a quantity."""
-_OTHER_NAMES = {
-    **_QUANTITIES,
-    **dict.fromkeys(("frequency", "f"), "omega_rad_s (values times 2π where they are in Hz)"),
-    "speed_cm_s": "speed_m_s (values divided by 100)",
-    "speed_mm_s": "speed_m_s (values divided by 1000)",
-    "v_cm_s": "speed_m_s (values divided by 100)",
-    "omega_hz": "omega_rad_s (values times 2π)",
-    "frequency_hz": "omega_rad_s (values times 2π)",
-    "omega_rpm": "omega_rad_s (values times π/30)",
-    "phi_percent": "phi (values divided by 100)",
-    "lift_mm": "lift_m (values divided by 1000)",
-    "lift_cm": "lift_m (values divided by 100)",
-    "first_step_cm": "first_step_m (values divided by 100)",
-    "first_step_mm": "first_step_m (values divided by 1000)",
-    "peak_speed_cm_s": "peak_speed_m_s (values divided by 100)",
-}
-"""What a column that tells no unit, or another one, would have to become."""
+_UNITS = {"m_s": "m/s", "cm_s": "cm/s", "mm_s": "mm/s", "rad_s": "rad/s", "percent": "%"}
+"""Units as they are written in a name."""
 
 
 def read_csv(path: Path) -> Trials:
     """A trials table from a CSV file; only phi, omega_rad_s and speed_m_s are required. Raises InputError."""
-    header, lines = files.read_csv(path, "a trials CSV, a bag or a campaign folder", _is_read)
+    header, lines = _units_below(*files.read_csv(path, "a trials CSV, a bag or a campaign folder", _is_read))
     return replace(from_rows(rows_of(header, lines, str(path))), unread=unread(header))
 
 
@@ -119,32 +104,79 @@ def rows_of(given: Sequence[str], lines: Iterable[tuple[int, Mapping[str, str]]]
     return rows
 
 
+def _units_below(
+    header: Sequence[str], lines: Iterable[tuple[int, dict[str, str]]]
+) -> tuple[Sequence[str], Iterable[tuple[int, dict[str, str]]]]:
+    """The same with the units that a second row tells in the header, if it does."""
+    lines = list(lines)
+    below = {name: _unit(cell.strip("[()]")) for name, cell in lines[0][1].items()} if lines else {}
+    units = any(cell in _factors(name) for name, cell in below.items())
+    if not units or not all(_may_be_below(name, cell) for name, cell in below.items()):
+        return header, lines
+    told = [f"{name} [{below[name]}]" if below[name] and _name(name) in _QUANTITIES else name for name in header]
+    return told, [(at, {new: cells[old] for old, new in zip(header, told, strict=True)}) for at, cells in lines[1:]]
+
+
+def _may_be_below(name: str, cell: str) -> bool:
+    """Whether a cell is no value of its column but its unit, or empty: for a name that has its unit, that one."""
+    if not cell or not (factors := _factors(name)):
+        return not files.NUMBER.fullmatch(cell)
+    return cell in factors and (_name(name) in _QUANTITIES or factors[cell] == 1.0)
+
+
+def _factors(name: str) -> dict[str, float]:
+    """Of the units of what a column holds; none of what has no unit."""
+    return _FACTORS.get(_QUANTITIES.get(_name(name), name), {})
+
+
 def _is_read(name: str) -> bool:
     return _known_names([name])[0] in COLUMNS
 
 
 def _known_names(header: Sequence[str]) -> list[str]:
-    """The header with what stands for ``batch``, or carries its unit, under the table's names."""
-    header = [_unit_in_header(name)[0] for name in header]
-    synonym = next((name for name in BATCH_SYNONYMS if name in header), None) if "batch" not in header else None
-    return ["batch" if name == synonym else name for name in header]
+    """The header with what stands for ``batch``, or carries its unit, under the table's names; not what is there under
+    the table's own name as well."""
+    written = [_name(name) for name in header]
+    synonym = next((name for name in BATCH_SYNONYMS if name in written), None) if "batch" not in written else None
+    known = [
+        "batch" if own == synonym else _unit_in_header(given)[0] for given, own in zip(header, written, strict=True)
+    ]
+    return [
+        meant if meant in COLUMNS and (meant == own or meant not in written) else given
+        for given, own, meant in zip(header, written, known, strict=True)
+    ]
 
 
 def _unit_in_header(given: str) -> tuple[str, float]:
-    """The table's name of a column such as ``omega [Hz]``, and the factor to its unit; others as they are."""
+    """The table's name of a column such as ``omega [Hz]`` or ``speed_cm_s``, and the factor to its unit; others as they
+    are."""
     if (written := _name(given)) in COLUMNS:
         return written, 1.0
-    name, unit = _in_brackets(given)
+    name, unit = _with_unit(given)
     factor = _FACTORS.get(name, {}).get(unit)
     return (given, 1.0) if factor is None else (name, factor)
 
 
-def _in_brackets(given: str) -> tuple[str, str]:
-    """The table's name of a quantity with a unit in brackets behind it, and that unit; empty where there is none."""
-    found = re.fullmatch(r"(.+?)[ _]*[\[(](.+)[\])]", given)
-    if found is None:
-        return "", ""
-    return _QUANTITIES.get(_name(found[1]), ""), _plain(found[2])
+def _with_unit(given: str) -> tuple[str, str]:
+    """The table's name of a quantity with a unit in brackets or at the end of its name, and that unit; else empty.
+
+    A volume fraction needs none.
+    """
+    written = _name(given)
+    if _QUANTITIES.get(written) == "phi":
+        return "phi", "1"
+    if found := re.fullmatch(r"(.+?)[ _]*[\[(](.+)[\])]", given):
+        return _QUANTITIES.get(_name(found[1]), ""), _unit(found[2])
+    # What else may stand behind a quantity's name is part of another's.
+    ends = {name: _unit(written[len(name) + 1 :]) for name in _QUANTITIES if written.startswith(f"{name}_")}
+    known = [(_QUANTITIES[name], unit) for name, unit in ends.items() if unit in _FACTORS[_QUANTITIES[name]]]
+    return next(((meant, unit) for meant, unit in known if unit not in "1-"), ("", ""))
+
+
+def _unit(text: str) -> str:
+    """A unit as it stands in the table of factors: m s-1, m·s⁻¹ and m/sec are m/s."""
+    plain = _plain(text).replace("\N{MINUS SIGN}", "-").replace("^", "").replace("/sec", "/s")
+    return _UNITS.get(plain, re.sub(r"[ .·⋅*]?s-1$", "/s", plain))
 
 
 def _plain(text: str) -> str:
@@ -186,7 +218,7 @@ def unread(given: Sequence[str]) -> tuple[str, ...]:
     found, others = [], []
     for column in foreign(given):
         # Where the quantity is there under its own name, another column may say what it likes: f [N] is a force.
-        meant = _in_brackets(column)[0] or _OTHER_NAMES.get(_plain(column), "").partition(" ")[0]
+        meant = _with_unit(column)[0] or _QUANTITIES.get(_name(column), "")
         name = meant or near(column, missing)
         if name in missing:
             found.append(
@@ -202,12 +234,12 @@ def unread(given: Sequence[str]) -> tuple[str, ...]:
 def _hint(name: str, header: Sequence[str]) -> str:
     """What a foreign column should become, or what there is."""
     for other in header:
-        if _OTHER_NAMES.get(_plain(other), "").split(" ")[0] == name:
-            return f"; {other} would have to become {_OTHER_NAMES[_plain(other)]}"
+        if _QUANTITIES.get(_name(other)) == name:
+            return f"; {other} needs its unit, {other} [{'], ['.join(_FACTORS[name])}]"
     if any(map(files.NUMBER.fullmatch, header)):
         return "; there are numbers in that row: names of the columns are needed on top, and below them a row a trial"
     # With a unit of its own, a column is not misspelt but not understood.
-    if foreign := next((other for other in header if _in_brackets(other)[0] == name), ""):
+    if foreign := next((other for other in header if _with_unit(other)[0] == name), ""):
         return f"; {foreign!r} has a unit that is not known; {', '.join(_FACTORS[name])} are"
     if len(header) == 1 and " " in header[0]:
         return "; columns are separated by commas, tabs or semicolons, or by spaces where no name or value has any"
