@@ -202,7 +202,7 @@ WORLDS = [
 
 TABLES = [
     csv_case("missing-column", "phi,omega_rad_s\n0.6,8\n", "row 1", "speed_m_s"),
-    csv_case("other-units", "phi,omega_rad_s,speed_cm_s\n0.6,8,20\n", "speed_cm_s", "100"),
+    csv_case("no-unit", "phi,omega_rad_s,speed\n0.6,8,20\n", "row 1", "speed needs its unit"),
     csv_case("empty", "", "empty", "phi"),
     csv_case("only-a-header", HEADER, "no trials"),
     csv_case("nan-phi", GOOD + "nan,16,0.2\n", "row 4", "column phi", "nan"),

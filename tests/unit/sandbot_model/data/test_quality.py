@@ -50,8 +50,8 @@ def test_a_trial_far_out_is_named():
 def test_runs_there_and_back_are_refused(every):
     """They scatter by twice their speed, and any model held."""
     back = CLEAN.speed_m_s * np.where(np.arange(len(CLEAN)) % every, 1, -1)
-    with pytest.raises(InputError, match=r"speed_m_s is -.* were these runs back\? then times -1"):
-        checked(replace(CLEAN, speed_m_s=back))
+    with pytest.raises(InputError, match=r"^day1.csv: speed_m_s is -.* were these runs back\? then times -1"):
+        checked(replace(CLEAN, speed_m_s=back), "day1.csv")
 
 
 def test_a_few_below_0_and_swimmers_about_0_are_no_runs_back():

@@ -66,15 +66,20 @@ TREND_P = 1e-3
 MOST_NAMED = 5
 
 
-def checked(trials: Trials) -> tuple[str, ...]:
-    """The notes on the usable trials. Raises InputError where their numbers make no sense as what they are called."""
+def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
+    """The notes on the usable trials. Raises InputError where their numbers make no sense as what they are called;
+    ``where`` opens its line.
+    """
     used = trials.select(trials.usable)
     values = np.stack([getattr(used, observable.column) for observable in Observable], axis=-1)
     share = _beyond(used, values)
-    _refuse(used, share)
-    _refuse_backwards(used, values)
-    _refuse_runs_back(used, values, share)
-    _refuse_low_peaks(used, values)
+    try:
+        _refuse(used, share)
+        _refuse_backwards(used, values)
+        _refuse_runs_back(used, values, share)
+        _refuse_low_peaks(used, values)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
     cell, _ = conditions(used.phi, used.gait, used.omega_rad_s)
     return (
         *trials.unread,
@@ -101,19 +106,19 @@ def _refuse(used: Trials, share: Floats) -> None:
         void = 1 - used.phi[outside]
         porosity = "; is it the porosity? then phi = 1 - value" if (void[0] > PHI_LOW) & (void[0] < PHI_HIGH) else ""
         raise InputError(
-            f"trials: phi is {used.phi[outside][0]:g} in {used.trial_id[outside][0]}: grains at rest fill "
+            f"phi is {used.phi[outside][0]:g} in {used.trial_id[outside][0]}: grains at rest fill "
             f"{PHI_LOW:g} to {PHI_HIGH:g} of the volume{porosity}"
         )
     error_bar = used.speed_sd_m_s > np.abs(used.speed_m_s).max()
     if 2 * error_bar.sum() > np.isfinite(used.speed_sd_m_s).sum():
         raise InputError(
-            f"trials: speed_sd_m_s is {used.speed_sd_m_s[error_bar][0]:g} in {used.trial_id[error_bar][0]}, more than "
+            f"speed_sd_m_s is {used.speed_sd_m_s[error_bar][0]:g} in {used.trial_id[error_bar][0]}, more than "
             "any speed: is it in cm/s (divided by 100)?"
         )
     for observable in Observable:
         far = share[:, observable] > FAR_TOO_FAR
         if far.sum() > SLIPS * np.isfinite(share[:, observable]).sum():
-            raise InputError(f"trials: {_impossible(used, observable, int(np.argmax(far)), share)}")
+            raise InputError(_impossible(used, observable, int(np.argmax(far)), share))
 
 
 def _refuse_backwards(used: Trials, values: Floats) -> None:
@@ -124,7 +129,7 @@ def _refuse_backwards(used: Trials, values: Floats) -> None:
         if 2 * below.sum() > (count := np.isfinite(values[:, observable]).sum()):
             row, axis = int(np.argmax(below)), "up" if observable is Observable.lift else "the way the robot walks"
             raise InputError(
-                f"trials: {observable.column} is {values[row, observable]:g} in {used.trial_id[row]} and below 0 in "
+                f"{observable.column} is {values[row, observable]:g} in {used.trial_id[row]} and below 0 in "
                 f"{below.sum()} of {count}: does its axis point {axis}? else times -1"
             )
 
@@ -139,7 +144,7 @@ def _refuse_runs_back(used: Trials, values: Floats, share: Floats) -> None:
         if back.sum() > max(RUNS_BACK * told.sum(), A_FEW):
             row = int(np.argmax(back))
             raise InputError(
-                f"trials: {observable.column} is {column[row]:g} in {used.trial_id[row]} and as far below 0 in "
+                f"{observable.column} is {column[row]:g} in {used.trial_id[row]} and as far below 0 in "
                 f"{back.sum()} of {told.sum()} as above in others: were these runs back? then times -1"
             )
 
@@ -150,7 +155,7 @@ def _refuse_low_peaks(used: Trials, values: Floats) -> None:
     low = peak < LOW_PEAK * mean
     if low.sum() > MOST * (count := np.isfinite(peak).sum()):
         raise InputError(
-            f"trials: peak_speed_m_s is {peak[low][0]:g} and speed_m_s {mean[low][0]:g} in {used.trial_id[low][0]}, "
+            f"peak_speed_m_s is {peak[low][0]:g} and speed_m_s {mean[low][0]:g} in {used.trial_id[low][0]}, "
             f"and below the mean in {low.sum()} of {count}: are the columns exchanged?"
         )
 

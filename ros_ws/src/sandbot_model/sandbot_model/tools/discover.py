@@ -65,10 +65,11 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
     from sandbot_model.discovery.discover import discover
     from sandbot_model.physics.catalogue import catalogue
     from sandbot_model.tools import answer, tables
+    from sandbot_record.trials.read import named
 
     effects = catalogue(args.effects_from, args.effect)
     trials, robot_line = arguments.trials(args)
-    notes = checked(trials)
+    notes = checked(trials, named(args.data))
     cells = arguments.cells(args, trials)
     notes += cells.notes
     arguments.check_bed(args, cells)

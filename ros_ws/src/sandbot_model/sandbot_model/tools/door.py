@@ -154,7 +154,7 @@ def discover(
         raise InputError(f"max_effects: {max_effects}; 0 or more are needed")
     effects = _catalogue(model, effects_from, formulas)
     trials = _trials(data, robot)
-    notes = _notes(trials)
+    notes = checked(trials, "data")
     cells = _cells(trials, penetrometer)
     with Processes(workers).map() as fit_all:
         found = discovering.discover(
@@ -186,7 +186,7 @@ def compare(
     check_types(compare, locals())
     catalogue = _catalogue(model, effects_from, formulas)
     trials = _trials(data, robot)
-    notes = _notes(trials)
+    notes = checked(trials, "data")
     names = [*effects, *(name for name in map(name_of, formulas) if name not in effects)]
     cells = _cells(trials, penetrometer)
     found = comparing.compare(cells, catalogue, names, base=model)
@@ -208,13 +208,6 @@ def _trials(data: "Data", robot: str | Path | Robot | None) -> Trials:
     if robot is None:
         return found
     return arguments.of_robot(found, robot if isinstance(robot, Robot) else read_robot(Path(robot)), "robot")[0]
-
-
-def _notes(trials: Trials) -> tuple[str, ...]:
-    try:
-        return checked(trials)
-    except InputError as error:
-        raise InputError(f"data: {str(error).removeprefix('trials: ')}") from None
 
 
 def _read(data: "Data") -> Trials:

@@ -42,7 +42,7 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     joined, said = _joined(given, tables)
     by_day = _days(given, joined)
     said += ["no batch is told: the trials of each table are taken for those of one day"] * (by_day != joined)
-    where = ", ".join(str(path) for path in given[:3]) + (" …" if len(given) > 3 else "")
+    where = named(given)
     check_ids(rows := [row for some in by_day for row in some], [where] * len(rows))
     rows, anew = in_order(by_day)
     said += [f"run_order begins anew in {given[at]}, taken for later than what was given before it" for at in anew]
@@ -57,6 +57,11 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     if not table.usable.any():
         raise InputError(f"{where}: no usable trial among {len(rows)}: {_why_unusable(rows)}")
     return table
+
+
+def named(given: Sequence[Path | str]) -> str:
+    """DATA in a message: the first three of its names."""
+    return ", ".join(str(path) for path in given[:3]) + (" …" if len(given) > 3 else "")
 
 
 def _days(given: Sequence[Path | str], tables: list[list[Row]]) -> list[list[Row]]:
