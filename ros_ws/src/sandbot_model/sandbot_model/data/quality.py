@@ -16,7 +16,7 @@ from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import deepest_m
 from sandbot_model.physics.observables import Observable
 from sandbot_record.trials.order import began_at
-from sandbot_record.trials.table import OK, Trials
+from sandbot_record.trials.table import OK, Trials, check_usable
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -70,6 +70,7 @@ def checked(trials: Trials, where: str = "trials") -> tuple[str, ...]:
     """The notes on the usable trials. Raises InputError where their numbers make no sense as what they are called;
     ``where`` opens its line.
     """
+    check_usable(trials, where)
     used = trials.select(trials.usable)
     values = np.stack([getattr(used, observable.column) for observable in Observable], axis=-1)
     share = _beyond(used, values)

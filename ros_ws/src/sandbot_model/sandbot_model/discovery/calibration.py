@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
+from sandbot_model.discovery.batch_sd import ALIKE, BatchSd, granted
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.nuisances_about import LIFT_ZERO, SPEED_SCALE, shared_by
 from sandbot_model.discovery.nuisances_in_words import in_words
@@ -24,7 +25,7 @@ def would_fall(search: EffectSearch, named: Fit) -> str:
     One clause; empty where no such reading is there to be off.
     """
     weakest = min(map(search.fits.__getitem__, parts_of(named.effects, search.fits)), key=lambda fit: fit.deviance)
-    free = list(_freed(search, weakest))
+    free = list(_freed(search, weakest, granted(named) if named.nuisances else ALIKE))
     price = claim(named, search.criteria)
     enough = [off for _, fit, off in free if fit.deviance - named.deviance < price]
     if enough:
@@ -42,9 +43,9 @@ def beyond_belief(search: EffectSearch) -> str:
     return f"{in_words(*min(far, key=_in_priors))} would leave nothing to explain: check that first" if far else ""
 
 
-def _freed(search: EffectSearch, fit: Fit) -> Iterator[tuple[str, Fit, Off]]:
+def _freed(search: EffectSearch, fit: Fit, apart: BatchSd = ALIKE) -> Iterator[tuple[str, Fit, Off]]:
     """Each reading in turn, a set fitted with that free, and the reading that is off by most then, maybe another."""
-    own = shared_by(fit, search.criteria)
+    own = shared_by(fit, search.criteria, apart)
     places = {name: own.names.index(name) for name in READINGS if name in own.names}
     for name, place in places.items():
         sd = own.sd.copy()

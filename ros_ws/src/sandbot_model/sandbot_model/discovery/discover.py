@@ -207,7 +207,7 @@ def _discovered(
     below = search.ladder(verdict)[:-1]
     named, reported = _reported(named, criteria)
     floor = noise_floor(cells)
-    hidden, trials = _next(search, verdict)
+    hidden, trials = _next(search, verdict, named)
     verdict = _in_full(search, verdict, named, hidden, trials)
     return Discovery(
         model=base,
@@ -252,10 +252,10 @@ def _reported(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
     return named, averaged_over_scatter(named, criteria) if named.nuisances else with_sampled_errors(named)
 
 
-def _next(search: EffectSearch, verdict: Verdict) -> tuple[list[Fit], list[NextTrial]]:
+def _next(search: EffectSearch, verdict: Verdict, named: Fit) -> tuple[list[Fit], list[NextTrial]]:
     """Effects that could hide if the base model is adequate, and the trials to run next."""
-    if hidden := unseen(search) if verdict.status == "adequate" else []:
-        return hidden, excluding(search.fits[()], hidden)
+    if hidden := unseen(search, named) if verdict.status == "adequate" else []:
+        return hidden, excluding(named, hidden)
     if verdict.status == "untested":
         return [], repeats(search.cells)
     return [], next_trials([search.fits[names] for names in verdict.alternatives])

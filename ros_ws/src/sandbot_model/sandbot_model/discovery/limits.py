@@ -96,7 +96,9 @@ def _profile(problem: Problem, start: States, jacobian: Array, index: int, value
     moved = problem.states(theta, start.ln_k[rows], start.slope[rows], -start.shared[rows] * _sd(problem))
     shift = np.where(problem.measured, moved.predicted - start.predicted, 0.0)
     residual = np.repeat(start.all_residuals, len(values), axis=0)
-    residual[:, : shift[0].size] -= np.einsum("cij,rcj->rci", start.whiten[0], shift).reshape(len(values), -1)
+    cells, readings = shift[0].size, moved.pressed.shape[1]
+    residual[:, :cells] -= np.einsum("cij,rcj->rci", start.whiten[0], shift).reshape(len(values), -1)
+    residual[:, cells : cells + readings] = moved.pressed
     left = project_out(residual.T, spanned(np.delete(jacobian, index, axis=1)))
     return np.asarray(np.sum(left**2, axis=0))
 

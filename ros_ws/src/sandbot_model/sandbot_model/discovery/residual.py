@@ -19,6 +19,7 @@ from sandbot_model.discovery.term_library import terms
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import far_above, solve_beside, solve_near
 from sandbot_model.fitting.parallel import Map, Progress
+from sandbot_model.fitting.text import cm_s
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.model import model_of
@@ -185,10 +186,11 @@ def _suggestion(fit: Fit, best: _Tried, rival: _Tried | None, criteria: Criteria
         if found.lack_of_fit_p >= criteria.lack_of_fit
         else "still leave something to explain"
     )
+    scored = f"the error out of sample goes from {cm_s(cv[0])} to {cm_s(cv[1])}, " if np.isfinite(cv).all() else ""
     sentence = (
         f"{on_top}{guess.lever.words} differs from the model's by {' and '.join(parts)} ({guess.lever.unit}): the "
         f"deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on {found.goodness.dof} degrees of freedom, "
-        f"the error out of sample goes from {100 * cv[0]:.2f} to {100 * cv[1]:.2f} cm/s, and replicates {enough} "
+        f"{scored}and replicates {enough} "
         f"(p = {found.lack_of_fit_p:.2g}){_granted(found)}"
     )
     if rival is not None and rival.score < best.score + criteria.clearly:

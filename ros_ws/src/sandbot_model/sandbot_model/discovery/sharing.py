@@ -213,10 +213,11 @@ def _without_scatter(search: EffectSearch, names: Names) -> Fit | None:
     A deviance beside an offset for every condition says how little is left, not how many offsets that took: a missing
     effect may hide in them. Their likelihood (``gain_of_batches``) says both.
     """
+    if (fit := _if_still_earned(search, names, ALIKE)) is None or batches_apart(fit, search.criteria):
+        return None
     fits = _refitted(search, [names, *parts_of(names, search.fits)], ALIKE)
-    price = claim(fits[names], search.criteria) + picked_from(len(search.fits))
-    alike = not batches_apart(fits[names], search.criteria)
-    return fits[names] if alike and _lead_over_scatter(search, names, fits) > price else None
+    price = claim(fit, search.criteria) + picked_from(len(search.fits))
+    return fit if _lead_over_scatter(search, names, fits) > price else None
 
 
 def _lead_over_scatter(search: EffectSearch, names: Names, fits: Mapping[Names, Fit]) -> float:

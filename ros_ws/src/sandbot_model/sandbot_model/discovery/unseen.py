@@ -5,9 +5,9 @@ from sandbot_model.discovery.verdict import worth
 from sandbot_model.fitting.fit import Fit
 
 
-def unseen(search: EffectSearch) -> list[Fit]:
-    """The base model with each effect held at its usual strength, where the data do not exclude it."""
-    base, criteria = search.fits[()], search.criteria
+def unseen(search: EffectSearch, base: Fit) -> list[Fit]:
+    """The base model, as it is reported, with each effect held at its usual strength, where data do not exclude it."""
+    criteria = search.criteria
     names = [name for name in search.names if (name,) in search.fits and not worth(search.fits, (name,), (), criteria)]
     held = search.near([search.model((name,), _usual(search, name)) for name in names], base)
     return [fit for fit in held if fit.deviance < base.deviance + criteria.not_excluded]

@@ -28,7 +28,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float):
         return number(value)
     if isinstance(value, tuple):
-        return [plain(part) if is_dataclass(part) else part for part in value]
+        return [plain(part) if is_dataclass(part) else _plain(part) for part in value]
     return value
 
 

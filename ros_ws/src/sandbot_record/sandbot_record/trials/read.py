@@ -12,7 +12,7 @@ from sandbot_record.trials.csv_table import NAMELESS, read_csv
 from sandbot_record.trials.from_bags import campaign, trial_from_bag
 from sandbot_record.trials.order import in_order
 from sandbot_record.trials.setting import Setting, shared
-from sandbot_record.trials.table import OK, Row, Trials, check_ids, from_rows
+from sandbot_record.trials.table import Row, Trials, check_ids, check_usable, from_rows
 
 BLOCK = re.compile(r"block\d+")
 """What a campaign calls its batches."""
@@ -54,8 +54,7 @@ def read(data: Path | str | Sequence[Path | str]) -> Trials:
     )
     unread = tuple(dict.fromkeys([*(clause for table in tables for clause in table.unread), *said]))
     table = replace(from_rows(rows, *setting.for_table), unread=unread)
-    if not table.usable.any():
-        raise InputError(f"{where}: no usable trial among {len(rows)}: {_why_unusable(rows)}")
+    check_usable(table, where)
     return table
 
 
@@ -149,8 +148,3 @@ def _read_one(path: Path) -> Trials:
     if is_bag(path):
         return trial_from_bag(path)
     return campaign(path).trials
-
-
-def _why_unusable(rows: Sequence[Row]) -> str:
-    row = next((row for row in rows if row.status != OK), rows[0] if rows else None)
-    return f"{row.trial_id} has status {row.status!r}" if row else "the table is empty"

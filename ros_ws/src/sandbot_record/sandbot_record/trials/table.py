@@ -131,6 +131,15 @@ def from_rows(
     return Trials(**columns, robot=robot, frame_rate_hz=frame_rate_hz, accuracy=accuracy)
 
 
+def check_usable(trials: Trials, where: str) -> None:
+    """Refuse a table without a usable trial; ``where`` opens the line. Raises InputError."""
+    if trials.usable.any():
+        return
+    told = zip(trials.trial_id, trials.status.tolist(), strict=True)
+    why = next((f"{one} has status {status!r}" for one, status in told if status != OK), "none has φ, ω and a speed")
+    raise InputError(f"{where}: no usable trial among {len(trials)}: {why if len(trials) else 'the table is empty'}")
+
+
 def check_ids(rows: Sequence[Row], where: Sequence[str]) -> None:
     """Refuse two rows of one id; ``where`` says of each row where it stands. Raises InputError."""
     seen: set[str] = set()
