@@ -1,3 +1,4 @@
+import copy
 import dataclasses
 import json
 import pickle
@@ -8,6 +9,7 @@ import pytest
 
 from sandbot_common.crew import Processes
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery import discover as discovering
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.verdict import judge
 from sandbot_model.fitting.fit import fit
@@ -31,6 +33,25 @@ def test_nothing_missing_is_adequate(drawn):
     assert found.verdict.effects == ()
     assert len(found.steps) == 1
     assert found.next_trials == ()
+
+
+def test_a_claim_falls_with_a_number_that_the_reported_errors_take_out_of_its_range(monkeypatch, drawn):
+    """By a derivative Δt of 1.33 ± 0.1 s may be 1.2 s; by what the fit does beside switches it is known to 0.015 s."""
+    narrow = copy.copy(FEW["stance_overlap"])
+    narrow.parameters = (dataclasses.replace(narrow.parameters[0], low=0.13, high=0.5),)
+    as_before = discovering._with_errors
+
+    def with_errors(named, criteria):
+        lower, reported = as_before(named, criteria)
+        model = model_of("simple", named.effects, {**FEW, "stance_overlap": narrow})
+        return lower, dataclasses.replace(reported, model=model)
+
+    cells = cells_of(drawn(("stance_overlap",), seed=6))
+    assert discover(cells, FEW, max_effects=1).verdict.effects == ("stance_overlap",)
+    monkeypatch.setattr(discovering, "_with_errors", with_errors)
+    found = discover(cells, FEW, max_effects=1).verdict
+    assert found.status == "unexplained"
+    assert "only with stance_overlap.eta = 0.1" in found.because
 
 
 def test_a_planted_effect_is_identified_and_the_file_says_so(drawn):

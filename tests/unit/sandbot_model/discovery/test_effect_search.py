@@ -59,6 +59,15 @@ def test_a_part_is_fitted_again_from_where_the_best_set_has_come_to(planted):
     assert search.fits.keys() == planted.fits.keys()
 
 
+def test_a_part_that_was_never_tried_is_tried_before_a_set_is_claimed(planted):
+    """A pair whose effects alone are among the worst is met as a part of a triple only."""
+    search, both = copy.copy(planted), tuple(FEW)
+    search.fits = {(): planted.fits[()], both: search.near([search.model(both)], planted.fits[("stance_overlap",)])[0]}
+    assert judge(search.fits).effects == both
+    search._parts_again(2)
+    assert judge(search.fits).effects == ("stance_overlap",)
+
+
 @pytest.mark.parametrize("enough", [True, False])
 def test_parts_are_fitted_again_from_every_set_that_leaves_nothing(monkeypatch, planted, enough):
     """The best of them may have come to where no descent without its last effect leads back from."""

@@ -1,5 +1,6 @@
 """A verdict beside what trials share: a lift zero is no effect, an effect no lift zero; clean data stay as they are."""
 
+import copy
 import dataclasses
 import re
 
@@ -14,9 +15,9 @@ from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter, batches_apart, shared_by
 from sandbot_model.discovery.residual import suggest_formula
-from sandbot_model.discovery.sharing import nuisances_suffice, refitted_globally
+from sandbot_model.discovery.sharing import _bought, nuisances_suffice, refitted_globally
 from sandbot_model.discovery.structure import STRUCTURE, at_random, smooth_p, trend_p_of
-from sandbot_model.discovery.verdict import judge
+from sandbot_model.discovery.verdict import Verdict, judge
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
@@ -81,6 +82,34 @@ def test_a_pair_that_stands_beside_nuisances_ends_no_search_among_single_effects
     assert judge(search.fits).effects == tuple(few)
     assert not nuisances_suffice(search, 1)
     assert nuisances_suffice(search, 2)
+
+
+def with_range(name, low, high):
+    """An effect of the catalogue with another plausible range of its one parameter."""
+    effect = copy.copy(catalogue()[name])
+    (parameter,) = effect.parameters
+    effect.parameters = (dataclasses.replace(parameter, low=low, high=high),)
+    return effect
+
+
+@pytest.mark.parametrize(
+    ("low", "planted", "fallen"),
+    [
+        (0.13, ("stance_overlap",), True),
+        (0.0, ("stance_overlap",), False),
+        (0.13, ("stance_overlap", "leg_slip"), False),
+    ],
+)
+def test_a_claim_falls_with_an_effect_that_only_brings_another_within_its_range(drawn, low, planted, fallen):
+    """Controls: a number that is believed without it, and an effect that is there."""
+    few = {"stance_overlap": with_range("stance_overlap", low, 0.5), "leg_slip": catalogue()["leg_slip"]}
+    search = EffectSearch(cells_of(table(drawn, planted)), few, "simple")
+    search.run(2)
+    search.fit("the pair", [tuple(few)], nearby=True)
+    found = _bought(search, Verdict("identified", tuple(few), (tuple(few),), ""))
+    assert (found is not None) == fallen
+    if found:
+        assert "but only with stance_overlap.eta = 0." in found.verdict.because
 
 
 DAYS_MM = dict(zip((4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 30.0), (-0.3, 0.7, -0.6, -0.1, 0.5, -0.4, 0.5), strict=True))

@@ -40,7 +40,7 @@ from sandbot_model.discovery.sharing import (
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
 from sandbot_model.discovery.untested import repeats, untested
-from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, sound
+from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, only_with, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
@@ -205,7 +205,7 @@ def _discovered(
     search.effects = {**effects, **named.model.catalogue}
     # Steps below leave something to explain: how well their parameters are known means nothing, and is not sampled.
     below = search.ladder(verdict)[:-1]
-    named, reported = _reported(named, criteria)
+    named, reported = _reported(search, named)
     floor = noise_floor(cells)
     hidden, trials = _next(search, verdict, named)
     verdict = _in_full(search, verdict, named, hidden, trials)
@@ -244,8 +244,22 @@ def _found(search: EffectSearch, at_once: Verdict | None, max_effects: int) -> t
     return found, partial
 
 
-def _reported(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
-    """The deepest believable fit of the set named, and the same with the standard errors that are reported."""
+def _by_reported_errors(search: EffectSearch, found: Shared) -> Shared:
+    """The verdict with the standard errors that are reported: where a derivative takes a valley for wider than it is, a
+    number beyond its plausible range passes for one that may be within."""
+    if found.verdict.status not in CLAIMS or sound(reported := _reported(search, found.named)[1]):
+        return found
+    return Shared(only_with(reported), search.fits, search.fits[()])
+
+
+def _reported(search: EffectSearch, named: Fit) -> tuple[Fit, Fit]:
+    """The deepest believable fit of a set, and the same with the standard errors that are reported."""
+    if named not in search.reported:
+        search.reported[named] = _with_errors(named, search.criteria)
+    return search.reported[named]
+
+
+def _with_errors(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
     lower = deepest(refitted_globally(named))
     # Along a flat valley the lowest place may be where nobody believes it.
     named = lower if sound(lower) or not sound(named) else named
@@ -300,7 +314,9 @@ def _beside_nuisances(search: EffectSearch) -> Shared:
     plain = judge(search.fits, search.criteria)
     found = reconsidered(search, plain) or Shared(plain, search.fits, search.fits[plain.effects])
     refused = taken_back(found.verdict, found.fits)
-    return found if refused is None else Shared(refused, search.fits, search.fits[()])
+    if refused is not None:
+        return Shared(refused, search.fits, search.fits[()])
+    return _by_reported_errors(search, found)
 
 
 def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple[Shared, Partial | None]:

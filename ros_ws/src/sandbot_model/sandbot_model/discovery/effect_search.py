@@ -67,6 +67,8 @@ class EffectSearch:
         """Sets beside what trials share, by how far the bed scatters and the fits they began at (``sharing``)."""
         self.rough: Fit | None = None
         """The base model on ground that scatters between conditions, once that was looked for (``sharing``)."""
+        self.reported: dict[Fit, tuple[Fit, Fit]] = {}
+        """The deepest believable fits of sets, and the same with errors as they are reported (``discover``)."""
         self.formulas: dict[Fit, SuggestedFormula] = {}
         """What repairs most of what a fit misses, once it was looked for (``formula_search``)."""
         inherent = {effect.identifier for effect in self.model(()).walker.effects}
@@ -256,11 +258,11 @@ class EffectSearch:
             self.fit(f"{stage}, those left behind", lost, nearby=False)
 
     def _parts_again(self, size: int) -> None:
-        """Fit the parts of the best sets of a size anew from where these have come to: what a set gains by a valley in
-        which a part of it lies as deep is nothing that its last effect gains."""
+        """Fit the parts of the best sets of a size from where these have come to, tried before or not: what a set gains
+        by a valley in which a part of it lies as deep is nothing that its last effect gains."""
         ranked = self.ranked(size)
         wholes = [fit for fit in ranked[:REFINED] if leaves_nothing(fit, self.criteria)] or ranked[:1]
-        again = [(part, whole.warm_start) for whole in wholes for part in parts_of(whole.effects, self.fits)]
+        again = [(part, whole.warm_start) for whole in wholes for part in combinations(whole.effects, size - 1)]
         tasks = [(self.model(part), self.cells, (start,), None) for part, start in again]
         found = self.believable([model for model, *_ in tasks], self.fit_all(solve_near, tasks))
         self._keep([part for part, _ in again], found)

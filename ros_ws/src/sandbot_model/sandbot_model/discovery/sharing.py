@@ -20,7 +20,18 @@ from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.nuisances_about import batches_apart, gain_of_batches, shared_by
 from sandbot_model.discovery.nuisances_in_words import WORDS, significant
 from sandbot_model.discovery.structure import at_random
-from sandbot_model.discovery.verdict import Verdict, claim, judge, overdispersion, parts_of, picked_from, sound, worth
+from sandbot_model.discovery.verdict import (
+    Verdict,
+    claim,
+    gains,
+    judge,
+    leaves_nothing,
+    overdispersion,
+    parts_of,
+    picked_from,
+    sound,
+    worth,
+)
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import far_above, solve_beside, solve_near, solve_on
 from sandbot_model.fitting.profile import lowest_along
@@ -64,8 +75,32 @@ def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
         if found := _of_size(search, plain, size):
             stands = found.verdict.status != "identified" or _beats_scatter(search, found.verdict.effects)
             return found if stands else _beside(search, plain, size, _apart_about(search, search.fits[()])) or found
+    if not plain.effects:
+        return None
     # No credible alternative to the claim was found: the claim stands, refitted beside the nuisances.
-    return _standing(search, plain, _refitted(search, [plain.effects], ALIKE)[plain.effects]) if plain.effects else None
+    named = _refitted(search, [plain.effects], ALIKE)[plain.effects]
+    return _bought(search, plain) or _standing(search, plain, named)
+
+
+def _bought(search: EffectSearch, plain: Verdict) -> Shared | None:
+    """The refusal of a claim, if in each of its sets an effect does nothing beside nuisances but to bring a number of
+    another back to where it is believed."""
+    fits, parts = dict(_refitted(search, [()], ALIKE)), set[Names]()
+    for names in plain.alternatives:
+        there = _refitted(search, [names, *parts_of(names, search.fits)], ALIKE)
+        there |= _smaller_from(there, names, search.criteria, ALIKE)
+        own = [part for part in parts_of(names, there) if part and _does_as_well(there, names, part, search.criteria)]
+        if not own:
+            return None
+        fits, parts = fits | there, parts | set(own)
+    verdict = judge({(): fits[()]} | {part: fits[part] for part in parts}, search.criteria)
+    return Shared(verdict, search.fits, search.fits[()]) if verdict.status == "unexplained" else None
+
+
+def _does_as_well(fits: Mapping[Names, Fit], names: Names, part: Names, criteria: Criteria) -> bool:
+    """Whether a part of a set leaves nothing that the set could gain, beside nuisances that can be."""
+    enough = leaves_nothing(fits[part], criteria) and not gains(fits, names, part, criteria)
+    return enough and _believable(fits[part], criteria) and at_random(fits[part], criteria)
 
 
 def refitted_globally(fit: Fit) -> Fit:

@@ -238,10 +238,20 @@ def _where_it_fails(fit: Fit) -> str:
     return where
 
 
+def only_with(fit: Fit) -> Verdict:
+    """The refusal of a set that leaves nothing to explain, for a number that is not believable."""
+    would = f"{_name(fit.effects)} would leave replicates nothing to explain {_p(fit)}, but {_only_with(fit)}"
+    return Verdict("unexplained", (), (), would)
+
+
+def _only_with(fit: Fit) -> str:
+    return f"only with {' and '.join(beyond(fit, odd(fit)))}"
+
+
 def _not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
     """Why a set that leaves nothing to explain is not named."""
-    if names := odd(fit):
-        return f"only with {' and '.join(beyond(fit, names))}"
+    if odd(fit):
+        return _only_with(fit)
     part = next(part for part in parts_of(fit.effects, fits) if not gains(fits, fit.effects, part, criteria))
     gain = _parts(fits[part]) - _parts(fit)
     price = claim(fit, criteria)
