@@ -24,7 +24,7 @@ from sandbot_model.physics.typeset import mathml_lines, plain
 from sandbot_model.physics.walking import Inputs
 from sandbot_model.report import text, write_comparison, write_report
 from sandbot_model.report.curves import steps
-from sandbot_model.report.data_section import cells_csv, data
+from sandbot_model.report.data_section import cells_csv, data, json_download
 from sandbot_model.report.page import Page, Section, for_script, render
 from sandbot_model.report.provenance import limits, provenance
 from sandbot_model.report.table_sections import _added, _formulas, failing
@@ -238,6 +238,11 @@ def test_the_csv_inside_is_si_and_whole(fits):
     assert float(rows[0]["lift_m"]) == pytest.approx(cells.mean[0, 1], rel=1e-5)
     assert float(rows[0]["speed_m_s[leg_slip]"]) == pytest.approx(fits[1].predicted[0, 0], rel=1e-5)
     assert {"speed_z[base]", "omega_rad_s", "phi", "gait"} <= set(rows[0])
+
+
+def test_json_inside_is_json_or_none():
+    with pytest.raises(ValueError, match="JSON compliant"):
+        json_download(SimpleNamespace(to_dict=lambda: {"stability": float("nan")}))
 
 
 def test_excluded_trials_are_named_with_the_reason(trials, fits):

@@ -73,5 +73,5 @@ def _csv_cell(value: Any) -> str:
 
 def json_download(discovery: Discovery) -> Download:
     """The discovery as discover --json writes it."""
-    content = json.dumps(discovery.to_dict(), indent=1, ensure_ascii=False).encode()
+    content = json.dumps(discovery.to_dict(), indent=1, ensure_ascii=False, allow_nan=False).encode()
     return Download("discovery.json", "Discovery as JSON (SI units)", data_uri(content, "application/json"))
