@@ -13,6 +13,7 @@ import pytest
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.compare import compare
+from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
 from sandbot_model.discovery.verdict import Verdict
@@ -71,6 +72,7 @@ def discovery(fits):
         model="simple", cells=fits[0].cells, noise_floor_m_s=0.005, noise_floor={"speed": 0.005}, steps=fits,
         candidates=(), verdict=Verdict("ambiguous", ("leg_slip",), (("leg_slip",), ("cable_drag",)), because),
         next_trials=(NextTrial(0.633, 22.0, "first_step", ("leg_slip", "cable_drag"), 4.25, 2),),
+        criteria=Criteria(claim=30.5, clearly=7.5),
     )  # fmt: skip
 
 
@@ -221,6 +223,12 @@ def test_tables_call_a_cell_by_the_phi_of_its_level_as_figures_do(discovery):
 def test_numbers_have_a_true_minus_sign_and_zero_has_none():
     assert text.number(-0.004, 2) == text.centi(-4e-5) == "0.00"
     assert text.number(-0.006, 2) == text.centi(-6e-5) == "−0.01"
+
+
+def test_what_a_claim_took_is_said_as_it_was(page):
+    said = table(page, "How they were analysed")
+    assert "lowers the deviance by at least 30.5" in said
+    assert "of its size by at least 7.5" in said
 
 
 def test_next_trials_and_frames_are_shown(page):
