@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
+from sandbot_model.discovery.reproduce import steps_of
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.fitting.goodness import Fail
 from sandbot_model.physics.effects import CATALOGUE
@@ -246,6 +248,15 @@ def test_the_csv_inside_is_si_and_whole(fits):
     assert float(rows[0]["lift_m"]) == pytest.approx(cells.mean[0, 1], rel=1e-5)
     assert float(rows[0]["speed_m_s[leg_slip]"]) == pytest.approx(fits[1].predicted[0, 0], rel=1e-5)
     assert {"speed_z[base]", "omega_rad_s", "phi", "gait"} <= set(rows[0])
+
+
+def test_the_csv_inside_holds_the_fit_and_what_is_held_by_hand(fits):
+    chosen = Selection(effects=("leg_slip",)).held("delta_t_s", 0.35)
+    shown = steps_of(chosen, fits[0].cells, EFFECTS)
+    (row, *_) = csv.DictReader(io.StringIO(cells_csv(steps(shown))))
+    fitted, held = (float(row[f"speed_m_s[leg_slip{tag}]"]) for tag in ("", "; held by hand: delta_t_s=0.35"))
+    assert [fitted, held] == pytest.approx([step.predicted[0, 0] for step in shown[1:]], rel=1e-5)
+    assert fitted != pytest.approx(held, rel=1e-3)
 
 
 def test_json_inside_is_json_or_none():
