@@ -58,6 +58,7 @@ def test_compare_gives_the_very_numbers_that_were_saved(session, trials, tmp_pat
         (["--hold", "delta_t_s=-1"], "--hold delta_t_s=-1: at least 0.02 is needed"),
         (["--effects", "leg_slip", "--hold", "leg_slip.sigma=2"], "sigma=2: at least 0 and at most 0.9 is needed"),
         (["--selection", "explorer.yaml", "--model", "full"], "leave out the options that say them too"),
+        (["--selection", "held.yaml", "--bootstrap", "2"], "held.yaml: by_hand: a parameter held by hand has no"),
         (["--selection", "trials.csv"], "trials.csv"),
     ],
 )
@@ -66,7 +67,8 @@ def test_compare_refuses_a_state_that_makes_no_sense_in_one_line(
 ):
     monkeypatch.chdir(tmp_path)
     write_csv(trials, tmp_path / "trials.csv")
-    (tmp_path / "explorer.yaml").write_text(to_yaml(Selection(), ["trials.csv"], {}), encoding="utf-8")
+    for name, chosen in (("explorer", Selection()), ("held", Selection().held("delta_t_s", 0.3))):
+        (tmp_path / f"{name}.yaml").write_text(to_yaml(chosen, ["trials.csv"], {}), encoding="utf-8")
     assert compare_tool.main(["trials.csv", *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line

@@ -12,6 +12,7 @@ from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.criteria import of_bed
 from sandbot_model.explore import views
 from sandbot_model.explore.session import Session
+from sandbot_model.fitting.global_minimum import solve
 from sandbot_model.report.theme import LIGHT
 
 
@@ -121,6 +122,23 @@ def test_a_suggestion_does_not_fit_again_what_the_page_has_fitted():
     assert asked[False].count("solve_first") >= len(few)
     # What the page shows has been searched beside; what lies beyond what is found has not.
     assert not {"solve", "solve_first", "solve_further", "solve_jumping"} & set(asked[True])
+
+
+def test_a_suggestion_fits_anew_what_the_page_has_fitted_to_more_cells(trials, monkeypatch):
+    """Discovery leaves out trials that went wrong and begins again."""
+    session = Session(cells_of(trials), workers := Counting())
+    session.step(Selection())
+    workers.asked.clear()
+    model, fewer = session.model(Selection()), session.cells.without(0)
+
+    def discover(cells, *_, fit_all, **__):
+        return list(fit_all(solve, [(model, cells, None), (model, fewer, None)]))
+
+    monkeypatch.setattr("sandbot_model.explore.session.discover", discover)
+    known, anew = session.suggest(Selection(), lambda *_: None)
+    assert known is session.step(Selection()).fit.point
+    assert anew.theta != pytest.approx(known.theta, rel=1e-6)
+    assert workers.asked == ["solve"]
 
 
 def test_a_suggestion_obeys_what_is_known_of_the_bed(trials, monkeypatch):

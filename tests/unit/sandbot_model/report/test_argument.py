@@ -76,6 +76,17 @@ def test_rivals_are_laid_over_each_other_and_the_chosen_one_is_thickest(shown):
         assert len({(trace["line"]["color"], trace["line"]["dash"]) for trace in legend}) == len(shown)
 
 
+def test_rivals_are_compared_by_fits_of_one_kind(found, shown):
+    """What is named is reported beside what trials share; its rivals were fitted without."""
+    assert found.fit.nuisances is not None
+    tried = {fit.effects: fit.bic for fit in found.fits}
+    best = min(tried[step.fit.effects] for step in shown)
+    table = rivals.compared(shown, found.fits)
+    told = [float(row[1].replace("−", "-")) for row in table.rows]
+    assert told == pytest.approx([tried[step.fit.effects] - best for step in shown], abs=0.05)
+    assert "without what trials share" in table.caption
+
+
 def test_a_threshold_is_stated_alike_by_commands_page_and_argument(found, trials):
     """The deviance is a staircase along it: a derivative knows no error, and a number without one is not said."""
     name, known = "disturbed_ground.s_c", {"disturbed_ground": EFFECTS["disturbed_ground"]}

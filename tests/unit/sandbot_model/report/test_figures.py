@@ -14,7 +14,7 @@ from sandbot_model.discovery.compare import compare
 from sandbot_model.fitting import goodness
 from sandbot_model.fitting.goodness import Fail
 from sandbot_model.physics.catalogue import catalogue
-from sandbot_model.physics.geometry import deepest_m
+from sandbot_model.physics.geometry import deepest_m, step_from_lift
 from sandbot_model.physics.observables import Observable
 from sandbot_model.report import balance, captions, figures, lock, mechanics, residual_map, table_sections
 from sandbot_model.report.curves import steps
@@ -228,17 +228,17 @@ def test_without_replicates_the_ladder_has_no_floor():
 def test_lock_curve_has_the_reference_values(depth_m, step_over_r):
     """Physics §5: d and s/R at k = 200 and 170 N/m; lift is 2R − h − d."""
     lift = np.array([2 * 0.0355 - 0.025 - depth_m])
-    assert lock.lock_curve(lift, 0.0355)[0] / 0.0355 == pytest.approx(step_over_r, abs=1e-3)
+    assert step_from_lift(lift, 0.0355)[0] / 0.0355 == pytest.approx(step_over_r, abs=1e-3)
 
 
 def test_points_of_a_locked_robot_lie_on_the_curve_and_others_do_not():
     lift = np.full(NONE.shape, 0.008)
     omega = np.meshgrid(PHI, OMEGA, [0, 1], indexing="ij")[1].ravel()
-    locked = omega * lock.lock_curve(lift, 0.0355) / np.pi
+    locked = omega * step_from_lift(lift, 0.0355) / np.pi
     for share, on_curve in [(1.0, True), (0.85, False)]:
         spec = lock.geometry_lock(made_up_cells(lift_m=lift, speed_m_s=share * locked))
         points = np.concatenate([trace["y"] for trace in traces(spec, "markers")])
-        assert np.allclose(points, 100 * lock.lock_curve(lift, 0.0355)[0], rtol=1e-6) == on_curve
+        assert np.allclose(points, 100 * step_from_lift(lift, 0.0355)[0], rtol=1e-6) == on_curve
 
 
 def test_the_lock_curve_is_smooth_where_it_is_upright():

@@ -12,9 +12,12 @@ import numpy as np
 import pytest
 
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.discovery.choice import Selection
 from sandbot_model.discovery.compare import compare
+from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.next_trials import NextTrial
+from sandbot_model.discovery.reproduce import steps_of
 from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.fitting.goodness import Fail
 from sandbot_model.physics.effects import CATALOGUE
@@ -24,7 +27,7 @@ from sandbot_model.physics.typeset import mathml_lines, plain
 from sandbot_model.physics.walking import Inputs
 from sandbot_model.report import text, write_comparison, write_report
 from sandbot_model.report.curves import steps
-from sandbot_model.report.data_section import cells_csv, data
+from sandbot_model.report.data_section import cells_csv, data, json_download
 from sandbot_model.report.page import Page, Section, for_script, render
 from sandbot_model.report.provenance import limits, provenance
 from sandbot_model.report.table_sections import _added, _formulas, failing
@@ -71,6 +74,7 @@ def discovery(fits):
         model="simple", cells=fits[0].cells, noise_floor_m_s=0.005, noise_floor={"speed": 0.005}, steps=fits,
         candidates=(), verdict=Verdict("ambiguous", ("leg_slip",), (("leg_slip",), ("cable_drag",)), because),
         next_trials=(NextTrial(0.633, 22.0, "first_step", ("leg_slip", "cable_drag"), 4.25, 2),),
+        criteria=Criteria(claim=30.5, clearly=7.5),
     )  # fmt: skip
 
 
@@ -223,6 +227,12 @@ def test_numbers_have_a_true_minus_sign_and_zero_has_none():
     assert text.number(-0.006, 2) == text.centi(-6e-5) == "−0.01"
 
 
+def test_what_a_claim_took_is_said_as_it_was(page):
+    said = table(page, "How they were analysed")
+    assert "lowers the deviance by at least 30.5" in said
+    assert "of its size by at least 7.5" in said
+
+
 def test_next_trials_and_frames_are_shown(page):
     assert "φ 0.633, ω 22 rad/s first step leg slip from cable drag 4.2 2" in table(page, "Next trials")
     assert 'src="data:image/jpeg;base64,/9j/' in page
@@ -238,6 +248,20 @@ def test_the_csv_inside_is_si_and_whole(fits):
     assert float(rows[0]["lift_m"]) == pytest.approx(cells.mean[0, 1], rel=1e-5)
     assert float(rows[0]["speed_m_s[leg_slip]"]) == pytest.approx(fits[1].predicted[0, 0], rel=1e-5)
     assert {"speed_z[base]", "omega_rad_s", "phi", "gait"} <= set(rows[0])
+
+
+def test_the_csv_inside_holds_the_fit_and_what_is_held_by_hand(fits):
+    chosen = Selection(effects=("leg_slip",)).held("delta_t_s", 0.35)
+    shown = steps_of(chosen, fits[0].cells, EFFECTS)
+    (row, *_) = csv.DictReader(io.StringIO(cells_csv(steps(shown))))
+    fitted, held = (float(row[f"speed_m_s[leg_slip{tag}]"]) for tag in ("", "; held by hand: delta_t_s=0.35"))
+    assert [fitted, held] == pytest.approx([step.predicted[0, 0] for step in shown[1:]], rel=1e-5)
+    assert fitted != pytest.approx(held, rel=1e-3)
+
+
+def test_json_inside_is_json_or_none():
+    with pytest.raises(ValueError, match="JSON compliant"):
+        json_download(SimpleNamespace(to_dict=lambda: {"stability": float("nan")}))
 
 
 def test_excluded_trials_are_named_with_the_reason(trials, fits):

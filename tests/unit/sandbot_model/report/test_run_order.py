@@ -41,6 +41,18 @@ def test_residuals_are_those_of_the_trials_in_the_order_they_were_run(run):
     np.testing.assert_allclose(z[:, Observable.lift], expected)
 
 
+def test_what_is_not_fitted_of_a_cell_has_no_residual(run):
+    """Peaks of which it is open whether the cameras saw them."""
+    trials, fitted = run()
+    uneven = dataclasses.replace(trials, gait=np.full(len(trials), "HGCS"))
+    refitted = fit(fitted.model, cells_of(uneven))
+    _, z, cell = residuals(uneven, refitted)
+    seen = np.isfinite(refitted.cells.mean[cell])
+    assert 0 < seen[:, Observable.peak_speed].sum() < len(cell)
+    assert np.isnan(z[~seen]).all()
+    assert np.isfinite(z[:, Observable.speed]).all()
+
+
 def test_a_drift_is_told_and_a_steady_bed_has_none(run):
     assert re.search(r"mean speed \+[2-6]\.\d \(p < 0\.001\)", caption(*run(6.0)))
     assert "mean speed" in caption(*run())

@@ -3,14 +3,15 @@
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sandbot_common import messages, node, topics
 from sandbot_common.robot import Robot, to_mapping
-
-pytestmark = pytest.mark.ros
+from sandbot_model.physics.predictor import PredictorParameters
+from sandbot_model.tools.predictor_node import PredictorNode
 
 BIG = Robot(leg_radius_m=0.05, leg_mount_rad=0.5)
 
@@ -23,6 +24,51 @@ def predictor(domain):
     process.wait(30)
 
 
+class Unwired(PredictorNode):
+    """The node without ROS: what it is told and what it publishes."""
+
+    def __init__(self, **parameters):
+        self.curves = []
+        self._settings = SimpleNamespace(current=PredictorParameters(**parameters))
+        self._health = SimpleNamespace(level=0, text="ok")
+        self._mean = SimpleNamespace(publish=lambda _: None)
+        self._curve = SimpleNamespace(publish=lambda message: self.curves.append(json.loads(message.data)))
+        self._robot, self._phi = None, 0.633
+        self._use(self._settings.current)
+
+    def hears(self, **trial):
+        self._on_trial(messages.string(json.dumps({"omega_rad_s": 16.0, "leg_mount_rad": 0.5} | trial)))
+
+
+def test_new_parameters_keep_the_robot_of_the_trial_and_draw_its_curve_anew():
+    node = Unwired()
+    node.hears(robot=to_mapping(BIG))
+    node._use(PredictorParameters(delta_t_s=0.2))
+    assert node._predictor.model.robot == BIG
+    node._on_phi(messages.float64(0.633))
+    before, after = node.curves
+    assert after["phi"] == before["phi"]
+    assert after["speed_m_s"] != before["speed_m_s"]
+
+
+def test_a_trial_that_cannot_be_read_is_forgotten_with_the_next_one():
+    node = Unwired()
+    node.hears(omega_rad_s="fast")
+    assert (node._health.level, "can't be read" in node._health.text) == (1, True)
+    node.hears()
+    assert (node._health.level, node._health.text) == (0, "ok")
+
+
+def test_a_trial_of_another_robot_than_that_of_the_parameters_is_said_so(tmp_path):
+    (tmp_path / "robot.yaml").write_text("leg_radius_m: 0.04\n", encoding="utf-8")
+    node = Unwired(robot=str(tmp_path / "robot.yaml"))
+    node.hears(robot=to_mapping(BIG))
+    node._use(node._settings.current)
+    assert "for another robot than /trial tells" in node._health.text
+    assert node._predictor.model.robot.leg_radius_m == 0.04
+
+
+@pytest.mark.ros
 def test_follows_a_trial(predictor, beside):
     trial, phi, legs, measured = (
         node.publisher(beside.node, topic)

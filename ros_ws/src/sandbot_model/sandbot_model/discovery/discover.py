@@ -85,6 +85,8 @@ class Discovery:
     """Effects named whose formula holds under another convention than the catalogue's, and which that is."""
     limits: tuple[Limit, ...] = ()
     """Of effects that are absent, at 95 %."""
+    criteria: Criteria = DEFAULT
+    """What it took to claim an effect."""
 
     @property
     def fit(self) -> Fit:
@@ -226,6 +228,7 @@ def _discovered(
         variants=conventions([search.fits[names] for names in verdict.alternatives]),
         limits=tuple(limits(search, named)) if verdict.status in ("adequate", "identified") else (),
         fits=tuple(sorted(search.fits.values(), key=lambda fit: fit.bic)),
+        criteria=criteria,
     )
 
 

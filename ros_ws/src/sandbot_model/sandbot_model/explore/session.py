@@ -17,7 +17,7 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Cells, noise_floor
-from sandbot_model.discovery.choice import Selection
+from sandbot_model.discovery.choice import Selection, name_of
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import Discovery, discover
 from sandbot_model.discovery.reproduce import point_of
@@ -147,8 +147,8 @@ class Session:
         def ahead(function: Callable[[Any], Any], task: Any) -> Point | Found | None:
             """What discovery asks for, where the page has searched for the very same from the same start."""
             if function in (global_minimum.solve, global_minimum.solve_first):
-                model, _, start = task
-                point = self._fitted_ahead(model, start, selection)
+                model, cells, start = task
+                point = self._fitted_ahead(model, start, selection) if cells is self.cells else None
                 if point is None or function is global_minimum.solve:
                     return point
                 ended.append(Found(point, fitted_at(model, self.cells, point).deviance))
@@ -248,7 +248,7 @@ class Session:
 
     def _key(self, selection: Selection) -> Key:
         catalogue = self.catalogue(selection.formulas)
-        own = [text for text in selection.formulas if text.split(":")[0].strip() in selection.effects]
+        own = [text for text in selection.formulas if name_of(text) in selection.effects]
         return selection.model, frozenset(selection.effects) & set(catalogue), tuple(own)
 
 

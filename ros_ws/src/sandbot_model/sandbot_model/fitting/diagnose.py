@@ -17,11 +17,11 @@ from sandbot_model.data.distributions import f_sf
 from sandbot_model.data.pure_error import freedom_known
 from sandbot_model.data.regime import WALKING_LIFT_M, walks
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.goodness import FAIL_Z
 from sandbot_model.physics.arrays import Array, Bool
 from sandbot_model.physics.geometry import step_from_lift
 from sandbot_model.physics.observables import Observable
 
-MISSED = 3.0
 LOCK_LIFT_M = 4 * WALKING_LIFT_M
 """Lift from which a step is read: ds/dΔz grows towards none, so that less of it is mostly noise."""
 
@@ -78,7 +78,7 @@ def _test(stage: str, connects: str, cells: Cells, z: Array, *measures: Observab
     """``measures``: whose replicates z goes by; it is as sure as the scatter that is known least."""
     measured = np.isfinite(z)
     total = float(np.sum(z[measured] ** 2))
-    missed = measured & (np.abs(np.nan_to_num(z)) > MISSED)
+    missed = measured & (np.abs(np.nan_to_num(z)) > FAIL_Z)
     where = tuple((float(phi), float(omega)) for phi, omega in zip(cells.phi[missed], cells.omega[missed], strict=True))
     count, freedom = int(measured.sum()), freedom_known(cells.pure_error_dof)[[*measures]].min()
     return StageTest(

@@ -51,7 +51,7 @@ def argument_page(discovery: Discovery, provenance: Provenance, *, title: str, b
             *_lock(discovery),
             *_stages(discovery),
             _maps(shown, discovery),
-            _rivals(shown),
+            _rivals(shown, discovery),
             *_differ(shown),
             _next(shown, discovery),
             _parameters(shown[opened], shown[0]),
@@ -93,14 +93,15 @@ def _maps(shown: Steps, discovery: Discovery) -> Section:
     return Section("maps", "Where it fails, before and after", (captions.HOW["residuals"],), tuple(map(figure, names)))
 
 
-def _rivals(shown: Steps) -> Section:
+def _rivals(shown: Steps, discovery: Discovery) -> Section:
     labels = "; ".join(step.label for step in shown)
     figure = Figure(
         "rivals", (f"Mean speed against ω by {len(shown)} models: {labels}.",),
         "Points: measured, bars one standard deviation of a trial. Lines: the models, the one chosen above is thicker.",
         lambda theme: [rivals.overlay(shown, n, theme) for n in range(len(shown))],
     )  # fmt: skip
-    return Section("rivals", "What else could it be?", figures=(figure,), tables=(rivals.compared(shown),))
+    tables = (rivals.compared(shown, discovery.fits),)
+    return Section("rivals", "What else could it be?", figures=(figure,), tables=tables)
 
 
 def _differ(shown: Steps) -> list[Section]:

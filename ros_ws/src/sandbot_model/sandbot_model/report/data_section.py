@@ -55,7 +55,7 @@ def cells_csv(steps: tuple[Step, ...]) -> str:
             observable.column.replace(name, f"{name}_sd"): cells.sd[:, observable],
         }
         for step in steps:
-            tag = "+".join(step.fit.effects) or "base"
+            tag = _tag(step)
             columns[f"{observable.column}[{tag}]"] = step.fit.predicted[:, observable]
             columns[f"{name}_z[{tag}]"] = residual_z(step.fit, name)
     sheet = io.StringIO()
@@ -63,6 +63,12 @@ def cells_csv(steps: tuple[Step, ...]) -> str:
     writer.writerow(columns)
     writer.writerows([_csv_cell(v) for v in row] for row in zip(*columns.values(), strict=True))
     return sheet.getvalue()
+
+
+def _tag(step: Step) -> str:
+    """Which model a column is of: its effects, and what of it is held by hand."""
+    held = ", ".join(f"{name}={value:.7g}" for name, value in step.fit.model.held.items())
+    return ("+".join(step.fit.effects) or "base") + (f"; held by hand: {held}" if held else "")
 
 
 def _csv_cell(value: Any) -> str:
@@ -73,5 +79,5 @@ def _csv_cell(value: Any) -> str:
 
 def json_download(discovery: Discovery) -> Download:
     """The discovery as discover --json writes it."""
-    content = json.dumps(discovery.to_dict(), indent=1, ensure_ascii=False).encode()
+    content = json.dumps(discovery.to_dict(), indent=1, ensure_ascii=False, allow_nan=False).encode()
     return Download("discovery.json", "Discovery as JSON (SI units)", data_uri(content, "application/json"))

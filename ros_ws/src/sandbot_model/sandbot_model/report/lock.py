@@ -2,17 +2,12 @@
 
 import numpy as np
 
-from sandbot_model.data.conditions import Cells, Floats
+from sandbot_model.data.conditions import Cells
 from sandbot_model.physics.geometry import step_from_lift
 from sandbot_model.physics.observables import CM
 from sandbot_model.report.figures import SYMBOLS, as_json, bars, finite_max
 from sandbot_model.report.theme import LEGEND_ABOVE, LIGHT, Spec, Theme, axis, layout
 from sandbot_model.report.view import bands, measured, scatter, walks
-
-
-def lock_curve(lift_m: Floats, radius_m: float) -> Floats:
-    """Step length s = 2√(Δz(2R − Δz)) [m] of a leg of radius R that lifts its axle by Δz [m] (Li09, physics §2)."""
-    return step_from_lift(lift_m, radius_m)
 
 
 def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
@@ -21,7 +16,7 @@ def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
     lift, lift_scatter = (CM * f(cells, "lift") for f in (measured, scatter))
     # s rises as √Δz, upright at the start: squares of even steps draw it smooth there.
     grid = max(finite_max(lift) / CM * 1.15, 1e-3) * np.linspace(0.0, 1.0, 121) ** 2
-    locked = lock_curve(grid, cells.robot.leg_radius_m)
+    locked = step_from_lift(grid, cells.robot.leg_radius_m)
     data: list[Spec] = [
         {
             "type": "scatter", "mode": "lines", "name": "s = 2√(Δz(2R − Δz)), nothing fitted", "hoverinfo": "skip",

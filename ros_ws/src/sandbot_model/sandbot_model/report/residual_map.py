@@ -7,13 +7,12 @@ from numpy.typing import NDArray
 
 from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.fit import Fit
+from sandbot_model.fitting.goodness import FAIL_Z
 from sandbot_model.report.figures import as_json, model_name
 from sandbot_model.report.map_text import words_on
 from sandbot_model.report.theme import LIGHT, Spec, Theme, category_axis, layout, note
 from sandbot_model.report.view import Step, bands, frequencies, observable_label, residual_z
 
-Z_FAIL = 3.0
-"""Marked on the colour bar of residual maps; which cells fail is the fit's own list."""
 Z_COLOUR_END = 8.0
 """Residual maps share this colour range, so that the steps of the ladder compare."""
 MAX_LABELLED_COLUMNS = 10
@@ -115,10 +114,10 @@ def _mark(z: float, failing: bool, with_number: bool) -> str:
 
 
 def _residual_bar(theme: Theme) -> Spec:
-    end, fail = f"{Z_COLOUR_END:g}", f"{Z_FAIL:g}"
+    end, fail = f"{Z_COLOUR_END:g}", f"{FAIL_Z:g}"
     return {
         "title": {"text": "measured − model<br>(standard errors)", "side": "right", "font": {"size": 12}},
         "thickness": 14, "outlinewidth": 0, "tickcolor": theme.faint,
-        "tickvals": [-Z_COLOUR_END, -Z_FAIL, 0, Z_FAIL, Z_COLOUR_END],
+        "tickvals": [-Z_COLOUR_END, -FAIL_Z, 0, FAIL_Z, Z_COLOUR_END],
         "ticktext": [f"≤ −{end}", f"−{fail}", "0", fail, f"≥ {end}"],
     }  # fmt: skip

@@ -51,17 +51,20 @@ def _look(n: int, chosen: bool, colours: Sequence[str]) -> Spec:
     return {"color": colours[n], "width": 3.5 if chosen else 1.8, "dash": DASHES[n % len(DASHES)]}
 
 
-def compared(steps: Sequence[Step]) -> Table:
-    """What speaks for each: ΔBIC to the best, error, lack of fit and conditions missed."""
-    best = min(step.fit.bic for step in steps)
+def compared(steps: Sequence[Step], tried: Sequence[Fit]) -> Table:
+    """What speaks for each, all fitted alike as they were ``tried``: ΔBIC to the best, error, lack of fit, misses."""
+    by_effects = {fit.effects: fit for fit in tried}
+    fits = [by_effects[step.fit.effects] for step in steps]
+    best = min(fit.bic for fit in fits)
     rows = [
         (
-            step.label, text.number(step.fit.bic - best), text.centi(step.fit.rmse_m_s),
-            text.centi(step.fit.cv_rmse_m_s), text.probability(step.fit.lack_of_fit_p),
-            str(cells_missed(step.fit.fails)),
+            step.label, text.number(fit.bic - best), text.centi(fit.rmse_m_s), text.centi(fit.cv_rmse_m_s),
+            text.probability(fit.lack_of_fit_p), str(cells_missed(fit.fails)),
         )
-        for step in steps
+        for step, fit in zip(steps, fits, strict=True)
     ]  # fmt: skip
     caption = "ΔBIC to the best of these: above 10, the data speak strongly against it. Errors of mean speed."
+    if any(step.fit.nuisances and not fit.nuisances for step, fit in zip(steps, fits, strict=True)):
+        caption += " Every model without what trials share (zero of the lift, scale of speed, drift)."
     head = ("model", "ΔBIC", "error (cm/s)", "out of sample (cm/s)", "lack of fit, p", "conditions missed")
     return Table(caption, head, rows, (True, *[False] * 5))

@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from sandbot_model.data.clustering import OMEGA_TOLERANCE
-from sandbot_model.data.conditions import Floats, Ints
+from sandbot_model.data.conditions import Floats, Ints, cell_of
 from sandbot_model.data.quality import trend
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import Observable
@@ -22,17 +21,14 @@ SYMBOLS = ("circle", "square-open", "triangle-up-open", "diamond-open")
 def residuals(trials: Trials, fit: Fit) -> tuple[Floats, Floats, Ints]:
     """Run order ``(n,)``, measured minus model ``(n, 4)`` in standard deviations of one trial, and the cell ``(n,)``.
 
-    Of the trials that are in a cell and whose place in the campaign is known.
+    Of the trials that are in a cell and whose place in the campaign is known; NaN for what is not fitted in the cell.
     """
-    cells = fit.cells
-    columns = trials.phi, trials.omega_rad_s, trials.run_order
-    phi, omega, order = (np.asarray(values, dtype=float) for values in columns)
-    level = np.abs(phi[:, None] - cells.level_phi).argmin(axis=1)
-    same = (level[:, None] == cells.level) & (np.abs(omega[:, None] / cells.omega - 1) < OMEGA_TOLERANCE)
-    same &= np.asarray(trials.gait, dtype=str)[:, None] == np.asarray(cells.gait)
-    used = same.any(axis=1) & np.isfinite(order) & np.isin(np.asarray(trials.status, dtype=str), ["", "ok"])
-    cell = same.argmax(axis=1)[used]
+    cells, order = fit.cells, np.asarray(trials.run_order, dtype=float)
+    cell = cell_of(trials, cells)
+    used = (cell >= 0) & np.isfinite(order) & np.isin(np.asarray(trials.status, dtype=str), ["", "ok"])
+    cell = cell[used]
     values = np.stack([np.asarray(getattr(trials, one.column), dtype=float)[used] for one in Observable], axis=1)
+    values[~np.isfinite(cells.mean[cell])] = np.nan
     return order[used], (values - fit.predicted[cell]) / cells.noise, cell
 
 

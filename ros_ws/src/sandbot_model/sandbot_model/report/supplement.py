@@ -10,7 +10,7 @@ from sandbot_common import topics
 from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, difference
 from sandbot_model.data.conditions import Cells
-from sandbot_model.discovery.criteria import DEFAULT
+from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.report.page import Section, Table
 from sandbot_model.report.view import Step, frequencies
 from sandbot_record.bags.reader import Bag
@@ -42,8 +42,8 @@ def origin(trials: Trials, cells: Cells, bags: Mapping[str, Path], command: str)
     return Section("origin", "Where these trials come from", tables=(table,))
 
 
-def methods(steps: Sequence[Step]) -> Section:
-    """In the order of the work; what a claim takes is the verdict's own numbers."""
+def methods(steps: Sequence[Step], criteria: Criteria = DEFAULT) -> Section:
+    """In the order of the work; what a claim takes is the verdict's own ``criteria``."""
     cells = steps[0].fit.cells
     observables = ", ".join(name.replace("_", " ") for name in cells.observables)
     said = (
@@ -57,10 +57,10 @@ def methods(steps: Sequence[Step]) -> Section:
         "its batch where that holds whole conditions."
     )
     claims = (
-        f"An effect is claimed if it lowers the deviance by at least {DEFAULT.claim:g}, and BIC tells its set from "
-        f"every other of its size by at least {DEFAULT.clearly:g}; beside it the zero of the lift, the scale along the "
-        "track, differences between batches and a drift are free within their priors. Standard errors follow from the "
-        "curvature of the deviance at its minimum, or from a sample where that is no parabola."
+        f"An effect is claimed if it lowers the deviance by at least {criteria.claim:g}, and BIC tells its set from "
+        f"every other of its size by at least {criteria.clearly:g}; beside it the zero of the lift, the scale along "
+        "the track, differences between batches and a drift are free within their priors. Standard errors follow from "
+        "the curvature of the deviance at its minimum, or from a sample where that is no parabola."
     )
     return Section("methods", "How they were analysed", text=(said, claims))
 

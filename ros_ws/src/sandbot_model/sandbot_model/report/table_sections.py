@@ -13,6 +13,7 @@ from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.physics.typeset import mathml_lines, plain
 from sandbot_model.report import text
 from sandbot_model.report.page import Picture, Section, Table, data_uri
+from sandbot_model.report.profiles import correlation
 from sandbot_model.report.view import Step, band_name, observable_label, readable
 
 Frames = Sequence[tuple[bytes, str]]
@@ -105,10 +106,7 @@ def _added(steps: tuple[Step, ...]) -> list[str]:
 def _correlations(step: Step) -> list[Table]:
     """How the errors of the last step's shared parameters are correlated; a dash where there is no error."""
     names = list(step.fit.parameters)
-    covariance = step.fit.covariance[: len(names), : len(names)]
-    sd = np.sqrt(np.diag(covariance))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        values = covariance / np.outer(sd, sd)
+    values = correlation(step.fit.covariance[: len(names), : len(names)])
     short = [name.rpartition(".")[2] for name in names]
     rows = [(name, *(_correlation(value) for value in row[: i + 1]), *[""] * (len(names) - i - 1))
             for i, (name, row) in enumerate(zip(names, values, strict=True))]  # fmt: skip

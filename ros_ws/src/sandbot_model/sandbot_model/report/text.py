@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable
 
-from sandbot_model.fitting.text import UNKNOWN, cm_s, probability, with_error
+from sandbot_model.fitting.text import UNKNOWN, cm_s, counted, probability, with_error
 from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import BASE_PARAMETERS
@@ -22,11 +22,6 @@ def centi(value: float) -> str:
 def number(value: float, digits: int = 1) -> str:
     """A plain number with a true minus sign, and none before what rounds to zero."""
     return f"{value:z.{digits}f}".replace("-", "−") if math.isfinite(value) else UNKNOWN
-
-
-def counted(count: int, thing: str) -> str:
-    """``1 condition``, ``2 conditions``."""
-    return f"{count} {thing}{'' if count == 1 else 's'}"
 
 
 def symbol(parameter: Parameter) -> str:

@@ -30,6 +30,7 @@ def write_report(
     """
     bags = bags_of(data)
     shown = steps(discovery.steps)
+    methods = supplement.methods(shown, discovery.criteria)
     content = discovery_page(
         discovery,
         shown,
@@ -37,7 +38,7 @@ def write_report(
         title=title,
         trials=trials,
         frames=frames,
-        opening=(supplement.origin(trials, discovery.cells, bags, command), supplement.methods(shown)),
+        opening=(supplement.origin(trials, discovery.cells, bags, command), methods),
         atlas=atlas_section.sections(trials, discovery.steps, bags),
     )
     page.write(path, content)

@@ -123,13 +123,14 @@ def _selection(args: argparse.Namespace) -> Selection:
     given = given.toggled([*given.effects, *(name_of(text) for text in args.effect)])
     for held in args.hold:
         given = held_by_text(given, held, "--hold")
+    if args.selection is not None:
+        if given != Selection():
+            raise InputError("--selection says model, effects and held values: leave out the options that say them too")
+        given = read_selection(args.selection)
     if given.by_hand and args.bootstrap is not None:
-        raise InputError("--hold: a parameter held by hand has no standard error; leave out --bootstrap")
-    if args.selection is None:
-        return given
-    if given != Selection():
-        raise InputError("--selection says model, effects and held values: leave out the options that say them too")
-    return read_selection(args.selection)
+        source = f"{args.selection}: by_hand" if args.selection else "--hold"
+        raise InputError(f"{source}: a parameter held by hand has no standard error; leave out --bootstrap")
+    return given
 
 
 if __name__ == "__main__":

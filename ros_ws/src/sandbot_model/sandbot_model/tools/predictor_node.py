@@ -13,8 +13,8 @@ from std_msgs.msg import Float64, String
 from sandbot_common import messages, node, topics
 from sandbot_common.files import parse_json
 from sandbot_common.legs import leg_mount_rad
-from sandbot_common.robot import difference, robot_from_mapping
-from sandbot_model.physics.predictor import Predictor, PredictorParameters, of_robot, predictor_of
+from sandbot_common.robot import Robot, difference, robot_from_mapping
+from sandbot_model.physics.predictor import PredictorParameters, of_robot, predictor_of
 
 NO_VARIANCE = -1.0
 _OMEGA_RAD_S = np.arange(1.0, 40.5, 0.5)
@@ -26,9 +26,10 @@ class PredictorNode(Node):
 
     def __init__(self) -> None:
         super().__init__("predictor")
-        self._predictor: Predictor
         self._settings = node.Parameters(self, PredictorParameters, self._use)
-        self._use(self._settings.current)
+        self._predictor = predictor_of(self._settings.current)
+        self._robot: Robot | None = None
+        self._drawn: object = None
         self._phi = self._omega = math.nan
         self._gait, self._leg_mount_rad = "", 0.0
         self._error = math.nan
@@ -36,7 +37,6 @@ class PredictorNode(Node):
         self._mean = node.publisher(self, topics.MODEL_SPEED_MEAN)
         self._difference = node.publisher(self, topics.MODEL_ERROR)
         self._curve = node.publisher(self, topics.MODEL_CURVE)
-        self._drawn: object = None
         node.subscription(self, topics.TRIAL, self._on_trial)
         node.subscription(self, topics.BED_PHI, self._on_phi)
         node.subscription(self, topics.LEG_STATES, self._on_legs)
@@ -44,14 +44,17 @@ class PredictorNode(Node):
         self._health = node.Health(self, self._figures)
 
     def _use(self, parameters: PredictorParameters) -> None:
-        self._predictor = predictor_of(parameters)
+        self._predictor, self._drawn = predictor_of(parameters), None
+        self._mind(parameters)
 
     def _on_trial(self, message: String) -> None:
         try:
             trial = parse_json(message.data, topics.TRIAL.name)
             self._omega, self._gait = float(trial["omega_rad_s"]), str(trial.get("gait", ""))
             self._leg_mount_rad = leg_mount_rad(trial, topics.TRIAL.name)
-            self._mind(trial)
+            if "robot" in trial:
+                self._robot = robot_from_mapping(trial["robot"], "/trial: robot")
+            self._mind(self._settings.current)
             if math.isnan(self._phi) and "phi" in trial:
                 self._phi = float(trial["phi"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
@@ -59,19 +62,17 @@ class PredictorNode(Node):
             return
         self._announce()
 
-    def _mind(self, trial: Mapping[str, object]) -> None:
+    def _mind(self, parameters: PredictorParameters) -> None:
         """Walk the trial's robot, unless a file or a result says which robot this predictor is of."""
-        if "robot" not in trial:
+        self._health.level, self._health.text = 0, "ok"
+        robot, own = self._robot, self._predictor.model.robot
+        if robot is None or robot == own:
             return
-        robot, own = robot_from_mapping(trial["robot"], "/trial: robot"), self._predictor.model.robot
-        settings = self._settings.current
-        if not settings.robot and not settings.result:
+        if not parameters.robot and not parameters.result:
             self._predictor = of_robot(self._predictor, robot)
-        elif robot != own:
+        else:
             self._health.level = 1
             self._health.text = f"predicts for another robot than /trial tells ({difference(own, robot)})"
-        else:
-            self._health.level, self._health.text = 0, "ok"
 
     def _on_phi(self, message: Float64) -> None:
         self._phi = float(message.data)

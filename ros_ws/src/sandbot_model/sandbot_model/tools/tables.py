@@ -116,8 +116,8 @@ def candidates(discovery: Discovery, most: int) -> str:
                 f"{candidate.weight:.2f}",
             ]
         )
-    shared = discovery.fit.nuisances
-    alone = f"\n{filled(WITHOUT_NUISANCES)}" if shared is not None else ""
+    beside = discovery.fit.nuisances is not None and all(fit.nuisances is None for fit in discovery.fits)
+    alone = f"\n{filled(WITHOUT_NUISANCES)}" if beside else ""
     return table(rows, left=(0, 1)) + _more(len(discovery.candidates) - most) + alone
 
 
