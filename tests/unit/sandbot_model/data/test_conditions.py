@@ -83,6 +83,18 @@ def test_without_a_cell_everything_over_cells_is_one_shorter():
                 np.testing.assert_array_equal(getattr(fewer, name), getattr(cells, name)[kept])
 
 
+def test_without_a_cell_its_trials_are_counted_as_left_out_and_no_batch_is_empty():
+    """An empty batch has an offset that is 0 of 0."""
+    days = {4.0: "mon", 8.0: "tue", 12.0: "tue"}
+    rows = [Row(f"{w}{i}", 0.6, 0.0, w, "UNIFORM", i, 0.1, batch=day) for w, day in days.items() for i in (0, 1)]
+    cells = cells_of(from_rows(rows))
+    fewer = cells.without(0)
+    assert (fewer.trials, fewer.excluded) == (4, 2)
+    assert cells.batch_share.shape == (3, 2)
+    np.testing.assert_array_equal(fewer.batch_share, [[1.0], [1.0]])
+    assert fewer.batch_mean.shape == (2, 1, 4)
+
+
 def test_a_trial_that_names_no_batch_shares_one_with_those_of_its_condition_alone():
     def shares(*batches):
         rows = [

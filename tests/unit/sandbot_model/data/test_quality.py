@@ -40,6 +40,12 @@ def test_clean_trials_give_no_note(seed):
     assert checked(trials(draw_world(seed), seed)) == ()
 
 
+def test_where_no_trial_is_usable_that_is_said():
+    """Of a table that is no file, too: read() refuses one that is."""
+    with pytest.raises(InputError, match=r"^data: no usable trial among 60: .* has status 'good'"):
+        checked(replace(CLEAN, status=np.full(len(CLEAN), "good")), "data")
+
+
 def test_a_trial_far_out_is_named():
     (note,) = checked(changed("lift_m", 7, CLEAN.lift_m[7] + 0.005))
     assert note.startswith("lift_m far from every other replicate")

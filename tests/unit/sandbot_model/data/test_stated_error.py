@@ -34,3 +34,11 @@ def test_replicates_go_before_error_bars():
     replicated, nothing = error([6, 6, 6, 6]), error([0, 0, 0, 0])
     assert with_stated(replicated, np.array([0.02**2, 0.02**2])) is replicated
     assert with_stated(nothing, np.array([NAN, NAN])) is nothing
+
+
+def test_how_a_speed_with_an_error_bar_goes_with_what_was_repeated_is_taken_for_nothing():
+    """A condition's mean, copied into the row of each of its trials: with it the whole fit came to NaN."""
+    copied = error([0, 4, 4, 4])
+    copied.covariance[:, Observable.speed] = copied.covariance[..., Observable.speed] = NAN
+    found = with_stated(copied, np.array([0.02**2, 0.02**2])).covariance
+    np.testing.assert_allclose(found, np.tile(np.diag([0.02**2, 1e-4, 1e-4, 1e-4]), (2, 1, 1)))

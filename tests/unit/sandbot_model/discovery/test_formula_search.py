@@ -27,7 +27,7 @@ def test_a_claim_of_several_effects_that_a_formula_outdoes_is_refused(monkeypatc
 
     def formula(_search, fit, _hopeless):
         asked.append(fit.effects)
-        return SimpleNamespace(bic=bic, sentence="so much", passes=lambda _: passes) if fit.effects else None
+        return SimpleNamespace(bic=bic, sentence="so much", leaves_nothing=passes) if fit.effects else None
 
     monkeypatch.setattr(formula_search, "_on_top_of", formula)
     fits = [fit(bic=300.0), fit("a", bic=200.0), fit("b", bic=150.0), fit("c", bic=140.0), fit("a", "b", bic=100.0)]

@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 
 from sandbot_model.data.conditions import cells_of
+from sandbot_model.data.penetrometer import Readings
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.limits import ONE_SIDED, Limit, limits
+from sandbot_model.discovery.limits import ONE_SIDED, TWO_SIDED, Limit, limits
 from sandbot_model.discovery.nuisances_about import shared_by
 from sandbot_model.fitting.fit import fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
@@ -16,12 +17,13 @@ from sandbot_record.trials.table import from_rows
 EFFECTS = {
     name: effect
     for name, effect in catalogue().items()
-    if name in ("stance_overlap", "inertial_drag", "phi_dependent_response", "cohesion", "crater_refill")
+    if name
+    in ("stance_overlap", "inertial_drag", "phi_dependent_response", "cohesion", "crater_refill", "depth_nonlinearity")
 }
 
 
-def found(trials):
-    search = EffectSearch(cells_of(trials), EFFECTS, "simple")
+def found(trials, readings=None):
+    search = EffectSearch(cells_of(trials, readings), EFFECTS, "simple")
     search.run(0)
     plain = search.fits[()]
     shared = shared_by(plain, search.criteria)
@@ -39,6 +41,19 @@ def test_a_limit_is_where_the_deviance_has_risen_as_far_as_it_says(drawn):
     free = search.near([search.model(("stance_overlap",))], named)[0].deviance
     # A cell beside the switch says more against the effect than its parabola does: the limit errs on the safe side.
     assert 0.8 * ONE_SIDED < there - min(least, free) < 2 * ONE_SIDED
+
+
+def test_what_a_penetrometer_would_feel_counts_for_a_limit(drawn):
+    """What full fits exclude its limits exclude: k is known by readings that feel the law of force themselves."""
+    phi, depth_m = np.repeat(np.linspace(0.58, 0.633, 4), 4), np.tile([0.015, 0.025, 0.035, 0.044], 4)
+    force_n = np.interp(phi, [0.58, 0.6, 0.633], [170.0, 205.0, 220.0]) * depth_m
+    noise = 1 + 0.02 * np.random.default_rng(1).normal(size=len(phi))
+    search, named, of = found(drawn(seed=1, levels=4), Readings(phi, depth_m, force_n * noise, 0.02 * force_n))
+    limit = of["depth_nonlinearity"]
+    ends = (0.965, 1.03)
+    held = [search.model(("depth_nonlinearity",), {"depth_nonlinearity.n": n}) for n in ends]
+    assert all(fit.deviance > named.deviance + TWO_SIDED for fit in search.near(held, named))
+    assert ends[0] < limit.low < 1 < limit.high < ends[1]
 
 
 def test_the_limits_of_what_is_there_and_of_what_is_not(drawn):

@@ -125,7 +125,7 @@ def test_part_of_it_is_no_familys_where_another_does_better_under_a_convention_o
     cells = cells_of(drawn(formulas=(FELT_BY_THE_PEAK,), seed=5))
     found = discover(cells, effects, max_effects=1)
     assert found.verdict.status == "unexplained"
-    assert found.residual.passes()
+    assert found.residual.leaves_nothing
     monkeypatch.setattr(discovery, "outdone_by_a_formula", lambda *_: None)
     assert discover(cells, effects, max_effects=1).verdict.status == "unexplained"
     monkeypatch.setattr(partial, "_falls_behind", lambda *_: False)

@@ -8,10 +8,11 @@ from sandbot_model.data.conditions import cells_of, noise_floor
 from sandbot_model.discovery.compare import compare
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.residual import _score, _tried, suggest_formula
+from sandbot_model.discovery.residual import SuggestedFormula, _score, _tried, suggest_formula
 from sandbot_model.discovery.scored_terms import guesses
 from sandbot_model.discovery.term_library import terms
 from sandbot_model.fitting.fit import fit
+from sandbot_model.fitting.plain import plain
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.formula import formula_effect
@@ -116,7 +117,7 @@ def test_an_effect_is_found_beside_what_hides_it(drawn):
     assert found.verdict.status == "unexplained"
     assert found.residual.effects == ("stance_overlap",)
     assert "above ω = 14 rad/s" in found.residual.sentence
-    assert found.residual.passes()
+    assert found.residual.leaves_nothing
 
 
 @pytest.mark.slow
@@ -164,3 +165,10 @@ def test_a_formula_may_tell_the_first_step():
     assert float(found.speed_m_s) == pytest.approx(float(steady.speed_m_s))
     assert float(found.first_step_m) == pytest.approx(float(virgin.first_step_m))
     assert isinstance(boost.chain(Inputs(200.0, 8.0, 0.4), [{"a": 0.1}], np.array([0.02]), first_step=True), Chain)
+
+
+def test_what_could_not_be_scored_out_of_sample_is_none_in_the_json():
+    """Where k of a level is known too badly no condition is left out and predicted; NaN is no JSON."""
+    nan = float("nan")
+    one = SuggestedFormula("so", "f: step: s *= 2", (), "step", (), (9.0, 1.0), (nan, nan), 0.5, True, 1.0)
+    assert plain(one)["cv_rmse_m_s"] == [None, None]

@@ -119,3 +119,10 @@ def test_a_parameter_at_the_end_of_its_search_is_at_its_bound():
     assert goodness.at_bounds(problem, theta) == ()
     theta[-1] = MODEL.parameters[-1].search[1]
     assert goodness.at_bounds(problem, theta) == (MODEL.names[-1],)
+
+
+def test_what_is_held_by_hand_was_not_fitted():
+    cells = cells_of(from_rows([Row(**row) for row in direct_trials(null_world(), PHI, OMEGA, replicates=2, seed=1)]))
+    free = fit(MODEL, cells).goodness
+    held = fit(replace(MODEL, held={"leg_slip.sigma": 0.0}), cells).goodness
+    assert held.dof == free.dof + 1

@@ -1,10 +1,12 @@
 """The catalogue: effects of the project and of users' files, and what is refused as one."""
 
 import pickle
+from importlib.metadata import EntryPoint
 
 import pytest
 
 from sandbot_common.errors import InputError
+from sandbot_model.physics import catalogue as catalogue_module
 from sandbot_model.physics.catalogue import catalogue, describe, effects_in
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.walking import Inputs, Walker
@@ -183,3 +185,11 @@ def test_an_effect_may_replace_the_swimming_speed(tmp_path):
 def test_refuses_a_missing_file(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         effects_in(tmp_path / "none.py")
+
+
+def test_a_plug_in_that_cannot_be_imported_is_one_line(monkeypatch):
+    broken = EntryPoint("sticky", "no_such_module:Sticky", catalogue_module.GROUP)
+    monkeypatch.setattr(catalogue_module, "entry_points", lambda **_: [broken])
+    with pytest.raises(InputError, match=r"^entry point sticky: can't be loaded: .*no_such_module") as error:
+        catalogue()
+    assert "\n" not in str(error.value)

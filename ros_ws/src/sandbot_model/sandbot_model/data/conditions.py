@@ -90,13 +90,17 @@ class Cells:
         return len(self.omega)
 
     def without(self, cells: int | NDArray[np.int64]) -> "Cells":
-        """All cells but these; the levels stay, even if one of them is empty then."""
+        """All cells but these, and no batch without a trial; the levels stay, even if one of them is empty then."""
         keep = ~np.isin(np.arange(len(self)), cells)
         over_cells = {name: value for name, value in vars(self).items() if name not in NOT_OVER_CELLS}
         shorter: dict[str, Any] = {
             name: value[keep] for name, value in over_cells.items() if isinstance(value, np.ndarray)
         }
-        gait = tuple(np.array(self.gait)[keep].tolist())
+        if self.batch_share is not None and self.batch_mean is not None:
+            left = shorter["batch_share"].any(axis=0)
+            shorter |= {"batch_share": shorter["batch_share"][:, left], "batch_mean": shorter["batch_mean"][:, left]}
+        gone, gait = int(self.n[~keep].max(axis=1).sum()), tuple(np.array(self.gait)[keep].tolist())
+        shorter |= {"trials": self.trials - gone, "excluded": self.excluded + gone}
         return replace(self, gait=gait, clock=self.clock[keep], **shorter)
 
 
@@ -105,7 +109,7 @@ NOT_OVER_CELLS = ("level_phi", "noise", "pure_error_dof")
 
 
 def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
-    """Gather trials into cells. Trials without φ, ω or any observable, or not ended ``ok``, are left out and counted.
+    """Gather trials into cells. Trials that are not ``usable``, or without ω, are left out and counted.
 
     Trials without a robot are taken to be SandBot's, filmed at the usual rate. ``readings`` are a penetrometer's.
     Raises InputError if no trial is left, or no reading is at the trials' φ.
@@ -114,9 +118,7 @@ def cells_of(trials: Trials, readings: Readings | None = None) -> Cells:
     values = np.stack(
         [np.asarray(getattr(trials, observable.column), dtype=float) for observable in Observable], axis=-1
     )
-    status = np.asarray([str(text) for text in trials.status])
-    usable = np.isfinite(phi) & np.isfinite(omega) & (omega > 0) & np.isfinite(values).any(axis=-1)
-    usable &= np.isin(status, ["", "ok"])
+    usable = trials.usable & (omega > 0)
     if not usable.any():
         raise InputError(
             f"none of {len(phi)} trials can be used: phi, omega_rad_s and speed_m_s of an ok trial are needed"

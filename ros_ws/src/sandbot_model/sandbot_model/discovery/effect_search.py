@@ -93,10 +93,10 @@ class EffectSearch:
         steps, remaining = [self.fits[()]], list(verdict.effects)
         while remaining:
             options = self.extended(steps[-1].effects, remaining)
-            self._try("ladder", self._new(options))
-            best = min(options, key=lambda names: self.fits[names].deviance)
-            steps.append(self.fits[best])
-            remaining = [name for name in remaining if name not in best]
+            new = self.near([self.model(names) for names in self._new(options)], steps[-1])
+            known = [self.fits[names] for names in options if names in self.fits]
+            steps.append(min([*known, *new], key=lambda fit: fit.deviance))
+            remaining = [name for name in remaining if name not in steps[-1].effects]
         return steps
 
     def ranked(self, size: int) -> list[Fit]:

@@ -25,7 +25,7 @@ def formula_to_try(search: EffectSearch) -> SuggestedFormula | None:
     if np.isnan(search.fits[()].lack_of_fit_p):
         return None
     best = formula_on_top_of(search, [(), best_earned(search.fits, search.criteria).effects])
-    if best is None or best.passes(search.criteria):
+    if best is None or best.leaves_nothing:
         return best
     if best.deviance[1] > NEARLY * search.fits[best.effects].goodness.dof:
         return best
@@ -41,10 +41,10 @@ def formula_on_top_of(search: EffectSearch, sets: Sequence[Names]) -> SuggestedF
     wanted = list(dict.fromkeys(sets))
     search.fit("formula, beside an effect", [names for names in wanted if names not in search.fits], nearby=False)
     best = _enough_or_best(search, [search.fits[names] for names in wanted])
-    if best is None or best.passes(search.criteria):
+    if best is None or best.leaves_nothing:
         return best
     shared = _enough_or_best(search, list(at_priors(search, wanted).values()))
-    return shared if shared is not None and shared.passes(search.criteria) else best
+    return shared if shared is not None and shared.leaves_nothing else best
 
 
 def _enough_or_best(search: EffectSearch, fits: Sequence[Fit]) -> SuggestedFormula | None:
@@ -52,7 +52,7 @@ def _enough_or_best(search: EffectSearch, fits: Sequence[Fit]) -> SuggestedFormu
     found = []
     for fit in fits:
         if (formula := _on_top_of(search, fit)) is not None:
-            if formula.passes(search.criteria):
+            if formula.leaves_nothing:
                 return formula
             found.append(formula)
     return min(found, key=lambda formula: formula.bic, default=None)
@@ -71,7 +71,7 @@ def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> Ve
     lead = search.criteria.clearly * overdispersion(claimed) + picked_from(TERMS)
     for fit in on_top:
         formula = _on_top_of(search, fit, far_above(claimed.deviance, 1.0))
-        if formula is not None and formula.bic < claimed.bic - lead and formula.passes(search.criteria):
+        if formula is not None and formula.bic < claimed.bic - lead and formula.leaves_nothing:
             because = (
                 f"{' + '.join(claim.effects)} explains much, but one formula fits better (ΔBIC "
                 f"{formula.bic - claimed.bic:.0f}): {formula.sentence}"

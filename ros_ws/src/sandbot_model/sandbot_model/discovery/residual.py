@@ -16,6 +16,7 @@ from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.nuisances_in_words import significant
 from sandbot_model.discovery.scored_terms import Guess, guesses, unused_name
 from sandbot_model.discovery.term_library import terms
+from sandbot_model.discovery.verdict import leaves_nothing
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import far_above, solve_beside, solve_near
 from sandbot_model.fitting.parallel import Map, Progress
@@ -50,12 +51,10 @@ class SuggestedFormula:
     """The same of the mean speed's error out of sample."""
     lack_of_fit_p: float
     """With the formula: whether the replicates leave anything to explain."""
+    leaves_nothing: bool
+    """Whether that is so, jointly and in each observable."""
     bic: float
     """With the formula, its thresholds counted as parameters."""
-
-    def passes(self, criteria: Criteria = DEFAULT) -> bool:
-        """Whether replicates leave nothing to explain."""
-        return self.lack_of_fit_p >= criteria.lack_of_fit
 
     @property
     def name(self) -> str:
@@ -181,16 +180,13 @@ def _suggestion(fit: Fit, best: _Tried, rival: _Tried | None, criteria: Criteria
     ]
     on_top = f"on top of {' + '.join(fit.effects)}, " if fit.effects else ""
     cv = (fit.cv_rmse_m_s, found.cv_rmse_m_s)
-    enough = (
-        "leave nothing to explain"
-        if found.lack_of_fit_p >= criteria.lack_of_fit
-        else "still leave something to explain"
-    )
+    enough = leaves_nothing(found, criteria)
+    left = "leave nothing to explain" if enough else "still leave something to explain"
     scored = f"the error out of sample goes from {cm_s(cv[0])} to {cm_s(cv[1])}, " if np.isfinite(cv).all() else ""
     sentence = (
         f"{on_top}{guess.lever.words} differs from the model's by {' and '.join(parts)} ({guess.lever.unit}): the "
         f"deviance falls from {fit.deviance:.0f} to {found.deviance:.0f} on {found.goodness.dof} degrees of freedom, "
-        f"{scored}and replicates {enough} "
+        f"{scored}and replicates {left} "
         f"(p = {found.lack_of_fit_p:.2g}){_granted(found)}"
     )
     if rival is not None and rival.score < best.score + criteria.clearly:
@@ -206,5 +202,6 @@ def _suggestion(fit: Fit, best: _Tried, rival: _Tried | None, criteria: Criteria
         deviance=(fit.deviance, found.deviance),
         cv_rmse_m_s=cv,
         lack_of_fit_p=found.lack_of_fit_p,
+        leaves_nothing=enough,
         bic=found.bic + float(np.log(found.problem.measured.sum())) * sum(term.switches for term in guess.terms),
     )

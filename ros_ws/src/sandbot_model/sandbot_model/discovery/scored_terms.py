@@ -17,7 +17,7 @@ from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.formula import formula_effect
 from sandbot_model.physics.model import model_of
 
-PER_LEVER = 3
+PER_LEVER = 4
 """Terms of one lever that are fitted."""
 LEAST_GAIN = 0.2
 """Share of the largest gain predicted below which a term is not fitted."""
@@ -113,7 +113,7 @@ def _distinct(tried: Sequence[Guess], per_number: float) -> list[Guess]:
     for guess in sorted(tried, key=lambda guess: guess.gain - guess.price, reverse=True):
         if guess.gain > per_number and all(abs(float(guess.direction @ other.direction)) < SAME for other in chosen):
             chosen.append(guess)
-        if len(chosen) > PER_LEVER:
+        if len(chosen) >= PER_LEVER:
             break
     return chosen
 

@@ -75,6 +75,8 @@ def reconsidered(search: EffectSearch, plain: Verdict) -> Shared | None:
         if found := _of_size(search, plain, size):
             stands = found.verdict.status != "identified" or _beats_scatter(search, found.verdict.effects)
             return found if stands else _beside(search, plain, size, _apart_about(search, search.fits[()])) or found
+        if size == 1 and (rough := _no_worse_than_rough(search, plain)):
+            return rough
     if not plain.effects:
         return None
     # No credible alternative to the claim was found: the claim stands, refitted beside the nuisances.
@@ -259,6 +261,19 @@ def _lead_over_scatter(search: EffectSearch, names: Names, fits: Mapping[Names, 
     """By how much each effect of a set, at least, explains more than a bed that scatters, in -2 ln of the posterior."""
     left = {one: fit.deviance - gain_of_batches(fit, search.criteria) for one, fit in fits.items()}
     return min((left[part] - left[names] for part in parts_of(names, fits)), default=0.0)
+
+
+def _no_worse_than_rough(search: EffectSearch, plain: Verdict) -> Shared | None:
+    """The base model on a bed as rough as it shows, where it leaves nothing on a smoother one either, and what gains
+    there is not to be believed and explains no more than the bed."""
+    criteria, apart = search.criteria, _apart_about(search, _best(search, 1))
+    fits = _refitted(search, _leading(search, plain, 1), apart)
+    helpful = [names for names in fits if len(names) == 1 and gains(fits, names, (), criteria)]
+    explained = leaves_nothing(fits[()], criteria) and helpful
+    if not explained or any(sound(fits[names]) or _beats_scatter(search, names) for names in helpful):
+        return None
+    found = _beside(search, plain, 1, _apart_about(search, search.fits[()]))
+    return found if found and found.verdict.status == "adequate" else None
 
 
 def _price(fit: Fit, batches: int, criteria: Criteria) -> float:

@@ -5,8 +5,9 @@ import re
 import sys
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -31,12 +32,20 @@ def catalogue(files: Sequence[Path] = (), formulas: Sequence[str] = ()) -> dict[
     """All effects by identifier, in order. Raises InputError for a file or formula that is no effect."""
     effects = {effect.identifier: effect for effect in CATALOGUE}
     for entry in entry_points(group=GROUP):
-        _add(effects, [_made(entry.load(), f"entry point {entry.name}")], f"entry point {entry.name}")
+        _add(effects, [_made(_loaded(entry), f"entry point {entry.name}")], f"entry point {entry.name}")
     for path in files:
         _add(effects, effects_in(path), str(path))
     for text in formulas:
         _add(effects, [formula_effect(text)], f"--effect {text!r}")
     return effects
+
+
+def _loaded(entry: EntryPoint) -> Any:
+    """What a plug-in names. Raises InputError for one that can't be imported, whatever the reason."""
+    try:
+        return entry.load()
+    except Exception as error:
+        raise InputError(f"entry point {entry.name}: can't be loaded: {_in_a_line(error)}") from error
 
 
 def effects_in(path: Path) -> list[Effect]:
