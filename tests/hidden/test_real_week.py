@@ -78,7 +78,7 @@ STRONG_WEEK = {"k_batch_sd": 0.01, "k_drift": 0.03, "lift_zero_m": 1e-3, "speed_
     [
         ("phi_dependent_response", {"b": 0.6}, 1030, "replicate", "as_listed", {"lift_zero_m": 1e-3}),
         ("phi_dependent_response", {"b": 0.6}, 1030, "omega", "as_listed", {"k_batch_sd": 0.015}),
-        ("phi_dependent_response", {"b": 0.6}, 1004, "condition", "randomised", {"k_batch_sd": 0.01}),
+        ("phi_dependent_response", {"b": 0.6}, 1007, "condition", "randomised", {"k_batch_sd": 0.01}),
         ("exact_vertical_acceleration", {}, 1031, "omega", "as_listed", STRONG_WEEK),
         ("stance_overlap", {"eta": 0.1}, 1031, "omega", "randomised", STRONG_WEEK),
     ],

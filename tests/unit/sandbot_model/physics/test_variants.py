@@ -91,6 +91,7 @@ USUAL = {
     ("exact_vertical_acceleration", "a power of the sine"): 1,
     ("inertial_drag", "by another power of speed"): 2,
     ("inertial_drag", "by a power of depth"): 0,
+    ("inertial_drag", "by a power of how steeply a leg comes down"): 0,
     ("cable_drag", "by another power of depth"): 2,
     ("cable_drag", "by a power of ω"): 0,
     ("leg_slip", "by another power of depth"): 2,

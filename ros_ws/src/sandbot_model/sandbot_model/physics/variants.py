@@ -114,6 +114,9 @@ VARIANTS: Mapping[str, Mapping[str, str]] = {
     "inertial_drag": {
         "by another power of speed": f"extra_force += lambda_1*600*w*R*(R*16)**2*{_BY_OMEGA}{_POWER.format(0, 4)}",
         "by a power of depth": f"extra_force += lambda_1*600*w*R*({_DEPTH}/R)**power*(R*omega)**2{_POWER.format(0, 2)}",
+        "by a power of how steeply a leg comes down": (
+            f"extra_force += lambda_1*600*w*R*(s_0/(2*R))**power*(R*omega)**2{_POWER.format(0, 3)}"
+        ),
     },
     "crater_refill": {
         "a ramp of another width": _CRATER.format(left="exp(-pi/(omega*tau_s))"),
