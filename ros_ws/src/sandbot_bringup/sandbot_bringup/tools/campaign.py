@@ -256,6 +256,6 @@ def _finish(folder: CampaignFolder, trials: Sequence[PlannedTrial], failures: Se
     finished = len(trials) - len(folder.missing(trials))
     if not finished:
         return 1
-    report = table.make(folder.path)
-    print(f"{folder.path}: {finished} of {len(trials)} trials, table in {report}")
+    table.make(folder.path)
+    print(f"{folder.path}: {finished} of {len(trials)} trials, table in {folder.path / table.TRIALS_CSV}")
     return 1 if failures else 0
