@@ -216,7 +216,7 @@ def test_a_folder_of_files_is_a_trial_each(tmp_path):
 def test_files_that_are_no_one_bag_are_told_where_a_campaign_has_them(tmp_path):
     folder = campaign(tmp_path)
     files_of_trials(folder / "trials" / "t9", "monday", "tuesday")
-    (line,) = table.campaign(folder).skipped
+    (line,) = table.campaign(folder).skipped.values()
     assert "t9: not one bag but a folder of several" in line
 
 

@@ -1,7 +1,7 @@
 """table: bags to the trials table (trials.csv)."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from sandbot_common import cli
@@ -27,7 +27,7 @@ def _table(argv: Sequence[str]) -> None:
     )
     add_crew(parser, "read the bags of a folder")
     options = parser.parse_args(argv)
-    skipped: tuple[str, ...] = ()
+    skipped: Mapping[Path, str] = {}
     out = options.out
     first = options.data[0]
     if len(options.data) == 1 and first.is_dir() and not reader.is_bag(first):
@@ -54,7 +54,7 @@ def _table(argv: Sequence[str]) -> None:
         print(f"note: {line}", file=beside)
     for row in rows.select(rows.status != OK).rows():
         print(f"not usable: {row.trial_id}: {row.status}", file=beside)
-    for line in skipped:
+    for line in skipped.values():
         print(f"skipped: {line}", file=beside)
 
 

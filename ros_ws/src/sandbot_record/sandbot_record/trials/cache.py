@@ -67,6 +67,11 @@ class Cache:
             self.seen[bag.name] = (looks, key)
         return key
 
+    def trial_id(self, bag: Path) -> str:
+        """What a bag calls its trial, if that is known; else its own name."""
+        found = self.measured.get(self.seen.get(bag.name, ("", ""))[1])
+        return found[0].trial_id if found else bag.name
+
     def get(self, key: str, bag: Path) -> Measured | None:
         """What a bag gave."""
         found = self.measured.get(key)

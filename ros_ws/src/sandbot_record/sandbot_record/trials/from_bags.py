@@ -4,7 +4,7 @@ The rows of a campaign are kept beside its trials (``cache``), so only new or ch
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -37,10 +37,11 @@ _KEPT_EACH = 1000
 
 @dataclass(frozen=True)
 class Report:
-    """The table of a campaign, and one line for each bag that gave no row; whether a person has edited the table."""
+    """The table of a campaign and which trial's bag is which; why a bag gave no row; whether a person has edited it."""
 
     trials: Trials
-    skipped: tuple[str, ...]
+    bags: Mapping[str, Path]
+    skipped: Mapping[Path, str]
     cached: int
     edited: bool = False
 
@@ -121,11 +122,21 @@ def campaign(folder: Path, crew: Crew | None = None) -> Report:
 
     Bags are read (by a ``crew``, by default one process a CPU); a folder that holds only trials.csv gives that. There a
     trial may be given another status: what was edited counts for all bags that are as they were when it was written.
+    Raises InputError where no bag gives a row.
     """
+    report = look_at(folder, crew)
+    if not len(report.trials):
+        first = next(iter(report.skipped.values()))
+        raise InputError(f"{folder}: none of {len(report.skipped)} bags gives a row; the first: {first}")
+    return report
+
+
+def look_at(folder: Path, crew: Crew | None = None) -> Report:
+    """As `campaign`, of a folder in which every bag is damaged, too."""
     bags = bags_in(folder)
     if not bags:
         if (folder / TRIALS_CSV).is_file():
-            return Report(read_csv(folder / TRIALS_CSV), (), 0)
+            return Report(read_csv(folder / TRIALS_CSV), {}, {}, 0)
         raise InputError(f"{folder}: neither a campaign (trials/<trial_id>/ or {TRIALS_CSV}) nor a bag")
     recorded = of_campaign(folder)
     cache = Cache.read(folder)
@@ -138,7 +149,7 @@ def campaign(folder: Path, crew: Crew | None = None) -> Report:
         table = replace(from_rows(own.rows(), *setting.for_table), unread=own.unread)
         if cache.seen != before:
             cache.write({bag: cache.key(bag) for bag in bags})
-        return Report(table, (), len(bags), edited)
+        return Report(table, {cache.trial_id(bag): bag for bag in bags}, {}, len(bags), edited)
     keys = {bag: cache.key(bag) for bag in bags}
     todo = [bag for bag in bags if keys[bag] not in cache.measured]
     failed: dict[Path, str] = {}
@@ -153,17 +164,14 @@ def campaign(folder: Path, crew: Crew | None = None) -> Report:
     if not todo and cache.seen != before:
         cache.write(keys)
     measured = {bag: found for bag in bags if (found := cache.get(keys[bag], bag)) is not None}
-    skipped = [failed[bag] for bag in bags if bag in failed]
-    if not measured:
-        raise InputError(f"{folder}: none of {len(bags)} bags gives a row; the first: {skipped[0]}")
-    _check_ids({bag: row for bag, (row, _) in measured.items()})
+    by_id = _by_id({bag: row for bag, (row, _) in measured.items()})
     # A table that nobody has edited says what an earlier version, perhaps, read from the bags.
     by_hand = {row.trial_id: row for row in own.rows()} if own and edited else {}
     rows = [by_hand.get(row.trial_id, row) if bag in tabled else row for bag, (row, _) in measured.items()]
     setting = shared([recorded, *(one for _, one in measured.values())])
     unread = (*(own.unread if own else ()), *_otherwise(rows, [row for row, _ in measured.values()]))
     table = replace(from_rows(rows, *setting.for_table), unread=unread)
-    return Report(table, tuple(skipped), len(bags) - len(todo), edited)
+    return Report(table, by_id, failed, len(bags) - len(todo), edited)
 
 
 def make(folder: Path, crew: Crew | None = None, out: Path | None = None) -> Report:
@@ -338,9 +346,10 @@ def _status(row: Row, exit_status: str, fault: str, reason: str) -> str:
     return f"{', '.join(missing)} not measured{f': {reason}' if reason else ''}" if missing else OK
 
 
-def _check_ids(rows: dict[Path, Row]) -> None:
-    seen: dict[str, Path] = {}
+def _by_id(rows: Mapping[Path, Row]) -> dict[str, Path]:
+    bags: dict[str, Path] = {}
     for bag, row in rows.items():
-        if row.trial_id in seen:
-            raise InputError(f"{bag}: trial id {row.trial_id!r} is that of {seen[row.trial_id].name} too")
-        seen[row.trial_id] = bag
+        if row.trial_id in bags:
+            raise InputError(f"{bag}: trial id {row.trial_id!r} is that of {bags[row.trial_id].name} too")
+        bags[row.trial_id] = bag
+    return bags
