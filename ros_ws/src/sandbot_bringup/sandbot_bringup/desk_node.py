@@ -59,7 +59,7 @@ class Desk:
 
     @property
     def attended(self) -> bool:
-        """Whether somebody is there who could say go."""
+        """Whether a console runs, from which somebody could say go."""
         return bool(self._node.count_publishers(topics.CAMPAIGN_COMMAND.relative))
 
     def note(self, do: str, *, who: str = "campaign", **what: object) -> None:

@@ -193,7 +193,7 @@ class _Campaign:
             bar.update()
 
     def _go_no_further(self, why: str) -> None:
-        """Hold the campaign where somebody is there to say go, else end it."""
+        """Hold the campaign where a console runs, else end it."""
         if not self._desk.attended:
             raise CampaignEnds(f"{why}; mend it, then start the campaign again to go on")
         self._streak.end()

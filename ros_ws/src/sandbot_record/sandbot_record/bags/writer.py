@@ -1,8 +1,8 @@
 """BagWriter: one rosbag2 bag folder (metadata.yaml + .mcap files), readable by `ros2 bag`, rosbags and mcap.
 
 In batch (``whole=True``) the folder is written under a temporary name and renamed when closed: an interrupted trial
-leaves nothing. Live (``whole=False``) it stands under its name from the start and is flushed every
-second: an interrupted recording leaves a torn bag that `recover` makes whole.
+leaves nothing. Live (``whole=False``) it stands under its name from the start and is flushed every 0.1 s, by
+``Recording``: an interrupted recording leaves a torn bag that `recover` makes whole.
 """
 
 import os

@@ -48,7 +48,7 @@ _KNOWN = {topic.name: topic for topic in (*topics.ALL, NOTE)}
 
 @dataclass(frozen=True)
 class Selection:
-    """What to record: names, all, or names that match ``regex``; ``images``: raw, jpeg or none.
+    """What to record: names, all, or names that match ``regex``; ``images``: raw, jpeg, video or none.
 
     ``fresh``: no latched messages from before the recording. ``end_with_stdin``: until standard input ends.
     """
