@@ -3,8 +3,13 @@
 import json
 from types import SimpleNamespace
 
+import pytest
+
 from sandbot_bringup.desk_node import Desk
+from sandbot_bringup.plan import Plan
+from sandbot_bringup.queue import Queue
 from sandbot_common import messages
+from sandbot_common.errors import InputError
 
 
 def test_half_a_character_in_an_order_is_answered_and_does_not_end_the_campaign():
@@ -14,3 +19,29 @@ def test_half_a_character_in_an_order_is_answered_and_does_not_end_the_campaign(
     one._status = SimpleNamespace(publish=lambda message: said.append(message.data.encode()))
     one._on_command(messages.string('{"id": "\\ud800", "do": "dance"}'))
     assert "no order" in json.loads(said[-1])["answers"]["\ud800"]["message"]
+
+
+PLAN = Plan(name="tiny", phi=(0.6,), omega_rad_s=(8.0,), replicates=1)
+
+
+@pytest.mark.parametrize("full", ["journal", "plan", ""])
+@pytest.mark.parametrize("do", ["skip", "add"])
+def test_an_order_that_cannot_be_kept_is_not_carried_out(full, do):
+    one, done = object.__new__(Desk), []
+
+    def write(file):
+        if file == full:
+            raise InputError("no space left")
+        done.append(file)
+
+    one.queue, one._answers, one.say = Queue(PLAN, ()), {}, lambda: None
+    one._journal = SimpleNamespace(add=lambda *_, **__: write("journal"))
+    one._keep_plan = lambda _: write("plan")
+    before = one.queue.rows()
+    what = {"add": {"phi": 0.6, "omega_rad_s": 9.0, "replicates": 1}, "skip": {"trial_id": before[0]["trial_id"]}}
+    one._on_command(messages.string(json.dumps({"id": "1", "do": do, **what[do]})))
+    carried_out = full == "" or (do, full) == ("skip", "plan")
+    assert one._answers["1"]["success"] is carried_out
+    assert (one.queue.rows() != before) is carried_out
+    # Written down first: a plan that has grown is run when the campaign is resumed.
+    assert done == {"journal": [], "plan": ["journal"], "": ["journal", "plan"]}[full][: 1 if do == "skip" else 2]

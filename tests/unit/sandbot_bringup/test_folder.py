@@ -1,6 +1,9 @@
 import dataclasses
+import os
+import shutil
 from pathlib import Path
 
+import bags
 import pytest
 
 from sandbot_bringup import folder as folders
@@ -12,6 +15,7 @@ from sandbot_bringup.tools import campaign
 from sandbot_bringup.tools.campaign import main
 from sandbot_common.errors import InputError
 from sandbot_lab.world import null_world
+from sandbot_record.trials import from_bags
 
 PLAN = Plan(name="tiny", phi=(0.6, 0.62), omega_rad_s=(8.0, 16.0), replicates=2)
 EXTRA = {"phi": 0.61, "omega_rad_s": 12.0, "replicates": 1}
@@ -144,6 +148,65 @@ def test_what_failed_is_set_aside_only_by_who_can_run_it_again(tmp_path, monkeyp
     folder.set_aside({bag.name: "no markers"})
     assert not bag.exists()
     assert (folder.trials / ".partial" / bag.name).is_dir()
+
+
+def test_what_is_run_again_is_chosen_by_who_has_the_folder(tmp_path, monkeypatch, capsys):
+    alone = []
+
+    def not_ok(folder):
+        handle = os.open(folder.path, os.O_RDONLY)
+        alone.append(not folders._locked(handle))
+        os.close(handle)
+        return {"phi0.6": "gone meanwhile"}
+
+    monkeypatch.setattr(campaign, "_not_ok", not_ok)
+    folder = CampaignFolder(tmp_path / "run")
+    folder.adopt(PLAN, files_of(PLAN, tmp_path, folder.path))
+    seal(folder, null_world())
+    assert main([str(folder.path), "--batch", "--redo", "failed"]) == 2
+    assert "phi0.6: can't be written: No such file" in capsys.readouterr().err
+    assert alone == [False, True]
+
+
+def with_bags(folder: CampaignFolder, *statuses: str) -> list[Path]:
+    """A bag each of the plan's first trials; one that is ``lost`` was cut by a power cut."""
+    found = []
+    for trial, status in zip(trials_of(PLAN), statuses, strict=False):
+        plan = bags.PLAN | {"trial_id": trial.trial_id}
+        bag = bags.trial_bag(folder.bag(trial), plan=plan, exit_status=status)
+        if status == "lost":
+            (file,) = bag.glob("*.mcap")
+            file.write_bytes(file.read_bytes()[:-50])
+        found.append(bag)
+    return found
+
+
+def test_a_bag_that_gives_no_row_is_no_finished_trial(tmp_path, capsys):
+    folder = CampaignFolder(tmp_path)
+    good, lost = with_bags(folder, "ok", "lost")
+    assert campaign._finish(folder, trials_of(PLAN), []) == 1
+    printed = capsys.readouterr().out
+    assert f"skipped: {lost}: " in printed
+    assert "1 of 8 trials" in printed
+    assert [*campaign._not_ok(folder)] == [lost.name]
+    # Control: all are whole; and none is.
+    shutil.rmtree(lost)
+    assert campaign._finish(folder, trials_of(PLAN), []) == 0
+    shutil.rmtree(good)
+    names = [bag.name for bag in with_bags(folder, "lost", "lost")]
+    assert [*campaign._not_ok(folder)] == names
+
+
+def test_what_is_not_ok_is_told_by_the_name_of_its_bag(tmp_path):
+    folder = CampaignFolder(tmp_path)
+    _, failed = with_bags(folder, "ok", "legs stalled")
+    failed.rename(folder.trials / "wet")
+    for _ in range(2):  # of the bags, then of the table
+        assert campaign._not_ok(folder) == {"wet": "legs stalled"}
+        from_bags.make(folder.path)
+    path = folder.path / from_bags.TRIALS_CSV
+    path.write_text(path.read_text().replace(failed.name, "of no bag"))
+    assert campaign._not_ok(folder) == {}
 
 
 @pytest.mark.parametrize(

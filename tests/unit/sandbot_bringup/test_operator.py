@@ -9,7 +9,7 @@ import pytest
 import rclpy
 
 from sandbot_bed.protocol import ProtocolParameters
-from sandbot_bringup import orders_node
+from sandbot_bringup import campaign_node, orders_node
 from sandbot_bringup.campaign_node import Operator
 from sandbot_bringup.endings import Held, TrialFailed
 from sandbot_bringup.folder import CampaignFolder
@@ -139,8 +139,11 @@ def run(tmp_path, damage):
     return one.run(TRIAL, folder, []), folder
 
 
-def test_a_bag_that_can_be_read_gives_its_row_and_its_place(tmp_path):
+def test_a_bag_that_can_be_read_gives_its_row_and_its_place(tmp_path, monkeypatch):
+    synced = []
+    monkeypatch.setattr(campaign_node, "sync", lambda path: synced.append([one.name for one in path.glob("[!.]*")]))
     row, folder = run(tmp_path, lambda bag: None)
+    assert synced == [[TRIAL.trial_id]]  # no power cut takes its name from it
     assert row.status == "ok"
     assert Bag.open(folder.bag(TRIAL)).count
 

@@ -23,6 +23,7 @@ from sandbot_lab.bed import LabBed
 from sandbot_lab.cameras import LabCamera
 from sandbot_lab.robot import Trace, as_seen, simulate
 from sandbot_lab.spoiler import check_jitter
+from sandbot_lab.stage import LED_ON_S
 from sandbot_lab.world import World, draw_beside, draw_world, null_world, read_world, write_world
 from sandbot_tracking.calibration import Camera, cameras_from_mapping
 from sandbot_tracking.offline import OfflineTracker
@@ -31,7 +32,6 @@ from sandbot_tracking.period import PeriodMeans
 Floats = NDArray[np.float64]
 
 BED_STEP_S = 0.02
-LED_ON_S = 0.05
 DRAIN_S = 0.05
 """Frames go on this long after the legs have stopped, as they do live."""
 

@@ -32,6 +32,7 @@ from sandbot_bringup.recorder_process import RecorderProcess
 from sandbot_bringup.supervision import SILENCE_S, camera_fault
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
+from sandbot_common.files import sync
 from sandbot_common.node import Health, Stop, publisher, refuse_parameters, spin_once
 from sandbot_common.parameters import from_mapping, specs
 from sandbot_common.process import real_time
@@ -150,6 +151,7 @@ class Operator(Node):
         # The same judge as that of the table: what it would not call ok is no finished trial.
         row = judged(aside)
         aside.rename(folder.bag(trial))
+        sync(folder.trials)
         return row
 
     def _run(self, trial: PlannedTrial, aside: Path, attachments: Sequence[Path]) -> RecorderProcess:

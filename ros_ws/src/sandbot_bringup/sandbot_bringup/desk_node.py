@@ -5,6 +5,7 @@ stop, pause and go are services (``hold_node``). What needs more words comes as 
 "replicates": 2, "gait": "UNIFORM"}``; campaign/status answers by ``id``.
 """
 
+import copy
 import json
 import math
 import shutil
@@ -58,7 +59,7 @@ class Desk:
 
     @property
     def attended(self) -> bool:
-        """Whether somebody is there who could say go."""
+        """Whether a console runs, from which somebody could say go."""
         return bool(self._node.count_publishers(topics.CAMPAIGN_COMMAND.relative))
 
     def note(self, do: str, *, who: str = "campaign", **what: object) -> None:
@@ -111,18 +112,20 @@ class Desk:
         if not isinstance(asked, Mapping):
             raise InputError(f"campaign/command: a mapping with the key do is needed, got {asked!r}")
         what = {key: value for key, value in asked.items() if key not in ("id", "do")}
-        before = self.queue.plan
+        queue = copy.deepcopy(self.queue)
         match asked.get("do"):
             case "skip" | "repeat" as do if list(what) == ["trial_id"]:
-                said = getattr(self.queue, do)(str(what["trial_id"]))
+                said = getattr(queue, do)(str(what["trial_id"]))
             case "add" as do:
-                said = self.queue.add(what)
+                said = queue.add(what)
             case other:
                 raise InputError(
                     f"campaign/command: {other!r} with {sorted(what)} is no order: skip or repeat with trial_id, or "
                     "add with phi, omega_rad_s, replicates and gait"
                 )
-        if self.queue.plan != before:
-            self._keep_plan(self.queue.plan)
+        # Where one can't be written, the order is refused and nothing has changed: not even what is run when resumed.
         self._journal.add("operator", do, **what, followed=said)
+        if queue.plan != self.queue.plan:
+            self._keep_plan(queue.plan)
+        self.queue.take(queue)
         return str(said)

@@ -65,11 +65,12 @@ class CampaignFolder:
             path.rename(kept)
         return path
 
-    def set_aside(self, trials: Mapping[str, str]) -> None:
-        """Make room for another run of these trials, which end as they say: once it is sure that it can begin."""
-        for trial_id, status in trials.items():
-            (self.trials / trial_id).rename(self.aside(trial_id))
-            print(f"{trial_id}: {status}: set aside, to be run again")
+    def set_aside(self, bags: Mapping[str, str]) -> None:
+        """Make room for another run of what is in these bags, which are as they say: once it is sure to begin."""
+        for name, status in bags.items():
+            with writing(self.trials / name):
+                (self.trials / name).rename(self.aside(name))
+            print(f"{name}: {status}: set aside, to be run again")
 
     def grown(self, plan: Plan) -> Plan:
         """The plan with the extra trials this folder has been given since, if it is that plan's folder."""

@@ -3,7 +3,7 @@
 import math
 import multiprocessing
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from pathlib import Path
@@ -39,15 +39,16 @@ def run_live(
     folder: CampaignFolder,
     files: Mapping[str, str],
     *,
-    redo: Mapping[str, str] | None = None,
+    redo: Callable[[], Mapping[str, str]] | None = None,
     silence_s: float = SILENCE_S,
     ros_arguments: Sequence[str] = (),
 ) -> Queue:
     """Run every trial that has no bag yet, and what the operator adds meanwhile; returns the queue as it was left.
 
-    ``redo``: these, which ended as they say, and once more what fails now. ``silence_s``: a node that is silent for
-    longer ends the trial under way. ``ros_arguments``: as for any node, ``--ros-args -r __ns:=/robot1`` say. The nodes
-    must be running (``ros2 launch sandbot_bringup trackway.launch.py``); InputError where they are not.
+    ``redo``: tells bags by name that make room, and what they are; then what fails now is run once more, too.
+    ``silence_s``: a node that is silent for longer ends the trial under way. ``ros_arguments``: as for any node,
+    ``--ros-args -r __ns:=/robot1`` say. The nodes must be running (``ros2 launch sandbot_bringup trackway.launch.py``);
+    InputError where they are not.
     On Ctrl-C, kill or a closed terminal legs and air are stopped and the bag under way is closed and set aside.
     """
     use_shared_memory(frames=False)
@@ -64,7 +65,7 @@ def run_live(
             operator.find_nodes()
             # One trackway has one campaign; here it is another one's, in another namespace or on another host.
             with folder.adopted(plan, files):
-                folder.set_aside(redo or {})
+                folder.set_aside(redo() if redo else {})
                 campaign = _Campaign(operator, plan, folder, files)
                 try:
                     campaign.run_all()
@@ -192,7 +193,7 @@ class _Campaign:
             bar.update()
 
     def _go_no_further(self, why: str) -> None:
-        """Hold the campaign where somebody is there to say go, else end it."""
+        """Hold the campaign where a console runs, else end it."""
         if not self._desk.attended:
             raise CampaignEnds(f"{why}; mend it, then start the campaign again to go on")
         self._streak.end()

@@ -68,6 +68,10 @@ class Queue:
         self.plan = plan
         return [trial.trial_id for trial in new]
 
+    def take(self, other: "Queue") -> None:
+        """Become as a copy that was changed."""
+        self.plan, self.entries = other.plan, other.entries
+
     @property
     def _last_turn(self) -> int:
         return max((entry.turn for entry in self.entries.values()), default=0)

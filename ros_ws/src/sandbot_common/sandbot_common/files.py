@@ -5,6 +5,7 @@ Every reader raises InputError in one line that names the file and what is wrong
 
 import codecs
 import csv
+import errno
 import io
 import json
 import os
@@ -56,6 +57,18 @@ def write_text(path: Path, text: str) -> None:
     """Write ``text`` (UTF-8) to ``path``, whole or not at all."""
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def sync(path: Path) -> None:
+    """Have a file, or the names in a folder, outlive a power cut."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno != errno.EINVAL:  # of a folder: this file system keeps names in a way of its own
+            raise
+    finally:
+        os.close(handle)
 
 
 def check_output(path: Path) -> Path:

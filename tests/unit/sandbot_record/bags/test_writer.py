@@ -57,6 +57,16 @@ def test_metadata_yaml_is_that_of_rosbag2(tmp_path):
     assert topic["topic_metadata"]["offered_qos_profiles"][0]["reliability"] == "reliable"
 
 
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_closed_bag_outlives_a_power_cut(tmp_path, monkeypatch, whole):
+    synced = []
+    monkeypatch.setattr(os, "fsync", lambda handle: synced.append(Path(os.readlink(f"/proc/self/fd/{handle}"))))
+    with BagWriter(tmp_path / "b", whole=whole) as writer:
+        folder = writer.folder
+    assert set(synced[:2]) == {folder / "metadata.yaml", folder / "b_0.mcap"}
+    assert synced[2:] == [folder, *([tmp_path] if whole else [])]
+
+
 def test_latched_topics_say_so(tmp_path):
     bag = bags.trial_bag(tmp_path / "b")
     with Reader(bag) as reader:

@@ -1,9 +1,10 @@
-"""Which topics a recorder looks at: without a graph."""
+"""Which topics a recorder looks at, and which messages it takes: without a graph."""
 
 from types import SimpleNamespace
 
 import pytest
 
+from sandbot_common import topics
 from sandbot_record.tools.recorder_node import Recorder, Selection
 
 TOPICS = ["/talk", "/robot1/talk", "/robot10/talk", "/robot1"]
@@ -18,3 +19,16 @@ def test_all_is_all_of_its_own_namespace(space, names):
     one._look_at, one._announce = lambda name, _: looked_at.append(name) or False, lambda _: None
     one._look_around()
     assert looked_at == names
+
+
+@pytest.mark.parametrize(("fresh", "kept"), [(True, [103, 98]), (False, [97, 97, 103, 98])])
+def test_a_fresh_bag_has_what_its_own_trial_said_whatever_the_clock_of_the_bed(fresh, kept):
+    one, put = object.__new__(Recorder), []
+    one._selection, one._start_ns, one._trial = Selection(fresh=fresh), 100, b""
+    one._recording = SimpleNamespace(put=lambda message, **_: put.append(message.publish_time_ns))
+    # What another trial left behind; then its own, the φ from a host whose clock is behind.
+    for topic, published_ns in ((topics.TRIAL, 97), (topics.BED_PHI, 97), (topics.TRIAL, 103), (topics.BED_PHI, 98)):
+        source = SimpleNamespace(name=topic.name, transient=True, publishers=0)
+        info = {"received_timestamp": 104, "source_timestamp": published_ns, "publication_sequence_number": 1}
+        one._deliver(source, b"{}", info)
+    assert put == kept

@@ -216,7 +216,7 @@ def test_a_folder_of_files_is_a_trial_each(tmp_path):
 def test_files_that_are_no_one_bag_are_told_where_a_campaign_has_them(tmp_path):
     folder = campaign(tmp_path)
     files_of_trials(folder / "trials" / "t9", "monday", "tuesday")
-    (line,) = table.campaign(folder).skipped
+    (line,) = table.campaign(folder).skipped.values()
     assert "t9: not one bag but a folder of several" in line
 
 
@@ -225,7 +225,6 @@ def test_a_changed_bag_is_read_again(tmp_path):
     table.make(folder)
     shutil.rmtree(folder / "trials" / "t1")
     bags.trial_bag(folder / "trials" / "t1", speed=0.3, plan=bags.PLAN | {"trial_id": "t1"})
-    os.utime(folder / "trials.csv", (1, 1))
     report = table.campaign(folder)
     assert report.cached == 2
     assert report.trials.speed_m_s[1] == pytest.approx(0.3, rel=1e-3)
@@ -233,14 +232,64 @@ def test_a_changed_bag_is_read_again(tmp_path):
 
 def test_a_table_newer_than_the_bags_is_taken_as_it_is(tmp_path):
     folder = campaign(tmp_path)
-    path = table.make(folder)
-    path.write_text(path.read_text().replace(",ok\n", ",camera knocked\n", 1))
+    edited(folder)
     assert read(folder).status.tolist() == ["camera knocked", "ok", "ok"]
+
+
+def edited(folder):
+    table.make(folder)
+    path = folder / table.TRIALS_CSV
+    path.write_text(path.read_text().replace(",ok\n", ",camera knocked\n", 1))
+
+
+def test_what_a_person_says_of_trials_outlives_trials_that_come(tmp_path):
+    edited(folder := campaign(tmp_path))
+    bags.trial_bag(folder / "trials" / "t9", plan=bags.PLAN | {"trial_id": "t9"})
+    for made in (table.campaign, table.make, table.campaign):
+        assert made(folder).trials.status.tolist() == ["camera knocked", "ok", "ok", "ok"]
+    (folder / "trials" / "t9").rename(tmp_path / "t9")
+    report = table.make(folder)
+    assert report.trials.status.tolist() == ["camera knocked", "ok", "ok"]
+    assert report.trials.unread == ("trials.csv says otherwise than the bags of t0, and counts",)
+
+
+@pytest.mark.parametrize("as_old", [False, True])
+def test_a_trial_that_was_run_again_counts_whatever_the_table_says_of_the_old_one(tmp_path, as_old):
+    """Even where the clock was set back: by its times, the table is newer."""
+    edited(folder := campaign(tmp_path))
+    shutil.rmtree(folder / "trials" / "t0")
+    again = bags.trial_bag(folder / "trials" / "t0", speed=0.3, plan=bags.PLAN | {"trial_id": "t0"})
+    for file in again.iterdir():
+        os.utime(file, (1, 1) if as_old else None)
+    report = table.campaign(folder)
+    assert report.trials.speed_m_s[0] == pytest.approx(0.3, rel=1e-3)
+    assert report.trials.status.tolist() == ["ok", "ok", "ok"]
+
+
+def test_a_table_that_nobody_has_edited_is_read_anew_with_the_trials_that_come(tmp_path, monkeypatch):
+    """Else rows of an earlier version would stand beside those of this one."""
+    folder = campaign(tmp_path)
+    with monkeypatch.context() as earlier:
+        earlier.setattr(cache, "RECIPE", "0")
+        earlier.setattr(table.judge, "fault", lambda *_: "of an earlier judge")
+        table.make(folder)
+    assert table.campaign(folder).trials.excluded == 3
+    bags.trial_bag(folder / "trials" / "t9", plan=bags.PLAN | {"trial_id": "t9"})
+    assert table.campaign(folder).trials.excluded == 0
+
+
+def test_without_what_was_kept_the_times_tell_which_rows_are_of_which_bags(tmp_path):
+    edited(folder := campaign(tmp_path))
+    (folder / table.CACHE).unlink()
+    for file in bags.trial_bag(folder / "trials" / "t9", plan=bags.PLAN | {"trial_id": "t9"}).iterdir():
+        os.utime(file, (2e9, 2e9))
+    assert table.campaign(folder).trials.status.tolist() == ["camera knocked", "ok", "ok", "ok"]
 
 
 def test_columns_of_ones_own_are_not_written_over(tmp_path, capsys):
     folder = campaign(tmp_path)
-    path = table.make(folder)
+    table.make(folder)
+    path = folder / table.TRIALS_CSV
     first, *rest = path.read_text().splitlines()
     path.write_text("\n".join([f"{first},note", *(f"{line},wet" for line in rest)]))
     written = path.read_text()
@@ -248,6 +297,8 @@ def test_columns_of_ones_own_are_not_written_over(tmp_path, capsys):
     for given in ([folder], [folder / "trials" / "t0", "--out", path]):
         assert table_tool.main([str(word) for word in given]) == 2
         assert "trials.csv: has columns that a trials table has no place for (note)" in capsys.readouterr().err
+    with pytest.raises(InputError, match="would lose them"):
+        table.make(folder)
     assert path.read_text() == written
     # Control: into another file they are left out, which is said; that one may be written over.
     for _ in range(2):

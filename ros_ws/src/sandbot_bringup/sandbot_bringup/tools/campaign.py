@@ -3,7 +3,7 @@
 import argparse
 import dataclasses
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,9 +56,11 @@ def command(argv: Sequence[str]) -> int:
 
         print(describe(plan, trials), filled(foresight(plan, trials, files)), sep="\n")
         return 0
-    redo = _not_ok(folder) if options.redo else None
+    redo = functools.partial(_not_ok, folder) if options.redo else None
+    if redo is not None:
+        redo()  # nodes that run will not be kept waiting: once more, when the folder is ours, it reads what is new
     if world is not None:
-        trials, failures = _batch(plan, folder, files, world, options, redo or {})
+        trials, failures = _batch(plan, folder, files, world, options, redo)
     else:
         # The live runner starts ROS; batch and dry runs must not.
         from sandbot_bringup.live_node import run_live
@@ -191,13 +193,16 @@ def _until(plan: Plan, options: argparse.Namespace) -> Plan:
 
 
 def _not_ok(folder: CampaignFolder) -> dict[str, str]:
-    """The trials of the folder that are not ok, and what they are."""
+    """The bags of the folder that are not ok or give no row, by name, and what they are."""
     from sandbot_record.trials import from_bags as table
     from sandbot_record.trials.table import OK
 
-    if not table.bags_in(folder.path):
+    if not table.bags_in(folder.trials):
         return {}
-    return {row.trial_id: row.status for row in table.campaign(folder.path).trials.rows() if row.status != OK}
+    found = table.look_at(folder.path)
+    bad = [row for row in found.trials.rows() if row.status != OK and row.trial_id in found.bags]
+    lost = {bag.name: why.removeprefix(f"{bag}: ") for bag, why in found.skipped.items()}
+    return lost | {found.bags[row.trial_id].name: row.status for row in bad}
 
 
 def _lab(plan: Plan, folder: CampaignFolder, files: Mapping[str, str], options: argparse.Namespace) -> "World":
@@ -218,16 +223,16 @@ def _batch(
     files: Mapping[str, str],
     world: "World",
     options: argparse.Namespace,
-    redo: Mapping[str, str],
+    redo: Callable[[], Mapping[str, str]] | None,
 ) -> tuple[list[PlannedTrial], Sequence[tuple[str, str]]]:
-    """All trials of the plan, as far as it has grown, and those that failed; those of ``redo`` once more."""
+    """All trials of the plan, as far as it has grown, and those that failed; bags of ``redo`` make room."""
     from sandbot_bringup import batch, runner
     from sandbot_bringup.until import decided
 
     with crew_of(options) as crew, folder.adopted(plan, files, lambda: batch.seal(folder, world)):
         crew.check(folder.path)
         folder.clear_torn()
-        folder.set_aside(redo)
+        folder.set_aside(redo() if redo else {})
         failed: dict[str, str] = {}
         while True:
             trials = trials_of(plan)
@@ -256,6 +261,9 @@ def _finish(folder: CampaignFolder, trials: Sequence[PlannedTrial], failures: Se
     finished = len(trials) - len(folder.missing(trials))
     if not finished:
         return 1
-    report = table.make(folder.path)
-    print(f"{folder.path}: {finished} of {len(trials)} trials, table in {report}")
-    return 1 if failures else 0
+    lost = table.make(folder.path).skipped
+    for line in lost.values():
+        print(f"skipped: {line}")
+    finished -= sum(folder.bag(trial) in lost for trial in trials)
+    print(f"{folder.path}: {finished} of {len(trials)} trials, table in {folder.path / table.TRIALS_CSV}")
+    return 1 if failures or lost else 0

@@ -1,8 +1,8 @@
 """BagWriter: one rosbag2 bag folder (metadata.yaml + .mcap files), readable by `ros2 bag`, rosbags and mcap.
 
 In batch (``whole=True``) the folder is written under a temporary name and renamed when closed: an interrupted trial
-leaves nothing. Live (``whole=False``) it stands under its name from the start and is flushed every
-second: an interrupted recording leaves a torn bag that `recover` makes whole.
+leaves nothing. Live (``whole=False``) it stands under its name from the start and is flushed every 0.1 s, by
+``Recording``: an interrupted recording leaves a torn bag that `recover` makes whole.
 """
 
 import os
@@ -19,6 +19,7 @@ from mcap.records import Schema
 from rosbags.interfaces import Qos
 
 from sandbot_common.errors import InputError
+from sandbot_common.files import sync
 from sandbot_common.topics import Topic
 from sandbot_record.bags import interfaces, metadata
 from sandbot_record.bags.interfaces import ROS2MSG, Interface
@@ -206,12 +207,14 @@ class BagWriter:
         self._file.flush(fsync=self._fsync)
 
     def close(self) -> None:
-        """Complete the file and metadata.yaml; rename the folder onto its name."""
+        """Complete the file and metadata.yaml; rename the folder onto its name; from then on no power cut loses it."""
         if self._closed:
             return
         self._file.close()
         self.info.custom["state"] = metadata.COMPLETE
         metadata.write(self._folder, self.info)
+        for path in (*self._folder.iterdir(), self._folder):
+            sync(path)
         self._closed = True
         if self._folder == self._final:
             return
@@ -220,6 +223,7 @@ class BagWriter:
         except OSError:
             self.abandon()
             raise InputError(f"{self._final}: exists already, not overwriting") from None
+        sync(self._final.parent)
 
     def close_short(self, last_records: Callable[[], Mapping[str, Mapping[str, str]]]) -> None:
         """Close where the disk is full: give up as many of the last chunks as the summary needs room for.

@@ -57,8 +57,8 @@ def _begin(options: argparse.Namespace, attachments: Mapping[str, bytes]) -> "Re
         writer = BagWriter(
             options.out,
             compression=options.compression,
-            flush_period_s=0.0,
-            chunk_size=1 << 18,  # Recording flushes by the wall clock
+            flush_period_s=0.0,  # Recording flushes, as time passes
+            chunk_size=1 << 18,
             fsync=options.fsync,
             split=Split(int(options.max_size * MIB), options.max_duration),
             whole=False,

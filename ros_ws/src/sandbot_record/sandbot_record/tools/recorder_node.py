@@ -48,7 +48,7 @@ _KNOWN = {topic.name: topic for topic in (*topics.ALL, NOTE)}
 
 @dataclass(frozen=True)
 class Selection:
-    """What to record: names, all, or names that match ``regex``; ``images``: raw, jpeg or none.
+    """What to record: names, all, or names that match ``regex``; ``images``: raw, jpeg, video or none.
 
     ``fresh``: no latched messages from before the recording. ``end_with_stdin``: until standard input ends.
     """
@@ -202,7 +202,9 @@ class Recorder(Node):
     def _deliver(self, source: _Source, data: bytes, info: Mapping[str, int]) -> None:
         received = info["received_timestamp"] or time.time_ns()
         published = info["source_timestamp"] or received
-        if self._selection.fresh and source.transient and published < self._start_ns:
+        # Stamps are of the publisher's clock, and ours may have been set since: they count until the trial's own /trial
+        # has come, which is from this host and told once we record.
+        if self._selection.fresh and source.transient and not self._trial and published < self._start_ns:
             return  # the state another trial left behind
         message = Received(source.name, data, received, published, info["publication_sequence_number"] or 0)
         if source.name == topics.TRIAL.name:

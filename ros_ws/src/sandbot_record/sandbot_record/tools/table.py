@@ -1,16 +1,15 @@
 """table: bags to the trials table (trials.csv)."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from sandbot_common import cli
 from sandbot_common.crew import add_crew, crew_of, no_crew
-from sandbot_common.errors import InputError
-from sandbot_common.files import check_output, read_csv, writing
+from sandbot_common.files import check_output, writing
 from sandbot_record.bags import reader
 from sandbot_record.trials import from_bags as table
-from sandbot_record.trials.csv_table import foreign, to_csv, write_csv
+from sandbot_record.trials.csv_table import to_csv, write_csv
 from sandbot_record.trials.read import read
 from sandbot_record.trials.table import OK
 
@@ -28,25 +27,26 @@ def _table(argv: Sequence[str]) -> None:
     )
     add_crew(parser, "read the bags of a folder")
     options = parser.parse_args(argv)
-    skipped: tuple[str, ...] = ()
+    skipped: Mapping[Path, str] = {}
     out = options.out
     first = options.data[0]
     if len(options.data) == 1 and first.is_dir() and not reader.is_bag(first):
-        out = _nothing_lost(out or check_output(first / table.TRIALS_CSV))
+        out = out or check_output(first / table.TRIALS_CSV)
         # Absolute, because the workers of a cluster stand elsewhere.
         with crew_of(options) as crew:
             crew.check(first)
-            report = table.campaign(first.absolute() if options.dask else first, crew)
+            report = table.make(first.absolute() if options.dask else first, crew, out)
         rows, skipped = report.trials, report.skipped
     else:
         no_crew(options, "only the bags of one folder are shared out; these are read one by one")
-        out = _nothing_lost(out)
+        out = out and table.nothing_lost(out)
         rows = read(options.data)
+        if out is not None:
+            with writing(out):
+                write_csv(rows, out)
     if out is None:
         print(to_csv(rows), end="")
     else:
-        with writing(out):
-            write_csv(rows, out)
         print(f"{out}: {len(rows)} trials, {rows.excluded} of them not usable, {len(skipped)} bags skipped")
     # Beside the table, not in it: what is printed may be kept as a file.
     beside = sys.stderr if out is None else sys.stdout
@@ -54,18 +54,8 @@ def _table(argv: Sequence[str]) -> None:
         print(f"note: {line}", file=beside)
     for row in rows.select(rows.status != OK).rows():
         print(f"not usable: {row.trial_id}: {row.status}", file=beside)
-    for line in skipped:
+    for line in skipped.values():
         print(f"skipped: {line}", file=beside)
-
-
-def _nothing_lost(out: Path | None) -> Path | None:
-    """``out``, unless it is a table with columns that writing it anew would delete: InputError."""
-    if out is not None and out.is_file() and (columns := foreign(read_csv(out)[0])):
-        raise InputError(
-            f"{out}: has columns that a trials table has no place for ({', '.join(columns)}) and would lose them; "
-            "give another --out"
-        )
-    return out
 
 
 if __name__ == "__main__":

@@ -36,20 +36,25 @@ class Cache:
     measured: dict[str, Measured] = field(default_factory=dict)
     seen: dict[str, tuple[str, str]] = field(default_factory=dict)
     """By a bag's name: what its files looked like, and its hash."""
+    tabled: set[str] = field(default_factory=set)
+    """Hashes of the bags as they were when trials.csv was written; none where that is not known."""
+    written: str = ""
+    """The hash of trials.csv as it was written, if nothing in it was a person's."""
 
     @classmethod
     def read(cls, folder: Path) -> "Cache":
         """The cache of a folder; one that can't be read is none."""
         try:
             content = files.read_json(folder / CACHE)
+            own = cls(folder, tabled=set(content.get("tabled", ())), written=str(content.get("written", "")))
             if content["recipe"] != RECIPE:
-                return cls(folder)
+                return own
             settings = [_setting(one) for one in content["settings"]]
             rows = zip(*(_numbers(content["rows"][name]) for name in COLUMNS), strict=True)
             which = [settings[index] for index in content["setting"]]
             pairs = [(Row(*row), setting) for row, setting in zip(rows, which, strict=True)]
             seen = {name: (str(looks), str(key)) for name, (looks, key) in content["seen"].items()}
-            return cls(folder, dict(zip(content["hash"], pairs, strict=True)), seen)
+            return dataclasses.replace(own, measured=dict(zip(content["hash"], pairs, strict=True)), seen=seen)
         except (InputError, TypeError, ValueError, AttributeError, LookupError):
             return cls(folder)
 
@@ -61,6 +66,11 @@ class Cache:
             key = content_hash(bag)
             self.seen[bag.name] = (looks, key)
         return key
+
+    def trial_id(self, bag: Path) -> str:
+        """What a bag calls its trial, if that is known; else its own name."""
+        found = self.measured.get(self.seen.get(bag.name, ("", ""))[1])
+        return found[0].trial_id if found else bag.name
 
     def get(self, key: str, bag: Path) -> Measured | None:
         """What a bag gave."""
@@ -79,6 +89,8 @@ class Cache:
             "setting": which,
             "settings": [_plain(one) for one in shared],
             "seen": {bag.name: self.seen[bag.name] for bag in keys},
+            "tabled": sorted(self.tabled),
+            "written": self.written,
         }
         # A read-only campaign is read all the same, only not as fast the next time.
         with contextlib.suppress(OSError):
@@ -88,7 +100,7 @@ class Cache:
 def content_hash(bag: Path) -> str:
     """Hash of the bag's files."""
     digest = hashlib.blake2b(digest_size=16)
-    for file in _files(bag):
+    for file in files_of(bag):
         digest.update(f"\0{file.name}\0{file.stat().st_size}\0".encode())
         with file.open("rb") as stream:
             while block := stream.read(1 << 20):
@@ -98,12 +110,13 @@ def content_hash(bag: Path) -> str:
 
 def _looks(bag: Path) -> str:
     """Names, sizes and times of a bag's files; the time of the last change of any kind can't be set by anybody."""
-    stats = [(file.name, file.stat()) for file in _files(bag)]
+    stats = [(file.name, file.stat()) for file in files_of(bag)]
     told = "\0".join(f"{name}\0{one.st_size}\0{one.st_mtime_ns}\0{one.st_ctime_ns}" for name, one in stats)
     return hashlib.blake2b(told.encode(), digest_size=16).hexdigest()
 
 
-def _files(bag: Path) -> Sequence[Path]:
+def files_of(bag: Path) -> Sequence[Path]:
+    """The files of a bag, by name."""
     return sorted(path for path in bag.iterdir() if path.is_file()) if bag.is_dir() else [bag]
 
 

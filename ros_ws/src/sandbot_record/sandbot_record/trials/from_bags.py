@@ -4,7 +4,7 @@ The rows of a campaign are kept beside its trials (``cache``), so only new or ch
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,8 @@ from sandbot_record.bags import reader
 from sandbot_record.bags.reader import FIELD_STAMP, Bag
 from sandbot_record.trials import judge
 from sandbot_record.trials.cache import CACHE as CACHE
-from sandbot_record.trials.cache import Cache, Measured
-from sandbot_record.trials.csv_table import read_csv, write_csv
+from sandbot_record.trials.cache import Cache, Measured, content_hash, files_of
+from sandbot_record.trials.csv_table import foreign, read_csv, write_csv
 from sandbot_record.trials.legs import leg_columns
 from sandbot_record.trials.setting import of_bag, of_campaign, shared
 from sandbot_record.trials.table import OK, Floats, Row, Trials, from_rows
@@ -37,11 +37,13 @@ _KEPT_EACH = 1000
 
 @dataclass(frozen=True)
 class Report:
-    """The table of a campaign, and one line for each bag that gave no row."""
+    """The table of a campaign and which trial's bag is which; why a bag gave no row; whether a person has edited it."""
 
     trials: Trials
-    skipped: tuple[str, ...]
+    bags: Mapping[str, Path]
+    skipped: Mapping[Path, str]
     cached: int
+    edited: bool = False
 
 
 def row_from_bag(path: Path) -> Row:
@@ -118,21 +120,36 @@ def _leg_mount_rad(plan: dict[str, Any], robot: Robot | None) -> float:
 def campaign(folder: Path, crew: Crew | None = None) -> Report:
     """The table of a campaign folder, or of any folder of bags.
 
-    Bags are read (by a ``crew``, by default one process a CPU); a folder that holds only trials.csv gives that.
+    Bags are read (by a ``crew``, by default one process a CPU); a folder that holds only trials.csv gives that. There a
+    trial may be given another status: what was edited counts for all bags that are as they were when it was written.
+    Raises InputError where no bag gives a row.
     """
+    report = look_at(folder, crew)
+    if not len(report.trials):
+        first = next(iter(report.skipped.values()))
+        raise InputError(f"{folder}: none of {len(report.skipped)} bags gives a row; the first: {first}")
+    return report
+
+
+def look_at(folder: Path, crew: Crew | None = None) -> Report:
+    """As `campaign`, of a folder in which every bag is damaged, too."""
     bags = bags_in(folder)
     if not bags:
         if (folder / TRIALS_CSV).is_file():
-            return Report(read_csv(folder / TRIALS_CSV), (), 0)
+            return Report(read_csv(folder / TRIALS_CSV), {}, {}, 0)
         raise InputError(f"{folder}: neither a campaign (trials/<trial_id>/ or {TRIALS_CSV}) nor a bag")
     recorded = of_campaign(folder)
-    if _table_is_newer(folder, bags):
-        setting = shared([recorded, _measured(bags[0])[1]])
-        own = read_csv(folder / TRIALS_CSV)
-        table = replace(from_rows(own.rows(), *setting.for_table), unread=own.unread)
-        return Report(table, (), len(bags))
     cache = Cache.read(folder)
     before = dict(cache.seen)
+    own = read_csv(folder / TRIALS_CSV) if (folder / TRIALS_CSV).is_file() else None
+    edited = own is not None and content_hash(folder / TRIALS_CSV) != cache.written
+    tabled = _tabled(folder, bags, cache) if own else set()
+    if own and len(own) == len(bags) == len(tabled):
+        setting = shared([recorded, _measured(bags[0])[1]])
+        table = replace(from_rows(own.rows(), *setting.for_table), unread=own.unread)
+        if cache.seen != before:
+            cache.write({bag: cache.key(bag) for bag in bags})
+        return Report(table, {cache.trial_id(bag): bag for bag in bags}, {}, len(bags), edited)
     keys = {bag: cache.key(bag) for bag in bags}
     todo = [bag for bag in bags if keys[bag] not in cache.measured]
     failed: dict[Path, str] = {}
@@ -147,21 +164,40 @@ def campaign(folder: Path, crew: Crew | None = None) -> Report:
     if not todo and cache.seen != before:
         cache.write(keys)
     measured = {bag: found for bag in bags if (found := cache.get(keys[bag], bag)) is not None}
-    skipped = [failed[bag] for bag in bags if bag in failed]
-    if not measured:
-        raise InputError(f"{folder}: none of {len(bags)} bags gives a row; the first: {skipped[0]}")
-    rows = {bag: row for bag, (row, _) in measured.items()}
-    _check_ids(rows)
-    setting = shared([recorded, *(own for _, own in measured.values())])
-    table = from_rows(list(rows.values()), *setting.for_table)
-    return Report(table, tuple(skipped), len(bags) - len(todo))
+    by_id = _by_id({bag: row for bag, (row, _) in measured.items()})
+    # A table that nobody has edited says what an earlier version, perhaps, read from the bags.
+    by_hand = {row.trial_id: row for row in own.rows()} if own and edited else {}
+    rows = [by_hand.get(row.trial_id, row) if bag in tabled else row for bag, (row, _) in measured.items()]
+    setting = shared([recorded, *(one for _, one in measured.values())])
+    unread = (*(own.unread if own else ()), *_otherwise(rows, [row for row, _ in measured.values()]))
+    table = replace(from_rows(rows, *setting.for_table), unread=unread)
+    return Report(table, by_id, failed, len(bags) - len(todo), edited)
 
 
-def make(folder: Path) -> Path:
-    """Write the trials table of a campaign folder to its trials.csv and return the path."""
-    path = folder / TRIALS_CSV
-    write_csv(campaign(folder).trials, path)
-    return path
+def make(folder: Path, crew: Crew | None = None, out: Path | None = None) -> Report:
+    """Write the trials table of a campaign folder to ``out``, by default its trials.csv; see `nothing_lost`."""
+    path = out or folder / TRIALS_CSV
+    nothing_lost(path)
+    report = campaign(folder, crew)
+    with files.writing(path):
+        write_csv(report.trials, path)
+    if not files.same_file(path, folder / TRIALS_CSV):
+        return report
+    cache = Cache.read(folder)
+    keys = {bag: cache.key(bag) for bag in bags_in(folder)}
+    cache.tabled, cache.written = set(keys.values()), "" if report.edited else content_hash(path)
+    cache.write(keys)
+    return report
+
+
+def nothing_lost(out: Path) -> Path:
+    """``out``, unless it is a table with columns that writing it anew would delete: InputError."""
+    if out.is_file() and (columns := foreign(files.read_csv(out)[0])):
+        raise InputError(
+            f"{out}: has columns that a trials table has no place for ({', '.join(columns)}) and would lose them; "
+            "write the table into another file (table --out)"
+        )
+    return out
 
 
 def bags_in(folder: Path) -> list[Path]:
@@ -174,18 +210,19 @@ def bags_in(folder: Path) -> list[Path]:
     return sorted(path for path in inside.glob("[!.]*") if reader.is_bag(path) or reader.storage_files(path))
 
 
-def _table_is_newer(folder: Path, bags: Sequence[Path]) -> bool:
-    """Whether trials.csv was written after every bag and has a row for each.
+def _tabled(folder: Path, bags: Sequence[Path], cache: Cache) -> set[Path]:
+    """The bags that are as they were when trials.csv was written; those older than it where nothing else tells."""
+    if cache.tabled:  # a clock may have been set since
+        return {bag for bag in bags if cache.key(bag) in cache.tabled}
+    written_ns = (folder / TRIALS_CSV).stat().st_mtime_ns
+    return {bag for bag in bags if all(file.stat().st_mtime_ns <= written_ns for file in files_of(bag))}
 
-    A hand-edited table wins this way, too: a trial may be given another status there.
-    """
-    table = folder / TRIALS_CSV
-    if not table.is_file():
-        return False
-    newest = max(file.stat().st_mtime_ns for bag in bags for file in ([bag] if bag.is_file() else bag.iterdir()))
-    if table.stat().st_mtime_ns < newest:
-        return False
-    return len(read_csv(table)) == len(bags)
+
+def _otherwise(rows: Sequence[Row], measured: Sequence[Row]) -> list[str]:
+    """A clause for rows that are not those of their bags; as text, for what was not measured is not itself."""
+    ids = [row.trial_id for row, own in zip(rows, measured, strict=True) if repr(row) != repr(own)]
+    some = ", ".join(ids[:3]) + (" …" if len(ids) > 3 else "")
+    return [f"{TRIALS_CSV} says otherwise than the bags of {some}, and counts"] if ids else []
 
 
 def _rows(bags: Sequence[Path], crew: Crew | None) -> list[Measured | str]:
@@ -309,9 +346,10 @@ def _status(row: Row, exit_status: str, fault: str, reason: str) -> str:
     return f"{', '.join(missing)} not measured{f': {reason}' if reason else ''}" if missing else OK
 
 
-def _check_ids(rows: dict[Path, Row]) -> None:
-    seen: dict[str, Path] = {}
+def _by_id(rows: Mapping[Path, Row]) -> dict[str, Path]:
+    bags: dict[str, Path] = {}
     for bag, row in rows.items():
-        if row.trial_id in seen:
-            raise InputError(f"{bag}: trial id {row.trial_id!r} is that of {seen[row.trial_id].name} too")
-        seen[row.trial_id] = bag
+        if row.trial_id in bags:
+            raise InputError(f"{bag}: trial id {row.trial_id!r} is that of {bags[row.trial_id].name} too")
+        bags[row.trial_id] = bag
+    return bags
