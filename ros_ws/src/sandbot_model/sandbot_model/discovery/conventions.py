@@ -32,8 +32,10 @@ from sandbot_model.discovery.verdict import (
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, far_above, solve, solve_below, solve_near
 from sandbot_model.physics.model import Model, model_of
-from sandbot_model.physics.variants import BY_ITS_TILT, IN_ANOTHER_BED, variants_of
+from sandbot_model.physics.variants import BY_ITS_TILT, IN_ANOTHER_BED, Variant, variants_of
 
+PAIRS = 3
+"""Sets of two that are tried under other conventions, the best."""
 CLOSER = 8
 """Single effects under other conventions that get a global search after a first look, the best."""
 
@@ -67,6 +69,28 @@ def beside_the_leader(search: EffectSearch) -> bool:
     sets = search.extended(leader.effects)
     found = _near(search, [model_of(search.base, names, own, search.cells.robot) for names in sets])
     return _taken(search, list(filter(partial(_clearly_better, search), found)))
+
+
+def within_pairs(search: EffectSearch) -> bool:
+    """Try the best sets of two with one effect under another convention; whether any fits clearly better than with the
+    usual one, though it was picked from all."""
+    models = [
+        model_of(search.base, pair.effects, {**search.effects, name: variant}, search.cells.robot)
+        for pair in search.ranked(2)[:PAIRS]
+        for name in pair.effects
+        for variant in _to_be_tried(search, name)
+    ]
+    found = _near(search, models)
+    picked = picked_from(len(models))
+    return _taken(
+        search,
+        [
+            fit
+            for fit in found
+            if search.fits[fit.effects].bic - fit.bic > search.criteria.clearly + picked * overdispersion(fit)
+            and _clearly_better(search, fit)
+        ],
+    )
 
 
 def _taken(search: EffectSearch, better: Sequence[Fit]) -> bool:
@@ -160,13 +184,17 @@ def _closer(search: EffectSearch, near: Sequence[Fit]) -> list[Fit]:
 
 def _models_of_one(search: EffectSearch) -> list[Model]:
     """Each single effect under each other convention; those of a gait's phases where it has two."""
-    one_rate = search.cells.clock.one_rate.all()
     return [
         model_of(search.base, (name,), {**search.effects, name: variant}, search.cells.robot)
         for name in search.names
-        for variant in variants_of(search.effects[name])
-        if not (one_rate and variant.of_phases)
+        for variant in _to_be_tried(search, name)
     ]
+
+
+def _to_be_tried(search: EffectSearch, name: str) -> list[Variant]:
+    """An effect's other conventions; those of a gait's phases where it has two."""
+    one_rate = search.cells.clock.one_rate.all()
+    return [variant for variant in variants_of(search.effects[name]) if not (one_rate and variant.of_phases)]
 
 
 def _near(

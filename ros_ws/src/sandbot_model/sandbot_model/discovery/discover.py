@@ -17,7 +17,7 @@ from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.discovery.alone import taken_back
 from sandbot_model.discovery.calibration import beyond_belief, would_fall
 from sandbot_model.discovery.candidates import Candidate, candidates
-from sandbot_model.discovery.conventions import against, beside_the_leader, conventions, other_conventions
+from sandbot_model.discovery.conventions import against, beside_the_leader, conventions, other_conventions, within_pairs
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try, outdone_by_a_formula
@@ -337,8 +337,9 @@ def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple
         search.fits = fits
         if part := _in_part(search, partly(search)):
             return part
-    if beside_the_leader(search) and _stands(search, found := _beside_nuisances(search)):
-        return found, None
+    for tried in (beside_the_leader, within_pairs):
+        if tried(search) and _stands(search, found := _beside_nuisances(search)):
+            return found, None
     return replace(unexplained, fits=usual), None
 
 
