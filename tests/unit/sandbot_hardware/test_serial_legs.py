@@ -1,10 +1,14 @@
 """Set-points as anybody may send them, at the driver of the legs: without a graph or a line."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from sandbot_common import messages, topics
 from sandbot_common.lease import Lease
+from sandbot_hardware.device_clock import DeviceClock
+from sandbot_hardware.lines import Line, decode
 from sandbot_hardware.serial_legs_node import SerialLegs
 
 SIX = np.ones(6)
@@ -39,6 +43,7 @@ def legs():
     one._rivals, one._moving, one._lapsed = Nobody(), False, False
     one.get_logger = lambda: type("Log", (), {"error": lambda *_: None})
     one._sent = one._refused = 0
+    one._why, one._held, one._device_clock, one._states = "", [], DeviceClock(), SimpleNamespace(publish=lambda _: None)
     return one
 
 
@@ -72,3 +77,14 @@ def test_a_second_commander_brings_the_legs_to_rest_until_one_has_told_them_rest
     assert not send(8.0)
     assert not send(0.0)
     assert send(8.0)
+
+
+def test_a_driver_that_comes_in_mid_gait_moves_nothing_until_told_rest_and_then_stays_where_the_legs_are(legs):
+    legs._lapsed = True  # as every driver begins
+    legs._heard(Line("L", (1, *[0.25] * 6, *[0.0] * 12)), 1)
+    legs._on_setpoint(messages.joint_state(1, topics.LEGS, 50 * SIX, SIX, SIX))
+    assert (legs._refused, legs._port.written) == (1, [])
+    legs._on_setpoint(messages.joint_state(2, topics.LEGS, 50 * SIX, 0 * SIX, SIX))
+    assert decode(legs._port.written.pop()[:-1]).values[1:] == (0.25,) * 6 + (0.0,) * 6
+    legs._on_setpoint(messages.joint_state(3, topics.LEGS, SIX, SIX, SIX))
+    assert legs._moving

@@ -1,8 +1,9 @@
 """The leg controller on a serial line: /leg_setpoints out, /leg_states and /sync_led in.
 
 Motion is leased here as everywhere: set-points that are late by legs_lease_s bring the legs to rest, until a set-point
-at rest has come. So does a second commander, and nobody's set-points are handed on while there are two. The controller
-does the same by itself when the line is silent.
+at rest has come; so it is from the start, for a driver may begin in the middle of a gait. That set-point is no place to
+go to: the legs are told rest where they say they are. A second commander brings them to rest, too, and nobody's
+set-points are handed on while there are two. The controller does the same by itself when the line is silent.
 """
 
 import time
@@ -36,9 +37,10 @@ class SerialLegs(Node):
         super().__init__("serial_legs")
         given = node.Parameters(self, LegsParameters, fixed).current
         self._order = (read_robot(given.robot) if given.robot else SANDBOT).leg_order
-        self._lease, self._moving, self._lapsed = Lease(given.legs_lease_s), False, False
+        self._lease, self._moving, self._lapsed = Lease(given.legs_lease_s), False, True
         self._commanded_ns, self._why = 0, ""
-        self._held, self._partners = [0.0] * len(self._order), Partners(self)
+        self._held: list[float] = []
+        self._partners = Partners(self)
         self._rivals = Rivals(self, topics.LEG_SETPOINTS)
         self._device_clock = DeviceClock()
         self._states, self._led = node.publisher(self, topics.LEG_STATES), node.publisher(self, topics.SYNC_LED)
@@ -69,10 +71,13 @@ class SerialLegs(Node):
         if not np.isfinite([angles, rates]).all() or rest_first or self._rivals.fault():
             # Nothing goes on by itself: late commands of before a silence are no start.
             self._refused += 1
+            self._why = self._why or "legs are told to move before they have been told rest"
             return
         if moving and not self._moving:
             self._partners.begin(CLOCK)
-        self._moving, self._lapsed, self._held = moving, False, angles
+        if not self._lapsed or not self._held:
+            self._held = angles
+        self._moving, self._lapsed = moving, False
         self._lease.renew(time.monotonic())
         self._commanded_ns = messages.nanoseconds(message.header.stamp)
         self._sent += self._say(self._commanded_ns, rates)
@@ -103,11 +108,13 @@ class SerialLegs(Node):
             self._led.publish(messages.header(t_ns, "sync_led"))
         elif len(line.values) == 1 + 3 * len(self._order):
             angles, rates, efforts = map(np.asarray, lines.split(line.values[1:], len(self._order)))
+            if not self._moving:
+                self._held = angles.tolist()
             self._states.publish(messages.joint_state(t_ns, self._order, angles, rates, efforts))
 
     def _figures(self) -> dict[str, Any]:
         self._health.level, self._health.text = self._port.health
-        if not self._health.level and (why := self._why if self._lapsed else self._rivals.fault()):
+        if not self._health.level and (why := (self._lapsed and self._why) or self._rivals.fault()):
             # A warning: an error would mean that the line is out.
             self._health.level, self._health.text = 1, why
         return {
