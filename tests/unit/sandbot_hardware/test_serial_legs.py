@@ -43,7 +43,8 @@ def legs():
     one._rivals, one._moving, one._lapsed = Nobody(), False, False
     one.get_logger = lambda: type("Log", (), {"error": lambda *_: None})
     one._sent = one._refused = 0
-    one._why, one._held, one._device_clock, one._states = "", [], DeviceClock(), SimpleNamespace(publish=lambda _: None)
+    one._why, one._held, one._commanded_ns, one._commanded = "", [], 0, SIX
+    one._device_clock, one._states = DeviceClock(), SimpleNamespace(publish=lambda _: None)
     return one
 
 
@@ -79,6 +80,19 @@ def test_a_second_commander_brings_the_legs_to_rest_until_one_has_told_them_rest
     assert send(8.0)
 
 
+@pytest.mark.parametrize(("angle", "rate"), [(9.0, 8.0), (9.0, 0.0), (1e300, 8.0), (1.04, 1e4), (1.04, np.nan)])
+def test_what_no_leg_can_follow_stops_them_where_they_were(legs, angle, rate):
+    """A jump on the time line of a replay went to the motors."""
+    legs._on_setpoint(messages.joint_state(0, topics.LEGS, SIX, 0 * SIX, SIX))
+    legs._on_setpoint(messages.joint_state(5_000_000, topics.LEGS, 1.04 * SIX, 8.0 * SIX, SIX))
+    assert legs._moving
+    legs._on_setpoint(messages.joint_state(10_000_000, topics.LEGS, angle * SIX, rate * SIX, SIX))
+    assert (legs._refused, legs._why[:14]) == (1, "legs stopped: ")
+    legs._on_setpoint(messages.joint_state(20_000_000, topics.LEGS, angle * SIX, rate * SIX, SIX))
+    assert not legs._moving
+    assert {decode(line[:-1]).values[1:] for line in legs._port.written[2:]} == {(1.04,) * 6 + (0.0,) * 6}
+
+
 def test_a_driver_that_comes_in_mid_gait_moves_nothing_until_told_rest_and_then_stays_where_the_legs_are(legs):
     legs._lapsed = True  # as every driver begins
     legs._heard(Line("L", (1, *[0.25] * 6, *[0.0] * 12)), 1)
@@ -86,5 +100,5 @@ def test_a_driver_that_comes_in_mid_gait_moves_nothing_until_told_rest_and_then_
     assert (legs._refused, legs._port.written) == (1, [])
     legs._on_setpoint(messages.joint_state(2, topics.LEGS, 50 * SIX, 0 * SIX, SIX))
     assert decode(legs._port.written.pop()[:-1]).values[1:] == (0.25,) * 6 + (0.0,) * 6
-    legs._on_setpoint(messages.joint_state(3, topics.LEGS, SIX, SIX, SIX))
+    legs._on_setpoint(messages.joint_state(3, topics.LEGS, 50 * SIX, SIX, SIX))
     assert legs._moving

@@ -3,7 +3,8 @@
 Motion is leased here as everywhere: set-points that are late by legs_lease_s bring the legs to rest, until a set-point
 at rest has come; so it is from the start, for a driver may begin in the middle of a gait. That set-point is no place to
 go to: the legs are told rest where they say they are. A second commander brings them to rest, too, and nobody's
-set-points are handed on while there are two. The controller does the same by itself when the line is silent.
+set-points are handed on while there are two; so does a set-point that no leg can follow. The controller does the same
+by itself when the line is silent.
 """
 
 import time
@@ -16,7 +17,9 @@ from sensor_msgs.msg import JointState
 
 from sandbot_common import messages, node, topics
 from sandbot_common.command_node import Partners, Rivals
+from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
+from sandbot_common.legs import check_turning
 from sandbot_common.robot import SANDBOT, read_robot
 from sandbot_common.timer import Timer
 from sandbot_hardware import lines
@@ -39,6 +42,7 @@ class SerialLegs(Node):
         self._order = (read_robot(given.robot) if given.robot else SANDBOT).leg_order
         self._lease, self._moving, self._lapsed = Lease(given.legs_lease_s), False, True
         self._commanded_ns, self._why = 0, ""
+        self._commanded: list[float] = []
         self._held: list[float] = []
         self._partners = Partners(self)
         self._rivals = Rivals(self, topics.LEG_SETPOINTS)
@@ -66,27 +70,48 @@ class SerialLegs(Node):
             [values[place[name]] for name in self._order] for values in (message.position, message.velocity)
         )
         self._watch()
-        moving = any(rates)
-        rest_first = self._lapsed and moving
-        if not np.isfinite([angles, rates]).all() or rest_first or self._rivals.fault():
-            # Nothing goes on by itself: late commands of before a silence are no start.
+        t_ns, moving = messages.nanoseconds(message.header.stamp), any(rates)
+        if why := self._refusal(t_ns, angles, rates):
             self._refused += 1
-            self._why = self._why or "legs are told to move before they have been told rest"
+            self._stop(why)
             return
         if moving and not self._moving:
             self._partners.begin(CLOCK)
         if not self._lapsed or not self._held:
             self._held = angles
-        self._moving, self._lapsed = moving, False
+        self._moving, self._lapsed, self._why = moving, False, ""
         self._lease.renew(time.monotonic())
-        self._commanded_ns = messages.nanoseconds(message.header.stamp)
-        self._sent += self._say(self._commanded_ns, rates)
+        self._commanded_ns, self._commanded = t_ns, angles
+        self._sent += self._say(t_ns, rates)
+
+    def _refusal(self, t_ns: int, angles: Sequence[float], rates: Sequence[float]) -> str:
+        """Why a set-point is not handed on; an empty string if it is."""
+        if not np.isfinite([angles, rates]).all():
+            return "an angle or rate is not finite"
+        if why := self._rivals.fault():
+            return why
+        if any(rates) and self._lapsed:
+            # Nothing goes on by itself: late commands of before a silence are no start.
+            return "they are told to move before they have been told rest"
+        if any(rates) or self._moving:
+            step_s = np.array([0, max(t_ns - self._commanded_ns, 1)]) * 1e-9
+            try:
+                check_turning(step_s, np.array([self._commanded, angles]), np.array(rates))
+            except InputError as error:
+                return str(error)
+        return ""
 
     def _watch(self) -> None:
         if self._moving and (why := self._rivals.fault() or self._partners.lost(CLOCK, self._lease, "no set-point")):
-            self._lapsed, self._why = True, f"legs stopped: {why}"
-            self._rest()
+            self._stop(why)
+
+    def _stop(self, why: str) -> None:
+        if not self._why:  # what stopped them first says more
+            self._why = f"legs stopped: {why}" if self._moving else f"set-point refused: {why}"
             self.get_logger().error(self._why)
+        self._lapsed = True
+        if self._moving:
+            self._rest()
 
     def _rest(self) -> None:
         self._moving = False
@@ -114,7 +139,7 @@ class SerialLegs(Node):
 
     def _figures(self) -> dict[str, Any]:
         self._health.level, self._health.text = self._port.health
-        if not self._health.level and (why := (self._lapsed and self._why) or self._rivals.fault()):
+        if not self._health.level and (why := self._why or self._rivals.fault()):
             # A warning: an error would mean that the line is out.
             self._health.level, self._health.text = 1, why
         return {
