@@ -26,8 +26,6 @@ PACE_S = 0.5
 """How long rates are measured before a trial."""
 
 _REQUIRED = ("clock", "bed", "tracker")
-_HEARD = ("dorsal_camera", "lateral_camera", *DRIVERS)
-"""Required once they have been heard: a robot or camera of another maker need not tell its health."""
 _START_THEM = "start the nodes with: ros2 launch sandbot_bringup trackway.launch.py"
 
 
@@ -63,7 +61,7 @@ class Gate:
 
     def before_trial(self, bed: ProtocolParameters, folder: CampaignFolder) -> None:
         """All that a trial needs is there, once, and alive; CampaignEnds with what is not."""
-        self._hearing.require([*self._required, *(name for name in _HEARD if name in self._hearing.told)])
+        self._hearing.require([*self._required, *(name for name in DRIVERS if name in self._hearing.told)])
         if not self._wait(lambda: not self._hearing.missing(), DISCOVERY_S):
             missing = self._hearing.missing()[0]
             raise CampaignEnds(f"the {missing}; {_START_THEM}, then start the campaign again to go on")
