@@ -79,13 +79,19 @@ def publisher(node: Node, topic: topics.Topic) -> Publisher:
 
 
 def subscription(
-    node: Node, topic: topics.Topic, callback: Callable[[Any], None], *, raw: bool = False, best_effort: bool = False
+    node: Node,
+    topic: topics.Topic,
+    callback: Callable[[Any], None],
+    *,
+    raw: bool = False,
+    best_effort: bool = False,
+    depth: int | None = None,
 ) -> Subscription:
     """A subscription on a trackway topic; ``raw`` hands the serialized bytes to the callback.
 
     ``best_effort`` hears publishers of either reliability, but what is lost on the way is not sent again.
     """
-    delivery = qos(topic, best_effort=best_effort)
+    delivery = qos(topic, best_effort=best_effort, depth=depth)
     return node.create_subscription(messages.message_class(topic.type), topic.relative, callback, delivery, raw=raw)
 
 

@@ -5,6 +5,9 @@ at rest has come; so it is from the start, for a driver may begin in the middle 
 go to: the legs are told rest where they say they are. A second commander brings them to rest, too, and nobody's
 set-points are handed on while there are two; so does a set-point that no leg can follow. The controller does the same
 by itself when the line is silent.
+
+A line that is too slow for the set-points, or a driver held up, loses old ones; where one is handed on later than it
+might be by legs_lease_s the legs rest, for they would walk on after a stop.
 """
 
 import time
@@ -29,6 +32,8 @@ from sandbot_hardware.port import Port, fixed
 from sandbot_hardware.serial_legs_parameters import LegsParameters
 
 WATCH_S = 0.01
+KEPT = 50
+"""Set-points in wait: a stop stands behind these at most, and legs take no harm from the loss of older ones."""
 CLOCK = "clock"
 """Who commands: on this host the system tells when it is gone."""
 
@@ -42,13 +47,14 @@ class SerialLegs(Node):
         self._order = (read_robot(given.robot) if given.robot else SANDBOT).leg_order
         self._lease, self._moving, self._lapsed = Lease(given.legs_lease_s), False, True
         self._commanded_ns, self._why = 0, ""
+        self._least_ns = 0
         self._commanded: list[float] = []
         self._held: list[float] = []
         self._partners = Partners(self)
         self._rivals = Rivals(self, topics.LEG_SETPOINTS)
         self._device_clock = DeviceClock()
         self._states, self._led = node.publisher(self, topics.LEG_STATES), node.publisher(self, topics.SYNC_LED)
-        node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
+        node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, depth=KEPT)
         self._sent = self._refused = self._watchdog = 0
         self._port = Port(given.device, given.baud, self._heard)
         self._health = node.Health(self, self._figures, sole=True)
@@ -90,10 +96,16 @@ class SerialLegs(Node):
             return "an angle or rate is not finite"
         if why := self._rivals.fault():
             return why
-        if any(rates) and self._lapsed:
+        now_ns, moving = time.monotonic_ns(), any(rates)
+        if moving and (self._lapsed or self._lease.late(now_ns * 1e-9)):
             # Nothing goes on by itself: late commands of before a silence are no start.
             return "they are told to move before they have been told rest"
-        if any(rates) or self._moving:
+        # His clock may be any other: what is late is later than others of this walk, back to the word of rest.
+        delay_ns = now_ns - t_ns
+        self._least_ns = min(self._least_ns, delay_ns) if moving else delay_ns
+        if (late_s := (delay_ns - self._least_ns) * 1e-9) > self._lease.limit_s:
+            return f"set-points are handed on {late_s:.2g} s late"
+        if moving or self._moving:
             step_s = np.array([0, max(t_ns - self._commanded_ns, 1)]) * 1e-9
             try:
                 check_turning(step_s, np.array([self._commanded, angles]), np.array(rates))
