@@ -239,7 +239,7 @@ class Operator(Node):
         self.desk.enter("preparing the bed")
         bed = self._hearing
         asked = Preparation(bed.bed_preparation)
-        self._orders.call("/bed/prepare")
+        self._orders.call("/bed/prepare", lambda: asked.begun(bed.bed_preparation, bed.bed_stage))
         done = self._wait(lambda: asked.over(bed.bed_preparation, bed.bed_stage) or bed.phi is not None, BED_S)
         if bed.bed_stage == "idle":
             self._stopped_by_hand(bed.bed_text)
@@ -251,7 +251,7 @@ class Operator(Node):
         duration_s = self._plan.duration_s(trial.omega_rad_s)
         # Once more: while the bed was prepared somebody may have set another ω, and the row tells the plan's.
         self._tell_gait(trial)
-        self._orders.call("/clock/start")
+        self._orders.call("/clock/start", lambda: legs.motion_start_ns is not None)
         if not self._wait(lambda: legs.motion_start_ns is not None, CALL_S):
             raise TrialFailed("the clock was started but no leg moved (/leg_states)")
         end_ns = (legs.motion_start_ns or 0) + int(duration_s * 1e9)

@@ -108,11 +108,18 @@ def reliabilities(node: Node, topic: topics.Topic) -> list[bool]:
     return [endpoint.qos_profile.reliability != ReliabilityPolicy.BEST_EFFORT for endpoint in found]
 
 
-def ask(client: Client, request: Any, wait: Callable[[Callable[[], bool], float], bool], patience_s: float) -> Any:
+def ask(
+    client: Client,
+    request: Any,
+    wait: Callable[[Callable[[], bool], float], bool],
+    patience_s: float,
+    begun: Callable[[], bool] = lambda: False,
+) -> Any:
     """The answer of a service, asked for again every two seconds; None if there is none within ``patience_s``.
 
     A server may hear a new client before it knows where to answer; rmw_fastrtps gives the answer up after 0.1 s then
-    ("client will not receive response"). The order was obeyed all the same, so it must be one that may be given twice.
+    ("client will not receive response"). The order was obeyed all the same, so it must be one that may be given twice,
+    or ``begun`` tell that it was obeyed: it is not given again then, for somebody may have ended since what it began.
     ``wait(condition, timeout_s)`` spins until the condition holds, and says whether it does.
     """
     asked: list[Any] = []
@@ -122,7 +129,7 @@ def ask(client: Client, request: Any, wait: Callable[[Callable[[], bool], float]
 
     for _ in range(math.ceil(patience_s / ASK_AGAIN_S)):
         asked.append(client.call_async(request))
-        if wait(answered, ASK_AGAIN_S):
+        if wait(answered, ASK_AGAIN_S) or begun():
             break
     for future in asked:
         client.remove_pending_request(future)
