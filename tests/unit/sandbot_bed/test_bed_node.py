@@ -5,8 +5,11 @@ import sys
 
 import numpy as np
 import pytest
+import rclpy
 
+from sandbot_bed.bed_node import BedNode
 from sandbot_common import messages, node, topics
+from sandbot_common.timer import end_timers
 
 pytestmark = pytest.mark.ros
 FAST = {"fluidise_s": 0.3, "ramp_s": 0.3, "settle_s": 0.3, "pulse_off_s": 0.2, "average_s": 0.1, "target_phi": 0.59}
@@ -106,3 +109,27 @@ def test_the_air_goes_off_with_the_node(bed):
     bed.process.terminate()
     bed.until(lambda: bed.level == 0)
     assert bed.process.wait(timeout=30) == 0
+
+
+class Deaf:
+    """A driver whose device takes nothing more."""
+
+    def set_blower(self, level):
+        raise TimeoutError("write timeout")
+
+    def read_height_m(self):
+        return np.nan
+
+
+def test_all_hear_that_the_air_is_to_go_off_though_the_driver_fails(beside):
+    heard = []
+    node.subscription(beside.node, topics.BED_BLOWER, heard.append)
+    rclpy.init()
+    bed = BedNode(Deaf())
+    try:
+        beside.until(bed._hardware._blower.get_subscription_count)
+        bed.close()
+        beside.until(lambda: [message.data for message in heard] == [0.0])
+    finally:
+        end_timers(bed)
+        rclpy.try_shutdown()

@@ -67,9 +67,11 @@ class PublishedHardware:
         self._height = node.publisher(ros, topics.BED_HEIGHT)
 
     def set_blower(self, level: float) -> None:
-        """To the driver and /bed/blower."""
-        self._driver.set_blower(level)
-        self._blower.publish(messages.float64(level))
+        """To the driver and /bed/blower: there also where the driver fails."""
+        try:
+            self._driver.set_blower(level)
+        finally:
+            self._blower.publish(messages.float64(level))
 
     def read_height_m(self) -> float:
         """From the driver, and to /bed/height."""
@@ -114,7 +116,10 @@ class BedNode(Node):
 
     def close(self) -> None:
         """Air off before the node goes."""
-        self._obey(self._protocol.abort("the bed node stopped"))
+        try:
+            self._obey(self._protocol.abort("the bed node stopped"))
+        except OSError as error:  # of a driver's device; the blower's own watchdog is left
+            self.get_logger().error(f"the driver did not turn the air off: {error}")
 
     def _step(self) -> None:
         now_s = time.monotonic()
