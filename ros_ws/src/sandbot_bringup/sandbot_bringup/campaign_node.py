@@ -32,6 +32,7 @@ from sandbot_bringup.recorder_process import RecorderProcess
 from sandbot_bringup.supervision import SILENCE_S, camera_fault
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
+from sandbot_common.files import writing
 from sandbot_common.node import Health, Stop, publisher, refuse_parameters, spin_once
 from sandbot_common.parameters import from_mapping, specs
 from sandbot_common.process import real_time
@@ -149,7 +150,8 @@ class Operator(Node):
             raise TrialFailed(f"the recorder ended with exit code {recorder.code}; its bag is {aside}")
         # The same judge as that of the table: what it would not call ok is no finished trial.
         row = judged(aside)
-        aside.rename(folder.bag(trial))
+        with writing(folder.path):
+            aside.rename(folder.bag(trial))
         return row
 
     def _run(self, trial: PlannedTrial, aside: Path, attachments: Sequence[Path]) -> RecorderProcess:

@@ -57,18 +57,20 @@ class CampaignFolder:
     def aside(self, trial_id: str) -> Path:
         """Where the bag of a trial goes that is not finished, or failed; one that is there makes room, and is kept."""
         path = self.trials / PARTIAL / trial_id
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.exists():
-            number = 1
-            while (kept := path.with_name(f"{path.name}.interrupted{number}")).exists():
-                number += 1
-            path.rename(kept)
+        with writing(self.path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if path.exists():
+                number = 1
+                while (kept := path.with_name(f"{path.name}.interrupted{number}")).exists():
+                    number += 1
+                path.rename(kept)
         return path
 
     def set_aside(self, trials: Mapping[str, str]) -> None:
         """Make room for another run of these trials, which end as they say: once it is sure that it can begin."""
         for trial_id, status in trials.items():
-            (self.trials / trial_id).rename(self.aside(trial_id))
+            with writing(self.path):
+                (self.trials / trial_id).rename(self.aside(trial_id))
             print(f"{trial_id}: {status}: set aside, to be run again")
 
     def grown(self, plan: Plan) -> Plan:

@@ -14,6 +14,7 @@ from sandbot_bringup.orders_node import Orders, Wait
 from sandbot_bringup.supervision import pace_fault
 from sandbot_common import topics
 from sandbot_common.errors import InputError
+from sandbot_common.files import writing
 from sandbot_common.node import NAMELESS, names_of
 
 DISCOVERY_S = 20.0
@@ -74,7 +75,9 @@ class Gate:
             if not self._wait(partial(self._has_one_publisher, topic), FORGOTTEN_S):
                 names = " and ".join(self._who_publishes(topic)) or "nobody"
                 raise CampaignEnds(f"{names} publish {topic.name}: one commander is needed, and only one")
-        if (free := shutil.disk_usage(folder.path).free) < FREE_BYTES:
+        with writing(folder.path):
+            free = shutil.disk_usage(folder.path).free
+        if free < FREE_BYTES:
             raise CampaignEnds(f"{folder.path}: only {free >> 20} MiB free, a trial needs {FREE_BYTES >> 20}")
 
     def _pace(self, bed: ProtocolParameters) -> None:

@@ -96,9 +96,10 @@ def subscription(
 
 
 def spin_once(executor: EventsExecutor, node: Node, timeout_s: float) -> None:
-    """One turn of a node's loop; raises what a ``Timer`` of its own raised."""
+    """One turn of a node's loop; raises once what a ``Timer`` of its own raised: who ends something turns on."""
     executor.spin_once(timeout_sec=timeout_s)
     if (error := getattr(node, "failed", None)) is not None:
+        node.failed = None
         raise error
 
 
