@@ -116,6 +116,8 @@ class BedNode(Node):
 
     def close(self) -> None:
         """Air off before the node goes."""
+        if self._health.refused:
+            return  # it is another bed's air
         try:
             self._obey(self._protocol.abort("the bed node stopped"))
         except OSError as error:  # of a driver's device; the blower's own watchdog is left
@@ -127,6 +129,8 @@ class BedNode(Node):
             self._protocol.fail(reason)
         self._step_s = now_s
         self._standstill.turn(now_s)
+        if not self._health.settled:
+            return  # "air off" would reach another bed's blower
         self._obey(self._protocol.step(now_s, self._hardware.read_height_m()))
 
     def _fault(self, now_s: float) -> str:
@@ -197,7 +201,8 @@ class BedNode(Node):
             response.success = False
             response.message = f"legs move ({self._motion_told_on}); call /clock/stop first"
             return response
-        refusal = self._standstill.refusal(time.monotonic())
+        just_begun = "" if self._health.settled else "this bed has only just begun; ask again in a second"
+        refusal = just_begun or self._standstill.refusal(time.monotonic())
         if reason := refusal or self._command.begin(self._settings.current.lease_s):
             response.success, response.message = False, reason
             return response

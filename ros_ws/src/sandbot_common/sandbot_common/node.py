@@ -43,6 +43,8 @@ LAST_WORDS_S = 0.5
 """How long a node that ends stays for what it said last to be sent, which another thread does. Those who listen may
 acknowledge it seconds later, with the next heartbeat: that is not waited for."""
 ASK_AGAIN_S = 2.0
+SETTLE_S = 0.5
+"""So long after its first turn a node has heard of an older one of its name: health is told five times a second."""
 BEAT_S = 0.05
 """A process that lives says so that often (/heartbeat)."""
 END_WITH_PARENT = "TRACKWAY_END_WITH_PARENT"
@@ -208,14 +210,21 @@ class Health:
         self.ended = ""
         """Why the node ends: its last word, whatever its figures say of themselves."""
         self._since_ns, self._process = time.time_ns(), own_name()
+        self._turned_s = math.inf
         self._publisher = publisher(node, topics.DIAGNOSTICS)
         Timer(node, period_s, self.publish)
         node.health = self
         if sole:
             subscription(node, topics.DIAGNOSTICS, self._look_for_a_rival)
 
+    @property
+    def settled(self) -> bool:
+        """Whether no older one of its name is there: a ``sole`` node says nothing before that, in the other's name."""
+        return not self.refused and time.monotonic() - self._turned_s >= SETTLE_S
+
     def publish(self) -> None:
         """Publish now."""
+        self._turned_s = min(self._turned_s, time.monotonic())
         self._tell(self._values())
 
     def say_end(self, why: str) -> None:

@@ -273,11 +273,13 @@ class LabNode(Node):
 
     def _publish_height(self) -> None:
         self._pass_time()
+        if not self._health.settled:
+            return  # another lab's bed has a height of its own
         self._height.publish(messages.range_(self._now_ns(), self._bed.read_height_m(), *SENSOR_RANGE_M, "bed"))
 
     def _publish_idle(self) -> None:
         current = self._settings.current
-        if not (current.images and current.idle_frames and self._standing) or self._behind:
+        if not (current.images and current.idle_frames and self._standing and self._health.settled) or self._behind:
             return
         now_ns = self._now_ns()
         with ordinary():
