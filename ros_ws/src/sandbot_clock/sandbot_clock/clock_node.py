@@ -176,8 +176,8 @@ class ClockNode(Node):
         if self._air_on:
             return f"the bed's air came on while the legs moved (/bed/blower is {self._blower:g})"
         if self._robot.late(now_ns / NANO) == self._robot_there:
-            came = "a robot came while the clock ran (/leg_states)"
-            return f"the robot was silent for {wanted.robot_s:g} s (/leg_states)" if self._robot_there else came
+            silent = f"the robot was silent for {wanted.robot_s:g} s (/leg_states)"
+            return silent if self._robot_there else "a robot came while the clock ran (/leg_states)"
         return self._rivals.fault() or self._command.lost()
 
     def _overrun(self, run_ns: int) -> str:
