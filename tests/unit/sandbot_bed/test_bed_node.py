@@ -1,5 +1,6 @@
 """The bed node as a real process over DDS, with a stand-in for blower and height sensor."""
 
+import math
 import subprocess
 import sys
 
@@ -144,11 +145,13 @@ def test_a_second_bed_says_nothing_in_the_first_one_s_name(here):
     here._step()
     answer = here._on_prepare(None, Trigger.Response())
     assert (answer.success, answer.message) == (False, "this bed has only just begun; ask again in a second")
+    here.close()  # its launch ends, because another of its nodes has been refused
     health.publish()  # its loop turns
+    health._turned_s -= SETTLE_S
     health.refused = "another bed is running already"
     here.close()
     assert told == []
-    health.refused, health._turned_s = "", health._turned_s - SETTLE_S
+    health.refused = ""
     here._step()
     assert told == [0.0]
 
@@ -156,7 +159,7 @@ def test_a_second_bed_says_nothing_in_the_first_one_s_name(here):
 def test_all_hear_that_the_air_is_to_go_off_though_the_driver_fails(here, beside):
     heard = []
     node.subscription(beside.node, topics.BED_BLOWER, heard.append)
-    here._hardware._driver.is_deaf = True
+    here._hardware._driver.is_deaf, here._health._turned_s = True, -math.inf
     beside.until(here._hardware._blower.get_subscription_count)
     here.close()
     beside.until(lambda: [message.data for message in heard] == [0.0])

@@ -116,8 +116,8 @@ class BedNode(Node):
 
     def close(self) -> None:
         """Air off before the node goes."""
-        if self._health.refused:
-            return  # it is another bed's air
+        if not self._health.settled:
+            return  # it may be another bed's, and this one has not blown
         try:
             self._obey(self._protocol.abort("the bed node stopped"))
         except OSError as error:  # of a driver's device; the blower's own watchdog is left
