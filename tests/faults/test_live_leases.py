@@ -462,8 +462,8 @@ def test_the_lab_stops_for_who_sends_nothing_that_can_be_meant(beside):
         setpoints.publish(messages.joint_state(now + ahead_ns, topics.LEGS, angle, np.full(6, rate), np.zeros(6)))
 
     def command():
-        if states and not any(states[-1].velocity) and np.isfinite(rate[0]):
-            send(0.0)  # a busy machine has sent these late, and nothing goes on by itself
+        if not (states and any(states[-1].velocity)) and np.isfinite(rate[0]):
+            send(0.0)  # first of all; and a busy machine has sent these late, and nothing goes on by itself
         send(rate[0])
 
     def blow():
@@ -515,8 +515,8 @@ def test_the_lab_stops_legs_and_air_whose_commands_are_late(beside):
         return any(text in status.message for status in told)
 
     def walk():
-        if states and not any(states[-1].velocity):
-            send(0.0)  # a busy machine has sent these late, and nothing goes on by itself
+        if not (states and any(states[-1].velocity)):
+            send(0.0)  # first of all; and a busy machine has sent these late, and nothing goes on by itself
         send()
 
     with running("sandbot_lab.lab_node", "images:=false") as lab:
@@ -565,6 +565,7 @@ def test_the_lab_obeys_nobody_who_is_gone_though_his_commands_go_on(beside, stan
     with running("sandbot_lab.lab_node", "images:=false", "legs_lease_s:=1.0", "air_lease_s:=2.0"):
         beside.until(lambda: setpoints.get_subscription_count() and blower.get_subscription_count() and "lab" in told)
         clock, bed = stand_in("clock"), stand_in("bed")
+        command()  # told rest before they move
         beside.node.create_timer(0.02, command)
         asked["rate"] = OMEGA
         beside.until(lambda: states and any(states[-1].velocity))

@@ -83,6 +83,8 @@ class Commander:
         """Begin with it, once somebody hears it."""
         outlet = node.publisher(self.beside.node, topic)
         self.beside.until(outlet.get_subscription_count)
+        if topic is topics.LEG_SETPOINTS:
+            outlet.publish(message_on(topic, 0.0))  # legs are told rest before they move
         self.commanding[topic] = lambda: outlet.publish(message_on(topic))
 
     def fall_silent(self):
@@ -101,12 +103,12 @@ class Commander:
         return not self.beside.wait(lambda: not on(), 1.5)
 
 
-def message_on(topic):
+def message_on(topic, omega=OMEGA):
     """Legs that turn, full air, a renewal, a loose bed."""
     now_ns = time.time_ns()
     return {
         topics.LEG_SETPOINTS: lambda: messages.joint_state(
-            now_ns, topics.LEGS, np.ones(6), np.full(6, OMEGA), np.zeros(6)
+            now_ns, topics.LEGS, np.ones(6), np.full(6, omega), np.zeros(6)
         ),
         topics.BED_BLOWER: lambda: messages.float64(1.0),
         topics.OPERATOR_LEASE: lambda: messages.header(now_ns, "beside"),

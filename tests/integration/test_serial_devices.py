@@ -68,6 +68,7 @@ def test_legs_and_air_stop_by_themselves_when_the_cable_is_pulled(devices, start
         setpoints.publish(messages.joint_state(time.time_ns(), topics.LEGS, angle, np.full(6, asked["rate"]), angle))
         blower.publish(messages.float64(asked["air"]))
 
+    command()  # told rest before they move
     beside.node.create_timer(0.02, command)
 
     def moving():
@@ -121,6 +122,7 @@ def test_a_driver_whose_commands_are_late_stops_legs_and_air(devices, start, bes
     def send_until(line):
         beside.until(lambda: send(5.0) or line in simulated.lines)
 
+    send(0.0)
     send_until("legs: moving")
     simulated.until(lambda line: line == "legs: at rest")
     count = len(simulated.lines)

@@ -1,12 +1,18 @@
 """The bed node as a real process over DDS, with a stand-in for blower and height sensor."""
 
+import math
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+import rclpy
+from std_srvs.srv import Trigger
 
+from sandbot_bed.bed_node import BedNode
 from sandbot_common import messages, node, topics
+from sandbot_common.node import SETTLE_S
+from sandbot_common.timer import end_timers
 
 pytestmark = pytest.mark.ros
 FAST = {"fluidise_s": 0.3, "ramp_s": 0.3, "settle_s": 0.3, "pulse_off_s": 0.2, "average_s": 0.1, "target_phi": 0.59}
@@ -106,3 +112,54 @@ def test_the_air_goes_off_with_the_node(bed):
     bed.process.terminate()
     bed.until(lambda: bed.level == 0)
     assert bed.process.wait(timeout=30) == 0
+
+
+class Driver:
+    """Keeps what it is told; its device may take nothing more."""
+
+    def __init__(self):
+        self.told, self.is_deaf = [], False
+
+    def set_blower(self, level):
+        if self.is_deaf:
+            raise TimeoutError("write timeout")
+        self.told.append(level)
+
+    def read_height_m(self):
+        return np.nan
+
+
+@pytest.fixture
+def here(domain):
+    """A bed in this process, whose loop does not turn."""
+    rclpy.init()
+    bed = BedNode(Driver())
+    yield bed
+    end_timers(bed)
+    rclpy.try_shutdown()
+
+
+def test_a_second_bed_says_nothing_in_the_first_one_s_name(here):
+    """It said that the air was off, and idle: a campaign that waited for the first one's preparation ended."""
+    told, health = here._hardware._driver.told, here._health
+    here._step()
+    answer = here._on_prepare(None, Trigger.Response())
+    assert (answer.success, answer.message) == (False, "this bed has only just begun; ask again in a second")
+    here.close()  # its launch ends, because another of its nodes has been refused
+    health.publish()  # its loop turns
+    health._turned_s -= SETTLE_S
+    health.refused = "another bed is running already"
+    here.close()
+    assert told == []
+    health.refused = ""
+    here._step()
+    assert told == [0.0]
+
+
+def test_all_hear_that_the_air_is_to_go_off_though_the_driver_fails(here, beside):
+    heard = []
+    node.subscription(beside.node, topics.BED_BLOWER, heard.append)
+    here._hardware._driver.is_deaf, here._health._turned_s = True, -math.inf
+    beside.until(here._hardware._blower.get_subscription_count)
+    here.close()
+    beside.until(lambda: [message.data for message in heard] == [0.0])

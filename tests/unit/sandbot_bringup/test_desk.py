@@ -45,3 +45,11 @@ def test_an_order_that_cannot_be_kept_is_not_carried_out(full, do):
     assert (one.queue.rows() != before) is carried_out
     # Written down first: a plan that has grown is run when the campaign is resumed.
     assert done == {"journal": [], "plan": ["journal"], "": ["journal", "plan"]}[full][: 1 if do == "skip" else 2]
+
+
+def test_a_disk_that_cannot_be_asked_does_not_end_the_campaign(tmp_path):
+    one = object.__new__(Desk)
+    one._folder = tmp_path
+    assert one._free_bytes() > 0
+    one._folder = tmp_path / "pulled out"
+    assert one._free_bytes() is None

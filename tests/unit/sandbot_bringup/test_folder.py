@@ -224,3 +224,12 @@ def test_a_dry_run_refuses_what_the_run_would(tmp_path, capsys, bed, words, said
     plan.write_text(f"name: tiny\nphi: [0.6]\nomega_rad_s: [8]\nbed: {bed}\n")
     assert main([str(plan), "--dry-run", *words.split()]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_a_disk_that_takes_no_bag_is_one_line(tmp_path):
+    folder = CampaignFolder(tmp_path)
+    folder.trials.touch()
+    with pytest.raises(InputError, match=f"{tmp_path}: can't be written: "):
+        folder.aside("one")
+    with pytest.raises(InputError, match=f"{tmp_path}: can't be written: "):
+        folder.set_aside({"one": "failed"})

@@ -60,3 +60,11 @@ def test_another_recorder_is_not_taken_for_our_own(hearing):
     assert not hearing.fault()
     says(42, "ended: SIGTERM", level=2)
     assert hearing.fault() == "the recorder ended: SIGTERM"
+
+
+@pytest.mark.parametrize("driver", ["serial_legs", "lateral_camera"])
+def test_a_driver_whose_cable_is_out_ends_the_trial(hearing, driver):
+    hearing._on_diagnostics(messages.diagnostics(1, driver, {}, level=2, text="the device gives no frames"))
+    assert hearing.fault() == f"the {driver} has lost its device: the device gives no frames"
+    hearing._on_diagnostics(messages.diagnostics(1, driver, {}))
+    assert not hearing.fault()

@@ -36,7 +36,7 @@ class Orders:
     def __init__(self, refused=""):
         self.asked, self.refused, self.values = [], refused, {}
 
-    def call(self, name):
+    def call(self, name, begun=None):
         self.asked.append(name)
         if name == self.refused:
             raise TrialFailed(f"{name} refused: the clock is running; call /clock/stop first")
@@ -85,6 +85,24 @@ def test_omega_is_set_of_legs_at_rest_and_again_before_they_start():
     with pytest.raises(TrialFailed):
         one._walk(TRIAL)
     assert one._orders.asked == ["/clock/home", ("clock", 12.0), "/clock/start"]
+
+
+def test_what_begins_is_told_by_legs_and_bed_themselves():
+    """Whoever has not got the answer asks again only for what has not begun."""
+    one, begun = operator(), {}
+    one.desk, one._stopped_by_hand = SimpleNamespace(enter=lambda _: None), lambda _: None
+    one._orders.call = lambda name, word=None: begun.update({name: word})
+    one._wait = lambda *_: False
+    one._hearing = SimpleNamespace(
+        told=Hearing.told, bed_preparation="3", bed_stage="ready", bed_text="", phi=None, motion_start_ns=None
+    )
+    for part in (one._prepare_bed, lambda: one._walk(TRIAL)):
+        with pytest.raises(TrialFailed):
+            part()
+    asked = ("/bed/prepare", "/clock/start")
+    assert not any(begun[name]() for name in asked)
+    one._hearing.bed_preparation, one._hearing.motion_start_ns = "4", 1
+    assert all(begun[name]() for name in asked)
 
 
 def test_who_was_held_up_until_just_now_is_asked_again():

@@ -7,6 +7,7 @@ import rclpy
 from rcl_interfaces.srv import SetParametersAtomically
 
 from sandbot_bed.bed_parameters import BedParameters
+from sandbot_bringup import orders_node
 from sandbot_bringup.endings import TrialFailed
 from sandbot_bringup.orders_node import Orders
 from sandbot_common.node import Parameters
@@ -48,3 +49,16 @@ def test_parameters_that_fit_only_together_are_set_together_or_not_at_all(bed):
     with pytest.raises(TrialFailed, match=r"bed refused its parameters: .*average_s 0\.5 is longer than the rest"):
         orders.set("bed", {"fluidise_s": 0.7, "average_s": 0.5})
     assert settings.current.fluidise_s == 5.0
+
+
+@pytest.mark.parametrize("began", [True, False])
+def test_legs_that_a_person_has_stopped_since_are_not_started_again_for_a_lost_answer(monkeypatch, began):
+    one, given = object.__new__(Orders), []
+    one._triggers, one._wait = {"/clock/start": None}, None
+    monkeypatch.setattr(orders_node, "ask", lambda *words: given.append(words[-1]))
+    if not began:
+        with pytest.raises(TrialFailed, match="no answer from /clock/start within 10 s"):
+            one.call("/clock/start", lambda: False)
+    else:
+        one.call("/clock/start", lambda: True)
+        assert [begun() for begun in given] == [True]

@@ -2,14 +2,14 @@
 
 import threading
 import time
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from types import SimpleNamespace
 
 import pytest
 
-from sandbot_bringup import page_lease_node
+from sandbot_bringup import console_node, page_lease_node
 from sandbot_bringup.console import Console
-from sandbot_bringup.console_node import ConsoleNode
+from sandbot_bringup.console_node import ACTIONS, STOP, ConsoleNode
 from sandbot_bringup.page_lease_node import PageLease
 
 
@@ -98,7 +98,33 @@ def test_it_goes_on_while_a_page_looks_on_and_clock_or_bed_are_at_it(node, said,
 def test_only_what_moves_or_blows_is_called_under_it():
     one, held = object.__new__(ConsoleNode), []
     one._lease = SimpleNamespace(taken=lambda: held.append("taken") or nullcontext())
-    one._call = lambda action, service: held.append(service)
+    one._lock, one._stops = threading.Lock(), 0
+    one._call = lambda action, service, _: held.append(service)
     for action in ("start", "halt", "prepare"):
         one.call(action)
     assert held == ["taken", "/clock/start", "/clock/stop", "taken", "/bed/prepare"]
+
+
+@pytest.mark.parametrize("pressed", [ConsoleNode.stop, lambda one: one.call("halt"), lambda one: one.call("abort")])
+def test_what_was_stopped_while_it_waited_for_its_lease_is_not_started(pressed, monkeypatch):
+    monkeypatch.setattr(console_node, "STOP_S", 0.0)  # its answers are not waited for
+    one, called = object.__new__(ConsoleNode), []
+
+    @contextmanager
+    def taken():
+        pressed(one)
+        yield
+
+    def trigger(name):
+        future = SimpleNamespace(
+            add_done_callback=lambda done: done(None), result=lambda: SimpleNamespace(success=True, message="")
+        )
+        return SimpleNamespace(service_is_ready=lambda: True, call_async=lambda _: called.append(name) or future)
+
+    one._triggers = {name: trigger(name) for name in {*ACTIONS.values(), *STOP.values()}}
+    one._lock, one._stops, one._state, one._lease = threading.Lock(), 0, Console({}), SimpleNamespace(taken=taken)
+    assert one.call("start") == (False, "stopped meanwhile")
+    assert "/clock/start" not in called
+    one._lease.taken = nullcontext
+    one.call("start")
+    assert "/clock/start" in called

@@ -41,6 +41,9 @@ def test_runs_on_schedule_stops_at_rest_and_heeds_the_air(clock, beside):
     blower, trial = (node.publisher(beside.node, topic) for topic in (topics.BED_BLOWER, topics.TRIAL))
     assert beside.call("/clock/start").success
     beside.until(lambda: len(setpoints) > 100)
+    # Who has not heard the first one has come in mid-gait.
+    assert [any(message.velocity) for message in setpoints[:2]] == [False, True]
+    assert setpoints[0].position == setpoints[1].position
     assert beside.call("/clock/start").message == "was running"  # the answer to the first may have been lost
     refused = beside.call("/clock/home")
     assert not refused.success
@@ -68,7 +71,7 @@ def test_runs_on_schedule_stops_at_rest_and_heeds_the_air(clock, beside):
         beside.call("/clock/stop")
         setpoints.clear()
         assert beside.call("/clock/start").success
-        beside.until(lambda: setpoints)
+        beside.until(lambda: setpoints and any(setpoints[-1].velocity))
         return tuple(setpoints[-1].name) == four.leg_order and len(setpoints[-1].position) == 4
 
     beside.until(of_four)
@@ -77,6 +80,7 @@ def test_runs_on_schedule_stops_at_rest_and_heeds_the_air(clock, beside):
     assert "beside and clock both publish" in beside.call("/clock/start").message
     beside.node.destroy_publisher(second)
     beside.until(lambda: beside.call("/clock/start").success)
+    beside.until(lambda: any(setpoints[-1].velocity))
     blower.publish(messages.float64(0.4))
     beside.until(lambda: not any(setpoints[-1].velocity))
     answer = beside.call("/clock/start")
@@ -107,3 +111,26 @@ def test_what_a_run_began_with_is_not_changed_under_it(running, name):
     clock._check(ClockParameters(max_run_s=2.0, omega_rad_s=4.0))
     clock._running = False
     clock._check(ClockParameters(**{name: 1.0}))
+
+
+def test_a_robot_that_comes_while_the_clock_runs_stops_it_and_begins_at_home(clock, beside):
+    setpoints, told = [], {}
+    node.subscription(beside.node, topics.LEG_SETPOINTS, setpoints.append)
+    node.subscription(
+        beside.node, topics.DIAGNOSTICS, lambda message: told.update({one.name: one for one in message.status})
+    )
+    assert beside.call("/clock/start").success
+    beside.until(lambda: len(setpoints) > 100)
+    home = setpoints[0].position
+    states = node.publisher(beside.node, topics.LEG_STATES)
+
+    def report():
+        states.publish(messages.joint_state(1, topics.LEGS, *np.zeros((3, 6))))
+
+    beside.node.create_timer(0.02, report)
+    beside.until(lambda: not any(setpoints[-1].velocity))
+    beside.until(lambda: told["clock"].message == "stopped: a robot came while the clock ran (/leg_states)")
+    setpoints.clear()
+    assert beside.call("/clock/start").success
+    beside.until(lambda: setpoints)
+    assert setpoints[0].position == home

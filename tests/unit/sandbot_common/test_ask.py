@@ -23,8 +23,8 @@ class Service:
         assert ask(self.client, Trigger.Request(), beside.wait, 60.0)  # now they have met
         self.orders = 0
 
-    def ask(self, patience_s):
-        return ask(self.client, Trigger.Request(), self._wait, patience_s)
+    def ask(self, patience_s, begun=lambda: False):
+        return ask(self.client, Trigger.Request(), self._wait, patience_s, begun)
 
     def _wait(self, answered, seconds):
         self.waited_s.append(seconds)
@@ -59,3 +59,9 @@ def test_no_answer_is_told_and_nothing_stays_pending(service):
     assert service.ask(3.0) is None
     assert service.orders == 2
     assert service.client._pending_requests == {}
+
+
+def test_what_is_seen_to_have_begun_is_not_asked_for_again(service):
+    service.lost = 99
+    assert service.ask(10.0, begun=lambda: service.orders == 1) is None
+    assert service.orders == 1

@@ -20,7 +20,15 @@ def kinds(said):
 
 def leg_controller():
     begun = []
-    return LegController(6, lambda t_s, angles, rates: (angles, rates, [0.0] * 6), begun.append, LEASE_S), begun
+    return told_rest(lambda t_s, angles, rates: (angles, rates, [0.0] * 6), begun.append), begun
+
+
+def told_rest(walk, begin=lambda t_s: None):
+    """A controller that begins as deaf to motion as after a silence, and has been told rest."""
+    legs = LegController(6, walk, begin, LEASE_S)
+    assert legs.heard(setpoint(MOVING, -0.5), 0.5) == []
+    legs.heard(setpoint(REST, -0.5), 0.5)
+    return legs
 
 
 def test_legs_follow_and_the_led_goes_on_once():
@@ -37,7 +45,8 @@ def test_set_points_that_come_together_are_obeyed_at_their_own_times():
         walked.append(t_s)
         return angles, rates, rates
 
-    legs = LegController(6, walk, lambda t_s: None)
+    legs = told_rest(walk)
+    walked.clear()
     for index, heard_s in enumerate((1.0, 1.005, 1.03, 1.03, 1.03)):
         legs.heard(setpoint(MOVING, 50.0 + 0.005 * index), heard_s)
     assert walked == pytest.approx([1.0, 1.005, 1.01, 1.015, 1.02], abs=1e-5)
@@ -52,7 +61,8 @@ def test_a_set_point_no_later_than_the_last_report_still_moves_time_on(again_s):
         walked.append(t_s)
         return angles, rates, rates
 
-    legs = LegController(6, walk, lambda t_s: None)
+    legs = told_rest(walk)
+    walked.clear()
     legs.heard(setpoint(MOVING, 50.0), 1.0)
     legs.heard(setpoint(MOVING, again_s), 1.0)
     assert 0 < walked[1] - walked[0] < 1e-4

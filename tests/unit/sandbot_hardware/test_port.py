@@ -4,6 +4,7 @@ import contextlib
 import math
 import os
 import pty
+import termios
 import time
 import tty
 
@@ -87,6 +88,25 @@ def test_a_cable_that_is_pulled_is_said(device, opened):
     until(lambda: one.trouble)
     assert one.trouble.startswith(device[1])
     assert not one.write(LINE)
+
+
+@pytest.mark.parametrize("call", ["tcsetattr", "tcflush"])
+def test_a_cable_that_is_pulled_while_its_line_is_set_up_is_tried_again(device, monkeypatch, call):
+    """pyserial lets termios.error through, and that is no OSError: the line was dead for good."""
+    done, is_out = getattr(termios, call), [True]
+
+    def pulled(*given):
+        if any(is_out):
+            raise termios.error(5, "Input/output error")
+        return done(*given)
+
+    monkeypatch.setattr(termios, call, pulled)
+    one = Port(device[1], 921600, lambda line, _: None)
+    until(lambda: "Input/output error" in one.trouble)
+    is_out.clear()
+    until(lambda: one.opened == 1)
+    assert not one.trouble
+    one.close()
 
 
 def test_a_line_has_one_driver(device, opened):

@@ -1,10 +1,15 @@
 """Set-points as anybody may send them, at the driver of the legs: without a graph or a line."""
 
+import time
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from sandbot_common import messages, topics
 from sandbot_common.lease import Lease
+from sandbot_hardware.device_clock import DeviceClock
+from sandbot_hardware.lines import Line, decode
 from sandbot_hardware.serial_legs_node import SerialLegs
 
 SIX = np.ones(6)
@@ -35,10 +40,12 @@ class Nobody:
 @pytest.fixture
 def legs():
     one = object.__new__(SerialLegs)
-    one._order, one._partners, one._port, one._lease = topics.LEGS, Nobody(), Nobody(), Lease(1.0)
+    one._order, one._partners, one._port, one._lease = topics.LEGS, Nobody(), Nobody(), Lease(60.0)
     one._rivals, one._moving, one._lapsed = Nobody(), False, False
     one.get_logger = lambda: type("Log", (), {"error": lambda *_: None})
     one._sent = one._refused = 0
+    one._least_ns, one._why, one._held, one._commanded_ns, one._commanded = 0, "", [], 0, SIX
+    one._device_clock, one._states = DeviceClock(), SimpleNamespace(publish=lambda _: None)
     return one
 
 
@@ -51,8 +58,9 @@ def test_a_set_point_that_is_not_whole_is_refused(legs, spoil):
 
 
 def test_one_that_is_whole_goes_out(legs):
-    legs._on_setpoint(messages.joint_state(1, topics.LEGS, SIX, SIX, SIX))
-    assert (legs._refused, legs._sent, len(legs._port.written)) == (0, 1, 1)
+    legs._on_setpoint(messages.joint_state(1, topics.LEGS, SIX, 0 * SIX, SIX))
+    legs._on_setpoint(messages.joint_state(2, topics.LEGS, SIX, SIX, SIX))
+    assert (legs._refused, legs._sent, len(legs._port.written)) == (0, 2, 2)
 
 
 def test_a_second_commander_brings_the_legs_to_rest_until_one_has_told_them_rest(legs):
@@ -60,6 +68,7 @@ def test_a_second_commander_brings_the_legs_to_rest_until_one_has_told_them_rest
         legs._on_setpoint(messages.joint_state(1, topics.LEGS, SIX, rate * SIX, SIX))
         return legs._moving
 
+    assert not send(0.0)
     assert send(8.0)
     legs._rivals.rivals = "clock and replay both publish /leg_setpoints"
     assert not send(8.0)
@@ -67,8 +76,62 @@ def test_a_second_commander_brings_the_legs_to_rest_until_one_has_told_them_rest
     assert legs._port.written[-1].split()[-7:-1] == [b"0.00000"] * 6
     assert not send(8.0)
     assert not send(0.0)  # his, perhaps, at angles of his own
-    assert len(legs._port.written) == 2
+    assert len(legs._port.written) == 3
     legs._rivals.rivals = ""
     assert not send(8.0)
     assert not send(0.0)
     assert send(8.0)
+
+
+@pytest.mark.parametrize(("angle", "rate"), [(9.0, 8.0), (9.0, 0.0), (1e300, 8.0), (1.04, 1e4), (1.04, np.nan)])
+def test_what_no_leg_can_follow_stops_them_where_they_were(legs, angle, rate):
+    """A jump on the time line of a replay went to the motors."""
+    legs._on_setpoint(messages.joint_state(0, topics.LEGS, SIX, 0 * SIX, SIX))
+    legs._on_setpoint(messages.joint_state(5_000_000, topics.LEGS, 1.04 * SIX, 8.0 * SIX, SIX))
+    assert legs._moving
+    legs._on_setpoint(messages.joint_state(10_000_000, topics.LEGS, angle * SIX, rate * SIX, SIX))
+    assert (legs._refused, legs._why[:14]) == (1, "legs stopped: ")
+    legs._on_setpoint(messages.joint_state(20_000_000, topics.LEGS, angle * SIX, rate * SIX, SIX))
+    assert not legs._moving
+    assert {decode(line[:-1]).values[1:] for line in legs._port.written[2:]} == {(1.04,) * 6 + (0.0,) * 6}
+
+
+def test_a_driver_that_comes_in_mid_gait_moves_nothing_until_told_rest_and_then_stays_where_the_legs_are(legs):
+    legs._lapsed = True  # as every driver begins
+    legs._heard(Line("L", (1, *[0.25] * 6, *[0.0] * 12)), 1)
+    legs._on_setpoint(messages.joint_state(1, topics.LEGS, 50 * SIX, SIX, SIX))
+    assert (legs._refused, legs._port.written) == (1, [])
+    legs._on_setpoint(messages.joint_state(2, topics.LEGS, 50 * SIX, 0 * SIX, SIX))
+    assert decode(legs._port.written.pop()[:-1]).values[1:] == (0.25,) * 6 + (0.0,) * 6
+    legs._on_setpoint(messages.joint_state(3, topics.LEGS, 50 * SIX, SIX, SIX))
+    assert legs._moving
+
+
+def test_a_walk_begins_within_the_lease_of_a_word_of_rest(legs):
+    """A driver that was frozen meanwhile, or has only just met the clock, would begin in mid-gait."""
+    legs._on_setpoint(messages.joint_state(1, topics.LEGS, SIX, 0 * SIX, SIX))
+    legs._lease.renewed_s -= 61.0
+    legs._on_setpoint(messages.joint_state(2, topics.LEGS, SIX, SIX, SIX))
+    assert not legs._moving
+    assert legs._why == "set-point refused: they are told to move before they have been told rest"
+
+
+def test_set_points_that_are_handed_on_late_stop_the_legs_and_a_late_word_of_rest_is_obeyed(legs):
+    """They stood in a queue for a line that is too slow, and legs walked on for as long after a stop."""
+    now_ns = time.monotonic_ns()
+
+    def send(late_s, rate=1.0):
+        legs._on_setpoint(messages.joint_state(now_ns - round(late_s * 1e9), topics.LEGS, SIX, rate * SIX, SIX))
+        return legs._moving
+
+    assert not send(4000.0, 0.0)  # whatever his clock shows
+    assert send(3900.0)
+    assert send(100.0)
+    assert send(130.0)
+    assert not send(190.0)
+    assert legs._why.startswith("legs stopped: set-points are handed on 9")
+    assert not send(180.0)
+    count = len(legs._port.written)
+    assert not send(500.0, 0.0)
+    assert len(legs._port.written) == count + 1
+    assert send(490.0)

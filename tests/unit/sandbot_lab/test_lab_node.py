@@ -4,6 +4,8 @@ import json
 import signal
 import subprocess
 import sys
+import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -42,6 +44,13 @@ def lab(domain):
     assert process.wait(30) in (0, -signal.SIGTERM)
 
 
+def play(publisher, names, t0_ns, t_s, angles, rates):
+    """Set-points in one go, after a word of rest."""
+    publisher.publish(messages.joint_state(t0_ns - 1, names, angles[0], np.zeros(6), np.zeros(6)))
+    for t, angle, rate in zip(t_s, angles, rates, strict=True):
+        publisher.publish(messages.joint_state(t0_ns + round(t * 1e9), names, angle, rate, np.zeros(6)))
+
+
 def test_the_robot_that_a_trial_tells_walks(lab, beside, heard):
     trial, legs = (node.publisher(beside.node, topic) for topic in (topics.TRIAL, topics.LEG_SETPOINTS))
     beside.until(lambda: trial.get_subscription_count() and legs.get_subscription_count() and heard["/bed/height"])
@@ -53,8 +62,7 @@ def test_the_robot_that_a_trial_tells_walks(lab, beside, heard):
         """One trial; the robot that was told last may not have been heard yet."""
         states.clear()
         t0_ns = beside.node.get_clock().now().nanoseconds
-        for t, angle, rate in zip(t_s, angles, rates, strict=True):
-            legs.publish(messages.joint_state(t0_ns + round(t * 1e9), robot.leg_order, angle, rate, np.zeros(6)))
+        play(legs, robot.leg_order, t0_ns, t_s, angles, rates)
         beside.until(lambda: len(states) == SETPOINTS)
         if [tuple(state.name) for state in states] != [robot.leg_order] * SETPOINTS:
             return False
@@ -75,8 +83,7 @@ def test_a_trial_over_dds_is_the_batch_trial(lab, beside, heard):
     until(lambda: publisher.get_subscription_count() and heard["/bed/height"])
     t_s, angles, rates = (values[:SETPOINTS] for values in setpoints(16.0))
     t0_ns = listener.get_clock().now().nanoseconds
-    for t, angle, rate in zip(t_s, angles, rates, strict=True):
-        publisher.publish(messages.joint_state(t0_ns + round(t * 1e9), topics.LEGS, angle, rate, np.zeros(6)))
+    play(publisher, topics.LEGS, t0_ns, t_s, angles, rates)
     frames = heard[topics.DORSAL_IMAGE.name]
     # More, where the lease ends before they have all arrived: the set-points came in one go.
     until(lambda: len(heard["/leg_states"]) >= SETPOINTS and len(frames) >= SETPOINTS // 2)
@@ -144,8 +151,7 @@ def test_frames_wait_for_a_reader_that_stands_still_and_the_legs_do_not(lab, bes
         frames = heard[topics.DORSAL_IMAGE.name]
         reader.send_signal(signal.SIGSTOP)
         t0_ns = beside.node.get_clock().now().nanoseconds
-        for t, angle, rate in zip(t_s, angles, rates, strict=True):
-            legs.publish(messages.joint_state(t0_ns + round(t * 1e9), topics.LEGS, angle, rate, np.zeros(6)))
+        play(legs, topics.LEGS, t0_ns, t_s, angles, rates)
         beside.until(lambda: len(heard["/leg_states"]) == len(t_s))
         assert len(frames) < wanted / 2  # the legs have come to rest, frames are still to come
         reader.send_signal(signal.SIGCONT)
@@ -162,8 +168,26 @@ def test_legs_obey_nobody_while_two_command_them():
     lab._rivals = type("Rivals", (), {"fault": lambda _: "clock and replay both publish /leg_setpoints"})()
     lab._standing = lab._legs_lapsed = False
     lab._setpoints = lab._refused = 0
-    lab._trial, lab._alarm = None, alarms.append
+    lab._trial, lab._alarm, lab._health = None, alarms.append, SimpleNamespace(level=2)
     for rate in (16.0, 0.0):
         lab._on_setpoint(messages.joint_state(1, topics.LEGS, np.ones(6), np.full(6, rate), np.ones(6)))
     assert alarms == ["legs stopped: clock and replay both publish /leg_setpoints"]
     assert (lab._standing, lab._legs_lapsed, lab._refused) == (True, True, 2)
+
+
+def test_legs_that_come_in_mid_gait_move_when_they_have_been_told_rest(lab, beside, heard):
+    told, rate = {}, [16.0]
+    node.subscription(beside.node, topics.DIAGNOSTICS, lambda message: told.update(lab=message.status[0]))
+    legs = node.publisher(beside.node, topics.LEG_SETPOINTS)
+    beside.node.create_timer(
+        0.02,
+        lambda: legs.publish(
+            messages.joint_state(time.time_ns(), topics.LEGS, np.ones(6), np.full(6, rate[0]), np.ones(6))
+        ),
+    )
+    beside.until(lambda: "lab" in told and "before they have been told rest" in told["lab"].message)
+    assert not heard["/leg_states"]
+    rate[0] = 0.0
+    beside.wait(lambda: False, 0.1)
+    rate[0] = 16.0
+    beside.until(lambda: heard["/leg_states"])

@@ -67,9 +67,11 @@ class PublishedHardware:
         self._height = node.publisher(ros, topics.BED_HEIGHT)
 
     def set_blower(self, level: float) -> None:
-        """To the driver and /bed/blower."""
-        self._driver.set_blower(level)
-        self._blower.publish(messages.float64(level))
+        """To the driver and /bed/blower: there also where the driver fails."""
+        try:
+            self._driver.set_blower(level)
+        finally:
+            self._blower.publish(messages.float64(level))
 
     def read_height_m(self) -> float:
         """From the driver, and to /bed/height."""
@@ -114,7 +116,12 @@ class BedNode(Node):
 
     def close(self) -> None:
         """Air off before the node goes."""
-        self._obey(self._protocol.abort("the bed node stopped"))
+        if not self._health.settled:
+            return  # it may be another bed's, and this one has not blown
+        try:
+            self._obey(self._protocol.abort("the bed node stopped"))
+        except OSError as error:  # of a driver's device; the blower's own watchdog is left
+            self.get_logger().error(f"the driver did not turn the air off: {error}")
 
     def _step(self) -> None:
         now_s = time.monotonic()
@@ -122,6 +129,8 @@ class BedNode(Node):
             self._protocol.fail(reason)
         self._step_s = now_s
         self._standstill.turn(now_s)
+        if not self._health.settled:
+            return  # "air off" would reach another bed's blower
         self._obey(self._protocol.step(now_s, self._hardware.read_height_m()))
 
     def _fault(self, now_s: float) -> str:
@@ -192,7 +201,8 @@ class BedNode(Node):
             response.success = False
             response.message = f"legs move ({self._motion_told_on}); call /clock/stop first"
             return response
-        refusal = self._standstill.refusal(time.monotonic())
+        just_begun = "" if self._health.settled else "this bed has only just begun; ask again in a second"
+        refusal = just_begun or self._standstill.refusal(time.monotonic())
         if reason := refusal or self._command.begin(self._settings.current.lease_s):
             response.success, response.message = False, reason
             return response

@@ -4,7 +4,7 @@ A real driver is one class, handed to the node:
 
     class SerialBed:
         def __init__(self, port: str) -> None:
-            self._port = serial.Serial(port, timeout=0.05)
+            self._port = serial.Serial(port, timeout=0.05, write_timeout=0.05)
 
         def set_blower(self, level: float) -> None:
             self._port.write(f"B{level:.3f}\\n".encode())
@@ -12,12 +12,16 @@ A real driver is one class, handed to the node:
         def read_height_m(self) -> float:
             self._port.write(b"H\\n")
             answer = self._port.readline()
-            return float(answer) / 1000 if answer else math.nan
+            try:
+                return float(answer) / 1000
+            except ValueError:  # nothing, or half an answer
+                return math.nan
 
     def main(argv=None) -> int:
         return node.run(lambda: BedNode(SerialBed("/dev/ttyUSB0")), argv)
 
-Both calls return at once (the node makes them at its rate). The blower's own controller should switch the air off when
+Both calls return at once (the node makes them at its rate), or raise: one that waits for a device which takes nothing
+keeps the node from turning the air off. The blower's own controller should switch the air off when
 it hears nothing for half a second: no program can do so once it has crashed.
 """
 

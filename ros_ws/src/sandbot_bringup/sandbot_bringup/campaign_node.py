@@ -32,7 +32,7 @@ from sandbot_bringup.recorder_process import RecorderProcess
 from sandbot_bringup.supervision import SILENCE_S, camera_fault
 from sandbot_common import messages, topics
 from sandbot_common.errors import InputError
-from sandbot_common.files import sync
+from sandbot_common.files import sync, writing
 from sandbot_common.node import Health, Stop, publisher, refuse_parameters, spin_once
 from sandbot_common.parameters import from_mapping, specs
 from sandbot_common.process import real_time
@@ -150,8 +150,9 @@ class Operator(Node):
             raise TrialFailed(f"the recorder ended with exit code {recorder.code}; its bag is {aside}")
         # The same judge as that of the table: what it would not call ok is no finished trial.
         row = judged(aside)
-        aside.rename(folder.bag(trial))
-        sync(folder.trials)
+        with writing(folder.path):
+            aside.rename(folder.bag(trial))
+            sync(folder.trials)
         return row
 
     def _run(self, trial: PlannedTrial, aside: Path, attachments: Sequence[Path]) -> RecorderProcess:
@@ -241,7 +242,7 @@ class Operator(Node):
         self.desk.enter("preparing the bed")
         bed = self._hearing
         asked = Preparation(bed.bed_preparation)
-        self._orders.call("/bed/prepare")
+        self._orders.call("/bed/prepare", lambda: asked.begun(bed.bed_preparation, bed.bed_stage))
         done = self._wait(lambda: asked.over(bed.bed_preparation, bed.bed_stage) or bed.phi is not None, BED_S)
         if bed.bed_stage == "idle":
             self._stopped_by_hand(bed.bed_text)
@@ -253,7 +254,7 @@ class Operator(Node):
         duration_s = self._plan.duration_s(trial.omega_rad_s)
         # Once more: while the bed was prepared somebody may have set another ω, and the row tells the plan's.
         self._tell_gait(trial)
-        self._orders.call("/clock/start")
+        self._orders.call("/clock/start", lambda: legs.motion_start_ns is not None)
         if not self._wait(lambda: legs.motion_start_ns is not None, CALL_S):
             raise TrialFailed("the clock was started but no leg moved (/leg_states)")
         end_ns = (legs.motion_start_ns or 0) + int(duration_s * 1e9)

@@ -43,6 +43,8 @@ ACTIONS: Mapping[str, str] = {
 """What the page's buttons call: std_srvs/Trigger services."""
 LEASED = ("prepare", "start")
 """What goes on only while the console lives and a page looks on."""
+_ENDS = ("abort", "halt")
+"""What ends it, as STOP does."""
 STOP: Mapping[str, str] = {"legs": "/clock/stop", "air": "/bed/abort", "campaign": "/campaign/stop"}
 """What STOP calls, all at once; each by itself is enough to end motion and air of a campaign."""
 
@@ -88,6 +90,7 @@ class ConsoleNode(Node):
         super().__init__("console")
         self._settings = node.Parameters(self, ConsoleParameters, _FIXED).current
         self._lock = threading.Lock()
+        self._stops = 0
         self._state = Console({topic.name: topic.latched for topic in SHOWN})
         self._pictures: dict[str, bytes] = {}
         cameras = read_cameras(self._settings.cameras or config_file("cameras.yaml"))
@@ -115,15 +118,21 @@ class ConsoleNode(Node):
 
     def call(self, action: str) -> tuple[bool, str]:
         """Call the service of an action and wait for its answer (called from the server's threads)."""
+        with self._lock:
+            self._stops += action in _ENDS
+            stops = self._stops
         with self._lease.taken() if action in LEASED else nullcontext():
-            return self._call(action, ACTIONS[action])
+            return self._call(action, ACTIONS[action], stops)
 
-    def _call(self, action: str, service: str) -> tuple[bool, str]:
+    def _call(self, action: str, service: str, stops: int) -> tuple[bool, str]:
         client = self._triggers[service]
         if not client.service_is_ready():
             return self._said(action, False, f"nobody offers {service}")
         answered = threading.Event()
-        future = client.call_async(Trigger.Request())
+        with self._lock:  # whatever stops from here on is sent after this
+            future = client.call_async(Trigger.Request()) if stops == self._stops or action not in LEASED else None
+        if future is None:
+            return self._said(action, False, "stopped meanwhile")
         future.add_done_callback(lambda _: answered.set())
         if not answered.wait(CALL_S):
             return self._said(action, False, f"no answer from {service} within {CALL_S:g} s")
@@ -135,6 +144,8 @@ class ConsoleNode(Node):
     def stop(self) -> tuple[bool, str]:
         """End motion and air and hold the campaign; whether all is seen to be at rest, and how soon it was."""
         begun_s = time.monotonic()
+        with self._lock:
+            self._stops += 1
         asked = {name: _Asked(self._triggers[service]) for name, service in STOP.items()}
         answered = at_rest = False
         while not (answered and at_rest) and time.monotonic() - begun_s < STOP_S:

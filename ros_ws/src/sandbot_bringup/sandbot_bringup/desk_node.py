@@ -88,10 +88,17 @@ class Desk:
             "left_s": round(left_s, 1) if math.isfinite(left_s) else None,
             "queue": self.queue.rows(),
             "look": self.look,
-            "free_bytes": shutil.disk_usage(self._folder).free,
+            "free_bytes": self._free_bytes(),
             "answers": self._answers,
             "events": self._journal.events[-_TAIL:],
         }
+
+    def _free_bytes(self) -> int | None:
+        """Room on the campaign's disk; None where it can't be asked: pulled out, say."""
+        try:
+            return shutil.disk_usage(self._folder).free
+        except OSError:
+            return None
 
     def _on_hold(self, do: str) -> None:
         self.note(do, who="operator", **({"reason": self.hold.why} if self.hold.why else {}))

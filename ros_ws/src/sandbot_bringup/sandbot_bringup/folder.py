@@ -57,12 +57,13 @@ class CampaignFolder:
     def aside(self, trial_id: str) -> Path:
         """Where the bag of a trial goes that is not finished, or failed; one that is there makes room, and is kept."""
         path = self.trials / PARTIAL / trial_id
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.exists():
-            number = 1
-            while (kept := path.with_name(f"{path.name}.interrupted{number}")).exists():
-                number += 1
-            path.rename(kept)
+        with writing(self.path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if path.exists():
+                number = 1
+                while (kept := path.with_name(f"{path.name}.interrupted{number}")).exists():
+                    number += 1
+                path.rename(kept)
         return path
 
     def set_aside(self, bags: Mapping[str, str]) -> None:

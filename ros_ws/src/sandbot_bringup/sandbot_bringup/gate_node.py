@@ -14,6 +14,7 @@ from sandbot_bringup.orders_node import Orders, Wait
 from sandbot_bringup.supervision import pace_fault
 from sandbot_common import topics
 from sandbot_common.errors import InputError
+from sandbot_common.files import writing
 from sandbot_common.node import NAMELESS, names_of
 
 DISCOVERY_S = 20.0
@@ -26,8 +27,6 @@ PACE_S = 0.5
 """How long rates are measured before a trial."""
 
 _REQUIRED = ("clock", "bed", "tracker")
-_HEARD = ("dorsal_camera", "lateral_camera", *DRIVERS)
-"""Required once they have been heard: a robot or camera of another maker need not tell its health."""
 _START_THEM = "start the nodes with: ros2 launch sandbot_bringup trackway.launch.py"
 
 
@@ -63,7 +62,7 @@ class Gate:
 
     def before_trial(self, bed: ProtocolParameters, folder: CampaignFolder) -> None:
         """All that a trial needs is there, once, and alive; CampaignEnds with what is not."""
-        self._hearing.require([*self._required, *(name for name in _HEARD if name in self._hearing.told)])
+        self._hearing.require([*self._required, *(name for name in DRIVERS if name in self._hearing.told)])
         if not self._wait(lambda: not self._hearing.missing(), DISCOVERY_S):
             missing = self._hearing.missing()[0]
             raise CampaignEnds(f"the {missing}; {_START_THEM}, then start the campaign again to go on")
@@ -76,7 +75,9 @@ class Gate:
             if not self._wait(partial(self._has_one_publisher, topic), FORGOTTEN_S):
                 names = " and ".join(self._who_publishes(topic)) or "nobody"
                 raise CampaignEnds(f"{names} publish {topic.name}: one commander is needed, and only one")
-        if (free := shutil.disk_usage(folder.path).free) < FREE_BYTES:
+        with writing(folder.path):
+            free = shutil.disk_usage(folder.path).free
+        if free < FREE_BYTES:
             raise CampaignEnds(f"{folder.path}: only {free >> 20} MiB free, a trial needs {FREE_BYTES >> 20}")
 
     def _pace(self, bed: ProtocolParameters) -> None:

@@ -15,8 +15,8 @@ from sandbot_common.node import PROCESS, subscription
 
 QUIET_S = 3.0
 """A tracker that says nothing for so long has no more frames."""
-DRIVERS = ("serial_bed", "serial_legs", "serial_dorsal", "serial_lateral")
-"""Of sandbot_hardware: each says on /diagnostics where its cable is out."""
+DRIVERS = ("serial_bed", "serial_legs", "serial_dorsal", "serial_lateral", "dorsal_camera", "lateral_camera")
+"""Each says on /diagnostics where its cable is out. Required once heard: those of other makers need not tell health."""
 RECORDER = "recorder"
 
 _ROBOT, _ROBOTS = "robot", ("lab", "serial_legs")

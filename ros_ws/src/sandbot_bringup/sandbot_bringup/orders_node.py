@@ -40,13 +40,13 @@ class Orders:
         """Whether anybody offers the service."""
         return bool(self._triggers[name].service_is_ready())
 
-    def call(self, name: str) -> None:
-        """Give an order and have it obeyed; TrialFailed otherwise."""
-        answer = self._ask(self._triggers[name], Trigger.Request(), name)
-        if answer.message == OLD:
+    def call(self, name: str, begun: Callable[[], bool] = lambda: False) -> None:
+        """Give an order and have it obeyed; TrialFailed otherwise. ``begun``: whether what it starts is seen."""
+        answer = self._ask(self._triggers[name], Trigger.Request(), name, begun)
+        if answer and answer.message == OLD:
             self._wait(lambda: False, AWAKE_S)
-            answer = self._ask(self._triggers[name], Trigger.Request(), name)
-        if not answer.success:
+            answer = self._ask(self._triggers[name], Trigger.Request(), name, begun)
+        if answer and not answer.success:
             raise TrialFailed(f"{name} refused: {answer.message}")
 
     def send(self, name: str) -> None:
@@ -74,9 +74,10 @@ class Orders:
             raise TrialFailed(f"the recorder does not offer {_PAUSE_IMAGES}")
         self._ask(self._pause_images, SetBool.Request(data=False), _PAUSE_IMAGES)
 
-    def _ask(self, client: Client, request: Any, what: str) -> Any:
-        answer = ask(client, request, self._wait, CALL_S)
-        if answer is None:
+    def _ask(self, client: Client, request: Any, what: str, begun: Callable[[], bool] = lambda: False) -> Any:
+        """The answer; None where it is lost and what was asked for has begun."""
+        answer = ask(client, request, self._wait, CALL_S, begun)
+        if answer is None and not begun():
             raise TrialFailed(f"no answer from {what} within {CALL_S:g} s")
         return answer
 

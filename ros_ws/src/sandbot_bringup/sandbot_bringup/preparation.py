@@ -16,8 +16,12 @@ class Preparation:
     def __init__(self, before: str) -> None:
         self._before, self._begun = before, False
 
-    def over(self, number: str, stage: str) -> bool:
-        """Whether it has ended without a bed, by what the bed said last."""
+    def begun(self, number: str, stage: str) -> bool:
+        """Whether it is, or was, under way, by what the bed said last."""
         is_new = bool(self._before and number) and number != self._before
         self._begun = self._begun or is_new or stage not in AT_REST
-        return self._begun and stage in (Stage.FAILED, Stage.IDLE)
+        return self._begun
+
+    def over(self, number: str, stage: str) -> bool:
+        """Whether it has ended without a bed."""
+        return self.begun(number, stage) and stage in (Stage.FAILED, Stage.IDLE)

@@ -1,12 +1,13 @@
 """The clock node: /leg_setpoints at an absolute-time schedule, started and stopped by services.
 
-Set-points are published only while the clock runs, stamped with their *scheduled* instants, and once more with rate 0
-when it stops: that last one holds the legs. After /clock/stop, /clock/start goes on from the angles held; /clock/home
-forgets them, so that the next start is t = 0 of the gait (lift the robot: the legs may jump then).
+Set-points are published only while the clock runs, stamped with their *scheduled* instants, after one with rate 0:
+whoever has not heard that one has come in mid-gait, and obeys none. Another with rate 0 follows when the clock stops:
+it holds the legs. After /clock/stop, /clock/start goes on from the angles held; /clock/home forgets them, so that the
+next start is t = 0 of the gait (lift the robot: the legs may jump then), and so does a robot that was not there.
 
 The legs stop by themselves, at the angles last sent, and /diagnostics says why, where
 - whoever commands (a campaign) does not renew /operator/lease; what a person starts needs none, and ends by max_run_s;
-- the robot falls silent (/leg_states), if there is one;
+- the robot falls silent (/leg_states), if there is one, or one comes where none was;
 - a set-point is late by more than late_s, as in a process that was held up; what less is lost is regained by and by,
   for from one set-point to the next no leg ever turns further than in ten periods;
 - the bed's air is on (/bed/blower > 0), or another publishes /leg_setpoints: then the clock does not start either.
@@ -25,6 +26,7 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from sandbot_clock.clock_parameters import ClockParameters
+from sandbot_clock.gait import Floats
 from sandbot_clock.phase_clock import PhaseClock
 from sandbot_clock.schedule import NANO, Schedule, keep, missed_warning
 from sandbot_common import messages, node, topics
@@ -88,19 +90,18 @@ class ClockNode(Node):
         self._health.level, self._health.text = 0, "ok"
         self._stopping.clear()
         schedule = Schedule(time.monotonic_ns(), wanted.rate_hz)
-        self._robot = Lease(wanted.robot_s, schedule.start_ns / NANO)
-        self._robot_there = bool(self.count_publishers(topics.LEG_STATES.relative))
+        there = bool(self.count_publishers(topics.LEG_STATES.relative))
+        if there and not self._robot_there:
+            self._legs = None  # no robot holds those angles
+        self._robot_there = there
+        self._robot = Lease(wanted.robot_s, schedule.start_ns / NANO if there else -math.inf)
         held = self._legs or PhaseClock(wanted.gait_used, wanted.omega_rad_s)
         held = replace(held, tripod=self._robot_used.legs_per_tripod)
+        legs, to_ros_ns = self._robot_used.leg_order, self.get_clock().now().nanoseconds - schedule.start_ns
+        self._send(schedule.instant(-1) + to_ros_ns, legs, held.at(schedule.start_ns / NANO))
         self._legs = held.started(schedule.start_ns / NANO)
         self._missed, self._published_before = 0, self._published
-        to_ros_ns = self.get_clock().now().nanoseconds - schedule.start_ns
-        self._thread = threading.Thread(
-            target=self._run,
-            args=(schedule, to_ros_ns, self._robot_used.leg_order),
-            name="clock",
-            daemon=True,
-        )
+        self._thread = threading.Thread(target=self._run, args=(schedule, to_ros_ns, legs), name="clock", daemon=True)
         self._running = True
         self._thread.start()
         self._health.publish()
@@ -131,7 +132,6 @@ class ClockNode(Node):
         """Publish until stopped; a fault holds the legs where the last set-point left them."""
         most_ns = math.ceil(_CATCH_UP * NANO / schedule.rate_hz)
         last_ns, lost_ns, fault, skipped = schedule.start_ns, 0, "", 0
-        no_torque = np.zeros(len(legs))
 
         def duty(instant_ns: int) -> bool:
             nonlocal last_ns, lost_ns, fault, skipped
@@ -148,11 +148,8 @@ class ClockNode(Node):
             stopping = bool(fault) or self._stopping.is_set()
             gait_s = (last_ns - lost_ns) / NANO
             self._legs = clock = self._next(gait_s, stopping)
-            position, velocity = clock.at(gait_s)
             self._running = not stopping
-            stamp_ns = moment_ns + to_ros_ns
-            self._setpoints.publish(messages.joint_state(stamp_ns, legs, position, velocity, no_torque))
-            self._published += 1
+            self._send(moment_ns + to_ros_ns, legs, clock.at(gait_s))
             return not stopping
 
         def skip(count: int) -> None:
@@ -167,6 +164,10 @@ class ClockNode(Node):
             self._health.publish()
             self.get_logger().error(self._health.text)
 
+    def _send(self, stamp_ns: int, legs: Sequence[str], told: tuple[Floats, Floats]) -> None:
+        self._setpoints.publish(messages.joint_state(stamp_ns, legs, *told, np.zeros(len(legs))))
+        self._published += 1
+
     def _fault(self, now_ns: int, instant_ns: int) -> str:
         """Why the legs must stop now; an empty string if they may go on."""
         wanted, late_s = self._settings.current, (now_ns - instant_ns) / NANO
@@ -174,8 +175,9 @@ class ClockNode(Node):
             return f"a set-point was late by {late_s:.3g} s: the clock's process was held up"
         if self._air_on:
             return f"the bed's air came on while the legs moved (/bed/blower is {self._blower:g})"
-        if self._robot_there and self._robot.late(now_ns / NANO):
-            return f"the robot was silent for {wanted.robot_s:g} s (/leg_states)"
+        if self._robot.late(now_ns / NANO) == self._robot_there:
+            silent = f"the robot was silent for {wanted.robot_s:g} s (/leg_states)"
+            return silent if self._robot_there else "a robot came while the clock ran (/leg_states)"
         return self._rivals.fault() or self._command.lost()
 
     def _overrun(self, run_ns: int) -> str:
@@ -201,7 +203,6 @@ class ClockNode(Node):
         self._blower = message.data
 
     def _on_states(self, _: bytes) -> None:
-        self._robot_there = True
         self._robot.renew(time.monotonic())
 
     def _on_trial(self, message: String) -> None:

@@ -43,6 +43,8 @@ LAST_WORDS_S = 0.5
 """How long a node that ends stays for what it said last to be sent, which another thread does. Those who listen may
 acknowledge it seconds later, with the next heartbeat: that is not waited for."""
 ASK_AGAIN_S = 2.0
+SETTLE_S = 0.5
+"""So long after its first turn a node has heard of an older one of its name: health is told five times a second."""
 BEAT_S = 0.05
 """A process that lives says so that often (/heartbeat)."""
 END_WITH_PARENT = "TRACKWAY_END_WITH_PARENT"
@@ -79,20 +81,27 @@ def publisher(node: Node, topic: topics.Topic) -> Publisher:
 
 
 def subscription(
-    node: Node, topic: topics.Topic, callback: Callable[[Any], None], *, raw: bool = False, best_effort: bool = False
+    node: Node,
+    topic: topics.Topic,
+    callback: Callable[[Any], None],
+    *,
+    raw: bool = False,
+    best_effort: bool = False,
+    depth: int | None = None,
 ) -> Subscription:
     """A subscription on a trackway topic; ``raw`` hands the serialized bytes to the callback.
 
     ``best_effort`` hears publishers of either reliability, but what is lost on the way is not sent again.
     """
-    delivery = qos(topic, best_effort=best_effort)
+    delivery = qos(topic, best_effort=best_effort, depth=depth)
     return node.create_subscription(messages.message_class(topic.type), topic.relative, callback, delivery, raw=raw)
 
 
 def spin_once(executor: EventsExecutor, node: Node, timeout_s: float) -> None:
-    """One turn of a node's loop; raises what a ``Timer`` of its own raised."""
+    """One turn of a node's loop; raises once what a ``Timer`` of its own raised: who ends something turns on."""
     executor.spin_once(timeout_sec=timeout_s)
     if (error := getattr(node, "failed", None)) is not None:
+        node.failed = None
         raise error
 
 
@@ -102,11 +111,18 @@ def reliabilities(node: Node, topic: topics.Topic) -> list[bool]:
     return [endpoint.qos_profile.reliability != ReliabilityPolicy.BEST_EFFORT for endpoint in found]
 
 
-def ask(client: Client, request: Any, wait: Callable[[Callable[[], bool], float], bool], patience_s: float) -> Any:
+def ask(
+    client: Client,
+    request: Any,
+    wait: Callable[[Callable[[], bool], float], bool],
+    patience_s: float,
+    begun: Callable[[], bool] = lambda: False,
+) -> Any:
     """The answer of a service, asked for again every two seconds; None if there is none within ``patience_s``.
 
     A server may hear a new client before it knows where to answer; rmw_fastrtps gives the answer up after 0.1 s then
-    ("client will not receive response"). The order was obeyed all the same, so it must be one that may be given twice.
+    ("client will not receive response"). The order was obeyed all the same, so it must be one that may be given twice,
+    or ``begun`` tell that it was obeyed: it is not given again then, for somebody may have ended since what it began.
     ``wait(condition, timeout_s)`` spins until the condition holds, and says whether it does.
     """
     asked: list[Any] = []
@@ -116,7 +132,7 @@ def ask(client: Client, request: Any, wait: Callable[[Callable[[], bool], float]
 
     for _ in range(math.ceil(patience_s / ASK_AGAIN_S)):
         asked.append(client.call_async(request))
-        if wait(answered, ASK_AGAIN_S):
+        if wait(answered, ASK_AGAIN_S) or begun():
             break
     for future in asked:
         client.remove_pending_request(future)
@@ -194,14 +210,21 @@ class Health:
         self.ended = ""
         """Why the node ends: its last word, whatever its figures say of themselves."""
         self._since_ns, self._process = time.time_ns(), own_name()
+        self._turned_s = math.inf
         self._publisher = publisher(node, topics.DIAGNOSTICS)
         Timer(node, period_s, self.publish)
         node.health = self
         if sole:
             subscription(node, topics.DIAGNOSTICS, self._look_for_a_rival)
 
+    @property
+    def settled(self) -> bool:
+        """Whether no older one of its name is there: a ``sole`` node says nothing before that, in the other's name."""
+        return not self.refused and time.monotonic() - self._turned_s >= SETTLE_S
+
     def publish(self) -> None:
         """Publish now."""
+        self._turned_s = min(self._turned_s, time.monotonic())
         self._tell(self._values())
 
     def say_end(self, why: str) -> None:

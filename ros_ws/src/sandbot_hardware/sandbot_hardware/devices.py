@@ -17,14 +17,17 @@ Walk = Callable[[float, Sequence[float], Sequence[float]], tuple[Sequence[float]
 
 
 class LegController:
-    """Follows set-points; at rest, and deaf to motion until told rest, when the last one is older than its lease."""
+    """Follows set-points; at rest, and deaf to motion until told rest, when the last one is older than its lease.
+
+    So it begins: of motion that was under way before it was there it has not seen the start.
+    """
 
     def __init__(self, legs: int, walk: Walk, begin: Callable[[float], None], lease_s: float = 0.24) -> None:
         """``begin`` is called with the device time at which the legs start from rest: the LED goes on."""
         self._legs, self._walk, self._begin = legs, walk, begin
         self._lease, self._host = Lease(lease_s), DeviceClock()
         self._held: Sequence[float] = [0.0] * legs
-        self.moving = self.lapsed = False
+        self.moving, self.lapsed = False, True
         self.said_s = 0.0
 
     def heard(self, line: Line, now_s: float) -> list[bytes]:

@@ -3,6 +3,7 @@
 import errno
 import os
 import select
+import termios
 import threading
 import time
 from collections.abc import Callable
@@ -70,7 +71,7 @@ class Port:
                 continue
             try:
                 data = device.read(max(1, device.in_waiting))
-            except (OSError, TypeError) as error:  # TypeError: closed by a write that failed meanwhile
+            except (OSError, termios.error, TypeError) as error:  # TypeError: closed by a write that failed meanwhile
                 with self._lock:
                     self._lose(error)
                 continue
@@ -89,7 +90,7 @@ class Port:
         try:
             # Of two drivers on one line each would take the other's bytes, and both would command.
             device = serial.Serial(self._path, self._baud, timeout=_WAIT_S, exclusive=True)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, termios.error) as error:
             self.trouble = f"{self._path}: {_said(error)}"
             return None
         with self._lock:
@@ -125,4 +126,6 @@ def fixed(_: object) -> None:
 def _said(error: Exception) -> str:
     if getattr(error, "errno", None) == errno.EAGAIN:
         return "another program has it open; one driver for each line"
+    if isinstance(error, termios.error):  # no OSError, and pyserial lets it through
+        return str(error.args[-1])
     return getattr(error, "strerror", None) or "the cable is out"

@@ -1,8 +1,13 @@
 """The leg controller on a serial line: /leg_setpoints out, /leg_states and /sync_led in.
 
 Motion is leased here as everywhere: set-points that are late by legs_lease_s bring the legs to rest, until a set-point
-at rest has come. So does a second commander, and nobody's set-points are handed on while there are two. The controller
-does the same by itself when the line is silent.
+at rest has come; so it is from the start, for a driver may begin in the middle of a gait. That set-point is no place to
+go to: the legs are told rest where they say they are. A second commander brings them to rest, too, and nobody's
+set-points are handed on while there are two; so does a set-point that no leg can follow. The controller does the same
+by itself when the line is silent.
+
+A line that is too slow for the set-points, or a driver held up, loses old ones; where one is handed on later than it
+might be by legs_lease_s the legs rest, for they would walk on after a stop.
 """
 
 import time
@@ -15,7 +20,9 @@ from sensor_msgs.msg import JointState
 
 from sandbot_common import messages, node, topics
 from sandbot_common.command_node import Partners, Rivals
+from sandbot_common.errors import InputError
 from sandbot_common.lease import Lease
+from sandbot_common.legs import check_turning
 from sandbot_common.robot import SANDBOT, read_robot
 from sandbot_common.timer import Timer
 from sandbot_hardware import lines
@@ -25,6 +32,8 @@ from sandbot_hardware.port import Port, fixed
 from sandbot_hardware.serial_legs_parameters import LegsParameters
 
 WATCH_S = 0.01
+KEPT = 50
+"""Set-points in wait: a stop stands behind these at most, and legs take no harm from the loss of older ones."""
 CLOCK = "clock"
 """Who commands: on this host the system tells when it is gone."""
 
@@ -36,13 +45,16 @@ class SerialLegs(Node):
         super().__init__("serial_legs")
         given = node.Parameters(self, LegsParameters, fixed).current
         self._order = (read_robot(given.robot) if given.robot else SANDBOT).leg_order
-        self._lease, self._moving, self._lapsed = Lease(given.legs_lease_s), False, False
+        self._lease, self._moving, self._lapsed = Lease(given.legs_lease_s), False, True
         self._commanded_ns, self._why = 0, ""
-        self._held, self._partners = [0.0] * len(self._order), Partners(self)
+        self._least_ns = 0
+        self._commanded: list[float] = []
+        self._held: list[float] = []
+        self._partners = Partners(self)
         self._rivals = Rivals(self, topics.LEG_SETPOINTS)
         self._device_clock = DeviceClock()
         self._states, self._led = node.publisher(self, topics.LEG_STATES), node.publisher(self, topics.SYNC_LED)
-        node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint)
+        node.subscription(self, topics.LEG_SETPOINTS, self._on_setpoint, depth=KEPT)
         self._sent = self._refused = self._watchdog = 0
         self._port = Port(given.device, given.baud, self._heard)
         self._health = node.Health(self, self._figures, sole=True)
@@ -64,24 +76,54 @@ class SerialLegs(Node):
             [values[place[name]] for name in self._order] for values in (message.position, message.velocity)
         )
         self._watch()
-        moving = any(rates)
-        rest_first = self._lapsed and moving
-        if not np.isfinite([angles, rates]).all() or rest_first or self._rivals.fault():
-            # Nothing goes on by itself: late commands of before a silence are no start.
+        t_ns, moving = messages.nanoseconds(message.header.stamp), any(rates)
+        if why := self._refusal(t_ns, angles, rates):
             self._refused += 1
+            self._stop(why)
             return
         if moving and not self._moving:
             self._partners.begin(CLOCK)
-        self._moving, self._lapsed, self._held = moving, False, angles
+        if not self._lapsed or not self._held:
+            self._held = angles
+        self._moving, self._lapsed, self._why = moving, False, ""
         self._lease.renew(time.monotonic())
-        self._commanded_ns = messages.nanoseconds(message.header.stamp)
-        self._sent += self._say(self._commanded_ns, rates)
+        self._commanded_ns, self._commanded = t_ns, angles
+        self._sent += self._say(t_ns, rates)
+
+    def _refusal(self, t_ns: int, angles: Sequence[float], rates: Sequence[float]) -> str:
+        """Why a set-point is not handed on; an empty string if it is."""
+        if not np.isfinite([angles, rates]).all():
+            return "an angle or rate is not finite"
+        if why := self._rivals.fault():
+            return why
+        now_ns, moving = time.monotonic_ns(), any(rates)
+        if moving and (self._lapsed or self._lease.late(now_ns * 1e-9)):
+            # Nothing goes on by itself: late commands of before a silence are no start.
+            return "they are told to move before they have been told rest"
+        # His clock may be any other: what is late is later than others of this walk, back to the word of rest.
+        delay_ns = now_ns - t_ns
+        self._least_ns = min(self._least_ns, delay_ns) if moving else delay_ns
+        if (late_s := (delay_ns - self._least_ns) * 1e-9) > self._lease.limit_s:
+            return f"set-points are handed on {late_s:.2g} s late"
+        if moving or self._moving:
+            step_s = np.array([0, max(t_ns - self._commanded_ns, 1)]) * 1e-9
+            try:
+                check_turning(step_s, np.array([self._commanded, angles]), np.array(rates))
+            except InputError as error:
+                return str(error)
+        return ""
 
     def _watch(self) -> None:
         if self._moving and (why := self._rivals.fault() or self._partners.lost(CLOCK, self._lease, "no set-point")):
-            self._lapsed, self._why = True, f"legs stopped: {why}"
-            self._rest()
+            self._stop(why)
+
+    def _stop(self, why: str) -> None:
+        if not self._why:  # what stopped them first says more
+            self._why = f"legs stopped: {why}" if self._moving else f"set-point refused: {why}"
             self.get_logger().error(self._why)
+        self._lapsed = True
+        if self._moving:
+            self._rest()
 
     def _rest(self) -> None:
         self._moving = False
@@ -103,11 +145,13 @@ class SerialLegs(Node):
             self._led.publish(messages.header(t_ns, "sync_led"))
         elif len(line.values) == 1 + 3 * len(self._order):
             angles, rates, efforts = map(np.asarray, lines.split(line.values[1:], len(self._order)))
+            if not self._moving:
+                self._held = angles.tolist()
             self._states.publish(messages.joint_state(t_ns, self._order, angles, rates, efforts))
 
     def _figures(self) -> dict[str, Any]:
         self._health.level, self._health.text = self._port.health
-        if not self._health.level and (why := self._why if self._lapsed else self._rivals.fault()):
+        if not self._health.level and (why := self._why or self._rivals.fault()):
             # A warning: an error would mean that the line is out.
             self._health.level, self._health.text = 1, why
         return {

@@ -5,10 +5,10 @@ fraction, and the LED flashes. Frames are taken on the robot's time, t0 + k / fr
 
 Legs and air stop by themselves where their commands are late, as those of a real driver must: a clock or bed that was
 killed or froze can't tell. Both then stay so until they have been told rest, and off; legs also by /lab/reset. So do
-legs that two command, and obey neither. While legs move or air blows the lab has real-time priority where it is
-granted: no robot of metal waits for a CPU to stop. Frames have none while their readers are behind: each waits behind
-the set-points that have come, and for its readers, so that a machine too slow for two cameras shows them late, and
-loses none.
+legs that two command, and obey neither, and legs that come in mid-gait, for so they begin. While legs move or air blows
+the lab has real-time priority where it is granted: no robot of metal waits for a CPU to stop. Frames have none while
+their readers are behind: each waits behind the set-points that have come, and for its readers, so that a machine too
+slow for two cameras shows them late, and loses none.
 """
 
 import time
@@ -74,7 +74,7 @@ class LabNode(Node):
         self._standing = True
         self._held, self._commanded_ns = np.zeros(len(self._order)), 0
         self._legs, self._air = Lease(current.legs_lease_s), Lease(current.air_lease_s)
-        self._legs_lapsed, self._air_lapsed, self._blower = False, False, 0.0
+        self._legs_lapsed, self._air_lapsed, self._blower = True, False, 0.0
         self._urgent, self._air_stops = False, 0
         self._partners, self._rivals = Partners(self), Rivals(self, topics.LEG_SETPOINTS)
         self._idle = self._idle_cameras()
@@ -148,11 +148,14 @@ class LabNode(Node):
         if self._legs_lapsed:
             # Nothing goes on by itself: late commands of before the silence are no start.
             self._legs_lapsed = moving
-            self._refused += moving
+            if moving:
+                self._refuse("legs are told to move before they have been told rest")
             return not moving
         try:
             if moving and self._standing:
                 self._begin(t_ns)
+            elif self._standing:
+                return True  # rest again: nothing moves, nor are there frames to take of the trial that is over
             self._standing = not moving
             if self._trial is not None:
                 self._advance(self._trial, t_ns, angles, rates)
@@ -164,7 +167,7 @@ class LabNode(Node):
 
     def _refuse(self, why: str) -> None:
         self._refused += 1
-        if not self._legs_lapsed:  # why the legs were stopped says more
+        if not self._legs_lapsed or self._health.level < 2:  # why the legs were stopped says more
             self._health.level, self._health.text = 1, f"set-point refused: {why}"
 
     def _begin(self, t_ns: int) -> None:
@@ -270,11 +273,13 @@ class LabNode(Node):
 
     def _publish_height(self) -> None:
         self._pass_time()
+        if not self._health.settled:
+            return  # another lab's bed has a height of its own
         self._height.publish(messages.range_(self._now_ns(), self._bed.read_height_m(), *SENSOR_RANGE_M, "bed"))
 
     def _publish_idle(self) -> None:
         current = self._settings.current
-        if not (current.images and current.idle_frames and self._standing) or self._behind:
+        if not (current.images and current.idle_frames and self._standing and self._health.settled) or self._behind:
             return
         now_ns = self._now_ns()
         with ordinary():

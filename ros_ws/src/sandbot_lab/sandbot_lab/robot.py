@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sandbot_common.errors import InputError
+from sandbot_common.legs import check_turning
 from sandbot_lab import kernel, resistive_kernel
 from sandbot_lab.physics import fresh_state, physics_record
 from sandbot_lab.week import Occasion, Week, seen_x_m
@@ -20,8 +21,6 @@ from sandbot_lab.world import START_X_M, World
 
 Floats = NDArray[np.float64]
 PHI_LOW, PHI_HIGH = 0.5, 0.7
-FASTEST_RAD_S = 1000.0
-"""Several times what legs turn at in the swing of the fastest gait; beyond it the ground's state means nothing."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ class LabRobot:
         angles, rates = (np.ascontiguousarray(legs, np.float64) for legs in (angles_rad, rates_rad_s))
         times = np.array([self._t, t_s])
         _check_legs(times, angles[None], rates[None], self._legs)
-        _check_turning(times, np.stack([self._angles, angles]), rates)
+        check_turning(times, np.stack([self._angles, angles]), rates)
         self._run(np.array([t_s], np.float64), angles[None], rates[None], self._rows)
         self._t, self._angles = float(t_s), angles.copy()
         row = self._rows[0]
@@ -111,7 +110,7 @@ def simulate(
     if times.ndim != 1 or times.size == 0 or angles.shape != (times.size, legs):
         raise InputError(f"set-points: t_s {times.shape}, angles {angles.shape}: expected (n,) and (n, {legs})")
     _check_legs(times, angles, rates, legs)
-    _check_turning(times, angles, rates)
+    check_turning(times, angles, rates)
     rows: NDArray[Any] = np.zeros((times.size, 5 + 3 * legs))
     _mechanism(world, checked_phi(phi), seed, start_x_m)(times, angles, rates, rows)
     return Trace(
@@ -160,10 +159,3 @@ def _check_legs(t_s: Floats, angles: Floats, rates: Floats, legs: int) -> None:
         raise InputError(f"set-points: time must be finite and rise, got {t_s[-1]} after {t_s[0]}")
     if not (np.isfinite(angles).all() and np.isfinite(rates).all()):
         raise InputError("set-points: an angle or rate is not finite")
-
-
-def _check_turning(t_s: Floats, angles: Floats, rates: Floats) -> None:
-    turning = np.diff(angles, axis=0) / np.diff(t_s)[:, None]
-    fastest = np.fmax.reduce(np.abs(np.concatenate([rates.ravel(), turning.ravel()])))
-    if fastest > FASTEST_RAD_S:
-        raise InputError(f"set-points: a leg would turn at {fastest:.3g} rad/s, at most {FASTEST_RAD_S:g} is believed")

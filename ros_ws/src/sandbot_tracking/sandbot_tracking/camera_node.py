@@ -54,11 +54,14 @@ class CameraNode(Node):
             self._health.text = "waiting for somebody to listen"
             return
         frame = self._source.read()
+        if frame is None and self._source.is_device:  # unplugged; should it be back, frames come again
+            self._health.level, self._health.text = 2, "the device gives no frames"
+            return
         if frame is None:
             self._timer.cancel()
             self._health.text = "the video has ended"
             return
-        self._health.text = "ok"
+        self._health.level, self._health.text = 0, "ok"
         stamp = self._stamp_ns()
         self._frames += 1
         self._image.publish(messages.image(stamp, self._frame, frame))
