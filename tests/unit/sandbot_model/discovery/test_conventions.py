@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.conventions import against, other_conventions, singles
+from sandbot_model.discovery.conventions import against, other_conventions, singles, within_pairs
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.partial import beyond_its_range
@@ -149,6 +149,25 @@ def test_a_second_effect_is_looked_for_beside_the_convention_that_the_first_one_
     trials = drawn(("swimming_thrust",), values=hard, formulas=(more,), seed=5)
     found = discover(cells_of(_without(trials, "lift_m", "peak_speed_m_s")), few, max_effects=2)
     assert found.headline == "identified: stance_overlap (the first step spared) + swimming_thrust"
+
+
+@pytest.mark.parametrize(
+    ("formula", "variants"),
+    [
+        ("o: speed: kept *= 1 - 0.2*(1 - first)", {"stance_overlap": "the first step spared"}),
+        ("o: speed: kept *= 1 - 0.2", {}),
+    ],
+)
+def test_either_effect_of_a_pair_may_have_a_convention_of_its_own(drawn, formula, variants):
+    """With a control: under the catalogue's own no other is taken."""
+    few = {name: catalogue()[name] for name in ("stance_overlap", "swimming_thrust")}
+    hard = {"swimming_thrust": {"thrust_m_s2": 0.45}}
+    search = EffectSearch(
+        cells_of(drawn(("swimming_thrust",), values=hard, formulas=(formula,), seed=5)), few, "simple"
+    )
+    search.run(2)
+    assert within_pairs(search) == bool(variants)
+    assert search.fits[tuple(few)].variants == variants
 
 
 def _without(trials, *names):
