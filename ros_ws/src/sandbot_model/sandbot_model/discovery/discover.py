@@ -272,7 +272,7 @@ def _with_errors(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
 def _next(search: EffectSearch, verdict: Verdict, named: Fit) -> tuple[list[Fit], list[NextTrial]]:
     """Effects that could hide if the base model is adequate, and the trials to run next."""
     if hidden := unseen(search, named) if verdict.status == "adequate" else []:
-        return hidden, excluding(named, hidden)
+        return hidden, excluding(search.fits[()], hidden)
     if verdict.status == "untested":
         return [], repeats(search.cells)
     return [], next_trials([search.fits[names] for names in verdict.alternatives])
