@@ -5,10 +5,10 @@ fraction, and the LED flashes. Frames are taken on the robot's time, t0 + k / fr
 
 Legs and air stop by themselves where their commands are late, as those of a real driver must: a clock or bed that was
 killed or froze can't tell. Both then stay so until they have been told rest, and off; legs also by /lab/reset. So do
-legs that two command, and obey neither, and legs that come in mid-gait, for so they begin. While legs move or air blows
-the lab has real-time priority where it is granted: no robot of metal waits for a CPU to stop. Frames have none while
-their readers are behind: each waits behind the set-points that have come, and for its readers, so that a machine too
-slow for two cameras shows them late, and loses none.
+legs that two command, and obey neither, and legs that come in mid-gait: the first that they hear is of a walk more than
+a turn on. While legs move or air blows the lab has real-time priority where it is granted: no robot of metal waits for
+a CPU to stop. Frames have none while their readers are behind: each waits behind the set-points that have come, and for
+its readers, so that a machine too slow for two cameras shows them late, and loses none.
 """
 
 import time
@@ -45,6 +45,8 @@ HEIGHT_RATE_HZ = 50.0
 IDLE_RATE_HZ = 100.0
 WATCH_RATE_HZ = 100.0
 SENSOR_RANGE_M = (0.02, 0.5)
+A_TURN_RAD = 2 * np.pi
+"""Farther on, a walk has begun without legs that were told nothing yet: they would be thrown to where it is by now."""
 CAMERAS = ("dorsal", "lateral")
 PRIORITY = 1
 """Below all who command."""
@@ -74,7 +76,9 @@ class LabNode(Node):
         self._standing = True
         self._held, self._commanded_ns = np.zeros(len(self._order)), 0
         self._legs, self._air = Lease(current.legs_lease_s), Lease(current.air_lease_s)
-        self._legs_lapsed, self._air_lapsed, self._blower = True, False, 0.0
+        self._legs_lapsed: bool | None = None
+        """Whether legs stay at rest until they are told rest; None: they were told nothing yet."""
+        self._air_lapsed, self._blower = False, 0.0
         self._urgent, self._air_stops = False, 0
         self._partners, self._rivals = Partners(self), Rivals(self, topics.LEG_SETPOINTS)
         self._idle = self._idle_cameras()
@@ -145,12 +149,14 @@ class LabNode(Node):
         """Whether legs do what they are told: who sends what is refused is as good as silent."""
         t_ns, angles, rates = messages.nanoseconds(message.header.stamp), *_legs(message, self._order)
         moving = bool(np.any(rates))
-        if self._legs_lapsed:
+        began_before = moving and self._legs_lapsed is None and np.abs(angles).max() > A_TURN_RAD
+        if self._legs_lapsed or began_before:
             # Nothing goes on by itself: late commands of before the silence are no start.
             self._legs_lapsed = moving
             if moving:
                 self._refuse("legs are told to move before they have been told rest")
             return not moving
+        self._legs_lapsed = False
         try:
             if moving and self._standing:
                 self._begin(t_ns)
