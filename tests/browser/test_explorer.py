@@ -64,6 +64,7 @@ def test_switching_the_hidden_effect_on_brings_the_error_to_what_compare_says(pa
     assert page.complaints() == []
 
 
+@pytest.mark.whole
 def test_controls_used_before_the_page_has_answered_all_count(page, folder):
     """An effect and at once another view, then three controls in one moment: a fit takes longer than a second click."""
     with explorer(folder / "trials.csv") as fresh:

@@ -45,7 +45,8 @@ SOME = ("cohesion", "depth_nonlinearity", "stance_overlap", "disturbed_ground", 
 @pytest.mark.parametrize(
     ("name", "tried"),
     [
-        ("cohesion(c_pa=300)", SOME),
+        # test_power has it without the lab
+        pytest.param("cohesion(c_pa=300)", SOME, marks=pytest.mark.whole),
         pytest.param("cohesion(c_pa=300)", tuple(EFFECTS), marks=pytest.mark.whole),
         pytest.param("depth_nonlinearity(n=1.25)", tuple(EFFECTS), marks=pytest.mark.whole),
     ],

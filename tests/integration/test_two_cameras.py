@@ -36,6 +36,7 @@ def until_shown(beside, films):
     beside.node.destroy_subscription(heard)
 
 
+@pytest.mark.whole  # test_camera_drivers has the same nodes and films, one at a time
 def test_films_of_a_trial_through_two_camera_nodes_give_its_row(tmp_path, start, plan_of_one, beside):
     batch = start(
         "ros2", "run", "sandbot_bringup", "campaign", plan_of_one(seed=7, images="video"),

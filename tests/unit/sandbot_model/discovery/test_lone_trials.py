@@ -48,6 +48,7 @@ def test_what_replicates_or_several_conditions_say_is_no_slip(drawn, how):
     assert found.verdict.status == "unexplained"
 
 
+@pytest.mark.whole
 def test_where_none_may_be_left_out_none_is(drawn):
     cells = cells_of(slipped(drawn(seed=5)))
     assert (
