@@ -42,9 +42,8 @@ def with_stated(error: PureError, variance: Floats) -> PureError:
     common = float(np.mean(variance[stated]))
     covariance, sd, dof = error.covariance.copy(), error.sd.copy(), error.dof.copy()
     # What error bars say nothing of: how speed goes with what was measured in each trial.
-    unknown = ~np.isfinite(covariance)
-    covariance[unknown & (np.arange(len(Observable)) == Observable.speed)[:, None]] = 0.0
-    covariance[unknown & (np.arange(len(Observable)) == Observable.speed)] = 0.0
+    for of_speed in (covariance[:, Observable.speed], covariance[..., Observable.speed]):
+        of_speed[~np.isfinite(of_speed)] = 0.0
     covariance[:, Observable.speed, Observable.speed] = np.maximum(np.where(stated, variance, common), FLOOR**2)
     sd[Observable.speed] = np.sqrt(common)
     dof[Observable.speed] = (TRIALS_BEHIND - 1) * stated.sum()

@@ -80,17 +80,8 @@ def within_pairs(search: EffectSearch) -> bool:
         for name in pair.effects
         for variant in _to_be_tried(search, name)
     ]
-    found = _near(search, models)
-    picked = picked_from(len(models))
-    return _taken(
-        search,
-        [
-            fit
-            for fit in found
-            if search.fits[fit.effects].bic - fit.bic > search.criteria.clearly + picked * overdispersion(fit)
-            and _clearly_better(search, fit)
-        ],
-    )
+    better = partial(_clearly_better, search, picked=picked_from(len(models)))
+    return _taken(search, list(filter(better, _near(search, models))))
 
 
 def _taken(search: EffectSearch, better: Sequence[Fit]) -> bool:
@@ -147,14 +138,15 @@ def _explains(search: EffectSearch, fit: Fit) -> bool:
     return passes(fit, search.criteria) and worth({**search.fits, fit.effects: fit}, fit.effects, (), search.criteria)
 
 
-def _clearly_better(search: EffectSearch, fit: Fit) -> bool:
-    """Whether a set fits clearly better than under the usual convention.
+def _clearly_better(search: EffectSearch, fit: Fit, picked: float = 0.0) -> bool:
+    """Whether a set fits clearly better than under the usual convention, by the price of having been ``picked``, too.
 
     One that leaves nothing takes its place with a number that nobody believes, too: it is no claim, but may be
     ``partial``.
     """
     usual = search.fits.get(fit.effects)
-    gains = usual is None or fit.bic < usual.bic - search.criteria.clearly
+    price = search.criteria.clearly + picked * overdispersion(fit)
+    gains = usual is None or fit.bic < usual.bic - price
     return gains and (sound(fit) or leaves_nothing(fit, search.criteria))
 
 

@@ -139,6 +139,14 @@ def trials(args: argparse.Namespace) -> "tuple[Trials, str]":
     return found, f"robot: {source}"
 
 
+def notes(args: argparse.Namespace, trials: "Trials") -> tuple[str, ...]:
+    """What is odd about the trials of DATA. Raises InputError where their numbers make no sense."""
+    from sandbot_model.data.quality import checked
+    from sandbot_record.trials.read import named
+
+    return checked(trials, named(args.data))
+
+
 def beside(args: argparse.Namespace, first: "Trials", path: Path) -> "Trials":
     """The trials of ``path``, with what the options say of DATA; of the robot of ``first``.
 

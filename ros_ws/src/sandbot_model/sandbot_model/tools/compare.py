@@ -59,19 +59,17 @@ def _run(args: argparse.Namespace, selection: Selection, fitters: "AbstractConte
     from tqdm import tqdm
 
     from sandbot_model.data.conditions import cells_of
-    from sandbot_model.data.quality import checked
     from sandbot_model.discovery.reproduce import steps_of
     from sandbot_model.fitting.bootstrap import bootstrap
     from sandbot_model.physics.catalogue import catalogue
     from sandbot_model.physics.model import model_of
     from sandbot_model.tools import answer, tables
-    from sandbot_record.trials.read import named
 
     effects = catalogue(args.effects_from, selection.formulas)
     _check_held(selection, model_of(selection.model, selection.effects, effects))
     trials, robot_line = arguments.trials(args)
     readings = arguments.readings(args)
-    notes = checked(trials, named(args.data))
+    notes = arguments.notes(args, trials)
     cells = cells_of(trials, readings)
     notes += cells.notes
     steps = steps_of(selection, cells, effects)

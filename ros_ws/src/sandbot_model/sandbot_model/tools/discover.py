@@ -61,15 +61,13 @@ def _run(args: argparse.Namespace, fitters: "AbstractContextManager[Map]") -> No
     # Imported now that the options are understood: --help and a slip in them are answered at once.
     from tqdm import tqdm
 
-    from sandbot_model.data.quality import checked
     from sandbot_model.discovery.discover import discover
     from sandbot_model.physics.catalogue import catalogue
     from sandbot_model.tools import answer, tables
-    from sandbot_record.trials.read import named
 
     effects = catalogue(args.effects_from, args.effect)
     trials, robot_line = arguments.trials(args)
-    notes = checked(trials, named(args.data))
+    notes = arguments.notes(args, trials)
     cells = arguments.cells(args, trials)
     notes += cells.notes
     arguments.check_bed(args, cells)

@@ -112,11 +112,8 @@ class _Desk:
 
     def read(self) -> "tuple[Trials, str, Cells]":
         """The trials, a line on their robot, and their cells. Raises InputError."""
-        from sandbot_model.data.quality import checked
-        from sandbot_record.trials.read import named
-
         trials, robot_line = arguments.trials(self.args)
-        checked(trials, named(self.args.data))
+        arguments.notes(self.args, trials)
         return trials, robot_line, arguments.cells(self.args, trials)
 
     def made(self, dropped: Path | None) -> "Flask":
