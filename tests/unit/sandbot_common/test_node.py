@@ -79,3 +79,13 @@ def test_a_slip_behind_ros_args_is_one_line(slip, said, capfd):
     assert said in err
     assert "/project/" not in err
     assert err.count("\n") == 1
+
+
+def test_a_log_folder_that_cannot_be_is_refused_with_what_helps():
+    code = "from sandbot_common import cli, node; cli.run(lambda _: node.start_ros([]), [])"
+    elsewhere = os.environ | {"ROS_LOG_DIR": "/dev/null/log"}
+    done = subprocess.run([sys.executable, "-c", code], env=elsewhere, capture_output=True, text=True, check=False)
+    *_, told = done.stderr.splitlines()
+    assert told.startswith("-c: error: ROS does not start: ")
+    assert "/dev/null/log" in told
+    assert told.endswith("; ROS_LOG_DIR can name a folder that you may write to")

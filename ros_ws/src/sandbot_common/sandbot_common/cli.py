@@ -165,7 +165,9 @@ def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | No
     try:
         # `trackway` and `ros2 run` hold Ctrl-C back until there is somebody to answer it in one line.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-        return command(sys.argv[1:] if argv is None else argv) or 0
+        code = command(sys.argv[1:] if argv is None else argv) or 0
+        _check_heard()
+        return code
     except InputError as error:
         # A file's name may hold the end of a line.
         print(f"{name}: error: {' '.join(str(error).splitlines())}", file=sys.stderr)
@@ -175,25 +177,36 @@ def run(command: Callable[[Sequence[str]], int | None], argv: Sequence[str] | No
         return INTERRUPTED
 
 
+def _check_heard() -> None:
+    """Refuse to call done what could not be printed, as on a full disk."""
+    if isinstance(sys.stdout, Outlet) and sys.stdout.lost:
+        raise InputError(f"output: {sys.stdout.lost.strerror}; what was written to files of its own is complete")
+
+
 class Outlet(io.TextIOWrapper):
-    """An output whose reader (head, less) may go: from then on it is silent, for files may still have to be written."""
+    """An output whose reader (head, less) may go, or whose disk may be full: from then on it is silent, for the work
+    goes on and files may still have to be written."""
+
+    lost: OSError | None = None
+    """Why output was lost; that a reader wants no more is no loss."""
 
     def write(self, text: str, /) -> int:
         """As of any text stream."""
         try:
             return super().write(text)
-        except BrokenPipeError:
-            self._fall_silent()
+        except OSError as error:
+            self._fall_silent(error)
             return len(text)
 
     def flush(self) -> None:
         """As of any text stream."""
         try:
             super().flush()
-        except BrokenPipeError:
-            self._fall_silent()
+        except OSError as error:
+            self._fall_silent(error)
 
-    def _fall_silent(self) -> None:
+    def _fall_silent(self, error: OSError) -> None:
+        self.lost = None if isinstance(error, BrokenPipeError) else error
         os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
 
 

@@ -279,7 +279,8 @@ def start_ros(argv: Sequence[str]) -> None:
     except _rclpy.RCLError as error:
         # Without the places in ROS's own source.
         reason = re.sub(r",? at /\S+:\d+", "", str(error)).removeprefix("failed to initialize rcl: ")
-        raise InputError(f"ROS does not start: {reason}") from None
+        remedy = "; ROS_LOG_DIR can name a folder that you may write to" if "log" in reason else ""
+        raise InputError(f"ROS does not start: {reason}{remedy}") from None
     finally:
         if rclpy.logging.get_logger_level("rcl") == LoggingSeverity.FATAL:
             rclpy.logging.set_logger_level("rcl", LoggingSeverity.UNSET)
