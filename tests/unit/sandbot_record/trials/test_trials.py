@@ -321,6 +321,7 @@ def test_gait_and_status_are_known_however_they_are_written(tmp_path):
         "phi [1],omega [rad/s],speed [cm/s]\n0.60,8,21\n0.62,8,25\n",
         "phi (%),omega (rpm),v (mm/s)\n60,76.39437268,210\n62,76.39437268,250\n",
         "volume fraction [-],frequency [Hz],mean speed [m/s]\n.6,1.2732395447,.21\n.62,1.2732395447,.25\n",
+        "packing fraction,leg frequency (Hz),velocity (cm/s)\n.6,1.2732395447,21\n.62,1.2732395447,25\n",
         "φ,omega_rpm,speed_cm_s\n.6,76.39437268,21\n.62,76.39437268,25\n",
         "ϕ,frequency_Hz,Mean_speed_mm_s\n.6,1.2732395447,210\n.62,1.2732395447,250\n",
         "phi_percent,ω (rad s^-1),speed [cm·s⁻¹]\n60,8,21\n62,8,25\n",

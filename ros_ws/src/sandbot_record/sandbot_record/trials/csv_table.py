@@ -40,10 +40,10 @@ _MARKS = frozenset({"exclude", "excluded", "outlier", "valid", "use", "used", "o
 """What people call columns that mark trials not to be used, in small letters."""
 _NOT_NEGATIVE = ("phi_sd", "speed_sd_m_s")
 _QUANTITIES = {
-    **dict.fromkeys(("phi", "φ", "volume_fraction"), "phi"),
-    **dict.fromkeys(("omega", "ω", "frequency", "f"), "omega_rad_s"),
-    **dict.fromkeys(("speed", "mean_speed", "v"), "speed_m_s"),
-    "lift": "lift_m",
+    **dict.fromkeys(("phi", "φ", "volume_fraction", "packing_fraction", "solid_fraction"), "phi"),
+    **dict.fromkeys(("omega", "ω", "frequency", "freq", "f", "leg_frequency", "limb_frequency"), "omega_rad_s"),
+    **dict.fromkeys(("speed", "mean_speed", "average_speed", "forward_speed", "velocity", "v"), "speed_m_s"),
+    **dict.fromkeys(("lift", "body_lift"), "lift_m"),
     "peak_speed": "peak_speed_m_s",
     "first_step": "first_step_m",
     "speed_sd": "speed_sd_m_s",
