@@ -32,11 +32,11 @@ class BatchSd:
         """By the nuisance's name."""
         return float(getattr(self, name))
 
-    def having(self, name: str, sd: float) -> "BatchSd":
+    def with_sd(self, name: str, sd: float) -> "BatchSd":
         """The same with one of them."""
         return replace(self, **{name: sd})
 
-    def or_more(self, other: "BatchSd") -> "BatchSd":
+    def maximum(self, other: "BatchSd") -> "BatchSd":
         """The larger of both, one by one."""
         return BatchSd(*(max(self[name], other[name]) for name in NAMES))
 
@@ -59,7 +59,7 @@ def priors(fit: Fit, criteria: Criteria) -> BatchSd:
     return BatchSd(criteria.bed_scatter, zero_m, cells.accuracy.speed_scale)
 
 
-def granted(fit: Fit) -> BatchSd:
+def batch_sd_of(fit: Fit) -> BatchSd:
     """What a fit's nuisances take for granted of how batches differ."""
     assert fit.nuisances is not None
     known = dict(zip(fit.nuisances.names, fit.nuisances.sd.tolist(), strict=True))

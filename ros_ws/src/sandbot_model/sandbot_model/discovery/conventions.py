@@ -18,16 +18,16 @@ from functools import partial
 import numpy as np
 
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.nuisances_about import ALONG, gain_of_batches, shared_by
+from sandbot_model.discovery.nuisances_about import ALONG, gain_of_batches, nuisances_for
 from sandbot_model.discovery.verdict import (
-    claim,
+    claim_threshold,
+    earns_place,
     leaves_nothing,
     overdispersion,
     parts_of,
     passes,
-    picked_from,
+    selection_penalty,
     sound,
-    worth,
 )
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, far_above, solve, solve_below, solve_near
@@ -40,26 +40,27 @@ CLOSER = 8
 """Single effects under other conventions that get a global search after a first look, the best."""
 
 
-def other_conventions(search: EffectSearch) -> bool:
+def try_single_effects(search: EffectSearch) -> bool:
     """Give single effects the convention that fits them best; whether any fits clearly better, and is worth that it
     was picked from all.
 
     Each is looked at near the base model, the best of all then anywhere.
     """
     tried = singles(search)
-    picked = picked_from(len(tried))
+    picked = selection_penalty(len(tried))
     better = [
         fit
         for fit in tried
         if BY_ITS_TILT not in fit.variants.values()
-        and _seen(search, fit)
-        and search.fits[()].deviance - fit.deviance > claim(fit, search.criteria) + picked * overdispersion(fit)
+        and _is_identifiable(search, fit)
+        and search.fits[()].deviance - fit.deviance
+        > claim_threshold(fit, search.criteria) + picked * overdispersion(fit)
         and _clearly_better(search, fit)
     ]
-    return _taken(search, better)
+    return _adopt(search, better)
 
 
-def beside_the_leader(search: EffectSearch) -> bool:
+def try_beside_the_leader(search: EffectSearch) -> bool:
     """Try each effect beside the best single one, where that is under another convention; whether any fits clearly
     better than with the usual one."""
     leader = search.ranked(1)[0]
@@ -68,23 +69,23 @@ def beside_the_leader(search: EffectSearch) -> bool:
     own = {**search.effects, leader.effects[0]: leader.model.effects[0]}
     sets = search.extended(leader.effects)
     found = _near(search, [model_of(search.base, names, own, search.cells.robot) for names in sets])
-    return _taken(search, list(filter(partial(_clearly_better, search), found)))
+    return _adopt(search, list(filter(partial(_clearly_better, search), found)))
 
 
-def within_pairs(search: EffectSearch) -> bool:
+def try_within_pairs(search: EffectSearch) -> bool:
     """Try the best sets of two with one effect under another convention; whether any fits clearly better than with the
     usual one, though it was picked from all."""
     models = [
         model_of(search.base, pair.effects, {**search.effects, name: variant}, search.cells.robot)
         for pair in search.ranked(2)[:PAIRS]
         for name in pair.effects
-        for variant in _to_be_tried(search, name)
+        for variant in _applicable_variants(search, name)
     ]
-    better = partial(_clearly_better, search, picked=picked_from(len(models)))
-    return _taken(search, list(filter(better, _near(search, models))))
+    better = partial(_clearly_better, search, picked=selection_penalty(len(models)))
+    return _adopt(search, list(filter(better, _near(search, models))))
 
 
-def _taken(search: EffectSearch, better: Sequence[Fit]) -> bool:
+def _adopt(search: EffectSearch, better: Sequence[Fit]) -> bool:
     """Put the best of each set in the usual one's place, the best of all where a search of everywhere comes to; whether
     there are."""
     search.fits |= {fit.effects: fit for fit in sorted(better, key=lambda fit: -fit.bic)}
@@ -95,7 +96,7 @@ def _taken(search: EffectSearch, better: Sequence[Fit]) -> bool:
     return bool(better)
 
 
-def against(search: EffectSearch, claimed: Fit) -> bool:
+def admit_rivals(search: EffectSearch, claimed: Fit) -> bool:
     """Let in single effects under other conventions that leave nothing to explain and speak against a claim.
 
     Against several effects, which were picked as well, one need only be better. Against one, another family must be
@@ -104,8 +105,8 @@ def against(search: EffectSearch, claimed: Fit) -> bool:
     """
     # Half way to the base model, by orders of magnitude: so high may end a first descent of what explains all.
     hopeless = max(far_above(claimed.deviance, 1.0), math.sqrt(claimed.deviance * search.fits[()].deviance))
-    tried = _near(search, _models_of_one(search), hopeless, (claimed.warm_start,))
-    picked = 0.0 if len(claimed.effects) > 1 else picked_from(len(tried))
+    tried = _near(search, _single_effect_models(search), hopeless, (claimed.warm_start,))
+    picked = 0.0 if len(claimed.effects) > 1 else selection_penalty(len(tried))
 
     def leads(fit: Fit, bic: float, claims: float) -> bool:
         lead = -search.criteria.clearly if IN_ANOTHER_BED in fit.variants.values() else picked
@@ -113,8 +114,8 @@ def against(search: EffectSearch, claimed: Fit) -> bool:
 
     better = [fit for fit in tried if leads(fit, fit.bic, claimed.bic) and _explains(search, fit)]
     if better:
-        claims = _weighed(search, claimed)
-        better = [fit for fit in better if leads(fit, _weighed(search, fit), claims)]
+        claims = _bic_with_nuisances(search, claimed)
+        better = [fit for fit in better if leads(fit, _bic_with_nuisances(search, fit), claims)]
     if all(fit.effects == claimed.effects for fit in better):
         return False
     search.fits |= {fit.effects: fit for fit in sorted(better, key=lambda fit: -fit.bic)}
@@ -126,16 +127,18 @@ def conventions(fits: Sequence[Fit]) -> dict[str, str]:
     return {name: variant for fit in fits for name, variant in fit.variants.items()}
 
 
-def _weighed(search: EffectSearch, fit: Fit) -> float:
+def _bic_with_nuisances(search: EffectSearch, fit: Fit) -> float:
     """BIC beside what trials share, on a bed that scatters as suits what is left: what needs a rough bed has explained
     less."""
-    own = shared_by(fit, search.criteria)
+    own = nuisances_for(fit, search.criteria)
     beside = fitted_at(fit.model, fit.cells, solve_near((fit.model, fit.cells, (fit.warm_start,), own)), own)
     return float(beside.bic - gain_of_batches(beside, search.criteria))
 
 
 def _explains(search: EffectSearch, fit: Fit) -> bool:
-    return passes(fit, search.criteria) and worth({**search.fits, fit.effects: fit}, fit.effects, (), search.criteria)
+    return passes(fit, search.criteria) and earns_place(
+        {**search.fits, fit.effects: fit}, fit.effects, (), search.criteria
+    )
 
 
 def _clearly_better(search: EffectSearch, fit: Fit, picked: float = 0.0) -> bool:
@@ -150,7 +153,7 @@ def _clearly_better(search: EffectSearch, fit: Fit, picked: float = 0.0) -> bool
     return gains and (sound(fit) or leaves_nothing(fit, search.criteria))
 
 
-def _seen(search: EffectSearch, fit: Fit) -> bool:
+def _is_identifiable(search: EffectSearch, fit: Fit) -> bool:
     """Whether more than one observable sees what the convention changes."""
     stages = {effect.stage for effect in fit.model.effects if effect.variant}
     return not stages <= {"step", "speed"} or sum(one.name in search.cells.observables for one in ALONG) > 1
@@ -159,31 +162,31 @@ def _seen(search: EffectSearch, fit: Fit) -> bool:
 def singles(search: EffectSearch) -> list[Fit]:
     """All single effects under all other conventions, fitted once."""
     if search.other_conventions is None:
-        near = _near(search, _models_of_one(search))
+        near = _near(search, _single_effect_models(search))
         found = any(passes(fit, search.criteria) for fit in near)
-        search.other_conventions = near if found else _closer(search, near)
+        search.other_conventions = near if found else _searched_globally(search, near)
     return search.other_conventions
 
 
-def _closer(search: EffectSearch, near: Sequence[Fit]) -> list[Fit]:
+def _searched_globally(search: EffectSearch, near: Sequence[Fit]) -> list[Fit]:
     """The same, the best of them looked for everywhere: what the usual convention came to may lie in another valley."""
     ranked = sorted(near, key=_deviance)
     best, rest = ranked[:CLOSER], ranked[CLOSER:]
     points = search.fit_all(solve, [(fit.model, search.cells, fit.warm_start) for fit in best])
-    anywhere = search.believable([fit.model for fit in best], points)
+    anywhere = search.fits_with_plausible_delta_t([fit.model for fit in best], points)
     return [*(min(both, key=_deviance) for both in zip(best, anywhere, strict=True)), *rest]
 
 
-def _models_of_one(search: EffectSearch) -> list[Model]:
+def _single_effect_models(search: EffectSearch) -> list[Model]:
     """Each single effect under each other convention; those of a gait's phases where it has two."""
     return [
         model_of(search.base, (name,), {**search.effects, name: variant}, search.cells.robot)
         for name in search.names
-        for variant in _to_be_tried(search, name)
+        for variant in _applicable_variants(search, name)
     ]
 
 
-def _to_be_tried(search: EffectSearch, name: str) -> list[Variant]:
+def _applicable_variants(search: EffectSearch, name: str) -> list[Variant]:
     """An effect's other conventions; those of a gait's phases where it has two."""
     one_rate = search.cells.clock.one_rate.all()
     return [variant for variant in variants_of(search.effects[name]) if not (one_rate and variant.of_phases)]
@@ -204,7 +207,7 @@ def _near(
         starts = (smaller.warm_start, *((usual.warm_start,) if usual and gains else ()), *also)
         tasks.append((model, search.cells, starts, None, hopeless))
     points = search.fit_all(solve_below, tasks)
-    return search.believable(models, points)
+    return search.fits_with_plausible_delta_t(models, points)
 
 
 def _deviance(fit: Fit) -> float:

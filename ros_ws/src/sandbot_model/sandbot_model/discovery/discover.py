@@ -14,33 +14,39 @@ import numpy as np
 
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
-from sandbot_model.discovery.alone import taken_back
-from sandbot_model.discovery.calibration import beyond_belief, would_fall
+from sandbot_model.discovery.alone import refused_from_one_observable
+from sandbot_model.discovery.calibration import rival_calibration_error, sufficient_calibration_error
 from sandbot_model.discovery.candidates import Candidate, candidates
-from sandbot_model.discovery.conventions import against, beside_the_leader, conventions, other_conventions, within_pairs
+from sandbot_model.discovery.conventions import (
+    admit_rivals,
+    conventions,
+    try_beside_the_leader,
+    try_single_effects,
+    try_within_pairs,
+)
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try, outdone_by_a_formula
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.limits import Limit, limits
-from sandbot_model.discovery.lone_trials import gone_wrong, told
+from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
 from sandbot_model.discovery.next_trials import NextTrial, excluding, next_trials
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter
-from sandbot_model.discovery.partial import Partial, beyond_its_range, partly, repairs
+from sandbot_model.discovery.partial import Partial, beyond_its_range, mostly_repaired, repairs
 from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.sharing import (
     Shared,
-    as_granted,
-    bends,
+    has_flexible_nuisances,
+    judged_with_nuisances,
     nuisances_suffice,
-    reconsidered,
+    refitted_as_claimed,
     refitted_globally,
 )
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
 from sandbot_model.discovery.untested import repeats, untested
-from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, only_with, sound
+from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, refused_as_implausible, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
@@ -53,7 +59,7 @@ from sandbot_model.physics.effect import Effect
 SCHEMA = "sandbot.discovery/2"
 LEADING = 8
 """Sets compared in the bootstrap."""
-LEAVES_A_REST = ("partial", "unexplained")
+INCOMPLETE = ("partial", "unexplained")
 """Verdicts after which something is left to explain."""
 
 
@@ -180,12 +186,12 @@ def discover(
     """
     how: dict[str, Any] = {"base": base, "criteria": criteria, "fit_all": fit_all, "progress": progress}
     found = _discovered(cells, effects, max_effects, **how)
-    if found.verdict.status not in LEAVES_A_REST or not len(wrong := gone_wrong(found.fits[0], criteria)):
+    if found.verdict.status not in INCOMPLETE or not len(wrong := suspect_trials(found.fits[0], criteria)):
         return found
     others = _discovered(cells.without(wrong), effects, max_effects, **how)
-    if others.verdict.status in LEAVES_A_REST:
+    if others.verdict.status in INCOMPLETE:
         return found
-    because = f"{others.verdict.because}; {told(cells, wrong)}"
+    because = f"{others.verdict.because}; {repeat_request(cells, wrong)}"
     return replace(others, verdict=replace(others.verdict, because=because))
 
 
@@ -201,16 +207,16 @@ def _discovered(
 ) -> Discovery:
     search = EffectSearch(cells, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
     doubted = doubts(cells)
-    at_once = _of_another_robot(doubted) if doubted else untested(cells, criteria)
-    found, partial = _found(search, at_once, max_effects)
+    preset = _robot_in_doubt(doubted) if doubted else untested(cells, criteria)
+    found, partial = _search_and_judge(search, preset, max_effects)
     search.fits, verdict, named = found.fits, found.verdict, found.named
     search.effects = {**effects, **named.model.catalogue}
     # Steps below leave something to explain: how well their parameters are known means nothing, and is not sampled.
     below = search.ladder(verdict)[:-1]
     named, reported = _reported(search, named)
     floor = noise_floor(cells)
-    hidden, trials = _next(search, verdict, named)
-    verdict = _in_full(search, verdict, named, hidden, trials)
+    hidden, trials = _hidden_and_next_trials(search, verdict, named)
+    verdict = _with_remarks(search, verdict, named, hidden, trials)
     return Discovery(
         model=base,
         cells=cells,
@@ -232,16 +238,16 @@ def _discovered(
     )
 
 
-def _found(search: EffectSearch, at_once: Verdict | None, max_effects: int) -> tuple[Shared, Partial | None]:
+def _search_and_judge(search: EffectSearch, preset: Verdict | None, max_effects: int) -> tuple[Shared, Partial | None]:
     """The verdict after a search, or ``at_once`` without one; and what one effect repairs where that is but a part."""
-    search.run(0 if at_once else max_effects, lambda size: nuisances_suffice(search, size))
-    found = Shared(at_once, search.fits, search.fits[()]) if at_once else _beside_nuisances(search)
+    search.run(0 if preset else max_effects, lambda size: nuisances_suffice(search, size))
+    found = Shared(preset, search.fits, search.fits[()]) if preset else _judged(search)
     partial = None
-    if found.verdict.status in CLAIMS and against(search, search.fits[found.verdict.effects]):
-        found = _beside_nuisances(search)
-    found = _imitated(search, found) or found
+    if found.verdict.status in CLAIMS and admit_rivals(search, search.fits[found.verdict.effects]):
+        found = _judged(search)
+    found = _refused_for_a_formula(search, found) or found
     # From one observable alone no convention can be told from another; where no effect was tried there is none.
-    searched = not at_once and len(search.fits) > 1
+    searched = not preset and len(search.fits) > 1
     if found.verdict.status == "unexplained" and searched and len(search.cells.observables) > 1:
         found, partial = _under_other_conventions(search, found)
     return found, partial
@@ -252,7 +258,7 @@ def _by_reported_errors(search: EffectSearch, found: Shared) -> Shared:
     number beyond its plausible range passes for one that may be within."""
     if found.verdict.status not in CLAIMS or sound(reported := _reported(search, found.named)[1]):
         return found
-    return Shared(only_with(reported), search.fits, search.fits[()])
+    return Shared(refused_as_implausible(reported), search.fits, search.fits[()])
 
 
 def _reported(search: EffectSearch, named: Fit) -> tuple[Fit, Fit]:
@@ -269,7 +275,7 @@ def _with_errors(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
     return named, averaged_over_scatter(named, criteria) if named.nuisances else with_sampled_errors(named)
 
 
-def _next(search: EffectSearch, verdict: Verdict, named: Fit) -> tuple[list[Fit], list[NextTrial]]:
+def _hidden_and_next_trials(search: EffectSearch, verdict: Verdict, named: Fit) -> tuple[list[Fit], list[NextTrial]]:
     """Effects that could hide if the base model is adequate, and the trials to run next."""
     if hidden := unseen(search, named) if verdict.status == "adequate" else []:
         return hidden, excluding(search.fits[()], hidden)
@@ -278,7 +284,7 @@ def _next(search: EffectSearch, verdict: Verdict, named: Fit) -> tuple[list[Fit]
     return [], next_trials([search.fits[names] for names in verdict.alternatives])
 
 
-def _in_full(
+def _with_remarks(
     search: EffectSearch, verdict: Verdict, named: Fit, hidden: Sequence[Fit], trials: Sequence[NextTrial]
 ) -> Verdict:
     """The verdict with what a reader should know beside it."""
@@ -288,18 +294,18 @@ def _in_full(
     if hidden:
         because.append(_not_excluded(hidden, trials, search.criteria))
     if verdict.status == "ambiguous":
-        because.append(_most_telling(trials, search.criteria))
+        because.append(_most_discriminating(trials, search.criteria))
     if verdict.status == "identified":
-        because.append(would_fall(search, named))
+        because.append(rival_calibration_error(search, named))
     # Where the robot is doubted there was no search, and no reading is to be blamed.
     if verdict.status == "unexplained" and len(search.fits) > 1:
-        because.append(beyond_belief(search))
+        because.append(sufficient_calibration_error(search))
     if verdict.status in ("identified", "partial"):
         because += [f"{one.mistaken_for} can look the same" for one in named.model.effects if one.mistaken_for]
     return replace(verdict, because="; ".join(filter(None, because)))
 
 
-def _imitated(search: EffectSearch, found: Shared) -> Shared | None:
+def _refused_for_a_formula(search: EffectSearch, found: Shared) -> Shared | None:
     """The refusal of a claim that a formula outdoes: one of several effects, one under another convention than the
     catalogue's, which was picked from dozens, or one that needs what trials share."""
     if found.verdict.status not in CLAIMS:
@@ -307,16 +313,16 @@ def _imitated(search: EffectSearch, found: Shared) -> Shared | None:
     picked = len(found.verdict.effects) > 1 or bool(conventions([found.fits[found.verdict.effects]]))
     if not picked and judge(search.fits, search.criteria).status != "unexplained":
         return None
-    refused = outdone_by_a_formula(search, found.verdict, as_granted(search, found))
+    refused = outdone_by_a_formula(search, found.verdict, refitted_as_claimed(search, found))
     return None if refused is None else Shared(refused, dict(search.fits), search.fits[()])
 
 
-def _beside_nuisances(search: EffectSearch) -> Shared:
+def _judged(search: EffectSearch) -> Shared:
     """The verdict on what was tried, beside what trials share."""
-    search.weigh_doubts()
+    search.resolve_unknown_errors()
     plain = judge(search.fits, search.criteria)
-    found = reconsidered(search, plain) or Shared(plain, search.fits, search.fits[plain.effects])
-    refused = taken_back(found.verdict, found.fits)
+    found = judged_with_nuisances(search, plain) or Shared(plain, search.fits, search.fits[plain.effects])
+    refused = refused_from_one_observable(found.verdict, found.fits)
     if refused is not None:
         return Shared(refused, search.fits, search.fits[()])
     return _by_reported_errors(search, found)
@@ -325,36 +331,38 @@ def _beside_nuisances(search: EffectSearch) -> Shared:
 def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple[Shared, Partial | None]:
     """Where no set of the catalogue fits: under another convention one effect may, or repair most, or two may."""
     usual = dict(search.fits)
-    better = other_conventions(search)
+    better = try_single_effects(search)
     # A formula that nobody wrote down is no claim where one of the catalogue fits clearly better with a number nobody
     # believes.
     most = beyond_its_range(search)
-    if most and not conventions([search.fits[most[0].effects]]) and (part := _in_part(search, most)):
+    if most and not conventions([search.fits[most[0].effects]]) and (part := _unless_a_formula(search, most)):
         return part
-    if better and _stands(search, found := _beside_nuisances(search)):
+    if better and _is_conclusive(search, found := _judged(search)):
         return found, None
     for fits in (usual, search.fits):
         search.fits = fits
-        if part := _in_part(search, partly(search)):
+        if part := _unless_a_formula(search, mostly_repaired(search)):
             return part
-    for tried in (beside_the_leader, within_pairs):
-        if tried(search) and _stands(search, found := _beside_nuisances(search)):
+    for tried in (try_beside_the_leader, try_within_pairs):
+        if tried(search) and _is_conclusive(search, found := _judged(search)):
             return found, None
     return replace(unexplained, fits=usual), None
 
 
-def _stands(search: EffectSearch, found: Shared) -> bool:
+def _is_conclusive(search: EffectSearch, found: Shared) -> bool:
     """Whether a verdict under other conventions is one: no claim is that needs offsets of each batch as well, for more
     than a small rest."""
     if found.verdict.status not in CLAIMS:
         return found.verdict.status != "unexplained"
     sets = found.verdict.alternatives
-    needed = bends(found.named) and not all(repairs(search.fits, names, search.criteria) for names in sets)
+    needed = has_flexible_nuisances(found.named) and not all(
+        repairs(search.fits, names, search.criteria) for names in sets
+    )
     bent = needed and conventions([search.fits[names] for names in sets])
-    return not bent and _imitated(search, found) is None
+    return not bent and _refused_for_a_formula(search, found) is None
 
 
-def _in_part(search: EffectSearch, most: tuple[Verdict, Partial] | None) -> tuple[Shared, Partial] | None:
+def _unless_a_formula(search: EffectSearch, most: tuple[Verdict, Partial] | None) -> tuple[Shared, Partial] | None:
     """The verdict that one effect repairs most, unless a formula without it explains all."""
     if most is None or outdone_by_a_formula(search, most[0], search.fits):
         return None
@@ -369,12 +377,12 @@ def _residual_formula(search: EffectSearch, verdict: Verdict) -> SuggestedFormul
     return formula_to_try(search) if verdict.status == "unexplained" else None
 
 
-def _of_another_robot(doubted: Sequence[str]) -> Verdict:
+def _robot_in_doubt(doubted: Sequence[str]) -> Verdict:
     because = f"robot.yaml may be wrong, so nothing is identified: {'; '.join(doubted)}"
     return Verdict("unexplained", (), (), because)
 
 
-def _most_telling(trials: Sequence[NextTrial], criteria: Criteria) -> str:
+def _most_discriminating(trials: Sequence[NextTrial], criteria: Criteria) -> str:
     """What would tell the alternatives apart."""
     telling = [trial for trial in trials if trial.expected_gap_sd > criteria.telling_sd]
     if not telling:

@@ -11,7 +11,7 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.residual import SuggestedFormula
-from sandbot_model.discovery.verdict import RESPONSE_TIME, Verdict, leaves_nothing, parts_of, passes, worth
+from sandbot_model.discovery.verdict import RESPONSE_TIME, Verdict, earns_place, leaves_nothing, parts_of, passes
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.finite import check_finite
 from sandbot_model.fitting.fit import Fit, fitted_at
@@ -63,9 +63,9 @@ class EffectSearch:
         self.fits: dict[Names, Fit] = {}
         self.other_conventions: list[Fit] | None = None
         """Single effects under other conventions, once they have been tried (``conventions``)."""
-        self.beside: dict[tuple[object, ...], Fit] = {}
+        self.with_nuisances: dict[tuple[object, ...], Fit] = {}
         """Sets beside what trials share, by how far the bed scatters and the fits they began at (``sharing``)."""
-        self.rough: Fit | None = None
+        self.base_on_rough_bed: Fit | None = None
         """The base model on ground that scatters between conditions, once that was looked for (``sharing``)."""
         self.reported: dict[Fit, tuple[Fit, Fit]] = {}
         """The deepest believable fits of sets, and the same with errors as they are reported (``discover``)."""
@@ -78,22 +78,22 @@ class EffectSearch:
 
     def run(self, max_effects: int, enough: Callable[[int], bool] = lambda _size: False) -> None:
         """Try ever larger sets until one size settles it (see ``_settled``), or is ``enough``."""
-        self._try("base", [()])
+        self._fit_sets("base", [()])
         if max_effects > 0:
-            self._try("singles", [(name,) for name in self.names])
-            self._parts_again(1)
+            self._fit_sets("singles", [(name,) for name in self.names])
+            self._refit_parts(1)
         for size in range(2, max_effects + 1):
-            if self._settled(size - 1) or enough(size - 1):
+            if self._size_suffices(size - 1) or enough(size - 1):
                 return
-            self._try(f"sets of {size}", self._larger(size))
-            self._parts_again(size)
+            self._fit_sets(f"sets of {size}", self._larger_sets(size))
+            self._refit_parts(size)
 
     def ladder(self, verdict: Verdict) -> list[Fit]:
         """From the base to the chosen set, each step the effect that helps most."""
         steps, remaining = [self.fits[()]], list(verdict.effects)
         while remaining:
             options = self.extended(steps[-1].effects, remaining)
-            new = self.near([self.model(names) for names in self._new(options)], steps[-1])
+            new = self.near([self.model(names) for names in self._not_yet_fitted(options)], steps[-1])
             known = [self.fits[names] for names in options if names in self.fits]
             steps.append(min([*known, *new], key=lambda fit: fit.deviance))
             remaining = [name for name in remaining if name not in steps[-1].effects]
@@ -131,20 +131,20 @@ class EffectSearch:
             return
         models = [self.model(names) for names in sets]
         points = (
-            self._in_parts(stage, models, [self._starts(names) for names in sets], nearby=nearby)
+            self._search_in_stages(stage, models, [self._starts(names) for names in sets], nearby=nearby)
             if self.fits
-            else self._each(stage, solve, [(model, self.cells, None) for model in models])
+            else self._map(stage, solve, [(model, self.cells, None) for model in models])
         )
-        self._keep(sets, self.believable(models, points))
+        self._keep_better(sets, self.fits_with_plausible_delta_t(models, points))
 
-    def believable(self, models: Sequence[Model], points: Iterable[Point]) -> list[Fit]:
+    def fits_with_plausible_delta_t(self, models: Sequence[Model], points: Iterable[Point]) -> list[Fit]:
         """Models fitted at these points; where effects leave nothing to explain beside a Δt beyond its plausible range,
         that is held at its end if data hardly mind: from a Δt that nobody believes, whatever its error, follow k and
         effects nobody should.
         """
         found = [fitted_at(model, self.cells, point) for model, point in zip(models, points, strict=True)]
         beyond = [at for at, fit in enumerate(found) if fit.effects and leaves_nothing(fit, self.criteria)]
-        ends = {at: end for at in beyond if (end := _end_passed(found[at])) is not None}
+        ends = {at: end for at in beyond if (end := _nearest_plausible_end(found[at])) is not None}
         if not ends:
             return found
         held = [replace(found[at].model, held={RESPONSE_TIME: end}) for at, end in ends.items()]
@@ -155,7 +155,7 @@ class EffectSearch:
                 found[at] = fit
         return found
 
-    def weigh_doubts(self) -> None:
+    def resolve_unknown_errors(self) -> None:
         """Find the errors that a derivative does not know of the best set that leaves nothing, where such a number is
         beyond its plausible range: whether it is to be believed depends on its error, and unknown is not none."""
         enough = [fit for fit in self.fits.values() if leaves_nothing(fit, self.criteria)]
@@ -174,7 +174,7 @@ class EffectSearch:
         other = min(others, key=lambda fit: fit.deviance, default=best)
         return (best.warm_start,) if other is best else (best.warm_start, other.warm_start)
 
-    def _in_parts(
+    def _search_in_stages(
         self,
         stage: str,
         models: Sequence[Model],
@@ -186,24 +186,26 @@ class EffectSearch:
         look, refine = (solve_near_first, solve_near_further) if nearby else (solve_first, solve_further)
         begun = [near if nearby else near[0] for near in starts]
         tasks = [(model, self.cells, near) for model, near in zip(models, begun, strict=True)]
-        found: list[Found] = self._each(stage, look, tasks)
+        found: list[Found] = self._map(stage, look, tasks)
         some = self._hopeful(found, 2 * HOPELESS)
-        found = _in_place(
-            found, some, self._each(f"{stage}, refined", refine, [(*tasks[at], found[at].point) for at in some])
+        found = _replaced(
+            found,
+            some,
+            self._map(f"{stage}, refined", refine, [(*tasks[at], found[at].point) for at in some]),
         )
         if not nearby:
             some = self._hopeful(found, HOPELESS)
             some = [at for at in some if worth_jumps(models[at], self.cells, found[at].deviance)]
             jumps = [(models[at], self.cells, found[at].point) for at in some]
-            found = _in_place(found, some, self._each(f"{stage}, other valleys", solve_jumping, jumps))
+            found = _replaced(found, some, self._map(f"{stage}, other valleys", solve_jumping, jumps))
         return [one.point for one in found]
 
     def _hopeful(self, found: Sequence[Found], times: float) -> list[int]:
         """Which are not so many times above the best of all models."""
-        limit = far_above(min(self._least(), *(one.deviance for one in found)), times)
+        limit = far_above(min(self._lowest_deviance(), *(one.deviance for one in found)), times)
         return [at for at, one in enumerate(found) if one.deviance <= limit]
 
-    def _each(self, stage: str, function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
+    def _map(self, stage: str, function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
         """What a function makes of each task."""
         found = []
         for one in self.fit_all(function, tasks):
@@ -211,34 +213,34 @@ class EffectSearch:
             self.progress(stage, len(found), len(tasks))
         return found
 
-    def _least(self) -> float:
+    def _lowest_deviance(self) -> float:
         return min((fit.deviance for fit in self.fits.values()), default=math.inf)
 
-    def _settled(self, size: int) -> bool:
+    def _size_suffices(self, size: int) -> bool:
         """Whether sets of this size, or the base model, leave nothing to explain."""
-        self.weigh_doubts()
+        self.resolve_unknown_errors()
         done = [fit for names, fit in self.fits.items() if len(names) <= size and passes(fit, self.criteria)]
         if not done:
             return False
         best = min(done, key=lambda fit: fit.bic)
         larger = self.extended(best.effects)
-        self._try(f"beyond {' + '.join(best.effects) or 'base'}", self._new(larger))
-        self._parts_again(size + 1)
-        return not any(worth(self.fits, names, best.effects, self.criteria) for names in larger)
+        self._fit_sets(f"beyond {' + '.join(best.effects) or 'base'}", self._not_yet_fitted(larger))
+        self._refit_parts(size + 1)
+        return not any(earns_place(self.fits, names, best.effects, self.criteria) for names in larger)
 
-    def _larger(self, size: int) -> list[Names]:
+    def _larger_sets(self, size: int) -> list[Names]:
         """Sets one larger: all among the survivors, and the leaders with everybody."""
         smaller = self.ranked(size - 1)
         wanted = {names for fit in smaller[:LEADERS] for names in self.extended(fit.effects)}
         if size == 2:
             survivors = [fit.effects[0] for fit in smaller[:SURVIVORS]]
             wanted |= {self._sorted(pair) for pair in combinations(survivors, 2)}
-        return self._new(sorted(wanted))
+        return self._not_yet_fitted(sorted(wanted))
 
-    def _new(self, sets: Iterable[Names]) -> list[Names]:
+    def _not_yet_fitted(self, sets: Iterable[Names]) -> list[Names]:
         return [names for names in sets if names not in self.fits]
 
-    def _try(self, stage: str, sets: Sequence[Names]) -> None:
+    def _fit_sets(self, stage: str, sets: Sequence[Names]) -> None:
         """Fit sets: near what a smaller set has found where that fits already, globally elsewhere.
 
         Sets of two and more are first looked at near their best smaller set, then the best of them globally. A single
@@ -257,17 +259,17 @@ class EffectSearch:
             lost = [names for names in hopeful if names not in closer and self._is_worse(names)]
             self.fit(f"{stage}, those left behind", lost, nearby=False)
 
-    def _parts_again(self, size: int) -> None:
+    def _refit_parts(self, size: int) -> None:
         """Fit the parts of the best sets of a size from where these have come to, tried before or not: what a set gains
         by a valley in which a part of it lies as deep is nothing that its last effect gains."""
         ranked = self.ranked(size)
         wholes = [fit for fit in ranked[:REFINED] if leaves_nothing(fit, self.criteria)] or ranked[:1]
         again = [(part, whole.warm_start) for whole in wholes for part in combinations(whole.effects, size - 1)]
         tasks = [(self.model(part), self.cells, (start,), None) for part, start in again]
-        found = self.believable([model for model, *_ in tasks], self.fit_all(solve_near, tasks))
-        self._keep([part for part, _ in again], found)
+        found = self.fits_with_plausible_delta_t([model for model, *_ in tasks], self.fit_all(solve_near, tasks))
+        self._keep_better([part for part, _ in again], found)
 
-    def _keep(self, sets: Sequence[Names], found: Sequence[Fit]) -> None:
+    def _keep_better(self, sets: Sequence[Names], found: Sequence[Fit]) -> None:
         """Put down what was found of sets, where it is better than what is known of them."""
         for names, fit in zip(sets, found, strict=True):
             if names not in self.fits or fit.deviance < self.fits[names].deviance:
@@ -307,7 +309,7 @@ class EffectSearch:
         return tuple(name for name in self.effects if name in wanted)
 
 
-def _end_passed(fit: Fit) -> float | None:
+def _nearest_plausible_end(fit: Fit) -> float | None:
     """The end of Δt's plausible range that a fit lies beyond; None where it is inside."""
     value = fit.parameters[RESPONSE_TIME].value
     one = fit.model.parameter(RESPONSE_TIME)
@@ -315,7 +317,7 @@ def _end_passed(fit: Fit) -> float | None:
     return inside if inside != value else None
 
 
-def _in_place(found: Sequence[Found], at: Sequence[int], better: Sequence[Found]) -> list[Found]:
+def _replaced(found: Sequence[Found], at: Sequence[int], better: Sequence[Found]) -> list[Found]:
     """The same with others at some places."""
     changed = dict(zip(at, better, strict=True))
     return [changed.get(place, one) for place, one in enumerate(found)]

@@ -14,7 +14,7 @@ FAR_OFF = 6.0
 """Standard errors by which the best model misses a trial that is taken to have gone wrong."""
 
 
-def gone_wrong(fit: Fit, criteria: Criteria) -> Ints:
+def suspect_trials(fit: Fit, criteria: Criteria) -> Ints:
     """Cells of one trial each that a fit misses by far; none where these are many, or all of their level.
 
     Beside a switch, where the robot walks or swims by chance, nothing is far off.
@@ -28,7 +28,7 @@ def gone_wrong(fit: Fit, criteria: Criteria) -> Ints:
     return far if len(far) <= criteria.lone_trials * len(cells) else far[:0]
 
 
-def told(cells: Cells, which: Ints) -> str:
+def repeat_request(cells: Cells, which: Ints) -> str:
     """Which trials these are."""
     where = ", ".join(f"φ {cells.phi[one]:.3f}, ω {cells.omega[one]:.3g} rad/s" for one in which)
     if len(which) == 1:

@@ -18,7 +18,16 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery import conventions
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.verdict import Verdict, gains, leaves_nothing, odd, overdispersion, passes, sound, worth
+from sandbot_model.discovery.verdict import (
+    Verdict,
+    doubtful_parameters,
+    earns_place,
+    gains_enough,
+    leaves_nothing,
+    overdispersion,
+    passes,
+    sound,
+)
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.fitting.jacobian import project_out, tangent_basis
@@ -26,9 +35,9 @@ from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.physics.variants import NEW
 
-MOST = 0.5
+LEAST_SHARE = 0.5
 """Share of the excess deviance that an effect must remove at least, where one observable is at fault."""
-FEWEST = 3
+LEAST_OBSERVABLES = 3
 """Observables from which one may be left out and the others still tell effects apart."""
 TRIED = 4
 """Single effects that are fitted with an observable left out, those that come nearest to the others."""
@@ -56,40 +65,44 @@ class Partial:
     fails: tuple[Miss, ...]
 
 
-Spared = Mapping[Observable, Mapping[Names, Fit]]
+LeftOut = Mapping[Observable, Mapping[Names, Fit]]
 """Fits of single effects and of the base model with an observable left out."""
 Found = tuple[Mapping[Names, Fit], Names, list[Observable]]
 """Fits, the set among them that is named, and the observables in which it fails."""
-Finds = Callable[[EffectSearch, Sequence[Observable]], Found | None]
+Finder = Callable[[EffectSearch, Sequence[Observable]], Found | None]
 
 
-def partly(search: EffectSearch) -> tuple[Verdict, Partial] | None:
+def mostly_repaired(search: EffectSearch) -> tuple[Verdict, Partial] | None:
     """The verdict where one effect repairs most; None where none does, or several might."""
     # What leaves nothing in any observable comes before what fails in one.
-    return beyond_its_range(search) or _said(search, _with_a_rest)
+    return beyond_its_range(search) or _verdict_from(search, _with_an_exception)
 
 
 def beyond_its_range(search: EffectSearch) -> tuple[Verdict, Partial] | None:
     """The verdict where one effect leaves nothing and no other comes near, but with a number nobody believes."""
-    return _said(search, lambda search, _: _all_but_its_number(search))
+    return _verdict_from(search, lambda search, _: _all_but_plausibility(search))
 
 
-def _said(search: EffectSearch, finds: Finds) -> tuple[Verdict, Partial] | None:
+def _verdict_from(search: EffectSearch, finds: Finder) -> tuple[Verdict, Partial] | None:
     observables = [one for one in Observable if one.name in search.cells.observables]
-    if len(observables) < FEWEST or len(search.fits) == 1 or (found := finds(search, observables)) is None:
+    if len(observables) < LEAST_OBSERVABLES or len(search.fits) == 1 or (found := finds(search, observables)) is None:
         return None
     fits, names, failing = found
-    at, share = fits[names], _share(fits, names)
+    at, share = fits[names], _share_removed(fits, names)
     misses = tuple(_miss(search.cells, at, one) for one in failing)
     holds = tuple(one.name for one in observables if one not in failing)
     partial = Partial(at.effects[0], share, holds, misses)
     return Verdict("partial", at.effects, (at.effects,), _because(partial, at)), partial
 
 
-def _with_a_rest(search: EffectSearch, observables: Sequence[Observable]) -> Found | None:
+def _with_an_exception(search: EffectSearch, observables: Sequence[Observable]) -> Found | None:
     """The effect that leaves nothing without one observable, or a small rest."""
-    found = _one_is_wrong(_spared(search, observables, HOPELESS), search.criteria)
-    if found is not None and not _falls_behind(search, found[1]) and not _another_does(search, found):
+    found = _all_but_one_observable(_fits_without_each(search, observables, HOPELESS), search.criteria)
+    if (
+        found is not None
+        and not _is_clearly_beaten(search, found[1])
+        and not _another_convention_does_better(search, found)
+    ):
         return found
     return _all_but_a_rest(search, observables)
 
@@ -101,7 +114,7 @@ def without(cells: Cells, observable: Observable) -> Cells:
     return replace(cells, mean=mean, n=count)
 
 
-def _spared(search: EffectSearch, observables: Sequence[Observable], hopeless: float) -> Spared:
+def _fits_without_each(search: EffectSearch, observables: Sequence[Observable], hopeless: float) -> LeftOut:
     """The base model and the most hopeful single effects with each observable left out in turn."""
     singles = [fit for names, fit in search.fits.items() if len(names) == 1]
     found = {}
@@ -115,7 +128,7 @@ def _spared(search: EffectSearch, observables: Sequence[Observable], hopeless: f
 
 def _hopeful(cells: Cells, fits: Iterable[Fit], hopeless: float = HOPELESS) -> list[Fit]:
     """Those that come nearest to other cells than they were made to, and not hopelessly far."""
-    missed = sorted(((_missed(fit, cells), fit) for fit in fits), key=lambda one: one[0])
+    missed = sorted(((_reduced_chi2(fit, cells), fit) for fit in fits), key=lambda one: one[0])
     return [fit for miss, fit in missed[:TRIED] if miss < hopeless]
 
 
@@ -125,7 +138,7 @@ def _fitted_to(search: EffectSearch, cells: Cells, fits: Sequence[Fit]) -> list[
     return [fitted_at(fit.model, cells, point) for fit, point in zip(fits, points, strict=True)]
 
 
-def _missed(fit: Fit, cells: Cells) -> float:
+def _reduced_chi2(fit: Fit, cells: Cells) -> float:
     """χ² a degree of freedom of other cells than a fit was made to, its parameters following to first order."""
     problem = Problem(fit.model, cells)
     state = problem.states(fit.state.theta, fit.state.ln_k, fit.state.slope)
@@ -133,7 +146,7 @@ def _missed(fit: Fit, cells: Cells) -> float:
     return float(left @ left) / max(int(problem.measured.sum()) - len(fit.stderr), 1)
 
 
-def _one_is_wrong(spared: Spared, criteria: Criteria) -> Found | None:
+def _all_but_one_observable(spared: LeftOut, criteria: Criteria) -> Found | None:
     """The effect that leaves nothing to explain without one observable, and which that is."""
     passing = [(one, names) for one, fits in spared.items() for names in fits if _explains(fits, names, criteria)]
     if not passing or any(not names for _, names in passing):
@@ -144,14 +157,14 @@ def _one_is_wrong(spared: Spared, criteria: Criteria) -> Found | None:
     return None if rivals else (spared[odd], best, [odd])
 
 
-def _falls_behind(search: EffectSearch, names: Names) -> bool:
+def _is_clearly_beaten(search: EffectSearch, names: Names) -> bool:
     """Whether another effect is clearly better with no observable left out: then it leads, if any does."""
     singles, leader = _singles(search)
     named = singles[names]
     return leader.bic < named.bic - search.criteria.clearly * overdispersion(named)
 
 
-def _another_does(search: EffectSearch, found: Found) -> bool:
+def _another_convention_does_better(search: EffectSearch, found: Found) -> bool:
     """Whether another family under a convention of its own does better where one observable is left out; clearly so
     where it does with a number that nobody believes."""
     fits, names, _ = found
@@ -162,7 +175,7 @@ def _another_does(search: EffectSearch, found: Found) -> bool:
 
 
 def _explains(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:
-    earned = not names or (worth(dict(fits), names, (), criteria) and _share(fits, names) > MOST)
+    earned = not names or (earns_place(dict(fits), names, (), criteria) and _share_removed(fits, names) > LEAST_SHARE)
     return earned and passes(fits[names], criteria)
 
 
@@ -171,7 +184,7 @@ def _excess(fit: Fit) -> float:
     return fit.deviance - fit.goodness.dof
 
 
-def _all_but_its_number(search: EffectSearch) -> Found | None:
+def _all_but_plausibility(search: EffectSearch) -> Found | None:
     """The effect that would be identified if the values of its own parameters were believable.
 
     A convention's number is none of them: beyond its range it is a formula that nobody would write.
@@ -179,21 +192,23 @@ def _all_but_its_number(search: EffectSearch) -> Found | None:
     singles, leader = _singles(search)
     (effect,) = leader.model.effects
     own = {f"{effect.identifier}.{one.name}" for one in effect.parameters if one.doc != NEW}
-    beyond = odd(leader)
+    beyond = doubtful_parameters(leader)
     if not beyond or not own.issuperset(beyond) or not leaves_nothing(leader, search.criteria):
         return None
     apart = search.criteria.clearly * overdispersion(leader)
     alone = all(fit.bic - leader.bic > apart for fit in singles.values() if fit is not leader)
-    return (singles, leader.effects, []) if alone and gains(singles, leader.effects, (), search.criteria) else None
+    return (
+        (singles, leader.effects, []) if alone and gains_enough(singles, leader.effects, (), search.criteria) else None
+    )
 
 
 def _all_but_a_rest(search: EffectSearch, observables: Sequence[Observable]) -> Found | None:
     """The effect that leads whichever observable is left out and leaves a small rest; where that is."""
     singles, leader = _singles(search)
-    if _share(singles, leader.effects) < search.criteria.all_but_a_rest:
+    if _share_removed(singles, leader.effects) < search.criteria.all_but_a_rest:
         return None
     # A small share of what is missed by far is still far from nothing.
-    spared = _spared(search, observables, np.inf)
+    spared = _fits_without_each(search, observables, np.inf)
     if not all(_leads(fits, leader.effects, search.criteria) for fits in (singles, *spared.values())):
         return None
     tests = leader.goodness.lack_of_fit
@@ -209,7 +224,7 @@ def _singles(search: EffectSearch) -> tuple[dict[Names, Fit], Fit]:
 
 def _leads(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:
     """Whether an effect earns its place and is clearly better than every other."""
-    if names not in fits or not worth(dict(fits), names, (), criteria):
+    if names not in fits or not earns_place(dict(fits), names, (), criteria):
         return False
     apart = criteria.clearly * overdispersion(fits[names])
     return all(fit.bic - fits[names].bic > apart for key, fit in fits.items() if key and key != names and sound(fit))
@@ -217,10 +232,10 @@ def _leads(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:
 
 def repairs(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:
     """Whether a set leaves nothing, or a small rest of what the base model misses."""
-    return leaves_nothing(fits[names], criteria) or _share(fits, names) >= criteria.all_but_a_rest
+    return leaves_nothing(fits[names], criteria) or _share_removed(fits, names) >= criteria.all_but_a_rest
 
 
-def _share(fits: Mapping[Names, Fit], names: Names) -> float:
+def _share_removed(fits: Mapping[Names, Fit], names: Names) -> float:
     """Share of the base model's excess deviance that a set removes."""
     return (fits[()].deviance - fits[names].deviance) / max(_excess(fits[()]), 1e-9)
 
@@ -241,14 +256,14 @@ def _because(found: Partial, at: Fit) -> str:
         for miss in found.fails
     )
     there = " there" if len(found.fails) == 1 else ""
-    beyond = "".join(f"; but {_range(at, name)}" for name in dict.fromkeys(odd(at)))
+    beyond = "".join(f"; but {_out_of_range(at, name)}" for name in dict.fromkeys(doubtful_parameters(at)))
     return (
         f"{found.effect} holds in {holds} and removes {min(found.share, 1.0):.0%} of what the base model misses{there} "
         f"(lack of fit p = {at.lack_of_fit_p:.2g})" + (f"; it fails in {fails}" if fails else "") + beyond
     )
 
 
-def _range(fit: Fit, name: str) -> str:
+def _out_of_range(fit: Fit, name: str) -> str:
     """What is not believed of a parameter."""
     parameter = fit.model.parameter(name)
     unit = "" if parameter.unit == "1" else f" {parameter.unit}"

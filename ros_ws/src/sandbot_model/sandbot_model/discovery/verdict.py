@@ -17,7 +17,7 @@ from sandbot_model.physics.variants import VARIANTS
 RESPONSE_TIME = "delta_t_s"
 CLAIMS = ("identified", "ambiguous")
 """Statuses that say that effects of the catalogue explain all."""
-CONVENTIONS = sum(map(len, VARIANTS.values()))
+CONVENTION_COUNT = sum(map(len, VARIANTS.values()))
 """How many a formula that is no effect's own was picked from."""
 Sets = Mapping[tuple[str, ...], Fit]
 """Fits by the effects on top of the base model."""
@@ -48,16 +48,16 @@ def leaves_nothing(fit: Fit, criteria: Criteria = DEFAULT) -> bool:
 
 def sound(fit: Fit) -> bool:
     """Whether every parameter of an effect is inside its range, and Δt where there is an effect."""
-    return not odd(fit)
+    return not doubtful_parameters(fit)
 
 
-def odd(fit: Fit) -> list[str]:
+def doubtful_parameters(fit: Fit) -> list[str]:
     """Parameters of effects that are at a bound, or are not believable; an effect that needs such a Δt is none."""
-    asked = RESPONSE_TIME if fit.effects and _known(*fit.parameters[RESPONSE_TIME]) else ""
+    asked = RESPONSE_TIME if fit.effects and _is_determined(*fit.parameters[RESPONSE_TIME]) else ""
     return [name for name in (*fit.at_bounds, *fit.implausible) if "." in name or name == asked]
 
 
-def beyond(fit: Fit, names: Iterable[str]) -> list[str]:
+def with_plausible_ranges(fit: Fit, names: Iterable[str]) -> list[str]:
     """Parameters that are not believable, and what would be: ``delta_t_s = 1.75 (plausible: 0.1 to 1.2)``."""
     ranges = dict(zip(fit.model.names, fit.model.parameters, strict=True))
     return [
@@ -66,24 +66,24 @@ def beyond(fit: Fit, names: Iterable[str]) -> list[str]:
     ]
 
 
-def _known(value: float, stderr: float) -> bool:
+def _is_determined(value: float, stderr: float) -> bool:
     """Whether data say what a value is: where they don't, any will do."""
     return bool(stderr < 0.5 * abs(value))
 
 
-def worth(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria = DEFAULT) -> bool:
+def earns_place(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria = DEFAULT) -> bool:
     """Whether the larger set is sound and earns its additional effects."""
-    return sound(fits[larger]) and gains(fits, larger, smaller, criteria)
+    return sound(fits[larger]) and gains_enough(fits, larger, smaller, criteria)
 
 
-def gains(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria = DEFAULT) -> bool:
+def gains_enough(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria = DEFAULT) -> bool:
     """Whether additional effects bring what is asked of each, also without the cell or level that gains the most."""
-    gain = _parts(fits[smaller]) - _parts(fits[larger])
-    price = claim(fits[larger], criteria) * (len(larger) - len(smaller))
+    gain = _deviance_terms(fits[smaller]) - _deviance_terms(fits[larger])
+    price = claim_threshold(fits[larger], criteria) * (len(larger) - len(smaller))
     return bool(gain.sum() > price and gain.sum() - gain.max() > criteria.one_cell * price)
 
 
-def claim(fit: Fit, criteria: Criteria = DEFAULT) -> float:
+def claim_threshold(fit: Fit, criteria: Criteria = DEFAULT) -> float:
     """Gain in deviance that an effect must bring here: with few replicates chance gains more than ``criteria.claim``.
 
     χ² becomes F on the replicates' degrees of freedom, and is counted in units of the scatter about the larger set,
@@ -95,7 +95,7 @@ def claim(fit: Fit, criteria: Criteria = DEFAULT) -> float:
     return price * overdispersion(fit)
 
 
-def picked_from(count: int) -> float:
+def selection_penalty(count: int) -> float:
     """What one picked from so many must be better by in BIC (extended BIC; Chen & Chen 2008, Biometrika 95, 759)."""
     return 2 * math.log(max(count, 1))
 
@@ -105,7 +105,7 @@ def overdispersion(fit: Fit) -> float:
     return max(1.0, fit.goodness.chi2 / fit.goodness.dof) if fit.goodness.dof > 0 else 1.0
 
 
-def _parts(fit: Fit) -> Array:
+def _deviance_terms(fit: Fit) -> Array:
     """Deviance of every cell, then of the penetrometer's readings at every level and of the nuisances' priors."""
     readings = fit.cells.pressed
     level = readings.level if readings is not None else np.zeros(0, dtype=np.int64)
@@ -121,14 +121,14 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
             "untested", (), (), "the base model has as many parameters as there are cell means: nothing is left to test"
         )
     # Also with a number that nobody believes: it is no claim, but what it repairs is there.
-    helpful = [key for key in fits if len(key) == 1 and gains(fits, key, (), criteria)]
+    helpful = [key for key in fits if len(key) == 1 and gains_enough(fits, key, (), criteria)]
     if passes(base, criteria) and not helpful:
         return Verdict(
             "adequate",
             (),
             (),
             f"the {base.model.base} model misses the cell means by no more than replicates scatter {_p(base)}"
-            + "".join(f", but only with {one}" for one in beyond(base, base.implausible)),
+            + "".join(f", but only with {one}" for one in with_plausible_ranges(base, base.implausible)),
         )
     good = [fit for key, fit in fits.items() if key and passes(fit, criteria) and _all_needed(fits, key, criteria)]
     if not good:
@@ -140,9 +140,11 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
     better = [fit for fit in fits.values() if not set(best.effects) <= set(fit.effects) and fit.bic < best.bic - lead]
     better = [fit for fit in better if fit not in good]
     if better:
-        return _outdone(best, min(better, key=lambda fit: fit.bic))
-    rivals = [fit for fit in good if fit is not best] + _short_of_a_price(fits, best, good, criteria)
-    rivals = sorted((fit for fit in rivals if _with_price(fit) - _with_price(best) < apart), key=lambda fit: fit.bic)
+        return _not_the_best_fit(best, min(better, key=lambda fit: fit.bic))
+    rivals = [fit for fit in good if fit is not best] + _rivals_of_equal_size(fits, best, good, criteria)
+    rivals = sorted(
+        (fit for fit in rivals if _penalised_bic(fit) - _penalised_bic(best) < apart), key=lambda fit: fit.bic
+    )
     if rivals:
         sets = tuple(fit.effects for fit in (best, *rivals))
         return Verdict(
@@ -150,17 +152,17 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
             best.effects,
             sets,
             f"{len(sets)} sets explain the data equally well: {'; '.join(map(_name, sets))}"
-            + (f" (one by a formula picked from {CONVENTIONS})" if rivals[-1].bic - best.bic >= apart else ""),
+            + (f" (one by a formula picked from {CONVENTION_COUNT})" if rivals[-1].bic - best.bic >= apart else ""),
         )
     return Verdict("identified", best.effects, (best.effects,), _because(fits, best))
 
 
-def _with_price(fit: Fit) -> float:
+def _penalised_bic(fit: Fit) -> float:
     """BIC with the price of formulas that were picked from all conventions."""
-    return fit.bic + len(fit.variants) * picked_from(CONVENTIONS) * overdispersion(fit)
+    return fit.bic + len(fit.variants) * selection_penalty(CONVENTION_COUNT) * overdispersion(fit)
 
 
-def _short_of_a_price(fits: Sets, best: Fit, good: Iterable[Fit], criteria: Criteria) -> list[Fit]:
+def _rivals_of_equal_size(fits: Sets, best: Fit, good: Iterable[Fit], criteria: Criteria) -> list[Fit]:
     """Other sets of as many effects that pass: if the best is not clearly better, on which side of a price a gain falls
     tells no two apart."""
     others = [fit for key, fit in fits.items() if len(key) == len(best.effects) and fit not in good]
@@ -168,7 +170,7 @@ def _short_of_a_price(fits: Sets, best: Fit, good: Iterable[Fit], criteria: Crit
 
 
 def _all_needed(fits: Sets, key: tuple[str, ...], criteria: Criteria) -> bool:
-    return all(worth(fits, key, part, criteria) for part in parts_of(key, fits))
+    return all(earns_place(fits, key, part, criteria) for part in parts_of(key, fits))
 
 
 def parts_of(names: tuple[str, ...], fits: Sets) -> list[tuple[str, ...]]:
@@ -184,7 +186,7 @@ def _because(fits: Sets, best: Fit) -> str:
     nearest = min(others, key=lambda fit: fit.bic, default=None)
     if nearest is not None and nearest is not second:
         # Left out for its parameters, not for its fit: the reader may think otherwise of them.
-        but = f"but with {odd(nearest)[0]} at or beyond its bound"
+        but = f"but with {doubtful_parameters(nearest)[0]} at or beyond its bound"
         rest += f" ({_name(nearest.effects)} {nearest.bic - best.bic:.0f}, {but})"
     return (
         f"with {_name(best.effects)} the deviance falls from {base.deviance:.0f} to {best.deviance:.0f} "
@@ -199,9 +201,13 @@ def best_earned(fits: Sets, criteria: Criteria = DEFAULT) -> Fit:
     )
 
 
-def _outdone(best: Fit, better: Fit) -> Verdict:
+def _not_the_best_fit(best: Fit, better: Fit) -> Verdict:
     """What would be claimed is not what fits best: that is not believed for its own sake, but speaks against it."""
-    why = f"{odd(better)[0]} is at or beyond its bound" if odd(better) else "not all of it earns its place"
+    why = (
+        f"{doubtful_parameters(better)[0]} is at or beyond its bound"
+        if doubtful_parameters(better)
+        else "not all of it earns its place"
+    )
     how = "better still" if better.bic < best.bic - 1.0 else "as well"
     because = (
         f"{_name(best.effects)} leaves replicates nothing to explain {_p(best)}, but {_name(better.effects)} fits "
@@ -238,23 +244,23 @@ def _where_it_fails(fit: Fit) -> str:
     return where
 
 
-def only_with(fit: Fit) -> Verdict:
+def refused_as_implausible(fit: Fit) -> Verdict:
     """The refusal of a set that leaves nothing to explain, for a number that is not believable."""
-    would = f"{_name(fit.effects)} would leave replicates nothing to explain {_p(fit)}, but {_only_with(fit)}"
+    would = f"{_name(fit.effects)} would leave replicates nothing to explain {_p(fit)}, but {_only_if_implausible(fit)}"
     return Verdict("unexplained", (), (), would)
 
 
-def _only_with(fit: Fit) -> str:
-    return f"only with {' and '.join(beyond(fit, odd(fit)))}"
+def _only_if_implausible(fit: Fit) -> str:
+    return f"only with {' and '.join(with_plausible_ranges(fit, doubtful_parameters(fit)))}"
 
 
 def _not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
     """Why a set that leaves nothing to explain is not named."""
-    if odd(fit):
-        return _only_with(fit)
-    part = next(part for part in parts_of(fit.effects, fits) if not gains(fits, fit.effects, part, criteria))
-    gain = _parts(fits[part]) - _parts(fit)
-    price = claim(fit, criteria)
+    if doubtful_parameters(fit):
+        return _only_if_implausible(fit)
+    part = next(part for part in parts_of(fit.effects, fits) if not gains_enough(fits, fit.effects, part, criteria))
+    gain = _deviance_terms(fits[part]) - _deviance_terms(fit)
+    price = claim_threshold(fit, criteria)
     beside = f" beside {_name(part)}" if part else ""
     if gain.sum() <= price:
         return f"gains {gain.sum():.0f}{beside}, less than the {price:.0f} that an effect must"
