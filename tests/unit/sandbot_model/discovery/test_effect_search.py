@@ -128,7 +128,7 @@ def test_what_fits_worse_than_its_part_is_searched_for_only_where_nothing_fits_y
     monkeypatch.setattr(effect_search, "REFINED", 1)
     search._fit_sets("threes", list(near))
     assert asked["threes, closer", False] == [("a", "b", "c")]
-    assert asked.get(("threes, those left behind", False), []) == ([] if found else [("a", "b", "d")])
+    assert asked.get(("threes, worse than a part", False), []) == ([] if found else [("a", "b", "d")])
 
 
 @pytest.mark.parametrize(

@@ -94,7 +94,7 @@ def test_a_formula_picked_from_all_conventions_pays_for_that(picked, lead, sets)
     found = judged(base, one, other)
     assert found.effects == ("a",)
     assert len(found.alternatives) == sets
-    assert ("picked from" in found.because) == (sets == 2)
+    assert ("selected from" in found.because) == (sets == 2)
 
 
 def test_what_no_set_repairs_is_unexplained(monkeypatch):

@@ -1,6 +1,6 @@
-"""A claim from one observable alone, where something that knows no physics explains as much.
+"""Refusal of a claim from a single observable, where something without physics explains as much.
 
-Many laws bend one quantity alike, and an offset for each mean that there is takes in anything.
+Many formulas change one quantity in the same way, and an offset for every cell mean absorbs any of them.
 """
 
 import numpy as np
@@ -13,8 +13,8 @@ from sandbot_model.physics.observables import Observable
 
 
 def refused_from_one_observable(verdict: Verdict, fits: Sets) -> Verdict | None:
-    """What is said of a claim if one observable was measured, and something smooth explains as much, or it needs a bed
-    that scatters from condition to condition; else None."""
+    """The refusal of a claim if only one observable was measured, and either a smooth discrepancy explains as much or
+    the claim needs a bed that scatters between conditions; else None."""
     base = fits[()]
     if verdict.status not in CLAIMS or len(base.cells.observables) != 1:
         return None
@@ -22,7 +22,7 @@ def refused_from_one_observable(verdict: Verdict, fits: Sets) -> Verdict | None:
     why = _smooth_does_as_well(base, named, seen) or _needs_a_scattering_bed(named, seen)
     if not why:
         return None
-    others = ", ".join(one.label for one in Observable if one is not seen)
+    others = ", ".join(other.label for other in Observable if other is not seen)
     because = f"{' + '.join(verdict.effects)} would repair it{why}; measure {others} too"
     return Verdict("unexplained", (), (), because)
 

@@ -1,10 +1,19 @@
-"""A verdict that survives what trials share: offsets of the bed by batch, drift, a lift zero, a speed scale.
+"""The verdict revised with nuisances that trials share: bed offsets by batch, drift, zero of the lift, speed scale.
 
-The search is made without them. What it claims is then tried again beside nuisances with priors (``Criteria`` and the
-cameras' ``accuracy``), and so is a base model that was refused: an effect is claimed only if it still earns its place.
-σ_b is that about the larger set, so that a missing effect is not taken for a bed that scatters. Offsets that correlate
-with φ, ω or run order do not count as scatter. What the verdict names is reported as fitted beside the nuisances: its
-standard errors hold them all.
+The search fits every set without nuisances, and ``judge`` draws a first verdict from these fits. Then:
+
+1. A base model that was adequate is refitted with nuisances, and stays adequate.
+2. Otherwise sets of one effect are considered, then sets of two, and so on: the best of hundreds of pairs absorbs part
+   of any scatter. The spread of the batches is estimated about the larger set, so that a missing effect is not mistaken
+   for scatter of the bed, and the leading sets are refitted with nuisances (priors: ``Criteria``, ``accuracy`` of the
+   cameras).
+   a. The claim stands if each of its effects still earns its place.
+   b. Otherwise the refitted sets are judged. Their verdict replaces the first if it explains the data with nuisances
+      within their priors and with batch offsets that look random (``structure``).
+   Either way, an identified effect must explain more than scatter of the bed would; else scatter is assumed instead.
+3. If no size yields a verdict, the claim stands, unless one of its effects only keeps another's parameter plausible.
+
+The named set is reported as refitted, so that its standard errors include the nuisances.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,35 +55,34 @@ from sandbot_model.fitting.global_minimum import far_above, solve_beside, solve_
 from sandbot_model.fitting.profile import lowest_along
 
 LEADING = 6
-"""Larger sets that are tried again, the best."""
+"""Number of sets of each size, the best by BIC, that are refitted with nuisances."""
 PASSES = 2
-"""How often a set is fitted: again with how well its offsets are known."""
+"""Fits of each set: the second takes in how precisely the first has determined its batch offsets."""
 LEAST_GAIN = 0.5
-"""Fall of the deviance that makes a fit better than another."""
+"""Decrease of the deviance from which a fit replaces an earlier one."""
 ROUGH_FACTOR = 1.5
-"""Scatter of a bed that is taken for rough, over its prior."""
+"""Scatter of a rough bed, in units of its prior."""
 ABSORBED = 2
-"""Unknowns that take up offsets of batches: their mean by k, a trend over ω by Δt."""
+"""Parameters that absorb batch offsets: k takes up their mean, Δt a trend over ω."""
 FAR_OFF = 4.0
-"""Standard deviations of its prior from which a reading off its zero or scale is no explanation."""
+"""Prior standard deviations from which a zero, scale or drift is no longer accepted as an explanation."""
 
 
 @dataclass(frozen=True)
 class Shared:
-    """A verdict and its fits beside what trials share."""
+    """A verdict and the fits that it rests on, with nuisances where these were needed."""
 
     verdict: Verdict
     fits: dict[Names, Fit]
     named: Fit
-    """The set that the verdict names, or the base model, beside the nuisances."""
+    """The set that the verdict names, or else the base model, refitted with nuisances."""
 
 
 def judged_with_nuisances(search: EffectSearch, plain: Verdict) -> Shared | None:
-    """The verdict beside what trials share; None where nothing repairs the base model.
+    """The verdict with nuisances, by the steps above; None where no set explains the data even with them.
 
-    Few effects are tried before many: the best of hundreds of pairs takes a share of any scatter for its own. What was
-    claimed stands if each of its effects earns its place beside as much scatter: that fewer pass a test of all at once
-    says less. Where readings off their zero or scale are enough, the bed does not scatter.
+    A claim whose effects all earn their place is not overturned by a smaller set that passes the lack-of-fit test: that
+    test is the weaker evidence. Where calibration errors suffice, no scatter of the bed is assumed.
     """
     if plain.status == "adequate":
         batch_sd = estimated_batch_sd(search.fits[()], search.criteria)
@@ -92,14 +100,14 @@ def judged_with_nuisances(search: EffectSearch, plain: Verdict) -> Shared | None
             return rough
     if not plain.effects:
         return None
-    # No credible alternative to the claim was found: the claim stands, refitted beside the nuisances.
+    # No credible alternative to the claim was found: the claim stands, refitted with nuisances.
     named = _refitted(search, [plain.effects], ALIKE)[plain.effects]
     return _refused_if_parts_suffice(search, plain) or _confirmed(search, plain, named)
 
 
 def _refused_if_parts_suffice(search: EffectSearch, plain: Verdict) -> Shared | None:
-    """The refusal of a claim, if in each of its sets an effect does nothing beside nuisances but to bring a number of
-    another back to where it is believed."""
+    """The refusal of a claim if, with nuisances, an effect of each of its sets only keeps a parameter of another effect
+    within its plausible range; else None."""
     fits, parts = dict(_refitted(search, [()], ALIKE)), set[Names]()
     for names in plain.alternatives:
         there = _refitted(search, [names, *parts_of(names, search.fits)], ALIKE)
@@ -113,14 +121,16 @@ def _refused_if_parts_suffice(search: EffectSearch, plain: Verdict) -> Shared | 
 
 
 def _part_suffices(fits: Mapping[Names, Fit], names: Names, part: Names, criteria: Criteria) -> bool:
-    """Whether a part of a set leaves nothing that the set could gain, beside nuisances that can be."""
+    """Whether a part of a set leaves no lack of fit and nothing for the set to gain, with credible nuisances."""
     enough = leaves_nothing(fits[part], criteria) and not gains_enough(fits, names, part, criteria)
     return enough and _within_priors(fits[part], criteria) and at_random(fits[part], criteria)
 
 
 def refitted_globally(fit: Fit) -> Fit:
-    """The same set beside its nuisances where a search of everywhere comes to, if that is lower: where legs meet what
-    their predecessors left, a fit without offsets begins in another valley."""
+    """The same set at its global minimum with nuisances, if that is lower.
+
+    Where legs meet ground that earlier legs disturbed, the fit without offsets may lie in the basin of another minimum.
+    """
     if fit.nuisances is None or not fit.model.walker.remembers:
         return fit
     point = solve_beside((fit.model, fit.cells, None, fit.nuisances))
@@ -129,21 +139,21 @@ def refitted_globally(fit: Fit) -> Fit:
 
 
 def refitted_as_claimed(search: EffectSearch, found: Shared) -> dict[Names, Fit]:
-    """The claim, what is in it and the base model, each beside all that the claim takes for granted."""
+    """The claimed set, its effects one by one and the base model, all with the batch SDs that the claim assumes."""
     claimed = found.verdict.effects
     sets = {(), claimed, *((name,) for name in claimed)}
     return _refitted(search, [names for names in search.fits if names in sets], batch_sd_of(found.named))
 
 
 def refitted_at_priors(search: EffectSearch, sets: Sequence[Names]) -> dict[Names, Fit]:
-    """Sets beside all that trials may share; batches that are told are as far apart as they are believed to be."""
-    told = search.cells.batch_share is not None
-    return _refitted(search, sets, priors(search.fits[()], search.criteria) if told else ALIKE)
+    """Sets refitted with all nuisances; recorded batches differ by their prior standard deviations."""
+    recorded = search.cells.batch_share is not None
+    return _refitted(search, sets, priors(search.fits[()], search.criteria) if recorded else ALIKE)
 
 
 def has_flexible_nuisances(fit: Fit) -> bool:
-    """Whether a fit takes for granted that beside which an effect in a shape of its own can be bent to nearly anything:
-    a zero or a scale of each batch or, where no batches are told, a k of each condition."""
+    """Whether a fit has nuisances so flexible that an effect under another convention could fit nearly anything: a zero
+    or scale for each batch or, where no batches are recorded, a k for each condition."""
     if fit.nuisances is None:
         return False
     offsets = set(READINGS) if fit.cells.batch_share is not None else {*READINGS, BATCH}
@@ -151,20 +161,20 @@ def has_flexible_nuisances(fit: Fit) -> bool:
 
 
 def nuisances_suffice(search: EffectSearch, size: int) -> bool:
-    """Whether what trials share repairs a set of up to ``size`` effects, and no further effect is worth its place."""
+    """Whether nuisances make a set of up to ``size`` effects fit, and no further effect earns its place."""
     found = judged_with_nuisances(search, judge(search.fits, search.criteria))
-    # A larger one that passes was found beyond the best of this size: its rivals have not been tried yet.
+    # A larger set that passes was found by extending the best of this size; its rivals have not been fitted yet.
     if found is None or len(found.verdict.effects) > size:
         return False
     named = found.named
     larger = search.extended(named.effects)
-    beside = [named, *search.near([search.model(names) for names in larger], named)]
-    fits = found.fits | {fit.effects: fit for fit in beside}
+    extended = [named, *search.near([search.model(names) for names in larger], named)]
+    fits = found.fits | {fit.effects: fit for fit in extended}
     return not any(earns_place(fits, names, named.effects, search.criteria) for names in larger)
 
 
 def _verdict_up_to_size(search: EffectSearch, plain: Verdict, size: int) -> Shared | None:
-    """The verdict among sets of up to ``size`` effects; None where it is no better."""
+    """The verdict among sets of up to ``size`` effects; None where nuisances do not help."""
     claimed = len(plain.effects) == size
     batch_sd = _batch_sd_about(search, search.fits[plain.effects] if claimed else _best_plausible(search, size))
     if claimed and (survivor := _if_still_earned(search, plain.effects, batch_sd)):
@@ -182,16 +192,17 @@ def _verdict_up_to_size(search: EffectSearch, plain: Verdict, size: int) -> Shar
 
 
 def _confirmed(search: EffectSearch, plain: Verdict, named: Fit) -> Shared:
-    """The verdict that was, with the readings that are seen to be off."""
+    """The first verdict, with the calibration errors that the refitted set shows."""
     off = significant(named)
     because = f"{plain.because}, beside {' and '.join(off)}" if off else plain.because
     return Shared(replace(plain, because=because), search.fits, named)
 
 
 def _base_with_calibration_errors(search: EffectSearch, plain: Verdict, batch_sd: BatchSd) -> Shared | None:
-    """The base model alone beside readings off their zero or scale, where a bed that scatters need not be granted.
+    """The base model with calibration errors alone, where these make a scattering bed unnecessary.
 
-    It is where it is clearly there all the same, and the base model passes beside it: k would be known too well.
+    Scatter of the bed is still included if it is clearly present beside them and the base model remains adequate:
+    without it, the standard error of k would be too small.
     """
     if not batch_sd or judge(_refitted(search, [()], ALIKE), search.criteria).status != "adequate":
         return None
@@ -204,15 +215,15 @@ def _base_with_calibration_errors(search: EffectSearch, plain: Verdict, batch_sd
 
 
 def _batch_sd_about(search: EffectSearch, fit: Fit) -> BatchSd:
-    """How far batches differ about a set, and again about where it comes to once that much is granted."""
+    """Batch SDs about a set, estimated again about its fit with batch offsets of that size."""
     batch_sd = estimated_batch_sd(fit, search.criteria)
     if not batch_sd:
         return ALIKE
     there = _refitted(search, [fit.effects], batch_sd)[fit.effects]
-    # Beside offsets and without them: where cells walk or swim by chance, these may be what takes the bed for rough.
+    # Estimated with and without offsets: where cells walk or swim by chance, the offsets may inflate the scatter.
     bare = fitted_at(fit.model, fit.cells, there.point)
     found = estimated_batch_sd(there, search.criteria)
-    # Far above where the set came to without offsets, what it misses is cells on the wrong side of a switch.
+    # Far above the minimum without offsets, the misfit comes from cells on the wrong side of a switch.
     return (
         found if bare.deviance > far_above(fit.deviance) else found.maximum(estimated_batch_sd(bare, search.criteria))
     )
@@ -223,7 +234,7 @@ def _best_plausible(search: EffectSearch, size: int) -> Fit:
 
 
 def _judged_with_batch_sd(search: EffectSearch, plain: Verdict, size: int, batch_sd: BatchSd) -> Shared | None:
-    """The verdict beside nuisances among sets of up to ``size`` effects; None where it is no better."""
+    """The verdict among sets of up to ``size`` effects, refitted with these batch SDs; None where it is no better."""
     fits = _refitted(search, _leading_sets(search, plain, size), batch_sd)
     if judge(fits, search.criteria).status == "unexplained":
         return None
@@ -243,7 +254,7 @@ def _judged_with_batch_sd(search: EffectSearch, plain: Verdict, size: int, batch
 
 
 def _if_still_earned(search: EffectSearch, names: Names, batch_sd: BatchSd) -> Fit | None:
-    """A set beside the nuisances, where every effect of it still earns its place."""
+    """The set refitted with nuisances if each of its effects still earns its place; else None."""
     parts = parts_of(names, search.fits)
     fits = _refitted(search, [names, *parts], batch_sd)
     fits |= _improved_parts(fits, names, search.criteria, batch_sd)
@@ -251,10 +262,10 @@ def _if_still_earned(search: EffectSearch, names: Names, batch_sd: BatchSd) -> F
 
 
 def _beats_scatter(search: EffectSearch, names: Names) -> bool:
-    """Whether each effect of a set explains more, by its price, than a bed that scatters as suits what is left.
+    """Whether each effect of a set explains more, by its threshold, than scatter of the bed estimated without it.
 
-    Asked where each batch holds whole conditions, one or (one frequency a day) several: an effect that follows what
-    sets them apart may be nothing but their offsets.
+    Only tested where each batch holds whole conditions, such as one frequency a day: there an effect that follows the
+    differences between batches may be nothing but their offsets.
     """
     share = search.cells.batch_share
     if share is None or share.max(axis=1).min() < 1.0:
@@ -264,27 +275,30 @@ def _beats_scatter(search: EffectSearch, names: Names) -> bool:
 
 
 def _if_earned_without_scatter(search: EffectSearch, names: Names) -> Fit | None:
-    """A set about which the bed does not scatter, where a bed that does explains clearly less than each of its effects.
+    """The set refitted without scatter of the bed, if each effect explains clearly more than scatter would; else None.
 
-    A deviance beside an offset for every condition says how little is left, not how many offsets that took: a missing
-    effect may hide in them. Their likelihood (``gain_of_batches``) says both.
+    The deviance with an offset for every condition does not count the offsets, in which a missing effect may hide;
+    their marginal likelihood (``gain_of_batches``) does.
     """
     if (fit := _if_still_earned(search, names, ALIKE)) is None or estimated_batch_sd(fit, search.criteria):
         return None
     fits = _refitted(search, [names, *parts_of(names, search.fits)], ALIKE)
-    price = claim_threshold(fit, search.criteria) + selection_penalty(len(search.fits))
-    return fit if _lead_over_scatter(search, names, fits) > price else None
+    threshold = claim_threshold(fit, search.criteria) + selection_penalty(len(search.fits))
+    return fit if _lead_over_scatter(search, names, fits) > threshold else None
 
 
 def _lead_over_scatter(search: EffectSearch, names: Names, fits: Mapping[Names, Fit]) -> float:
-    """By how much each effect of a set, at least, explains more than a bed that scatters, in -2 ln of the posterior."""
-    left = {one: fit.deviance - gain_of_batches(fit, search.criteria) for one, fit in fits.items()}
-    return min((left[part] - left[names] for part in parts_of(names, fits)), default=0.0)
+    """The least gain of an effect of a set over scatter of the bed, in -2 ln of the posterior."""
+    marginal = {key: fit.deviance - gain_of_batches(fit, search.criteria) for key, fit in fits.items()}
+    return min((marginal[part] - marginal[names] for part in parts_of(names, fits)), default=0.0)
 
 
 def _base_on_rough_bed(search: EffectSearch, plain: Verdict) -> Shared | None:
-    """The base model on a bed as rough as it shows, where it leaves nothing on a smoother one either, and what gains
-    there is not to be believed and explains no more than the bed."""
+    """The base model with the scatter estimated about it, where no believable effect explains more; else None.
+
+    It must also pass with the scatter estimated about the best single effect, and every effect that gains there must
+    have an implausible parameter and explain no more than scatter would.
+    """
     criteria, batch_sd = search.criteria, _batch_sd_about(search, _best_plausible(search, 1))
     fits = _refitted(search, _leading_sets(search, plain, 1), batch_sd)
     helpful = [names for names in fits if len(names) == 1 and gains_enough(fits, names, (), criteria)]
@@ -296,9 +310,9 @@ def _base_on_rough_bed(search: EffectSearch, plain: Verdict) -> Shared | None:
 
 
 def _scatter_threshold(fit: Fit, batches: int, criteria: Criteria) -> float:
-    """What an effect must gain beside a bed that scatters: the claim, and more where few batches tell how far it does.
+    """What an effect must gain over scatter of the bed: the usual threshold, and more where batches are few.
 
-    Student's t in place of the normal distribution, its likelihood ratio (d + 1) ln(1 + t²/d).
+    Student's t replaces the normal distribution; its likelihood ratio is (d + 1) ln(1 + t²/d).
     """
     freedom = max(batches - ABSORBED, 1)
     square = f_isf(chi2_sf(criteria.claim, 1), 1, freedom)
@@ -307,9 +321,9 @@ def _scatter_threshold(fit: Fit, batches: int, criteria: Criteria) -> float:
 
 
 def _improved_parts(fits: dict[Names, Fit], names: Names, criteria: Criteria, batch_sd: BatchSd) -> dict[Names, Fit]:
-    """Sets with one effect less that fit better than so far.
+    """Parts of a set that fit better when refitted from the minimum of the set.
 
-    They are tried near where the larger set has come to, and along each of their parameters where ground remembers.
+    Where steps disturb the ground for later ones, each parameter is also scanned.
     """
     found, larger = {}, fits[names]
     assert larger.nuisances is not None
@@ -319,7 +333,7 @@ def _improved_parts(fits: dict[Names, Fit], names: Names, criteria: Criteria, ba
         point = solve_near((before.model, before.cells, (larger.warm_start,), own))
         better = min(before, fitted_at(before.model, before.cells, point, own), key=lambda fit: fit.deviance)
         if before.model.walker.remembers and better.deviance < far_above(larger.deviance):
-            # Its deviance is a bumpy plain: what an effect gains may be no more than another bump.
+            # The deviance has many shallow local minima: an apparent gain may only be the difference between two.
             better = lowest_along(better)
         if better.deviance < before.deviance - LEAST_GAIN:
             found[part] = better
@@ -327,7 +341,7 @@ def _improved_parts(fits: dict[Names, Fit], names: Names, criteria: Criteria, ba
 
 
 def _leading_sets(search: EffectSearch, plain: Verdict, most: int) -> list[Names]:
-    """The base model, the best sets of each size and those named, with all that is in them."""
+    """The base model, the best sets of each size and those the verdict names, with all their subsets."""
     found = {names for names in plain.alternatives if len(names) <= most}
     for size in range(1, most + 1):
         found |= {fit.effects for fit in search.ranked(size)[:LEADING]}
@@ -336,7 +350,7 @@ def _leading_sets(search: EffectSearch, plain: Verdict, most: int) -> list[Names
 
 
 def _refitted(search: EffectSearch, sets: Sequence[Names], batch_sd: BatchSd) -> dict[Names, Fit]:
-    """Sets fitted before, with nuisances; those that began at the same fits before are not fitted again."""
+    """Sets refitted with nuisances; cached by the batch SDs and the fits they start from."""
     rough = (_on_rough_ground(search),) if batch_sd[BATCH] else ()
     begun = {names: (batch_sd, *_starting_fits(search, names), *rough) for names in sets}
     new = [names for names in begun if begun[names] not in search.with_nuisances]
@@ -346,14 +360,14 @@ def _refitted(search: EffectSearch, sets: Sequence[Names], batch_sd: BatchSd) ->
 
 
 def _fitted_from(search: EffectSearch, begun: Mapping[Names, tuple[Fit, ...]], batch_sd: BatchSd) -> list[Fit]:
-    """The same sets where they come to beside nuisances from these fits, never above where they were."""
+    """Sets fitted with nuisances from these starting fits, never to a higher deviance than at their present point."""
     fits = [search.fits[names] for names in begun]
     origins = [tuple(fit.warm_start for fit in some) for some in begun.values()]
-    for again in range(PASSES):
+    for later in range(PASSES):
         own = [nuisances_for(fit, search.criteria, batch_sd) for fit in fits]
-        starts = [fit.point for fit in fits] if again else origins
+        starts = [fit.point for fit in fits] if later else origins
         tasks = [(fit.model, fit.cells, *at) for fit, *at in zip(fits, starts, own, strict=True)]
-        points = search.fit_all(solve_on if again else solve_near, tasks)
+        points = search.fit_all(solve_on if later else solve_near, tasks)
         found = [fitted_at(fit.model, fit.cells, *at) for fit, *at in zip(fits, points, own, strict=True)]
         stayed = [fitted_at(fit.model, fit.cells, fit.point, at) for fit, at in zip(fits, own, strict=True)]
         fits = [min(both, key=lambda fit: fit.deviance) for both in zip(found, stayed, strict=True)]
@@ -361,16 +375,16 @@ def _fitted_from(search: EffectSearch, begun: Mapping[Names, tuple[Fit, ...]], b
 
 
 def _starting_fits(search: EffectSearch, names: Names) -> tuple[Fit, ...]:
-    """A set's fit, and that of the best with one effect less: with nuisances the effect may have nothing left to do."""
+    """The fit of a set, and that of its best part: with nuisances the last effect may no longer be needed."""
     smaller = [search.fits[part] for part in parts_of(names, search.fits)]
     return (search.fits[names], *sorted(smaller, key=lambda part: part.deviance)[:1])
 
 
 def _on_rough_ground(search: EffectSearch) -> Fit:
-    """The base model where a search of everywhere comes to if replicates of a condition share what k is off by.
+    """The base model at its global minimum if all replicates of a condition share an offset of k.
 
-    Without that, conditions that walk or swim for what their batch is off by pull k and Δt into other valleys, from
-    which no offset leads back.
+    Otherwise conditions that walk or swim because of their batch's offset draw k and Δt to another local minimum, from
+    which a descent with offsets does not return.
     """
     if search.base_on_rough_bed is None:
         plain = search.fits[()]
@@ -381,7 +395,7 @@ def _on_rough_ground(search: EffectSearch) -> Fit:
 
 
 def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, batch_sd: BatchSd, criteria: Criteria) -> Verdict:
-    """The verdict with what it takes for granted, and what would be said otherwise."""
+    """The verdict with the nuisances that it assumes, and what it would be without them."""
     words = _batch_terms_in_words(fit, batch_sd, criteria) + significant(fit)
     named = f"{plain.status}: {' + '.join(plain.effects)}" if plain.effects else plain.status
     taken = " and ".join(words) or "a drift that these data can't show"
@@ -392,7 +406,7 @@ def _with_nuisances(verdict: Verdict, plain: Verdict, fit: Fit, batch_sd: BatchS
 
 
 def _batch_terms_in_words(fit: Fit, batch_sd: BatchSd, criteria: Criteria) -> list[str]:
-    """What is taken for granted of how batches differ."""
+    """The assumed differences between batches, in words."""
     kind, prior = "condition" if fit.cells.batch_share is None else "batch", priors(fit, criteria)
     words = {
         BATCH: f"k that scatters by {batch_sd[BATCH]:.2%} from {kind} to {kind} (prior {prior[BATCH]:.1%})",
@@ -405,7 +419,7 @@ def _batch_terms_in_words(fit: Fit, batch_sd: BatchSd, criteria: Criteria) -> li
 
 
 def _within_priors(fit: Fit, criteria: Criteria) -> bool:
-    """Whether drift, zeros and scales are within what their priors can mean, those of each batch as well."""
+    """Whether drift, zeros and scales, also those of each batch, are compatible with their priors."""
     assert fit.nuisances is not None
     prior = priors(fit, criteria)
     of_batch = {name: prior[name] for name in READINGS}
