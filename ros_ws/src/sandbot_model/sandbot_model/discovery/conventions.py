@@ -135,9 +135,8 @@ def _bic_with_nuisances(search: EffectSearch, fit: Fit) -> float:
 
 
 def _explains(search: EffectSearch, fit: Fit) -> bool:
-    return passes(fit, search.criteria) and earns_place(
-        {**search.fits, fit.effects: fit}, fit.effects, (), search.criteria
-    )
+    fits = {**search.fits, fit.effects: fit}
+    return passes(fit, search.criteria) and earns_place(fits, fit.effects, (), search.criteria)
 
 
 def _clearly_better(search: EffectSearch, fit: Fit, picked: float = 0.0) -> bool:
@@ -154,9 +153,8 @@ def _clearly_better(search: EffectSearch, fit: Fit, picked: float = 0.0) -> bool
 def _is_identifiable(search: EffectSearch, fit: Fit) -> bool:
     """Whether more than one observable depends on what the convention changes."""
     stages = {effect.stage for effect in fit.model.effects if effect.variant}
-    return (
-        not stages <= {"step", "speed"} or sum(observable.name in search.cells.observables for observable in ALONG) > 1
-    )
+    along = [observable for observable in ALONG if observable.name in search.cells.observables]
+    return not stages <= {"step", "speed"} or len(along) > 1
 
 
 def singles(search: EffectSearch) -> list[Fit]:

@@ -201,11 +201,8 @@ class EffectSearch:
         tasks = [(model, self.cells, near) for model, near in zip(models, begun, strict=True)]
         found: list[Found] = self._map(stage, look, tasks)
         some = self._hopeful(found, 2 * HOPELESS)
-        found = _replaced(
-            found,
-            some,
-            self._map(f"{stage}, refined", refine, [(*tasks[at], found[at].point) for at in some]),
-        )
+        refined = self._map(f"{stage}, refined", refine, [(*tasks[at], found[at].point) for at in some])
+        found = _replaced(found, some, refined)
         if not nearby:
             some = self._hopeful(found, HOPELESS)
             some = [at for at in some if worth_jumps(models[at], self.cells, found[at].deviance)]

@@ -99,13 +99,9 @@ def _verdict_from(search: EffectSearch, finds: Finder) -> tuple[Verdict, Partial
 def _with_an_exception(search: EffectSearch, observables: Sequence[Observable]) -> Found | None:
     """The effect that fits without one observable, or else leaves a small rest."""
     found = _all_but_one_observable(_fits_without_each(search, observables, HOPELESS), search.criteria)
-    if (
-        found is not None
-        and not _is_clearly_beaten(search, found[1])
-        and not _another_convention_does_better(search, found)
-    ):
-        return found
-    return _all_but_a_rest(search, observables)
+    if found is None or _is_clearly_beaten(search, found[1]) or _another_convention_does_better(search, found):
+        return _all_but_a_rest(search, observables)
+    return found
 
 
 def without(cells: Cells, observable: Observable) -> Cells:
@@ -198,9 +194,8 @@ def _all_but_plausibility(search: EffectSearch) -> Found | None:
         return None
     margin = search.criteria.clearly * overdispersion(leader)
     alone = all(fit.bic - leader.bic > margin for fit in singles.values() if fit is not leader)
-    return (
-        (singles, leader.effects, []) if alone and gains_enough(singles, leader.effects, (), search.criteria) else None
-    )
+    alone = alone and gains_enough(singles, leader.effects, (), search.criteria)
+    return (singles, leader.effects, []) if alone else None
 
 
 def _all_but_a_rest(search: EffectSearch, observables: Sequence[Observable]) -> Found | None:

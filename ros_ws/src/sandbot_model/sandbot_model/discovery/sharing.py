@@ -90,13 +90,10 @@ def judged_with_nuisances(search: EffectSearch, plain: Verdict) -> Shared | None
         return found or _confirmed(search, plain, _refitted(search, [()], ALIKE)[()])
     for size in range(1, 1 + max(1, *map(len, search.fits))):
         if found := _verdict_up_to_size(search, plain, size):
-            stands = found.verdict.status != "identified" or _beats_scatter(search, found.verdict.effects)
-            return (
-                found
-                if stands
-                else _judged_with_batch_sd(search, plain, size, _batch_sd_about(search, search.fits[()])) or found
-            )
-        if size == 1 and (rough := _base_on_rough_bed(search, plain)):
+            if found.verdict.status != "identified" or _beats_scatter(search, found.verdict.effects):
+                return found
+            return _judged_with_batch_sd(search, plain, size, _batch_sd_about(search, search.fits[()])) or found
+        if size == 1 and (rough := _base_with_scatter(search, plain)):
             return rough
     if not plain.effects:
         return None
@@ -139,7 +136,7 @@ def refitted_globally(fit: Fit) -> Fit:
 
 
 def refitted_as_claimed(search: EffectSearch, found: Shared) -> dict[Names, Fit]:
-    """The claimed set, its effects one by one and the base model, all with the batch SDs that the claim assumes."""
+    """The claimed set, each of its effects and the base model, refitted with the nuisances that the claim assumes."""
     claimed = found.verdict.effects
     sets = {(), claimed, *((name,) for name in claimed)}
     return _refitted(search, [names for names in search.fits if names in sets], batch_sd_of(found.named))
@@ -179,16 +176,13 @@ def _verdict_up_to_size(search: EffectSearch, plain: Verdict, size: int) -> Shar
     batch_sd = _batch_sd_about(search, search.fits[plain.effects] if claimed else _best_plausible(search, size))
     if claimed and (survivor := _if_still_earned(search, plain.effects, batch_sd)):
         return Shared(plain, search.fits, survivor)
-    found = _base_with_calibration_errors(search, plain, batch_sd) or _judged_with_batch_sd(
-        search, plain, size, batch_sd
-    )
-    larger = found is not None and len(plain.effects) > len(found.verdict.effects) and not claimed
-    survivor = (
-        _if_still_earned(search, plain.effects, batch_sd) or _if_earned_without_scatter(search, plain.effects)
-        if larger
-        else None
-    )
-    return Shared(plain, search.fits, survivor) if survivor else found
+    found = _base_with_calibration_errors(search, plain, batch_sd)
+    found = found or _judged_with_batch_sd(search, plain, size, batch_sd)
+    if found is not None and len(plain.effects) > len(found.verdict.effects) and not claimed:
+        survivor = _if_still_earned(search, plain.effects, batch_sd)
+        if survivor := survivor or _if_earned_without_scatter(search, plain.effects):
+            return Shared(plain, search.fits, survivor)
+    return found
 
 
 def _confirmed(search: EffectSearch, plain: Verdict, named: Fit) -> Shared:
@@ -220,13 +214,13 @@ def _batch_sd_about(search: EffectSearch, fit: Fit) -> BatchSd:
     if not batch_sd:
         return ALIKE
     there = _refitted(search, [fit.effects], batch_sd)[fit.effects]
-    # Estimated with and without offsets: where cells walk or swim by chance, the offsets may inflate the scatter.
+    # Where cells walk or swim by chance, the estimates with and without offsets differ: the larger one is used.
     bare = fitted_at(fit.model, fit.cells, there.point)
     found = estimated_batch_sd(there, search.criteria)
-    # Far above the minimum without offsets, the misfit comes from cells on the wrong side of a switch.
-    return (
-        found if bare.deviance > far_above(fit.deviance) else found.maximum(estimated_batch_sd(bare, search.criteria))
-    )
+    # Unless that without is far above the set's own minimum: then it only shows cells on the wrong side of a switch.
+    if bare.deviance > far_above(fit.deviance):
+        return found
+    return found.maximum(estimated_batch_sd(bare, search.criteria))
 
 
 def _best_plausible(search: EffectSearch, size: int) -> Fit:
@@ -293,7 +287,7 @@ def _lead_over_scatter(search: EffectSearch, names: Names, fits: Mapping[Names, 
     return min((marginal[part] - marginal[names] for part in parts_of(names, fits)), default=0.0)
 
 
-def _base_on_rough_bed(search: EffectSearch, plain: Verdict) -> Shared | None:
+def _base_with_scatter(search: EffectSearch, plain: Verdict) -> Shared | None:
     """The base model with the scatter estimated about it, where no believable effect explains more; else None.
 
     It must also pass with the scatter estimated about the best single effect, and every effect that gains there must
