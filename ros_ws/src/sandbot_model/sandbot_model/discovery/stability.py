@@ -1,6 +1,6 @@
 """Would another sample of trials have led to the same set? A parametric bootstrap of the cell means.
 
-What an effect must bring to be claimed (``verdict.claim``) it must bring in each draw.
+What an effect must bring to be claimed (``verdict.claim_threshold``) it must bring in each draw.
 
 Each draw adds noise of the cell means' own covariance to the data; to first order a set's misfit is then that of its
 residual plus the noise, projected out of what its parameters can absorb. No fit is repeated, so hundreds of draws cost
