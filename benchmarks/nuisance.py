@@ -30,7 +30,7 @@ from sandbot_model.data.conditions import Cells, cells_of
 from sandbot_model.discovery.batch_sd import BatchSd
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
-from sandbot_model.discovery.nuisances_about import shared_by
+from sandbot_model.discovery.nuisances_about import nuisances_for
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.physics.catalogue import catalogue
@@ -170,7 +170,7 @@ def _gain(case: Case, seed: int) -> float:
     apart = BatchSd(week.k_batch_sd, week.lift_zero_batch_sd_m, week.speed_scale_batch_sd)
     base = fit(model_of("simple", (), catalogue()), cells)
     whole = fit(model_of("simple", tuple(TRUTHS[case.truth]), catalogue()), cells, base.warm_start)
-    own, starts = shared_by(whole, DEFAULT, apart), (base.warm_start, whole.warm_start)
+    own, starts = nuisances_for(whole, DEFAULT, apart), (base.warm_start, whole.warm_start)
     without, with_it = (
         fitted_at(one.model, cells, solve_near((one.model, cells, starts, own)), own) for one in (base, whole)
     )

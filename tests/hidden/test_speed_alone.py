@@ -47,7 +47,7 @@ def test_nor_where_no_other_effect_is_known():
 
 @pytest.mark.whole
 def test_it_would_be_named_if_nothing_smooth_were_thought_of(monkeypatch):
-    monkeypatch.setattr(rooms, "taken_back", lambda verdict, fits: None)
+    monkeypatch.setattr(rooms, "refused_from_one_observable", lambda verdict, fits: None)
     assert verdict(OUTSIDE, 2, ("dilation",)).effects == ("dilation",)
 
 

@@ -25,7 +25,7 @@ from sandbot_lab.robot import simulate
 from sandbot_lab.world import World, world_from_mapping
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
-from sandbot_model.discovery.nuisances_about import shared_by
+from sandbot_model.discovery.nuisances_about import nuisances_for
 from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.model import model_of
@@ -248,7 +248,7 @@ def test_an_accuracy_changes_standard_errors(key):
         ]
         several, single = (cells_of(from_rows(some, accuracy=accuracy)) for some in (rows, rows[::2]))
         if key in ("lift_zero_m", "speed_scale"):
-            return [shared_by(fit(model_of("simple", (), {}), several), DEFAULT).sd]
+            return [nuisances_for(fit(model_of("simple", (), {}), several), DEFAULT).sd]
         return [several.sem, single.sem]
 
     assert not same(sem(CAMERAS), sem(changed(CAMERAS, (SECTION, key))))

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from sandbot_model.data.conditions import cells_of
-from sandbot_model.discovery.conventions import against, other_conventions, singles, within_pairs
+from sandbot_model.discovery.conventions import admit_rivals, singles, try_single_effects, try_within_pairs
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.partial import beyond_its_range
-from sandbot_model.discovery.sharing import bends
+from sandbot_model.discovery.sharing import has_flexible_nuisances
 from sandbot_model.discovery.verdict import judge
 from sandbot_model.physics.catalogue import catalogue
 
@@ -110,7 +110,7 @@ def test_a_convention_that_leaves_nothing_may_be_claimed_on_a_bed_that_scatters(
     """It was refused as one that needs a k of each condition, which explain a little more here."""
     level = "o: speed: kept *= 1 - 0.15*(1 - first)*tanh((omega/11)^2)"
     found = discover(cells_of(drawn(formulas=(level,), seed=2000, levels=7)), FEW, max_effects=1)
-    assert bends(found.fit)
+    assert has_flexible_nuisances(found.fit)
     assert found.headline == "identified: stance_overlap (the first step spared, by a power of ω)"
 
 
@@ -166,7 +166,7 @@ def test_either_effect_of_a_pair_may_have_a_convention_of_its_own(drawn, formula
         cells_of(drawn(("swimming_thrust",), values=hard, formulas=(formula,), seed=5)), few, "simple"
     )
     search.run(2)
-    assert within_pairs(search) == bool(variants)
+    assert try_within_pairs(search) == bool(variants)
     assert search.fits[tuple(few)].variants == variants
 
 
@@ -221,7 +221,7 @@ def test_a_claim_stands_where_others_only_come_near(drawn, seed):
     assert found.headline == "identified: stance_overlap"
     search = EffectSearch(found.cells, FEW, "simple")
     search.run(1)
-    assert not against(search, search.fits["stance_overlap",])
+    assert not admit_rivals(search, search.fits["stance_overlap",])
     assert min(fit.bic for fit in singles(search) if fit.effects == ("leg_slip",)) < found.fit.bic + 10
 
 
@@ -245,6 +245,6 @@ def test_a_better_fit_with_a_number_nobody_believes_comes_before_a_formula_nobod
     some = {name: catalogue()[name] for name in ("disturbed_ground", "crater_refill", "stance_overlap")}
     search = EffectSearch(cells_of(drawn(formulas=(formula,), seed=5)), some, "simple")
     search.run(1)
-    other_conventions(search)
+    try_single_effects(search)
     found = beyond_its_range(search)
     assert (found and found[0].effects) == (named and (named,))

@@ -32,7 +32,7 @@ def test_a_threshold_just_beyond_its_range_is_believed_where_it_is_known_no_bett
     search.fits[names] = moved(search.fits[names], "disturbed_ground.s_c", 1.055)
     assert leaves_nothing(search.fits[names])
     assert not sound(search.fits[names])
-    search.weigh_doubts()
+    search.resolve_unknown_errors()
     assert sound(search.fits[names])
     assert search.fits[names].deviance > 150
 
@@ -42,5 +42,5 @@ def test_a_number_beyond_its_range_whose_error_is_known_is_not_believed(drawn):
     before = search.fits[names]
     assert leaves_nothing(before)
     assert not sound(before)
-    search.weigh_doubts()
+    search.resolve_unknown_errors()
     assert not sound(search.fits[names])

@@ -52,10 +52,10 @@ def test_a_part_is_fitted_again_from_where_the_best_set_has_come_to(planted):
     base = planted.fits[()]
     stuck = fitted_at(base.model, base.cells, replace(base.point, theta=1.5 * base.point.theta))
     search.fits = planted.fits | {(): stuck}
-    search._parts_again(1)
+    search._refit_parts(1)
     assert stuck.deviance > 2 * base.deviance
     assert search.fits[()].deviance == pytest.approx(base.deviance, rel=0.01)
-    search._parts_again(2)  # where no set is so large nothing is fitted
+    search._refit_parts(2)  # where no set is so large nothing is fitted
     assert search.fits.keys() == planted.fits.keys()
 
 
@@ -64,7 +64,7 @@ def test_a_part_that_was_never_tried_is_tried_before_a_set_is_claimed(planted):
     search, both = copy.copy(planted), tuple(FEW)
     search.fits = {(): planted.fits[()], both: search.near([search.model(both)], planted.fits[("stance_overlap",)])[0]}
     assert judge(search.fits).effects == both
-    search._parts_again(2)
+    search._refit_parts(2)
     assert judge(search.fits).effects == ("stance_overlap",)
 
 
@@ -80,7 +80,7 @@ def test_parts_are_fitted_again_from_every_set_that_leaves_nothing(monkeypatch, 
 
     search.fit_all = fit_all
     monkeypatch.setattr(effect_search, "leaves_nothing", lambda *_: enough)
-    search._parts_again(1)
+    search._refit_parts(1)
     overlap, thrust = (planted.fits[name,].warm_start for name in FEW)
     assert starts == ([overlap, thrust] if enough else [overlap])
 
@@ -107,7 +107,7 @@ def test_sets_in_which_an_effect_stays_neutral_take_no_ones_place(monkeypatch, d
     monkeypatch.setattr(effect_search, "passes", lambda *_: False)
     monkeypatch.setattr(search, "_beside_the_best", lambda _: [])
     monkeypatch.setattr(effect_search, "REFINED", 1)
-    search._try("pairs", list(near))
+    search._fit_sets("pairs", list(near))
     assert ("pairs, closer", [("base", closer)]) in asked
 
 
@@ -126,9 +126,9 @@ def test_what_fits_worse_than_its_part_is_searched_for_only_where_nothing_fits_y
     monkeypatch.setattr(effect_search, "passes", lambda fit, _: found and fit.deviance == 90.0)
     monkeypatch.setattr(search, "_beside_the_best", lambda _: [])
     monkeypatch.setattr(effect_search, "REFINED", 1)
-    search._try("threes", list(near))
+    search._fit_sets("threes", list(near))
     assert asked["threes, closer", False] == [("a", "b", "c")]
-    assert asked.get(("threes, those left behind", False), []) == ([] if found else [("a", "b", "d")])
+    assert asked.get(("threes, worse than a part", False), []) == ([] if found else [("a", "b", "d")])
 
 
 @pytest.mark.parametrize(

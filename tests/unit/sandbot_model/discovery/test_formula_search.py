@@ -62,12 +62,12 @@ def held(monkeypatch):
     """Whether a verdict is refused, where a formula outdoes all that is asked about."""
     refused = Verdict("unexplained", (), (), "")
     monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_: refused)
-    monkeypatch.setattr(discover, "as_granted", lambda search, _: search.fits)
+    monkeypatch.setattr(discover, "refitted_as_claimed", lambda search, _: search.fits)
     monkeypatch.setattr(discover, "judge", lambda *_: CLAIM)
 
     def held(claim, fits):
         search = SimpleNamespace(fits={(): fit(bic=300.0)} | fits, criteria=DEFAULT)
-        imitated = discover._imitated(search, Shared(claim, search.fits, search.fits[()]))
+        imitated = discover._refused_for_a_formula(search, Shared(claim, search.fits, search.fits[()]))
         return imitated is not None and imitated.verdict is refused
 
     return held
@@ -77,5 +77,5 @@ def held(monkeypatch):
 def test_an_effect_that_repairs_most_is_not_named_where_a_formula_does_all(monkeypatch, outdone, said):
     monkeypatch.setattr(discover, "outdone_by_a_formula", lambda *_: outdone)
     search = SimpleNamespace(fits={("a",): fit("a", bic=100.0)})
-    found = discover._in_part(search, (Verdict("partial", ("a",), (("a",),), ""), "what it repairs"))
+    found = discover._unless_a_formula(search, (Verdict("partial", ("a",), (("a",),), ""), "what it repairs"))
     assert (found and found[0].verdict.status) == said

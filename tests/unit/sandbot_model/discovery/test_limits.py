@@ -8,7 +8,7 @@ from sandbot_model.data.conditions import cells_of
 from sandbot_model.data.penetrometer import Readings
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.limits import ONE_SIDED, TWO_SIDED, Limit, limits
-from sandbot_model.discovery.nuisances_about import shared_by
+from sandbot_model.discovery.nuisances_about import nuisances_for
 from sandbot_model.fitting.fit import fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.physics.catalogue import catalogue
@@ -26,7 +26,7 @@ def found(trials, readings=None):
     search = EffectSearch(cells_of(trials, readings), EFFECTS, "simple")
     search.run(0)
     plain = search.fits[()]
-    shared = shared_by(plain, search.criteria)
+    shared = nuisances_for(plain, search.criteria)
     point = solve_near((plain.model, plain.cells, (plain.warm_start,), shared))
     named = fitted_at(plain.model, plain.cells, point, shared)
     return search, named, {limit.effect: limit for limit in limits(search, named)}

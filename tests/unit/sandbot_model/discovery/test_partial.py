@@ -11,7 +11,7 @@ from sandbot_model.discovery import discover as discovery
 from sandbot_model.discovery import partial
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.partial import partly, without
+from sandbot_model.discovery.partial import mostly_repaired, without
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.observables import Observable
 from sandbot_record.trials.table import from_rows
@@ -68,17 +68,17 @@ def test_a_small_share_of_what_is_missed_by_far_is_a_rest(drawn):
 def test_where_only_an_observable_is_wrong_no_effect_is_named(drawn):
     rows = drawn(seed=4).rows()
     off = from_rows([dataclasses.replace(row, first_step_m=0.7 * row.first_step_m) for row in rows])
-    assert partly(tried(off)) is None
+    assert mostly_repaired(tried(off)) is None
 
 
 @pytest.mark.parametrize("loss", ["0.3*exp(-((omega - 12)/3)**2)", "0.4*(0.633 - phi)/0.05"])
 def test_an_effect_of_another_kind_is_no_part_of_the_catalogue(drawn, loss):
-    assert partly(tried(drawn(formulas=(f"x: speed: kept, peak_ratio *= 1 - {loss}",), seed=3))) is None
+    assert mostly_repaired(tried(drawn(formulas=(f"x: speed: kept, peak_ratio *= 1 - {loss}",), seed=3))) is None
 
 
 def test_from_speed_and_lift_alone_nothing_is_said(drawn):
     rows = [dataclasses.replace(row, peak_speed_m_s=np.nan, first_step_m=np.nan) for row in drawn(seed=2).rows()]
-    assert partly(tried(from_rows(rows))) is None
+    assert mostly_repaired(tried(from_rows(rows))) is None
 
 
 def test_cells_without_an_observable_have_not_measured_it(drawn):
@@ -105,10 +105,10 @@ def test_an_effect_that_explains_all_with_a_number_nobody_believes_is_named_with
 def test_what_leaves_nothing_comes_before_what_fails_in_one_observable(drawn, monkeypatch):
     """With one left out, others may do as well: none is where no observable speaks against the effect."""
     monkeypatch.setattr(partial, "without", lambda *_: pytest.fail("an observable was left out"))
-    verdict, _ = partly(tried(drawn(formulas=(STRONG,), seed=5)))
+    verdict, _ = mostly_repaired(tried(drawn(formulas=(STRONG,), seed=5)))
     assert verdict.effects == ("inertial_drag",)
     with pytest.raises(pytest.fail.Exception):
-        partly(tried(drawn(formulas=(OVERLAP,), seed=5, levels=4)))
+        mostly_repaired(tried(drawn(formulas=(OVERLAP,), seed=5, levels=4)))
 
 
 FELT_BY_THE_PEAK = "o: speed: kept, peak_ratio *= 1 - 0.18*(1 - first)*omega/(omega + 15)"
@@ -128,7 +128,7 @@ def test_part_of_it_is_no_familys_where_another_does_better_under_a_convention_o
     assert found.residual.leaves_nothing
     monkeypatch.setattr(discovery, "outdone_by_a_formula", lambda *_: None)
     assert discover(cells, effects, max_effects=1).verdict.status == "unexplained"
-    monkeypatch.setattr(partial, "_falls_behind", lambda *_: False)
+    monkeypatch.setattr(partial, "_is_clearly_beaten", lambda *_: False)
     found = discover(cells, effects, max_effects=1)
     assert (found.verdict.status, found.verdict.effects) == ("partial", ("stance_overlap",))
     assert [one.observable for one in found.partial.fails] == ["peak_speed"]

@@ -13,9 +13,9 @@ from sandbot_model.discovery.batch_sd import BATCH, BATCH_SCALE, BATCH_ZERO, Bat
 from sandbot_model.discovery.criteria import DEFAULT
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.nuisances_about import averaged_over_scatter, batches_apart, shared_by
+from sandbot_model.discovery.nuisances_about import averaged_over_scatter, estimated_batch_sd, nuisances_for
 from sandbot_model.discovery.residual import suggest_formula
-from sandbot_model.discovery.sharing import _bought, nuisances_suffice, refitted_globally
+from sandbot_model.discovery.sharing import _refused_if_parts_suffice, nuisances_suffice, refitted_globally
 from sandbot_model.discovery.structure import STRUCTURE, at_random, smooth_p, trend_p_of
 from sandbot_model.discovery.verdict import Verdict, judge
 from sandbot_model.fitting.fit import fit, fitted_at
@@ -106,7 +106,7 @@ def test_a_claim_falls_with_an_effect_that_only_brings_another_within_its_range(
     search = EffectSearch(cells_of(table(drawn, planted)), few, "simple")
     search.run(2)
     search.fit("the pair", [tuple(few)], nearby=True)
-    found = _bought(search, Verdict("identified", tuple(few), (tuple(few),), ""))
+    found = _refused_if_parts_suffice(search, Verdict("identified", tuple(few), (tuple(few),), ""))
     assert (found is not None) == fallen
     if found:
         assert "but only with stance_overlap.eta = 0." in found.verdict.because
@@ -157,7 +157,7 @@ def test_no_formula_has_the_zeros_of_days_for_its_own(drawn, planted):
     """What is to speak against a claim takes for granted what the claim does."""
     trials = zeroed_each_day(drawn(seed=2, levels=4, noise=0.4, formulas=planted), times=2.0)
     base = fit(model_of("simple", (), OVERLAP), cells_of(trials))
-    anew = shared_by(base, DEFAULT, BatchSd(lift_zero_of_batch_m=1e-3))
+    anew = nuisances_for(base, DEFAULT, BatchSd(lift_zero_of_batch_m=1e-3))
     found = suggest_formula(fitted_at(base.model, base.cells, base.point, anew), OVERLAP)
     assert suggest_formula(base, OVERLAP) is not None
     assert found.leaves_nothing if planted else found is None
@@ -174,7 +174,7 @@ def test_a_scale_of_one_day_that_no_calibration_is_off_by_explains_nothing(drawn
 def test_how_far_batches_differ_is_told_apart(drawn):
     """A zero and a scale of each day are not taken for k of the bed."""
     plain = fit(model_of("simple", (), OVERLAP), cells_of(zeroed_each_day(table(drawn))))
-    apart = batches_apart(plain, DEFAULT)
+    apart = estimated_batch_sd(plain, DEFAULT)
     assert apart[BATCH_ZERO] == pytest.approx(0.5e-3, rel=0.4)
     assert apart[BATCH] < 0.5 * DEFAULT.bed_scatter
     assert apart[BATCH_SCALE] == 0.0
@@ -214,7 +214,7 @@ def test_a_claim_beside_which_no_scale_is_believable_is_reported_beside_what_is(
 
 def test_a_bed_that_does_not_scatter_is_found_not_to(drawn):
     plain = fit(model_of("simple", (), OVERLAP), cells_of(drawn(seed=3)))
-    assert not batches_apart(plain, DEFAULT)
+    assert not estimated_batch_sd(plain, DEFAULT)
 
 
 def test_batches_and_order_of_a_table_are_those_of_its_cells(drawn):
@@ -241,7 +241,7 @@ def test_no_order_told_is_none_known(drawn):
 
 def test_nuisances_move_what_they_are_said_to_move(drawn):
     plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="day{row.omega_rad_s:g}")))
-    own = shared_by(plain, DEFAULT, BatchSd(0.005))
+    own = nuisances_for(plain, DEFAULT, BatchSd(0.005))
     assert own.names == (*[BATCH] * 7, "drift", "lift_zero_m", "speed_scale")
     zero = own.slope[:, :, own.names.index("lift_zero_m")]
     assert (zero[:, Observable.lift] == 1.0).all()
@@ -262,12 +262,12 @@ def test_nuisances_move_what_they_are_said_to_move(drawn):
 def wider(cells, off):
     """How much larger errors of Δt and k are that average over the bed's scatter; batches are ``off`` in ln k."""
     model = model_of("simple", (), OVERLAP)
-    own = shared_by(fit(model, cells), DEFAULT, BatchSd(0.005))
+    own = nuisances_for(fit(model, cells), DEFAULT, BatchSd(0.005))
     by_ln_k = own.slope[:, :, [name == BATCH for name in own.names]].sum(axis=-1)
     mean = cells.mean + by_ln_k * (cells.batch_share @ off)[:, None]
     moved = dataclasses.replace(cells, mean=mean, batch_mean=cells.batch_mean + by_ln_k[:, None] * off[:, None])
     plain = fit(model, moved)
-    beside = fitted_at(model, moved, plain.point, shared_by(plain, DEFAULT))
+    beside = fitted_at(model, moved, plain.point, nuisances_for(plain, DEFAULT))
     averaged = averaged_over_scatter(beside, DEFAULT)
     assert averaged.point is beside.point
     ratio = averaged.stderr / beside.stderr
@@ -291,7 +291,7 @@ def test_blocks_tell_how_far_they_differ(drawn):
 
 def test_the_offsets_of_all_batches_are_one_line_of_the_json(drawn):
     plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="day{row.omega_rad_s:g}")))
-    beside = fitted_at(plain.model, plain.cells, plain.point, shared_by(plain, DEFAULT, BatchSd(0.005)))
+    beside = fitted_at(plain.model, plain.cells, plain.point, nuisances_for(plain, DEFAULT, BatchSd(0.005)))
     batches, *others = beside.nuisances_to_dict()
     assert (batches["name"], batches["count"], batches["prior_sd"], batches["stderr"]) == (BATCH, 7, 0.005, None)
     offsets = [value for value, _ in beside.shared[:7]]
@@ -304,7 +304,7 @@ def test_the_offsets_of_all_batches_are_one_line_of_the_json(drawn):
 def test_offsets_that_grow_with_the_frequency_are_no_scatter(drawn, batch, told):
     """Of one offset a condition; seven days that scatter may do so too."""
     plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch=batch)))
-    own = shared_by(plain, DEFAULT, BatchSd(0.005))
+    own = nuisances_for(plain, DEFAULT, BatchSd(0.005))
     assert trend_p_of(fitted_at(plain.model, plain.cells, plain.point, own), DEFAULT) > STRUCTURE
     omega = (plain.cells.omega - 15) / 15
     slope = own.slope[:, :, [name == BATCH for name in own.names]].sum(axis=2)
@@ -318,7 +318,7 @@ def test_offsets_that_grow_with_the_frequency_are_no_scatter(drawn, batch, told)
 def test_offsets_from_gait_to_gait_are_no_scatter(drawn, gaits, told):
     """In every other cell, so that nothing but the gait tells; control: of one gait they may be the bed's."""
     plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="")))
-    own = shared_by(plain, DEFAULT, BatchSd(0.01))
+    own = nuisances_for(plain, DEFAULT, BatchSd(0.01))
     every_other = np.arange(len(plain.cells)) % 2
     by_cell = own.slope[:, :, [name == BATCH for name in own.names]]
     cells = dataclasses.replace(
@@ -330,7 +330,7 @@ def test_offsets_from_gait_to_gait_are_no_scatter(drawn, gaits, told):
 def test_blocks_without_an_order_follow_no_trend(drawn):
     cells = dataclasses.replace(cells_of(table(drawn, batch="block{row.replicate:g}")), order=None)
     plain = fit(model_of("simple", (), OVERLAP), cells)
-    beside = fitted_at(plain.model, cells, plain.point, shared_by(plain, DEFAULT, BatchSd(0.005)))
+    beside = fitted_at(plain.model, cells, plain.point, nuisances_for(plain, DEFAULT, BatchSd(0.005)))
     assert np.isnan(trend_p_of(beside, DEFAULT))
     assert at_random(beside, DEFAULT)
 
@@ -338,7 +338,7 @@ def test_blocks_without_an_order_follow_no_trend(drawn):
 def test_offsets_that_are_smooth_are_no_scatter(drawn):
     """A resonance is no trend of second order over φ and ω, but it is smooth."""
     plain = fit(model_of("simple", (), OVERLAP), cells_of(table(drawn, batch="")))
-    own = shared_by(plain, DEFAULT, BatchSd(0.01))
+    own = nuisances_for(plain, DEFAULT, BatchSd(0.01))
     by_cell = own.slope[:, :, [name == BATCH for name in own.names]]
     scattered = 0.02 * np.random.default_rng(1).standard_normal(len(plain.cells))
     resonant = 0.06 * np.exp(-0.5 * ((plain.cells.omega - 12) / 4) ** 2)
@@ -355,8 +355,8 @@ def test_a_fit_in_another_valley_is_brought_to_the_deepest_where_legs_meet_what_
     effects, cells = catalogue(), cells_of(table(drawn, batch="day{row.omega_rad_s:g}"))
     plain = fit(model_of("simple", ("disturbed_ground",), effects), cells)
     off = dataclasses.replace(plain.point, theta=plain.point.theta * [1.3, 1.0, 1.0, 1.0])
-    astray = fitted_at(plain.model, cells, off, shared_by(plain, DEFAULT, BatchSd(0.005)))
+    astray = fitted_at(plain.model, cells, off, nuisances_for(plain, DEFAULT, BatchSd(0.005)))
     assert refitted_globally(astray).deviance < astray.deviance - 10
     base = fit(model_of("simple", (), effects), cells)
-    for stays in (base, fitted_at(base.model, cells, base.point, shared_by(base, DEFAULT, BatchSd(0.005)))):
+    for stays in (base, fitted_at(base.model, cells, base.point, nuisances_for(base, DEFAULT, BatchSd(0.005)))):
         assert refitted_globally(stays) is stays

@@ -7,7 +7,7 @@ import pytest
 
 from sandbot_model.discovery import verdict
 from sandbot_model.discovery.criteria import Criteria
-from sandbot_model.discovery.verdict import claim, judge, passes, worth
+from sandbot_model.discovery.verdict import claim_threshold, earns_place, judge, passes
 
 CELLS = 20
 
@@ -78,7 +78,7 @@ def test_two_that_repair_it_alike_are_ambiguous_and_one_clearly_worse_is_not_amo
 def test_what_is_not_clearly_worse_is_in_the_set_on_whichever_side_of_a_price_it_falls(deviance, sets):
     fits = made(deviance=300.0, one_cell=228.2, p=1e-9), made("a", deviance=60.0), made("b", deviance=deviance)
     by_name = {fit.effects: fit for fit in fits}
-    assert [worth(by_name, name, ()) for name in (("a",), ("b",))] == [True, False]
+    assert [earns_place(by_name, name, ()) for name in (("a",), ("b",))] == [True, False]
     assert judged(*fits).alternatives == sets
 
 
@@ -94,7 +94,7 @@ def test_a_formula_picked_from_all_conventions_pays_for_that(picked, lead, sets)
     found = judged(base, one, other)
     assert found.effects == ("a",)
     assert len(found.alternatives) == sets
-    assert ("picked from" in found.because) == (sets == 2)
+    assert ("selected from" in found.because) == (sets == 2)
 
 
 def test_what_no_set_repairs_is_unexplained(monkeypatch):
@@ -126,8 +126,8 @@ def test_where_nothing_can_be_tested_nothing_is_claimed():
 def test_one_odd_cell_buys_no_effect():
     base = made(deviance=300.0, one_cell=240.0)
     fits = {(): base, ("a",): made("a", deviance=60.0)}
-    assert not worth(fits, ("a",), ())
-    assert worth({**fits, (): BASE}, ("a",), ())
+    assert not earns_place(fits, ("a",), ())
+    assert earns_place({**fits, (): BASE}, ("a",), ())
 
 
 def test_a_parameter_at_its_bound_passes_nothing():
@@ -138,7 +138,7 @@ def test_a_parameter_at_its_bound_passes_nothing():
 
 def test_a_model_that_passes_is_not_adequate_where_a_number_nobody_believes_repairs_much(monkeypatch):
     monkeypatch.setattr(verdict, "stage_tests", lambda _fit: ())
-    monkeypatch.setattr(verdict, "beyond", lambda _fit, names: names)
+    monkeypatch.setattr(verdict, "with_plausible_ranges", lambda _fit, names: names)
     base, little = made(deviance=200.0), made("a", deviance=185.0, at_bounds=("a.x",))
     assert judged(base, little).status == "adequate"
     assert judged(base, made("a", deviance=60.0, at_bounds=("a.x",))).status == "unexplained"
@@ -157,7 +157,7 @@ def test_a_single_observable_can_refuse_a_model():
 
 
 def test_with_few_replicates_a_claim_takes_more():
-    many, few = (claim(made(deviance=60.0, replicates=n)) for n in (10_000, 2))
+    many, few = (claim_threshold(made(deviance=60.0, replicates=n)) for n in (10_000, 2))
     assert many == pytest.approx(22.0, rel=1e-2)
     assert few > 2 * many
 

@@ -7,7 +7,7 @@ import pytest
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT
-from sandbot_model.discovery.nuisances_about import shared_by
+from sandbot_model.discovery.nuisances_about import nuisances_for
 from sandbot_model.fitting.fit import fit, fitted_at
 from sandbot_model.fitting.global_minimum import (
     best_state,
@@ -81,7 +81,7 @@ def test_where_data_do_not_mind_a_parameter_it_stays_in_its_plausible_range(draw
     cells = cells_of(drawn(("disturbed_ground",), seed=1, levels=3, omega=(16, 20, 26)))
     model = model_of("simple", ("disturbed_ground",), EFFECTS)
     found = fit(model, cells)
-    at, nuisances = model.names.index("disturbed_ground.k_l_n_per_m"), shared_by(found, DEFAULT)
+    at, nuisances = model.names.index("disturbed_ground.k_l_n_per_m"), nuisances_for(found, DEFAULT)
     outside = found.point.theta.copy()
     outside[at] = 155.0
     point = solve_on((model, cells, replace(found.point, theta=outside), nuisances))

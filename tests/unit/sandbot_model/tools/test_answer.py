@@ -83,7 +83,7 @@ def test_a_model_that_needs_a_number_nobody_believes_explains_but_does_not_hold(
     fit = two.fit
     assert answer.of_comparison([fit]).startswith(f"{fit.name} holds: ")
     name, value = next((one, value) for one, (value, _) in fit.parameters.items() if "." in one)
-    monkeypatch.setattr(answer, "odd", lambda _: [name])
+    monkeypatch.setattr(answer, "doubtful_parameters", lambda _: [name])
     told = " ".join(answer.of_comparison([fit]).split())
     assert "fails" not in told
     assert f"{fit.name} explains the data (lack of fit p = {fit.lack_of_fit_p:.2g})" in told

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sandbot_model.design.places import Places
-from sandbot_model.discovery.batch_sd import BATCH_SCALE, BATCH_ZERO, granted
+from sandbot_model.discovery.batch_sd import BATCH_SCALE, BATCH_ZERO, batch_sd_of
 from sandbot_model.discovery.nuisances_about import ALONG, LIFT_ZERO, SPEED_SCALE
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import Estimate
@@ -69,7 +69,7 @@ def read_with(fit: Fit) -> tuple[Estimate, Estimate]:
     unknown = Estimate(0.0, accuracy.lift_zero_m), Estimate(0.0, accuracy.speed_scale)
     if fit.nuisances is None:
         return unknown
-    found, apart = dict(zip(fit.nuisances.names, fit.shared, strict=True)), granted(fit)
+    found, apart = dict(zip(fit.nuisances.names, fit.shared, strict=True)), batch_sd_of(fit)
     zero, scale = found.get(LIFT_ZERO, unknown[0]), found.get(SPEED_SCALE, unknown[1])
     return (
         Estimate(zero.value, float(np.hypot(zero.stderr, apart[BATCH_ZERO]))),

@@ -1,33 +1,33 @@
-"""A claim from one observable alone, where something that knows no physics explains as much.
+"""Refusal of a claim from a single observable, where something without physics explains as much.
 
-Many laws bend one quantity alike, and an offset for each mean that there is takes in anything.
+Many formulas change one quantity in the same way, and an offset for every cell mean absorbs any of them.
 """
 
 import numpy as np
 
-from sandbot_model.discovery.batch_sd import granted
+from sandbot_model.discovery.batch_sd import batch_sd_of
 from sandbot_model.discovery.smooth import smooth_gain
 from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import Observable
 
 
-def taken_back(verdict: Verdict, fits: Sets) -> Verdict | None:
-    """What is said of a claim if one observable was measured, and something smooth explains as much, or it needs a bed
-    that scatters from condition to condition; else None."""
+def refused_from_one_observable(verdict: Verdict, fits: Sets) -> Verdict | None:
+    """The refusal of a claim if only one observable was measured, and either a smooth discrepancy explains as much or
+    the claim needs a bed that scatters between conditions; else None."""
     base = fits[()]
     if verdict.status not in CLAIMS or len(base.cells.observables) != 1:
         return None
     seen, named = Observable[base.cells.observables[0]], fits[verdict.effects]
-    why = _as_smooth(base, named, seen) or _on_a_bed_unseen(named, seen)
+    why = _smooth_does_as_well(base, named, seen) or _needs_a_scattering_bed(named, seen)
     if not why:
         return None
-    others = ", ".join(one.label for one in Observable if one is not seen)
+    others = ", ".join(other.label for other in Observable if other is not seen)
     because = f"{' + '.join(verdict.effects)} would repair it{why}; measure {others} too"
     return Verdict("unexplained", (), (), because)
 
 
-def _as_smooth(base: Fit, named: Fit, seen: Observable) -> str:
+def _smooth_does_as_well(base: Fit, named: Fit, seen: Observable) -> str:
     smooth, gain = smooth_gain(base, seen), base.bic - named.bic
     if gain > smooth:
         return ""
@@ -37,10 +37,10 @@ def _as_smooth(base: Fit, named: Fit, seen: Observable) -> str:
     )
 
 
-def _on_a_bed_unseen(named: Fit, seen: Observable) -> str:
+def _needs_a_scattering_bed(named: Fit, seen: Observable) -> str:
     share = named.cells.batch_share
     by_condition = share is None or np.median((share > 0).sum(axis=0)) <= 1
-    if named.nuisances is None or not by_condition or not granted(named).ln_k:
+    if named.nuisances is None or not by_condition or not batch_sd_of(named).ln_k:
         return ""
     return (
         ", but only on a bed that scatters from condition to condition, and from "

@@ -1,4 +1,4 @@
-"""How far batches differ in what each has of its own: k of its bed, and readings off another zero or another scale."""
+"""Standard deviations between batches of the nuisances that each batch has: offset of ln k, lift zero, speed scale."""
 
 from dataclasses import dataclass, fields, replace
 
@@ -6,51 +6,51 @@ from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.fitting.fit import Fit
 
 BATCH, BATCH_ZERO, BATCH_SCALE = "ln_k", "lift_zero_of_batch_m", "speed_scale_of_batch"
-"""Names of what each batch has of its own: an offset of ln k, a zero of the lift and a scale along the track."""
+"""Names of the nuisances that each batch has: offset of ln k, zero of the lift, scale along the track."""
 READINGS = (BATCH_ZERO, BATCH_SCALE)
-"""Those that leave the bed as it is."""
+"""Those that change what is read, not the bed."""
 
 
 @dataclass(frozen=True)
 class BatchSd:
-    """Standard deviations from batch to batch; none that differ are false."""
+    """Standard deviations between batches; false if all are 0."""
 
     ln_k: float = 0.0
     lift_zero_of_batch_m: float = 0.0
     speed_scale_of_batch: float = 0.0
 
     def __bool__(self) -> bool:
-        """Whether batches differ in anything."""
+        """Whether batches differ at all."""
         return bool(self.names)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of what batches differ in."""
+        """Names of the nuisances in which batches differ."""
         return tuple(name for name in NAMES if self[name])
 
     def __getitem__(self, name: str) -> float:
-        """By the nuisance's name."""
+        """The standard deviation of a nuisance, by name."""
         return float(getattr(self, name))
 
-    def having(self, name: str, sd: float) -> "BatchSd":
-        """The same with one of them."""
+    def with_sd(self, name: str, sd: float) -> "BatchSd":
+        """A copy with one standard deviation replaced."""
         return replace(self, **{name: sd})
 
-    def or_more(self, other: "BatchSd") -> "BatchSd":
-        """The larger of both, one by one."""
+    def maximum(self, other: "BatchSd") -> "BatchSd":
+        """The elementwise maximum."""
         return BatchSd(*(max(self[name], other[name]) for name in NAMES))
 
 
 NAMES = tuple(field.name for field in fields(BatchSd))
 ALIKE = BatchSd()
-"""Batches that do not differ."""
+"""No differences between batches."""
 
 
 def priors(fit: Fit, criteria: Criteria) -> BatchSd:
-    """Standard deviations of the half-normal priors of what batches of these trials may differ in; 0 where in nothing.
+    """Scales of the half-normal priors of the differences between batches; 0 where batches cannot differ.
 
-    A bed is never prepared twice alike. Readings are set to their zero and scale for a batch that is told, at most:
-    as well, from one to the next, as the cameras' file knows them for all.
+    The bed may differ between any two preparations. Zero and scale may differ only between recorded batches; their
+    prior is the calibration uncertainty in the cameras' file.
     """
     cells = fit.cells
     if cells.batch_share is None:
@@ -59,8 +59,8 @@ def priors(fit: Fit, criteria: Criteria) -> BatchSd:
     return BatchSd(criteria.bed_scatter, zero_m, cells.accuracy.speed_scale)
 
 
-def granted(fit: Fit) -> BatchSd:
-    """What a fit's nuisances take for granted of how batches differ."""
+def batch_sd_of(fit: Fit) -> BatchSd:
+    """The batch SDs that a fit assumes."""
     assert fit.nuisances is not None
     known = dict(zip(fit.nuisances.names, fit.nuisances.sd.tolist(), strict=True))
     return BatchSd(*(known.get(name, 0.0) for name in NAMES))

@@ -1,4 +1,4 @@
-"""Every single effect against the base model, and the weight of the sets that hold it."""
+"""Each single effect compared with the base model, and the BIC weight of the sets that contain it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from sandbot_model.physics.effect import Effect
 
 @dataclass(frozen=True)
 class Candidate:
-    """What one effect changes when added to the base model (negative: better), and the weight of sets with it."""
+    """Changes when one effect is added to the base model (negative: better), and the weight of the sets with it."""
 
     effect: str
     stage: str
@@ -22,7 +22,7 @@ class Candidate:
 
 
 def candidates(fits: Sets, effects: Mapping[str, Effect]) -> list[Candidate]:
-    """All effects that were fitted alone, the most useful first."""
+    """All effects that were fitted alone, in order of BIC."""
     base, weights = fits[()], bic_weights(fits)
     found = []
     for name, effect in effects.items():

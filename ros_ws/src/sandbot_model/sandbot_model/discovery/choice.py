@@ -1,7 +1,7 @@
-"""What the user of the explorer chose: base model, effects, formulas, values by hand, and what is looked at.
+"""The user's selection in the explorer: base model, effects, formulas, parameters held by hand, and the current view.
 
-It is plain data that goes into the page's address and into a YAML file and comes back the same; the YAML holds the
-``compare`` command line that gives the same numbers.
+It is plain data that is written to the page's address and to a YAML file, and read back unchanged. The YAML also holds
+the ``compare`` command line that gives the same numbers.
 """
 
 import dataclasses
@@ -22,19 +22,19 @@ from sandbot_model.physics.walking import BASES
 
 SCHEMA = "sandbot.selection/1"
 KEYS = ("model", "view", "observable", "effect", "formula", "hold", "cell", "against")
-"""What an address may hold."""
+"""Keys of a query."""
 BASE_QUERY = "?model=simple"
-"""The query of a selection that is all at its default."""
+"""The query of the default selection."""
 VIEWS = ("speed", "residuals", "critical", "step", "balance", "lock", "parameters")
 
 
 MAX_DIGITS = 9
-"""Of the number of a cell: beyond thousands of digits Python refuses to read one."""
+"""Limit on the number of a cell: Python refuses to parse thousands of digits."""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """What was done in a cell: its name in an address, whatever else is measured later."""
+    """The condition of a cell, by which an address names it even after more has been measured."""
 
     phi: float
     omega_rad_s: float
@@ -43,24 +43,24 @@ class Condition:
 
 @dataclass(frozen=True)
 class Selection:
-    """One state of the explorer; ``effects`` in the order in which they were switched on (the ladder's order)."""
+    """One state of the explorer; ``effects`` are in the order in which they were switched on (that of the ladder)."""
 
     model: str = "simple"
     effects: tuple[str, ...] = ()
     formulas: tuple[str, ...] = ()
-    """Effects given as a line of text (see ``formula``), whether switched on or not."""
+    """Effects given as a line of text (see ``formula``), switched on or not."""
     by_hand: tuple[tuple[str, float], ...] = ()
     """Shared parameters held at a value instead of the fitted one."""
     view: str = "speed"
     observable: str = "speed"
     cell: Condition | int | None = None
-    """The condition whose trials are shown; in an old address its number, counted from 0."""
+    """The condition whose trials are shown; in old addresses the index of its cell."""
     against: str = ""
-    """A model set beside this one: its query, as ``pin`` makes it."""
+    """The query of a model shown beside this one, as made by ``pin``."""
 
     @property
     def other(self) -> "Selection | None":
-        """The model shown beside this one; None if there is none."""
+        """The selection shown beside this one; None if there is none."""
         if not self.against:
             return None
         pinned = from_query(self.against)
@@ -75,7 +75,7 @@ class Selection:
         return dataclasses.replace(self, against=to_query(plain) or BASE_QUERY)
 
     def toggled(self, wanted: Sequence[str]) -> "Selection":
-        """With exactly the effects in ``wanted``: those already on keep their place, new ones come last."""
+        """A copy with exactly the effects in ``wanted``: those already on keep their place, new ones come last."""
         kept = [name for name in self.effects if name in wanted]
         new = [name for name in wanted if name not in self.effects]
         effects = (*kept, *new)
@@ -83,14 +83,14 @@ class Selection:
         return dataclasses.replace(self, effects=effects, by_hand=by_hand)
 
     def held(self, name: str, value: float | None) -> "Selection":
-        """With one parameter held at ``value``, or fitted again if it is None."""
+        """A copy with one parameter held at ``value``, or fitted if that is None."""
         others = tuple((n, v) for n, v in self.by_hand if n != name)
         return dataclasses.replace(self, by_hand=others if value is None else (*others, (name, float(value))))
 
 
 def with_formula(selection: Selection, text: str) -> Selection:
-    """With a formula added and switched on; one of the same name is replaced. Raises InputError for what is none."""
-    # Imported here: a command line is read without what evaluates formulas.
+    """A copy with a formula added and switched on; one of the same name is replaced. Raises InputError if invalid."""
+    # Imported here to keep the evaluation of formulas out of command-line parsing.
     from sandbot_model.physics.formula import formula_effect
 
     name = formula_effect(text).identifier
@@ -105,7 +105,7 @@ def name_of(formula: str) -> str:
 
 
 def to_query(selection: Selection) -> str:
-    """The selection as the query of an address; defaults are omitted."""
+    """The selection as a query string; defaults are omitted."""
     default = Selection()
     pairs: list[tuple[str, str]] = []
     for name in ("model", "view", "observable"):
@@ -122,9 +122,9 @@ def to_query(selection: Selection) -> str:
 
 
 def from_query(query: str, *, nested: bool = False) -> Selection:
-    """The selection in an address, or ``nested`` in one.
+    """The selection in a query string; ``nested`` if that is itself the value of ``against``.
 
-    Raises InputError for anything it does not know; effects are checked at the fit.
+    Raises InputError for unknown keys and values; effects are checked when they are fitted.
     """
     found = Selection()
     for key, value in parse_qsl(query.lstrip("?"), keep_blank_values=True):
@@ -152,14 +152,14 @@ def from_query(query: str, *, nested: bool = False) -> Selection:
 
 
 def cell_text(cell: Condition | int) -> str:
-    """A condition as ``φ,ω,gait``, such as ``0.59,20,UNIFORM``; the number of a cell as it is."""
+    """A condition as ``φ,ω,gait``, such as ``0.59,20,UNIFORM``; the index of a cell as it is."""
     if isinstance(cell, int):
         return str(cell)
     return f"{_shortest(cell.phi)},{_shortest(cell.omega_rad_s)},{cell.gait}"
 
 
 def cell_of_text(text: str) -> Condition | int:
-    """What ``cell_text`` wrote. Raises InputError for anything else."""
+    """The inverse of ``cell_text``. Raises InputError for any other text."""
     if "," not in text:
         return _index(text)
     where = f"address: cell={_shortened(text)!r}: φ,ω,gait or a whole number is needed"
@@ -170,20 +170,20 @@ def cell_of_text(text: str) -> Condition | int:
 
 
 def held_by_text(selection: Selection, text: str, where: str) -> Selection:
-    """With the parameter held that ``name=value`` says. Raises InputError for anything else."""
+    """A copy with the parameter of ``name=value`` held. Raises InputError for any other text."""
     name, _, number = text.partition("=")
     return selection.held(name, _finite(number, f"{where} {text!r}"))
 
 
 def to_yaml(selection: Selection, data: Sequence[str], result: Mapping[str, float], options: Sequence[str] = ()) -> str:
-    """The selection as YAML with the command that reproduces it and the numbers it gave (SI).
+    """The selection as YAML, with the command that reproduces it and its results (SI).
 
-    ``options`` are further words of the command line, such as files read in addition to the data.
+    ``options`` are further arguments of the command, such as files read in addition to the data.
     """
     command = ["compare", *data, *options, "--model", selection.model]
     command += ["--effects", ",".join(selection.effects)] if selection.effects else []
     for text in selection.formulas:
-        # ``--effect`` switches it on; one that is off would not be part of the result.
+        # ``--effect`` switches a formula on, so those that are off are omitted.
         command += ["--effect", text] if name_of(text) in selection.effects else []
     for name, value in selection.by_hand:
         command += ["--hold", f"{name}={value!r}"]
@@ -196,12 +196,12 @@ def to_yaml(selection: Selection, data: Sequence[str], result: Mapping[str, floa
         "by_hand": dict(selection.by_hand),
         "result": {name: float(value) for name, value in result.items()},
     }
-    # Escaped: a line separator of Unicode written as it is would come back as a space.
+    # Escaped, since YAML reads a raw Unicode line separator back as a space.
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=False, width=1000)
 
 
 def from_mapping(content: Mapping[str, Any], where: str) -> Selection:
-    """The selection in a saved YAML's mapping. Raises InputError (file, key, what would be right)."""
+    """The selection in the mapping of a saved YAML file. Raises InputError (file, key, what is expected)."""
     if content.get("schema") != SCHEMA:
         raise InputError(f"{where}: schema is {content.get('schema')!r}, expected {SCHEMA!r}")
     unknown = set(content) - {"schema", "command", "model", "effects", "formulas", "by_hand", "result"}
@@ -218,7 +218,7 @@ def from_mapping(content: Mapping[str, Any], where: str) -> Selection:
 
 
 def read_selection(path: Path) -> Selection:
-    """The selection in a saved YAML file, its formulas tried. Raises InputError."""
+    """The selection in a saved YAML file, with its formulas checked. Raises InputError."""
     # Imported here, as above.
     from sandbot_model.physics.formula import formula_effect
 
@@ -259,12 +259,12 @@ def _index(value: str) -> int:
 
 
 def _shortened(text: str) -> str:
-    """As much of a text as fits into a message."""
+    """A text cut to a length that fits into a message."""
     return text if len(text) <= 40 else f"{text[:40]}…"
 
 
 def _shortest(number: float) -> str:
-    """The fewest digits that give the same number again."""
+    """The shortest text that parses to the same number."""
     return repr(number).removesuffix(".0")
 
 

@@ -1,4 +1,4 @@
-"""The ladder of a comparison: the base model, then one named effect more a step, all fitted to the same cells."""
+"""The ladder of a comparison: the base model, then one more named effect at each step, fitted to the same cells."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ SCHEMA = "sandbot.comparison/1"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Sequence[Fit]):
-    """The ladder: fits of the base model, then of it with one effect more a step."""
+    """The ladder: fits of the base model, then with one more effect at each step."""
 
     steps: tuple[Fit, ...]
 
@@ -45,7 +45,7 @@ class Comparison(Sequence[Fit]):
         return geometry_lock(self.cells)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data of schema ``sandbot.comparison/1``; numbers that are not known are None."""
+        """Plain data of schema ``sandbot.comparison/1``; unknown numbers are None."""
         floor = noise_floor(self.cells)
         return {
             "schema": SCHEMA,
@@ -81,8 +81,8 @@ def compare(
     *,
     base: str = "simple",
 ) -> Comparison:
-    """Fits of the base model and of it with the first, the first two, … of the named effects. Steps but the last keep
-    the errors of their derivative, as those of ``discover``.
+    """Fits of the base model, and of it with the first, the first two, … of the named effects. Only the last step has
+    sampled standard errors, as with ``discover``; the others have those of the curvature.
 
     Raises InputError for a name that is not in the catalogue.
     """
@@ -95,10 +95,10 @@ def compare(
 
 
 def geometry_lock(cells: Cells) -> Array:
-    """Measured over locked step length of each cell ``(cells,)``; NaN where speed or lift is missing or it swims.
+    """Step length by speed over step length by lift ``(cells,)``; NaN where either is missing or the robot swims.
 
-    Lift and speed both tell the step: s = 2√(Δz(2R - Δz)) and s = πv̄/ω. Their ratio is 1 for every effect on strength
-    or balance; below 1 something between step and speed loses way, above 1 something gains it. Nothing is fitted.
+    Both determine the step: s = πv̄/ω and s = 2√(Δz(2R - Δz)). Their ratio is 1 for every effect on strength or balance;
+    below 1 something between step and speed loses way, above 1 something gains it. Nothing is fitted.
     """
     radius = cells.robot.leg_radius_m
     lift = np.clip(cells.mean[:, Observable.lift], 0.0, radius)

@@ -1,14 +1,16 @@
-"""Other conventions of effects' formulas (``physics.variants``): where no set fits, and what speaks against a claim.
+"""Effects under other conventions (``physics.variants``): as rivals of a claim, and where no set of the catalogue fits.
 
-A claim is of a family, and another family may explain as much under a convention of its own. Single effects under all
-conventions are therefore tried against every claim. One that only comes near is none: it was picked from dozens, and
-some have the claim's formula for a limit (a slip that spares the peak is an overlap where it is the same at all
-depths). So the catalogue's formula stands unless another is better by BIC, its choice paid for; then both are named,
-and the other alone where it is clearly better as well (``verdict.judge``). A bed of another depth than the robot's
-file says is no formula to be picked: a floor that is felt is named beside the claim where it explains about as much.
+Rivals of a claim (``admit_rivals``): all single effects are fitted under all conventions. As each was selected from
+dozens, and some contain the claim's formula as a limiting case (a slip that spares the peak is an overlap if it is the
+same at all depths), a rival must have the better BIC after a penalty for the selection. Then both are named, or the
+rival alone if it is clearly better (``verdict.judge``). A bed of another depth than robot.yaml says is not such a
+selection: it is named beside the claim if it explains about as much.
 
-What changes a step, and not how deep legs go, is seen along the track alone: where only the mean speed was measured
-there, no convention of it can be told from another, and none is claimed.
+Where no set fits: ``try_single_effects``, then ``try_beside_the_leader``, then ``try_within_pairs``, each of which puts
+clearly better conventions in the place of the catalogue's.
+
+A convention that changes a step, but not how deep legs go, shows only along the track. If only the mean speed was
+measured there, such conventions cannot be distinguished, and none is claimed.
 """
 
 import math
@@ -18,16 +20,16 @@ from functools import partial
 import numpy as np
 
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.nuisances_about import ALONG, gain_of_batches, shared_by
+from sandbot_model.discovery.nuisances_about import ALONG, gain_of_batches, nuisances_for
 from sandbot_model.discovery.verdict import (
-    claim,
+    claim_threshold,
+    earns_place,
     leaves_nothing,
     overdispersion,
     parts_of,
     passes,
-    picked_from,
+    selection_penalty,
     sound,
-    worth,
 )
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import WarmStart, far_above, solve, solve_below, solve_near
@@ -35,77 +37,75 @@ from sandbot_model.physics.model import Model, model_of
 from sandbot_model.physics.variants import BY_ITS_TILT, IN_ANOTHER_BED, Variant, variants_of
 
 PAIRS = 3
-"""Sets of two that are tried under other conventions, the best."""
+"""Pairs, the best by BIC, that are tried under other conventions."""
 CLOSER = 8
-"""Single effects under other conventions that get a global search after a first look, the best."""
+"""Single effects under other conventions, the best by deviance, that also get a global search."""
 
 
-def other_conventions(search: EffectSearch) -> bool:
-    """Give single effects the convention that fits them best; whether any fits clearly better, and is worth that it
-    was picked from all.
-
-    Each is looked at near the base model, the best of all then anywhere.
+def try_single_effects(search: EffectSearch) -> bool:
+    """Give single effects their best convention where it fits clearly better, also after the penalty for having been
+    selected from all; whether there is any. Each is fitted from warm starts, the best of them then globally.
     """
     tried = singles(search)
-    picked = picked_from(len(tried))
+    picked = selection_penalty(len(tried))
     better = [
         fit
         for fit in tried
         if BY_ITS_TILT not in fit.variants.values()
-        and _seen(search, fit)
-        and search.fits[()].deviance - fit.deviance > claim(fit, search.criteria) + picked * overdispersion(fit)
+        and _is_identifiable(search, fit)
+        and search.fits[()].deviance - fit.deviance
+        > claim_threshold(fit, search.criteria) + picked * overdispersion(fit)
         and _clearly_better(search, fit)
     ]
-    return _taken(search, better)
+    return _adopt(search, better)
 
 
-def beside_the_leader(search: EffectSearch) -> bool:
-    """Try each effect beside the best single one, where that is under another convention; whether any fits clearly
-    better than with the usual one."""
+def try_beside_the_leader(search: EffectSearch) -> bool:
+    """Add each effect to the best single one, if that is under another convention; whether any pair fits clearly better
+    than with the usual convention."""
     leader = search.ranked(1)[0]
     if not leader.variants:
         return False
     own = {**search.effects, leader.effects[0]: leader.model.effects[0]}
     sets = search.extended(leader.effects)
     found = _near(search, [model_of(search.base, names, own, search.cells.robot) for names in sets])
-    return _taken(search, list(filter(partial(_clearly_better, search), found)))
+    return _adopt(search, list(filter(partial(_clearly_better, search), found)))
 
 
-def within_pairs(search: EffectSearch) -> bool:
-    """Try the best sets of two with one effect under another convention; whether any fits clearly better than with the
-    usual one, though it was picked from all."""
+def try_within_pairs(search: EffectSearch) -> bool:
+    """Try the best pairs with one effect under another convention; whether any fits clearly better than with the usual
+    one, after the penalty for having been selected from all."""
     models = [
         model_of(search.base, pair.effects, {**search.effects, name: variant}, search.cells.robot)
         for pair in search.ranked(2)[:PAIRS]
         for name in pair.effects
-        for variant in _to_be_tried(search, name)
+        for variant in _applicable_variants(search, name)
     ]
-    better = partial(_clearly_better, search, picked=picked_from(len(models)))
-    return _taken(search, list(filter(better, _near(search, models))))
+    better = partial(_clearly_better, search, picked=selection_penalty(len(models)))
+    return _adopt(search, list(filter(better, _near(search, models))))
 
 
-def _taken(search: EffectSearch, better: Sequence[Fit]) -> bool:
-    """Put the best of each set in the usual one's place, the best of all where a search of everywhere comes to; whether
-    there are."""
+def _adopt(search: EffectSearch, better: Sequence[Fit]) -> bool:
+    """Replace the usual fits by the best of each set, and refit the best of all globally; whether there are any."""
     search.fits |= {fit.effects: fit for fit in sorted(better, key=lambda fit: -fit.bic)}
     if better:
         best = min(better, key=lambda fit: fit.bic)
-        anywhere = fitted_at(best.model, search.cells, solve((best.model, search.cells, best.warm_start)))
-        search.fits[best.effects] = min(best, anywhere, key=_deviance)
+        global_fit = fitted_at(best.model, search.cells, solve((best.model, search.cells, best.warm_start)))
+        search.fits[best.effects] = min(best, global_fit, key=_deviance)
     return bool(better)
 
 
-def against(search: EffectSearch, claimed: Fit) -> bool:
-    """Let in single effects under other conventions that leave nothing to explain and speak against a claim.
+def admit_rivals(search: EffectSearch, claimed: Fit) -> bool:
+    """Add single effects under other conventions to the fits if they show no lack of fit and speak against a claim.
 
-    Against several effects, which were picked as well, one need only be better. Against one, another family must be
-    better though it was picked from all that were tried; then the claim's own family has the convention that is best
-    for it, too. Both are compared beside what trials share, as well. Whether there are any.
+    Against a claim of several effects, themselves selected, a rival need only be better. Against a single effect it
+    must be better after the penalty for its selection; the claimed effect then gets its own best convention, too. Claim
+    and rival are compared without nuisances and with them. Returns whether there are any rivals.
     """
-    # Half way to the base model, by orders of magnitude: so high may end a first descent of what explains all.
+    # Geometric mean with the base model: a first descent of an effect that fits may still end this high.
     hopeless = max(far_above(claimed.deviance, 1.0), math.sqrt(claimed.deviance * search.fits[()].deviance))
-    tried = _near(search, _models_of_one(search), hopeless, (claimed.warm_start,))
-    picked = 0.0 if len(claimed.effects) > 1 else picked_from(len(tried))
+    tried = _near(search, _single_effect_models(search), hopeless, (claimed.warm_start,))
+    picked = 0.0 if len(claimed.effects) > 1 else selection_penalty(len(tried))
 
     def leads(fit: Fit, bic: float, claims: float) -> bool:
         lead = -search.criteria.clearly if IN_ANOTHER_BED in fit.variants.values() else picked
@@ -113,8 +113,8 @@ def against(search: EffectSearch, claimed: Fit) -> bool:
 
     better = [fit for fit in tried if leads(fit, fit.bic, claimed.bic) and _explains(search, fit)]
     if better:
-        claims = _weighed(search, claimed)
-        better = [fit for fit in better if leads(fit, _weighed(search, fit), claims)]
+        claims = _bic_with_nuisances(search, claimed)
+        better = [fit for fit in better if leads(fit, _bic_with_nuisances(search, fit), claims)]
     if all(fit.effects == claimed.effects for fit in better):
         return False
     search.fits |= {fit.effects: fit for fit in sorted(better, key=lambda fit: -fit.bic)}
@@ -122,69 +122,70 @@ def against(search: EffectSearch, claimed: Fit) -> bool:
 
 
 def conventions(fits: Sequence[Fit]) -> dict[str, str]:
-    """The other convention that each effect of these fits follows, if it does."""
+    """The convention of each effect of these fits that is not under the catalogue's."""
     return {name: variant for fit in fits for name, variant in fit.variants.items()}
 
 
-def _weighed(search: EffectSearch, fit: Fit) -> float:
-    """BIC beside what trials share, on a bed that scatters as suits what is left: what needs a rough bed has explained
-    less."""
-    own = shared_by(fit, search.criteria)
-    beside = fitted_at(fit.model, fit.cells, solve_near((fit.model, fit.cells, (fit.warm_start,), own)), own)
-    return float(beside.bic - gain_of_batches(beside, search.criteria))
+def _bic_with_nuisances(search: EffectSearch, fit: Fit) -> float:
+    """BIC with nuisances, less the gain by scatter of the bed as estimated about this fit: an effect that needs a rough
+    bed explains less."""
+    own = nuisances_for(fit, search.criteria)
+    refitted = fitted_at(fit.model, fit.cells, solve_near((fit.model, fit.cells, (fit.warm_start,), own)), own)
+    return float(refitted.bic - gain_of_batches(refitted, search.criteria))
 
 
 def _explains(search: EffectSearch, fit: Fit) -> bool:
-    return passes(fit, search.criteria) and worth({**search.fits, fit.effects: fit}, fit.effects, (), search.criteria)
+    fits = {**search.fits, fit.effects: fit}
+    return passes(fit, search.criteria) and earns_place(fits, fit.effects, (), search.criteria)
 
 
 def _clearly_better(search: EffectSearch, fit: Fit, picked: float = 0.0) -> bool:
-    """Whether a set fits clearly better than under the usual convention, by the price of having been ``picked``, too.
+    """Whether a set fits clearly better than under the usual convention, with ``picked`` as penalty for its selection.
 
-    One that leaves nothing takes its place with a number that nobody believes, too: it is no claim, but may be
-    ``partial``.
+    One without lack of fit may also have implausible parameters: it cannot be claimed, but may be ``partial``.
     """
     usual = search.fits.get(fit.effects)
-    price = search.criteria.clearly + picked * overdispersion(fit)
-    gains = usual is None or fit.bic < usual.bic - price
+    margin = search.criteria.clearly + picked * overdispersion(fit)
+    gains = usual is None or fit.bic < usual.bic - margin
     return gains and (sound(fit) or leaves_nothing(fit, search.criteria))
 
 
-def _seen(search: EffectSearch, fit: Fit) -> bool:
-    """Whether more than one observable sees what the convention changes."""
+def _is_identifiable(search: EffectSearch, fit: Fit) -> bool:
+    """Whether more than one observable depends on what the convention changes."""
     stages = {effect.stage for effect in fit.model.effects if effect.variant}
-    return not stages <= {"step", "speed"} or sum(one.name in search.cells.observables for one in ALONG) > 1
+    along = [observable for observable in ALONG if observable.name in search.cells.observables]
+    return not stages <= {"step", "speed"} or len(along) > 1
 
 
 def singles(search: EffectSearch) -> list[Fit]:
-    """All single effects under all other conventions, fitted once."""
+    """All single effects under all other conventions; fitted once."""
     if search.other_conventions is None:
-        near = _near(search, _models_of_one(search))
+        near = _near(search, _single_effect_models(search))
         found = any(passes(fit, search.criteria) for fit in near)
-        search.other_conventions = near if found else _closer(search, near)
+        search.other_conventions = near if found else _searched_globally(search, near)
     return search.other_conventions
 
 
-def _closer(search: EffectSearch, near: Sequence[Fit]) -> list[Fit]:
-    """The same, the best of them looked for everywhere: what the usual convention came to may lie in another valley."""
+def _searched_globally(search: EffectSearch, near: Sequence[Fit]) -> list[Fit]:
+    """The same fits, the best of them searched globally: warm starts may lie in the basin of another minimum."""
     ranked = sorted(near, key=_deviance)
     best, rest = ranked[:CLOSER], ranked[CLOSER:]
     points = search.fit_all(solve, [(fit.model, search.cells, fit.warm_start) for fit in best])
-    anywhere = search.believable([fit.model for fit in best], points)
-    return [*(min(both, key=_deviance) for both in zip(best, anywhere, strict=True)), *rest]
+    found = search.fits_with_plausible_delta_t([fit.model for fit in best], points)
+    return [*(min(both, key=_deviance) for both in zip(best, found, strict=True)), *rest]
 
 
-def _models_of_one(search: EffectSearch) -> list[Model]:
-    """Each single effect under each other convention; those of a gait's phases where it has two."""
+def _single_effect_models(search: EffectSearch) -> list[Model]:
+    """Models of each single effect under each applicable convention."""
     return [
         model_of(search.base, (name,), {**search.effects, name: variant}, search.cells.robot)
         for name in search.names
-        for variant in _to_be_tried(search, name)
+        for variant in _applicable_variants(search, name)
     ]
 
 
-def _to_be_tried(search: EffectSearch, name: str) -> list[Variant]:
-    """An effect's other conventions; those of a gait's phases where it has two."""
+def _applicable_variants(search: EffectSearch, name: str) -> list[Variant]:
+    """An effect's other conventions; those about the phases of a gait only where it has two."""
     one_rate = search.cells.clock.one_rate.all()
     return [variant for variant in variants_of(search.effects[name]) if not (one_rate and variant.of_phases)]
 
@@ -192,9 +193,9 @@ def _to_be_tried(search: EffectSearch, name: str) -> list[Variant]:
 def _near(
     search: EffectSearch, models: Sequence[Model], hopeless: float = np.inf, also: tuple[WarmStart, ...] = ()
 ) -> list[Fit]:
-    """Sets under another convention, near their best smaller set, near where the usual one has come to, if that gains,
-    and where they begin ``also``: a threshold is not found from far away, and what explains as much as a claim does
-    stands on ground as stiff. What is above a deviance that is ``hopeless`` at once is left there.
+    """Sets under another convention, fitted from warm starts: their best part, the fit under the usual convention, if
+    that gains, and ``also``. Thresholds are not found from far away, and a rival of a claim has a similar k. Fits whose
+    first descent ends above the deviance ``hopeless`` are not refined.
     """
     tasks = []
     for model in models:
@@ -204,7 +205,7 @@ def _near(
         starts = (smaller.warm_start, *((usual.warm_start,) if usual and gains else ()), *also)
         tasks.append((model, search.cells, starts, None, hopeless))
     points = search.fit_all(solve_below, tasks)
-    return search.believable(models, points)
+    return search.fits_with_plausible_delta_t(models, points)
 
 
 def _deviance(fit: Fit) -> float:

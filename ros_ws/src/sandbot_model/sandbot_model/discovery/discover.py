@@ -1,7 +1,12 @@
-"""From trials to a verdict: is the base model adequate, and if not, which effects of the catalogue repair it.
+"""From trials to a verdict: is the base model adequate, and if not, which effects of the catalogue repair it?
 
-None, then every single effect, then pairs (all among the survivors, the best with everybody), then triples: each set is
-fitted to its global minimum and judged against the replicates. ``verdict`` draws the conclusion.
+1. Skip the search if robot.yaml is in doubt (``plausibility``) or pure error is too poorly known (``untested``).
+2. Fit the base model, then sets of one, two and three effects, until one size suffices (``effect_search``).
+3. Judge the sets against the replicates (``verdict``), and again with nuisances that trials share (``sharing``).
+4. Test a claim against effects under other conventions (``conventions``) and against formulas (``formula_search``).
+5. If nothing fits, try effects under other conventions, and effects that repair most of the misfit (``partial``).
+6. If something remains unexplained, leave out unreplicated outliers and repeat the search (``lone_trials``).
+7. Report the named set with standard errors, limits and next trials.
 """
 
 import textwrap
@@ -14,33 +19,39 @@ import numpy as np
 
 from sandbot_common.robot import to_mapping
 from sandbot_model.data.conditions import Cells, noise_floor
-from sandbot_model.discovery.alone import taken_back
-from sandbot_model.discovery.calibration import beyond_belief, would_fall
+from sandbot_model.discovery.alone import refused_from_one_observable
+from sandbot_model.discovery.calibration import rival_calibration_error, sufficient_calibration_error
 from sandbot_model.discovery.candidates import Candidate, candidates
-from sandbot_model.discovery.conventions import against, beside_the_leader, conventions, other_conventions, within_pairs
+from sandbot_model.discovery.conventions import (
+    admit_rivals,
+    conventions,
+    try_beside_the_leader,
+    try_single_effects,
+    try_within_pairs,
+)
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
 from sandbot_model.discovery.formula_search import formula_on_top_of, formula_to_try, outdone_by_a_formula
 from sandbot_model.discovery.ladder import ladder_rows
 from sandbot_model.discovery.limits import Limit, limits
-from sandbot_model.discovery.lone_trials import gone_wrong, told
+from sandbot_model.discovery.lone_trials import repeat_request, suspect_trials
 from sandbot_model.discovery.next_trials import NextTrial, excluding, next_trials
 from sandbot_model.discovery.nuisances_about import averaged_over_scatter
-from sandbot_model.discovery.partial import Partial, beyond_its_range, partly, repairs
+from sandbot_model.discovery.partial import Partial, beyond_its_range, mostly_repaired, repairs
 from sandbot_model.discovery.plausibility import doubts, strange_k
 from sandbot_model.discovery.residual import SuggestedFormula
 from sandbot_model.discovery.sharing import (
     Shared,
-    as_granted,
-    bends,
+    has_flexible_nuisances,
+    judged_with_nuisances,
     nuisances_suffice,
-    reconsidered,
+    refitted_as_claimed,
     refitted_globally,
 )
 from sandbot_model.discovery.stability import win_shares
 from sandbot_model.discovery.unseen import unseen
 from sandbot_model.discovery.untested import repeats, untested
-from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, only_with, sound
+from sandbot_model.discovery.verdict import CLAIMS, Sets, Verdict, judge, refused_as_implausible, sound
 from sandbot_model.fitting.diagnose import StageTest, stage_tests
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
@@ -52,14 +63,14 @@ from sandbot_model.physics.effect import Effect
 
 SCHEMA = "sandbot.discovery/2"
 LEADING = 8
-"""Sets compared in the bootstrap."""
-LEAVES_A_REST = ("partial", "unexplained")
-"""Verdicts after which something is left to explain."""
+"""Number of sets compared in the bootstrap, the best by BIC."""
+INCOMPLETE = ("partial", "unexplained")
+"""Verdicts that leave part of the data unexplained."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Discovery:
-    """Everything ``discover`` found. ``steps`` is the ladder: the base model, then one more effect a step."""
+    """Everything ``discover`` found. ``steps`` is the ladder: the base model, then one more effect at each step."""
 
     model: str
     cells: Cells
@@ -72,21 +83,21 @@ class Discovery:
     stability: float = float("nan")
     """Share of bootstrap draws in which the named set, or one of its alternatives, is best among the leading sets."""
     unseen: tuple[str, ...] = ()
-    """If the base model is adequate: effects that could be there at their usual strength and not show in these data."""
+    """If the base model is adequate: effects that these data would not reveal at their usual strength."""
     stages: tuple[StageTest, ...] = ()
-    """Where in the chain the base model fails."""
+    """Tests of each stage of the chain: where the base model fails."""
     residual: SuggestedFormula | None = None
-    """If nothing of the catalogue fits: what is left, in the field's terms, as a formula to try."""
+    """If no set of the catalogue fits: a formula to try for the remaining misfit."""
     fits: tuple[Fit, ...] = ()
-    """Every set that was tried, the best BIC first."""
+    """Every set that was fitted, in order of BIC."""
     partial: Partial | None = None
-    """If one effect repairs most of the base model: how much, where it holds, where it fails."""
+    """If one effect repairs most of the misfit: what share of it, where it holds and where it fails."""
     variants: Mapping[str, str] = field(default_factory=dict)
-    """Effects named whose formula holds under another convention than the catalogue's, and which that is."""
+    """The convention of each named effect whose formula departs from the catalogue's."""
     limits: tuple[Limit, ...] = ()
-    """Of effects that are absent, at 95 %."""
+    """Limits at 95 % on effects that are absent."""
     criteria: Criteria = DEFAULT
-    """What it took to claim an effect."""
+    """The thresholds of the verdict."""
 
     @property
     def fit(self) -> Fit:
@@ -94,7 +105,7 @@ class Discovery:
         return self.steps[-1]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data of schema ``sandbot.discovery/2``; numbers that are not known are None."""
+        """Plain data of schema ``sandbot.discovery/2``; unknown numbers are None."""
         return {
             "schema": SCHEMA,
             "model": self.model,
@@ -132,14 +143,14 @@ class Discovery:
 
     @property
     def stability_in_words(self) -> str:
-        """How often the set named, or one of those that explain the data alike, is best; empty if none is named."""
+        """How often the named set, or one of the alternatives, is best; empty if none is named."""
         if not np.isfinite(self.stability) or self.verdict.status == "unexplained":
             return ""
         which = "one of these is the" if self.verdict.status == "ambiguous" else ""
         return f"{which} best in {100 * self.stability:.0f} % of bootstrap draws".strip()
 
     def in_words(self, effect: str) -> str:
-        """An effect with the convention it holds under, where that is another than the catalogue's."""
+        """An effect, with its convention if that is not the catalogue's."""
         return f"{effect} ({self.variants[effect]})" if effect in self.variants else effect
 
     def __repr__(self) -> str:
@@ -174,18 +185,18 @@ def discover(
 ) -> Discovery:
     """Search the catalogue.
 
-    ``criteria`` say what it takes to claim an effect, ``fit_all`` maps the fits (see ``parallel``) and ``progress``
-    hears (stage, done, total). Nothing is searched for where the robot is doubted (see ``plausibility``). Where nothing
-    explains all trials, those alone and far off are left out if that explains the others (see ``lone_trials``).
+    ``criteria`` are the thresholds of the verdict, ``fit_all`` maps the fits (see ``parallel``) and ``progress`` is
+    called with (stage, done, total). No effect is tried where robot.yaml is in doubt (``plausibility``). Where nothing
+    explains all trials, unreplicated outliers are left out if that explains the others (``lone_trials``).
     """
     how: dict[str, Any] = {"base": base, "criteria": criteria, "fit_all": fit_all, "progress": progress}
     found = _discovered(cells, effects, max_effects, **how)
-    if found.verdict.status not in LEAVES_A_REST or not len(wrong := gone_wrong(found.fits[0], criteria)):
+    if found.verdict.status not in INCOMPLETE or not len(wrong := suspect_trials(found.fits[0], criteria)):
         return found
     others = _discovered(cells.without(wrong), effects, max_effects, **how)
-    if others.verdict.status in LEAVES_A_REST:
+    if others.verdict.status in INCOMPLETE:
         return found
-    because = f"{others.verdict.because}; {told(cells, wrong)}"
+    because = f"{others.verdict.because}; {repeat_request(cells, wrong)}"
     return replace(others, verdict=replace(others.verdict, because=because))
 
 
@@ -201,16 +212,16 @@ def _discovered(
 ) -> Discovery:
     search = EffectSearch(cells, effects, base, criteria=criteria, fit_all=fit_all, progress=progress)
     doubted = doubts(cells)
-    at_once = _of_another_robot(doubted) if doubted else untested(cells, criteria)
-    found, partial = _found(search, at_once, max_effects)
+    preset = _robot_in_doubt(doubted) if doubted else untested(cells, criteria)
+    found, partial = _search_and_judge(search, preset, max_effects)
     search.fits, verdict, named = found.fits, found.verdict, found.named
     search.effects = {**effects, **named.model.catalogue}
-    # Steps below leave something to explain: how well their parameters are known means nothing, and is not sampled.
+    # Lower steps of the ladder do not fit, so the precision of their parameters is meaningless and is not sampled.
     below = search.ladder(verdict)[:-1]
     named, reported = _reported(search, named)
     floor = noise_floor(cells)
-    hidden, trials = _next(search, verdict, named)
-    verdict = _in_full(search, verdict, named, hidden, trials)
+    hidden, trials = _hidden_and_next_trials(search, verdict, named)
+    verdict = _with_remarks(search, verdict, named, hidden, trials)
     return Discovery(
         model=base,
         cells=cells,
@@ -232,31 +243,31 @@ def _discovered(
     )
 
 
-def _found(search: EffectSearch, at_once: Verdict | None, max_effects: int) -> tuple[Shared, Partial | None]:
-    """The verdict after a search, or ``at_once`` without one; and what one effect repairs where that is but a part."""
-    search.run(0 if at_once else max_effects, lambda size: nuisances_suffice(search, size))
-    found = Shared(at_once, search.fits, search.fits[()]) if at_once else _beside_nuisances(search)
+def _search_and_judge(search: EffectSearch, preset: Verdict | None, max_effects: int) -> tuple[Shared, Partial | None]:
+    """The verdict of a search, or ``preset`` without one, and what one effect repairs if the verdict is ``partial``."""
+    search.run(0 if preset else max_effects, lambda size: nuisances_suffice(search, size))
+    found = Shared(preset, search.fits, search.fits[()]) if preset else _judged(search)
     partial = None
-    if found.verdict.status in CLAIMS and against(search, search.fits[found.verdict.effects]):
-        found = _beside_nuisances(search)
-    found = _imitated(search, found) or found
-    # From one observable alone no convention can be told from another; where no effect was tried there is none.
-    searched = not at_once and len(search.fits) > 1
+    if found.verdict.status in CLAIMS and admit_rivals(search, search.fits[found.verdict.effects]):
+        found = _judged(search)
+    found = _refused_for_a_formula(search, found) or found
+    # One observable cannot distinguish conventions; without effects there are none.
+    searched = not preset and len(search.fits) > 1
     if found.verdict.status == "unexplained" and searched and len(search.cells.observables) > 1:
         found, partial = _under_other_conventions(search, found)
     return found, partial
 
 
 def _by_reported_errors(search: EffectSearch, found: Shared) -> Shared:
-    """The verdict with the standard errors that are reported: where a derivative takes a valley for wider than it is, a
-    number beyond its plausible range passes for one that may be within."""
+    """The verdict by the reported standard errors: where the local curvature overstates an error, an implausible value
+    would pass as compatible with its plausible range."""
     if found.verdict.status not in CLAIMS or sound(reported := _reported(search, found.named)[1]):
         return found
-    return Shared(only_with(reported), search.fits, search.fits[()])
+    return Shared(refused_as_implausible(reported), search.fits, search.fits[()])
 
 
 def _reported(search: EffectSearch, named: Fit) -> tuple[Fit, Fit]:
-    """The deepest believable fit of a set, and the same with the standard errors that are reported."""
+    """The deepest plausible fit of a set, and the same with its reported standard errors."""
     if named not in search.reported:
         search.reported[named] = _with_errors(named, search.criteria)
     return search.reported[named]
@@ -264,13 +275,13 @@ def _reported(search: EffectSearch, named: Fit) -> tuple[Fit, Fit]:
 
 def _with_errors(named: Fit, criteria: Criteria) -> tuple[Fit, Fit]:
     lower = deepest(refitted_globally(named))
-    # Along a flat valley the lowest place may be where nobody believes it.
+    # Along a flat valley the lowest point may be implausible.
     named = lower if sound(lower) or not sound(named) else named
     return named, averaged_over_scatter(named, criteria) if named.nuisances else with_sampled_errors(named)
 
 
-def _next(search: EffectSearch, verdict: Verdict, named: Fit) -> tuple[list[Fit], list[NextTrial]]:
-    """Effects that could hide if the base model is adequate, and the trials to run next."""
+def _hidden_and_next_trials(search: EffectSearch, verdict: Verdict, named: Fit) -> tuple[list[Fit], list[NextTrial]]:
+    """Effects that could be hidden if the base model is adequate, and the trials to run next."""
     if hidden := unseen(search, named) if verdict.status == "adequate" else []:
         return hidden, excluding(search.fits[()], hidden)
     if verdict.status == "untested":
@@ -278,84 +289,86 @@ def _next(search: EffectSearch, verdict: Verdict, named: Fit) -> tuple[list[Fit]
     return [], next_trials([search.fits[names] for names in verdict.alternatives])
 
 
-def _in_full(
+def _with_remarks(
     search: EffectSearch, verdict: Verdict, named: Fit, hidden: Sequence[Fit], trials: Sequence[NextTrial]
 ) -> Verdict:
-    """The verdict with what a reader should know beside it."""
+    """The verdict with remarks: calibration errors, hidden effects, the most informative trial, look-alikes."""
     because = [verdict.because]
     if strange := strange_k(search.fits[()]):
         because.append(strange)
     if hidden:
         because.append(_not_excluded(hidden, trials, search.criteria))
     if verdict.status == "ambiguous":
-        because.append(_most_telling(trials, search.criteria))
+        because.append(_most_discriminating(trials, search.criteria))
     if verdict.status == "identified":
-        because.append(would_fall(search, named))
-    # Where the robot is doubted there was no search, and no reading is to be blamed.
+        because.append(rival_calibration_error(search, named))
+    # Where the robot is in doubt there was no search, and calibration is not the question.
     if verdict.status == "unexplained" and len(search.fits) > 1:
-        because.append(beyond_belief(search))
+        because.append(sufficient_calibration_error(search))
     if verdict.status in ("identified", "partial"):
-        because += [f"{one.mistaken_for} can look the same" for one in named.model.effects if one.mistaken_for]
+        because += [f"{effect.mistaken_for} can look the same" for effect in named.model.effects if effect.mistaken_for]
     return replace(verdict, because="; ".join(filter(None, because)))
 
 
-def _imitated(search: EffectSearch, found: Shared) -> Shared | None:
-    """The refusal of a claim that a formula outdoes: one of several effects, one under another convention than the
-    catalogue's, which was picked from dozens, or one that needs what trials share."""
+def _refused_for_a_formula(search: EffectSearch, found: Shared) -> Shared | None:
+    """The refusal of a claim that a formula outdoes. Tested for claims of several effects, of an effect under another
+    convention (picked from dozens), or with nuisances; None for others, or where no formula is clearly better."""
     if found.verdict.status not in CLAIMS:
         return None
     picked = len(found.verdict.effects) > 1 or bool(conventions([found.fits[found.verdict.effects]]))
     if not picked and judge(search.fits, search.criteria).status != "unexplained":
         return None
-    refused = outdone_by_a_formula(search, found.verdict, as_granted(search, found))
+    refused = outdone_by_a_formula(search, found.verdict, refitted_as_claimed(search, found))
     return None if refused is None else Shared(refused, dict(search.fits), search.fits[()])
 
 
-def _beside_nuisances(search: EffectSearch) -> Shared:
-    """The verdict on what was tried, beside what trials share."""
-    search.weigh_doubts()
+def _judged(search: EffectSearch) -> Shared:
+    """The verdict on all sets fitted so far, with nuisances and with the reported standard errors."""
+    search.resolve_unknown_errors()
     plain = judge(search.fits, search.criteria)
-    found = reconsidered(search, plain) or Shared(plain, search.fits, search.fits[plain.effects])
-    refused = taken_back(found.verdict, found.fits)
+    found = judged_with_nuisances(search, plain) or Shared(plain, search.fits, search.fits[plain.effects])
+    refused = refused_from_one_observable(found.verdict, found.fits)
     if refused is not None:
         return Shared(refused, search.fits, search.fits[()])
     return _by_reported_errors(search, found)
 
 
 def _under_other_conventions(search: EffectSearch, unexplained: Shared) -> tuple[Shared, Partial | None]:
-    """Where no set of the catalogue fits: under another convention one effect may, or repair most, or two may."""
+    """The verdict where no set of the catalogue fits. Tried in turn: one effect under another convention, an effect
+    that repairs most of the misfit, two effects of which one is under another convention."""
     usual = dict(search.fits)
-    better = other_conventions(search)
-    # A formula that nobody wrote down is no claim where one of the catalogue fits clearly better with a number nobody
-    # believes.
+    better = try_single_effects(search)
+    # No claim under another convention where a catalogue formula fits clearly better, with an implausible parameter.
     most = beyond_its_range(search)
-    if most and not conventions([search.fits[most[0].effects]]) and (part := _in_part(search, most)):
+    if most and not conventions([search.fits[most[0].effects]]) and (part := _unless_a_formula(search, most)):
         return part
-    if better and _stands(search, found := _beside_nuisances(search)):
+    if better and _is_conclusive(search, found := _judged(search)):
         return found, None
     for fits in (usual, search.fits):
         search.fits = fits
-        if part := _in_part(search, partly(search)):
+        if part := _unless_a_formula(search, mostly_repaired(search)):
             return part
-    for tried in (beside_the_leader, within_pairs):
-        if tried(search) and _stands(search, found := _beside_nuisances(search)):
+    for tried in (try_beside_the_leader, try_within_pairs):
+        if tried(search) and _is_conclusive(search, found := _judged(search)):
             return found, None
     return replace(unexplained, fits=usual), None
 
 
-def _stands(search: EffectSearch, found: Shared) -> bool:
-    """Whether a verdict under other conventions is one: no claim is that needs offsets of each batch as well, for more
-    than a small rest."""
+def _is_conclusive(search: EffectSearch, found: Shared) -> bool:
+    """Whether a verdict under other conventions may stand. A claim may not if it also needs flexible nuisances for more
+    than a small part of the misfit, or if a formula outdoes it."""
     if found.verdict.status not in CLAIMS:
         return found.verdict.status != "unexplained"
     sets = found.verdict.alternatives
-    needed = bends(found.named) and not all(repairs(search.fits, names, search.criteria) for names in sets)
-    bent = needed and conventions([search.fits[names] for names in sets])
-    return not bent and _imitated(search, found) is None
+    needed = has_flexible_nuisances(found.named) and not all(
+        repairs(search.fits, names, search.criteria) for names in sets
+    )
+    flexible = needed and conventions([search.fits[names] for names in sets])
+    return not flexible and _refused_for_a_formula(search, found) is None
 
 
-def _in_part(search: EffectSearch, most: tuple[Verdict, Partial] | None) -> tuple[Shared, Partial] | None:
-    """The verdict that one effect repairs most, unless a formula without it explains all."""
+def _unless_a_formula(search: EffectSearch, most: tuple[Verdict, Partial] | None) -> tuple[Shared, Partial] | None:
+    """The verdict that one effect repairs most of the misfit, unless a formula without it explains everything."""
     if most is None or outdone_by_a_formula(search, most[0], search.fits):
         return None
     verdict, partial = most
@@ -363,19 +376,19 @@ def _in_part(search: EffectSearch, most: tuple[Verdict, Partial] | None) -> tupl
 
 
 def _residual_formula(search: EffectSearch, verdict: Verdict) -> SuggestedFormula | None:
-    """What is left where no set repairs the model, as a formula."""
+    """A formula for the remaining misfit, where no set explains all."""
     if verdict.status == "partial":
         return formula_on_top_of(search, [verdict.effects])
     return formula_to_try(search) if verdict.status == "unexplained" else None
 
 
-def _of_another_robot(doubted: Sequence[str]) -> Verdict:
+def _robot_in_doubt(doubted: Sequence[str]) -> Verdict:
     because = f"robot.yaml may be wrong, so nothing is identified: {'; '.join(doubted)}"
     return Verdict("unexplained", (), (), because)
 
 
-def _most_telling(trials: Sequence[NextTrial], criteria: Criteria) -> str:
-    """What would tell the alternatives apart."""
+def _most_discriminating(trials: Sequence[NextTrial], criteria: Criteria) -> str:
+    """The trial that best discriminates between the alternatives."""
     telling = [trial for trial in trials if trial.expected_gap_sd > criteria.telling_sd]
     if not telling:
         return "no trial within this range of φ and ω tells them apart by these observables: another kind is needed"
@@ -385,11 +398,13 @@ def _most_telling(trials: Sequence[NextTrial], criteria: Criteria) -> str:
 
 
 def _not_excluded(hidden: Sequence[Fit], trials: Sequence[NextTrial], criteria: Criteria) -> str:
-    """Which effects could hide in these data, and what would show them."""
+    """The effects that these data cannot exclude, and the trials that would reveal them."""
     names = ", ".join(fit.effects[0] for fit in hidden)
     shown = {trial.separates[1]: trial for trial in reversed(trials) if trial.expected_gap_sd > criteria.telling_sd}
     how = "; ".join(f"{name}: {trial.observable} at {trial.where}" for name, trial in shown.items())
-    return f"at their usual strength these would not show in it: {names}" + (f" (what would show {how})" if how else "")
+    return f"at their usual strength these would not show in the data: {names}" + (
+        f" (what would show {how})" if how else ""
+    )
 
 
 def _stability(fits: Sets, verdict: Verdict, criteria: Criteria) -> float:

@@ -1,4 +1,15 @@
-"""The search over sets of effects: none, singles, pairs, triples, each fitted to its global minimum."""
+"""The search over sets of effects: none, singles, pairs, triples, each fitted to its global minimum.
+
+For each size:
+
+1. Choose the sets: every single effect; pairs among the best singles; the best sets with each further effect.
+2. Fit each: singles globally; larger sets, and singles where the base model passes, from a warm start at a part.
+3. Search globally for the best of those warm-started, and for those that extend the best part of all.
+4. Refit the parts of the best sets from the minima of these sets.
+5. Stop if some set passes and no further effect earns its place.
+
+A *part* of a set is the set with one effect less.
+"""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -11,7 +22,7 @@ import numpy as np
 from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.residual import SuggestedFormula
-from sandbot_model.discovery.verdict import RESPONSE_TIME, Verdict, leaves_nothing, parts_of, passes, worth
+from sandbot_model.discovery.verdict import RESPONSE_TIME, Verdict, earns_place, leaves_nothing, parts_of, passes
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.finite import check_finite
 from sandbot_model.fitting.fit import Fit, fitted_at
@@ -35,18 +46,18 @@ from sandbot_model.physics.effect import Effect, Parameter
 from sandbot_model.physics.model import Model, model_of
 
 SURVIVORS = 9
-"""Single effects that go into every pair among themselves."""
+"""Single effects, the best by BIC, that are all paired with one another."""
 REFINED = 8
-"""Larger sets that get a global search after a first look."""
+"""Warm-started sets, the best by deviance, that also get a global search."""
 LEADERS = 3
-"""Sets that are tried with one more effect of the whole catalogue."""
+"""Sets of a size, the best by BIC, that are extended by each effect of the catalogue."""
 
 Names = tuple[str, ...]
 """A set of effects, in the order of the catalogue."""
 
 
 class EffectSearch:
-    """The sets tried so far, ``fits``, and what to try next."""
+    """The best fit of each set tried so far (``fits``), and which sets to try next."""
 
     def __init__(
         self,
@@ -62,89 +73,90 @@ class EffectSearch:
         self.criteria, self.fit_all, self.progress = criteria, fit_all, progress
         self.fits: dict[Names, Fit] = {}
         self.other_conventions: list[Fit] | None = None
-        """Single effects under other conventions, once they have been tried (``conventions``)."""
-        self.beside: dict[tuple[object, ...], Fit] = {}
-        """Sets beside what trials share, by how far the bed scatters and the fits they began at (``sharing``)."""
-        self.rough: Fit | None = None
-        """The base model on ground that scatters between conditions, once that was looked for (``sharing``)."""
+        """Cache: single effects under other conventions (``conventions``)."""
+        self.with_nuisances: dict[tuple[object, ...], Fit] = {}
+        """Cache: sets fitted with nuisances, by their batch SDs and starting fits (``sharing``)."""
+        self.base_on_rough_bed: Fit | None = None
+        """Cache: the base model on a bed that scatters between conditions (``sharing``)."""
         self.reported: dict[Fit, tuple[Fit, Fit]] = {}
-        """The deepest believable fits of sets, and the same with errors as they are reported (``discover``)."""
+        """Cache: the deepest plausible fit of a set, without and with its reported standard errors (``discover``)."""
         self.formulas: dict[Fit, SuggestedFormula] = {}
-        """What repairs most of what a fit misses, once it was looked for (``formula_search``)."""
+        """Cache: the formula that repairs most of what a fit misses (``formula_search``)."""
         inherent = {effect.identifier for effect in self.model(()).walker.effects}
         self.names = [name for name in effects if name not in inherent]
         for name in self.names:
             check_finite(self.model((name,)), cells)
 
     def run(self, max_effects: int, enough: Callable[[int], bool] = lambda _size: False) -> None:
-        """Try ever larger sets until one size settles it (see ``_settled``), or is ``enough``."""
-        self._try("base", [()])
+        """Try ever larger sets until a size suffices (see ``_size_suffices``), or ``enough`` says so."""
+        self._fit_sets("base", [()])
         if max_effects > 0:
-            self._try("singles", [(name,) for name in self.names])
-            self._parts_again(1)
+            self._fit_sets("singles", [(name,) for name in self.names])
+            self._refit_parts(1)
         for size in range(2, max_effects + 1):
-            if self._settled(size - 1) or enough(size - 1):
+            if self._size_suffices(size - 1) or enough(size - 1):
                 return
-            self._try(f"sets of {size}", self._larger(size))
-            self._parts_again(size)
+            self._fit_sets(f"sets of {size}", self._larger_sets(size))
+            self._refit_parts(size)
 
     def ladder(self, verdict: Verdict) -> list[Fit]:
-        """From the base to the chosen set, each step the effect that helps most."""
+        """Fits from the base model to the verdict's set; each step adds the effect that lowers the deviance most."""
         steps, remaining = [self.fits[()]], list(verdict.effects)
         while remaining:
             options = self.extended(steps[-1].effects, remaining)
-            new = self.near([self.model(names) for names in self._new(options)], steps[-1])
+            new = self.near([self.model(names) for names in self._not_yet_fitted(options)], steps[-1])
             known = [self.fits[names] for names in options if names in self.fits]
             steps.append(min([*known, *new], key=lambda fit: fit.deviance))
             remaining = [name for name in remaining if name not in steps[-1].effects]
         return steps
 
     def ranked(self, size: int) -> list[Fit]:
-        """The sets of a size, the best first."""
+        """The sets of a size, the lowest BIC first."""
         return sorted((fit for names, fit in self.fits.items() if len(names) == size), key=lambda fit: fit.bic)
 
     def extended(self, names: Names, more: Iterable[str] | None = None) -> list[Names]:
-        """The set with each effect more, of all or of those given."""
+        """The set extended by one effect, for each effect of the catalogue or of ``more``."""
         return [self._sorted((*names, name)) for name in more or self.names if name not in names]
 
     def strengths(self, beside: Names) -> list[tuple[str, Parameter]]:
-        """Effects that are not in a set and vanish at a value of one parameter, and that parameter."""
+        """Effects outside a set that have exactly one parameter with a neutral value, and that parameter."""
         found = []
         for name in self.names:
-            own = [one for one in self.effects[name].parameters if one.neutral is not None]
+            own = [parameter for parameter in self.effects[name].parameters if parameter.neutral is not None]
             found += [(name, own[0])] if name not in beside and len(own) == 1 else []
         return found
 
     def model(self, names: Names, held: Mapping[str, float] | None = None) -> Model:
-        """The model of a set, some parameters held at a value."""
+        """The model of a set, with some parameters held at given values."""
         return model_of(self.base, names, self.effects, self.cells.robot, held)
 
     def near(self, models: Sequence[Model], smaller: Fit) -> list[Fit]:
-        """Models fitted near a fit that has less in it."""
+        """Models fitted from a warm start at the fit of a smaller model, with its nuisances."""
         shared = smaller.nuisances
         points = self.fit_all(solve_near, [(model, self.cells, (smaller.warm_start,), shared) for model in models])
         return [fitted_at(model, self.cells, point, shared) for model, point in zip(models, points, strict=True)]
 
     def fit(self, stage: str, sets: Sequence[Names], *, nearby: bool) -> None:
-        """Fit sets, near their best smaller set or anywhere; the better of an earlier fit and this one is kept."""
+        """Fit sets, from warm starts only or globally; the better of an earlier fit and this one is kept."""
         if not sets:
             return
         models = [self.model(names) for names in sets]
         points = (
-            self._in_parts(stage, models, [self._starts(names) for names in sets], nearby=nearby)
+            self._search_in_stages(stage, models, [self._starts(names) for names in sets], nearby=nearby)
             if self.fits
-            else self._each(stage, solve, [(model, self.cells, None) for model in models])
+            else self._map(stage, solve, [(model, self.cells, None) for model in models])
         )
-        self._keep(sets, self.believable(models, points))
+        self._keep_better(sets, self.fits_with_plausible_delta_t(models, points))
 
-    def believable(self, models: Sequence[Model], points: Iterable[Point]) -> list[Fit]:
-        """Models fitted at these points; where effects leave nothing to explain beside a Δt beyond its plausible range,
-        that is held at its end if data hardly mind: from a Δt that nobody believes, whatever its error, follow k and
-        effects nobody should.
+    def fits_with_plausible_delta_t(self, models: Sequence[Model], points: Iterable[Point]) -> list[Fit]:
+        """Fits at these points, with a plausible Δt where the data allow one.
+
+        If a set of effects fits with Δt beyond its plausible range, Δt is held at the end of that range, provided the
+        deviance rises by less than ``not_excluded``: k and effects fitted with an implausible Δt are not credible.
         """
         found = [fitted_at(model, self.cells, point) for model, point in zip(models, points, strict=True)]
         beyond = [at for at, fit in enumerate(found) if fit.effects and leaves_nothing(fit, self.criteria)]
-        ends = {at: end for at in beyond if (end := _end_passed(found[at])) is not None}
+        ends = {at: end for at in beyond if (end := _nearest_plausible_end(found[at])) is not None}
         if not ends:
             return found
         held = [replace(found[at].model, held={RESPONSE_TIME: end}) for at, end in ends.items()]
@@ -155,9 +167,10 @@ class EffectSearch:
                 found[at] = fit
         return found
 
-    def weigh_doubts(self) -> None:
-        """Find the errors that a derivative does not know of the best set that leaves nothing, where such a number is
-        beyond its plausible range: whether it is to be believed depends on its error, and unknown is not none."""
+    def resolve_unknown_errors(self) -> None:
+        """Sample the standard errors that the curvature does not determine, for the best set without lack of fit, if an
+        implausible parameter lacks one: whether its value is compatible with the plausible range depends on its error.
+        """
         enough = [fit for fit in self.fits.values() if leaves_nothing(fit, self.criteria)]
         best = min(enough, key=lambda fit: fit.bic, default=None)
         if best is not None and any(np.isnan(best.parameters[name].stderr) for name in best.implausible):
@@ -165,8 +178,8 @@ class EffectSearch:
             self.fits[best.effects] = replace(best, stderr=stderr)
 
     def _starts(self, names: Names) -> tuple[WarmStart, ...]:
-        """Where a search of a set begins: at its best part, and at the best that has all formulas without a parameter,
-        under which k is another (see ``_is_small_change``)."""
+        """Warm starts for a set: its best part, and the best part with all its parameter-free effects, which replace a
+        formula of the model and change k (see ``_fit_sets``)."""
         best = self._parent(names)
         assert best is not None
         instead = {name for name in names if not self.effects[name].parameters}
@@ -174,7 +187,7 @@ class EffectSearch:
         other = min(others, key=lambda fit: fit.deviance, default=best)
         return (best.warm_start,) if other is best else (best.warm_start, other.warm_start)
 
-    def _in_parts(
+    def _search_in_stages(
         self,
         stage: str,
         models: Sequence[Model],
@@ -182,115 +195,116 @@ class EffectSearch:
         *,
         nearby: bool,
     ) -> list[Point]:
-        """Where searches come to. Each goes on only while it is not far above the best of all models."""
+        """Minima found for these models; a search is abandoned once it is far above the best of all models."""
         look, refine = (solve_near_first, solve_near_further) if nearby else (solve_first, solve_further)
         begun = [near if nearby else near[0] for near in starts]
         tasks = [(model, self.cells, near) for model, near in zip(models, begun, strict=True)]
-        found: list[Found] = self._each(stage, look, tasks)
+        found: list[Found] = self._map(stage, look, tasks)
         some = self._hopeful(found, 2 * HOPELESS)
-        found = _in_place(
-            found, some, self._each(f"{stage}, refined", refine, [(*tasks[at], found[at].point) for at in some])
-        )
+        refined = self._map(f"{stage}, refined", refine, [(*tasks[at], found[at].point) for at in some])
+        found = _replaced(found, some, refined)
         if not nearby:
             some = self._hopeful(found, HOPELESS)
             some = [at for at in some if worth_jumps(models[at], self.cells, found[at].deviance)]
             jumps = [(models[at], self.cells, found[at].point) for at in some]
-            found = _in_place(found, some, self._each(f"{stage}, other valleys", solve_jumping, jumps))
-        return [one.point for one in found]
+            found = _replaced(found, some, self._map(f"{stage}, other minima", solve_jumping, jumps))
+        return [result.point for result in found]
 
     def _hopeful(self, found: Sequence[Found], times: float) -> list[int]:
-        """Which are not so many times above the best of all models."""
-        limit = far_above(min(self._least(), *(one.deviance for one in found)), times)
-        return [at for at, one in enumerate(found) if one.deviance <= limit]
+        """Indices of results that are not so many times above the best of all models."""
+        limit = far_above(min(self._lowest_deviance(), *(result.deviance for result in found)), times)
+        return [at for at, result in enumerate(found) if result.deviance <= limit]
 
-    def _each(self, stage: str, function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
-        """What a function makes of each task."""
+    def _map(self, stage: str, function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
+        """Results of a function for each task, reporting progress."""
         found = []
-        for one in self.fit_all(function, tasks):
-            found.append(one)
+        for result in self.fit_all(function, tasks):
+            found.append(result)
             self.progress(stage, len(found), len(tasks))
         return found
 
-    def _least(self) -> float:
+    def _lowest_deviance(self) -> float:
         return min((fit.deviance for fit in self.fits.values()), default=math.inf)
 
-    def _settled(self, size: int) -> bool:
-        """Whether sets of this size, or the base model, leave nothing to explain."""
-        self.weigh_doubts()
+    def _size_suffices(self, size: int) -> bool:
+        """Whether a set of up to this size passes, and extending the best of these earns nothing."""
+        self.resolve_unknown_errors()
         done = [fit for names, fit in self.fits.items() if len(names) <= size and passes(fit, self.criteria)]
         if not done:
             return False
         best = min(done, key=lambda fit: fit.bic)
         larger = self.extended(best.effects)
-        self._try(f"beyond {' + '.join(best.effects) or 'base'}", self._new(larger))
-        self._parts_again(size + 1)
-        return not any(worth(self.fits, names, best.effects, self.criteria) for names in larger)
+        self._fit_sets(f"beyond {' + '.join(best.effects) or 'base'}", self._not_yet_fitted(larger))
+        self._refit_parts(size + 1)
+        return not any(earns_place(self.fits, names, best.effects, self.criteria) for names in larger)
 
-    def _larger(self, size: int) -> list[Names]:
-        """Sets one larger: all among the survivors, and the leaders with everybody."""
+    def _larger_sets(self, size: int) -> list[Names]:
+        """Sets of a size to fit next: pairs among the survivors, and the leaders extended by every effect."""
         smaller = self.ranked(size - 1)
         wanted = {names for fit in smaller[:LEADERS] for names in self.extended(fit.effects)}
         if size == 2:
             survivors = [fit.effects[0] for fit in smaller[:SURVIVORS]]
             wanted |= {self._sorted(pair) for pair in combinations(survivors, 2)}
-        return self._new(sorted(wanted))
+        return self._not_yet_fitted(sorted(wanted))
 
-    def _new(self, sets: Iterable[Names]) -> list[Names]:
+    def _not_yet_fitted(self, sets: Iterable[Names]) -> list[Names]:
         return [names for names in sets if names not in self.fits]
 
-    def _try(self, stage: str, sets: Sequence[Names]) -> None:
-        """Fit sets: near what a smaller set has found where that fits already, globally elsewhere.
+    def _fit_sets(self, stage: str, sets: Sequence[Names]) -> None:
+        """Fit sets: singles globally; larger ones, and singles where the base model passes, first from warm starts.
 
-        Sets of two and more are first looked at near their best smaller set, then the best of them globally. A single
-        effect without a parameter is a formula in place of the model's own, under which k is another: no small change.
+        The best of the warm-started sets whose best part does not pass are then searched globally. A single effect
+        without a parameter replaces a formula of the model and changes k, so it is always searched globally.
         """
         quick = [names for names in sets if len(names) > 1 or self._is_small_change(names)]
         self.fit(stage, [names for names in sets if names not in quick], nearby=False)
         self.fit(stage, quick, nearby=True)
         hopeful = [names for names in quick if not self._parent_passes(names)]
         hopeful.sort(key=lambda names: (self._gains_nothing(names), self.fits[names].deviance))
-        # What a switch does is met by no descent from where it does nothing: beside the best it is looked for anywhere.
+        # No descent finds the effect of a threshold from where it has none, so the best set's extensions are included.
         closer = list(dict.fromkeys((*hopeful[:REFINED], *self._beside_the_best(hopeful))))
         self.fit(f"{stage}, closer", closer, nearby=False)
         if not any(passes(self.fits[names], self.criteria) for names in sets):
-            # What fits worse than a part of it has not been found yet.
+            # A set that fits worse than a part of it is not at its minimum yet.
             lost = [names for names in hopeful if names not in closer and self._is_worse(names)]
-            self.fit(f"{stage}, those left behind", lost, nearby=False)
+            self.fit(f"{stage}, worse than a part", lost, nearby=False)
 
-    def _parts_again(self, size: int) -> None:
-        """Fit the parts of the best sets of a size from where these have come to, tried before or not: what a set gains
-        by a valley in which a part of it lies as deep is nothing that its last effect gains."""
+    def _refit_parts(self, size: int) -> None:
+        """Refit the parts of the best sets of a size from the minima of these sets, also parts not tried before.
+
+        A set may gain only because it was fitted in the basin of a deeper minimum, where its part fits as well.
+        """
         ranked = self.ranked(size)
         wholes = [fit for fit in ranked[:REFINED] if leaves_nothing(fit, self.criteria)] or ranked[:1]
-        again = [(part, whole.warm_start) for whole in wholes for part in combinations(whole.effects, size - 1)]
-        tasks = [(self.model(part), self.cells, (start,), None) for part, start in again]
-        found = self.believable([model for model, *_ in tasks], self.fit_all(solve_near, tasks))
-        self._keep([part for part, _ in again], found)
+        starts = [(part, whole.warm_start) for whole in wholes for part in combinations(whole.effects, size - 1)]
+        tasks = [(self.model(part), self.cells, (start,), None) for part, start in starts]
+        found = self.fits_with_plausible_delta_t([model for model, *_ in tasks], self.fit_all(solve_near, tasks))
+        self._keep_better([part for part, _ in starts], found)
 
-    def _keep(self, sets: Sequence[Names], found: Sequence[Fit]) -> None:
-        """Put down what was found of sets, where it is better than what is known of them."""
+    def _keep_better(self, sets: Sequence[Names], found: Sequence[Fit]) -> None:
+        """Keep each new fit that is better than the present one of its set."""
         for names, fit in zip(sets, found, strict=True):
             if names not in self.fits or fit.deviance < self.fits[names].deviance:
                 self.fits[names] = fit
 
     def _parent(self, names: Names) -> Fit | None:
-        """The best set with one effect less that has been fitted, or the base model's fit."""
+        """The best part that has been fitted, or else the base model."""
         parents = [self.fits[part] for part in parts_of(names, self.fits)]
         return min(parents, key=lambda parent: parent.deviance, default=self.fits.get(()))
 
     def _beside_the_best(self, sets: Sequence[Names]) -> list[Names]:
-        """Those of these sets that have one effect more than the best of all their parts."""
+        """Those of these sets that extend the best of all their parts."""
         parents = [parent for names in sets if (parent := self._parent(names)) is not None]
         best = min(parents, key=lambda parent: parent.deviance, default=None)
         return [names for names in sets if best is not None and set(best.effects) < set(names)]
 
     def _gains_nothing(self, names: Names) -> bool:
-        """Whether the effect that came last stays neutral: a dozen such sets, equal to the digit, are no leaders."""
+        """Whether the added effect stays neutral: a dozen sets of equal deviance must not fill the global search."""
         parent = self._parent(names)
         return parent is not None and math.isclose(self.fits[names].deviance, parent.deviance, rel_tol=1e-6)
 
     def _is_worse(self, names: Names) -> bool:
-        """Whether a set of three or more fits worse than its best part, which can't be at its minimum."""
+        """Whether a set of three or more fits worse than its best part, so that it cannot be at its minimum."""
         parent = self._parent(names)
         return parent is not None and len(names) > 2 and self.fits[names].deviance > parent.deviance * (1 + 1e-6)
 
@@ -299,7 +313,7 @@ class EffectSearch:
         return parent is not None and names != () and passes(parent, self.criteria)
 
     def _is_small_change(self, names: Names) -> bool:
-        """Whether a single effect can only change a little of what fits without it."""
+        """Whether a single effect can only be a small change: the base model passes, and the effect has a parameter."""
         return self._parent_passes(names) and bool(self.effects[names[0]].parameters)
 
     def _sorted(self, names: Iterable[str]) -> Names:
@@ -307,15 +321,15 @@ class EffectSearch:
         return tuple(name for name in self.effects if name in wanted)
 
 
-def _end_passed(fit: Fit) -> float | None:
-    """The end of Δt's plausible range that a fit lies beyond; None where it is inside."""
+def _nearest_plausible_end(fit: Fit) -> float | None:
+    """The end of the plausible range of Δt beyond which a fit lies; None if it is inside."""
     value = fit.parameters[RESPONSE_TIME].value
-    one = fit.model.parameter(RESPONSE_TIME)
-    inside = float(np.clip(value, one.low, one.high))
+    parameter = fit.model.parameter(RESPONSE_TIME)
+    inside = float(np.clip(value, parameter.low, parameter.high))
     return inside if inside != value else None
 
 
-def _in_place(found: Sequence[Found], at: Sequence[int], better: Sequence[Found]) -> list[Found]:
-    """The same with others at some places."""
+def _replaced(found: Sequence[Found], at: Sequence[int], better: Sequence[Found]) -> list[Found]:
+    """A copy with the results at some indices replaced."""
     changed = dict(zip(at, better, strict=True))
-    return [changed.get(place, one) for place, one in enumerate(found)]
+    return [changed.get(index, result) for index, result in enumerate(found)]

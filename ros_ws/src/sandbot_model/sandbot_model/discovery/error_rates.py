@@ -15,7 +15,7 @@ import numpy as np
 from sandbot_model.data.conditions import Cells, cell_of, cells_of
 from sandbot_model.data.distributions import beta_ppf
 from sandbot_model.data.penetrometer import Readings
-from sandbot_model.discovery.batch_sd import BATCH, BATCH_SCALE, BATCH_ZERO, granted
+from sandbot_model.discovery.batch_sd import BATCH, BATCH_SCALE, BATCH_ZERO, batch_sd_of
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.discover import discover
 from sandbot_model.discovery.nuisances_about import ALONG, DRIFT
@@ -164,7 +164,7 @@ def _ln_k_offset(trials: Trials, cell: Array, truth: Fit, rng: np.random.Generat
 
 def _of_each_batch(trials: Trials, cell: Array, truth: Fit, name: str, rng: np.random.Generator) -> Array:
     """What each trial's batch has of this name of its own, drawn; 0 where the fit does not grant that."""
-    sd = granted(truth)[name] if truth.nuisances is not None else 0.0
+    sd = batch_sd_of(truth)[name] if truth.nuisances is not None else 0.0
     if not sd:
         return np.zeros(len(trials))
     names = cell if truth.cells.batch_share is None else np.asarray(trials.batch)

@@ -6,8 +6,16 @@ import numpy as np
 
 from sandbot_model.discovery.effect_search import EffectSearch, Names
 from sandbot_model.discovery.residual import SuggestedFormula, suggest_formula
-from sandbot_model.discovery.sharing import at_priors
-from sandbot_model.discovery.verdict import Sets, Verdict, best_earned, claim, overdispersion, picked_from, sound
+from sandbot_model.discovery.sharing import refitted_at_priors
+from sandbot_model.discovery.verdict import (
+    Sets,
+    Verdict,
+    best_earned,
+    claim_threshold,
+    overdispersion,
+    selection_penalty,
+    sound,
+)
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import far_above, solve
 from sandbot_model.physics.formula import formula_effect
@@ -43,7 +51,7 @@ def formula_on_top_of(search: EffectSearch, sets: Sequence[Names]) -> SuggestedF
     best = _enough_or_best(search, [search.fits[names] for names in wanted])
     if best is None or best.leaves_nothing:
         return best
-    shared = _enough_or_best(search, list(at_priors(search, wanted).values()))
+    shared = _enough_or_best(search, list(refitted_at_priors(search, wanted).values()))
     return shared if shared is not None and shared.leaves_nothing else best
 
 
@@ -68,7 +76,7 @@ def outdone_by_a_formula(search: EffectSearch, claim: Verdict, fits: Sets) -> Ve
     claimed = fits[claim.effects]
     parts = [fit for names, fit in fits.items() if len(names) == 1 and set(names) < set(claim.effects)]
     on_top = [fits[()], *sorted(parts, key=lambda fit: fit.bic)[:1]]
-    lead = search.criteria.clearly * overdispersion(claimed) + picked_from(TERMS)
+    lead = search.criteria.clearly * overdispersion(claimed) + selection_penalty(TERMS)
     for fit in on_top:
         formula = _on_top_of(search, fit, far_above(claimed.deviance, 1.0))
         if formula is not None and formula.bic < claimed.bic - lead and formula.leaves_nothing:
@@ -112,6 +120,6 @@ def _beside(search: EffectSearch, formula: SuggestedFormula) -> Names:
     helpful = [
         (fit.bic, names)
         for names, fit in zip(sets, search.near(others, alone), strict=True)
-        if sound(fit) and alone.deviance - fit.deviance > claim(fit, search.criteria)
+        if sound(fit) and alone.deviance - fit.deviance > claim_threshold(fit, search.criteria)
     ]
     return min(helpful, default=(0.0, ()))[1]

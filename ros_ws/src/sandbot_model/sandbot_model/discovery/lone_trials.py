@@ -1,6 +1,6 @@
-"""A trial that is alone in its condition and went wrong: no replicate shows it, and no model explains it.
+"""Outliers without replicates: a trial that went wrong as the only one of its condition, so that no model explains it.
 
-Where everything is explained but for such trials, the verdict is that without them, and says so.
+If all other trials are explained without such trials, the verdict is that of the others, and says so.
 """
 
 import numpy as np
@@ -11,13 +11,13 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Ints
 
 FAR_OFF = 6.0
-"""Standard errors by which the best model misses a trial that is taken to have gone wrong."""
+"""Standard errors by which the best model misses a trial that is considered an outlier."""
 
 
-def gone_wrong(fit: Fit, criteria: Criteria) -> Ints:
-    """Cells of one trial each that a fit misses by far; none where these are many, or all of their level.
+def suspect_trials(fit: Fit, criteria: Criteria) -> Ints:
+    """Cells of one trial each that a fit misses by far; none if these are too many.
 
-    Beside a switch, where the robot walks or swims by chance, nothing is far off.
+    Cells that are alone in their level, or beside a switch, where the robot walks or swims by chance, do not count.
     """
     cells = fit.cells
     sd = np.sqrt(np.einsum("cii->ci", fit.state.covariance[0]))
@@ -28,9 +28,9 @@ def gone_wrong(fit: Fit, criteria: Criteria) -> Ints:
     return far if len(far) <= criteria.lone_trials * len(cells) else far[:0]
 
 
-def told(cells: Cells, which: Ints) -> str:
-    """Which trials these are."""
-    where = ", ".join(f"φ {cells.phi[one]:.3f}, ω {cells.omega[one]:.3g} rad/s" for one in which)
+def repeat_request(cells: Cells, which: Ints) -> str:
+    """Which trials were left out and should be repeated, in words."""
+    where = ", ".join(f"φ {cells.phi[cell]:.3f}, ω {cells.omega[cell]:.3g} rad/s" for cell in which)
     if len(which) == 1:
         return f"without the trial at {where}, which is alone in its condition and far off: repeat it"
     return f"without the trials at {where}, each alone in its condition and far off: repeat them"

@@ -1,4 +1,4 @@
-"""What trials share, in a reader's words and units."""
+"""Nuisances described in words and in a reader's units."""
 
 from sandbot_model.discovery.nuisances_about import DRIFT, LIFT_ZERO, SPEED_SCALE
 from sandbot_model.fitting.fit import Fit
@@ -8,13 +8,13 @@ WORDS = {
     SPEED_SCALE: ("a speed scale off", 1e2, "%"),
     LIFT_ZERO: ("a lift zero off", 1e3, "mm"),
 }
-"""What a person calls a nuisance, and the unit it is read in."""
+"""Description, factor from SI, and unit of each nuisance."""
 SHOWS = 2.0
-"""Standard errors from which a nuisance is mentioned."""
+"""Standard errors above which a nuisance is mentioned."""
 
 
 def significant(fit: Fit) -> list[str]:
-    """The drift, the zero and the scale that show beside a fit: more than twice their standard error."""
+    """Drift, zero and scale of a fit that exceed twice their standard error, in words."""
     if fit.nuisances is None:
         return []
     return [

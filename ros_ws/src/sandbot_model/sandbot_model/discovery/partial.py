@@ -1,12 +1,13 @@
-"""Between yes and no: one effect repairs most of what the base model misses, and what it does not is said.
+"""The verdict *partial*: one effect repairs most of what the base model misses, and the exception is reported.
 
-Any one observable may be wrong: another convention, a camera. Each is left out in turn. Where an effect of the
-catalogue then leaves replicates nothing to explain, it is named, unless the base model does so too (then the observable
-is all that is wrong) or another effect does about as well with the same or another observable left out. Without such an
-observable an effect is named if a small rest is left, and it leads clearly whichever observable is left out.
+Three cases, tried in this order:
 
-So is an effect that leaves nothing, and no other comes near, but only with a number beyond what is believed of it: its
-formula may have another form here, or the range be too narrow.
+1. The effect shows no lack of fit and no other comes near, but a parameter of it is beyond its plausible range: its
+   formula may have another form here, or the range may be too narrow.
+2. The effect shows no lack of fit once one observable is left out, which may be wrong (another convention, a camera).
+   It is not named if the base model then fits too (only the observable is wrong), or if another effect does about as
+   well with the same or another observable left out.
+3. The effect leaves a small rest, and leads clearly whichever observable is left out.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,7 +19,16 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery import conventions
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.effect_search import EffectSearch, Names
-from sandbot_model.discovery.verdict import Verdict, gains, leaves_nothing, odd, overdispersion, passes, sound, worth
+from sandbot_model.discovery.verdict import (
+    Verdict,
+    doubtful_parameters,
+    earns_place,
+    gains_enough,
+    leaves_nothing,
+    overdispersion,
+    passes,
+    sound,
+)
 from sandbot_model.fitting.fit import Fit, fitted_at
 from sandbot_model.fitting.global_minimum import solve_near
 from sandbot_model.fitting.jacobian import project_out, tangent_basis
@@ -26,19 +36,19 @@ from sandbot_model.fitting.likelihood import Problem
 from sandbot_model.physics.observables import CM, Observable
 from sandbot_model.physics.variants import NEW
 
-MOST = 0.5
-"""Share of the excess deviance that an effect must remove at least, where one observable is at fault."""
-FEWEST = 3
-"""Observables from which one may be left out and the others still tell effects apart."""
+LEAST_SHARE = 0.5
+"""Share of the excess deviance that an effect must exceed if one observable is left out."""
+LEAST_OBSERVABLES = 3
+"""Observables needed, so that without one the others still distinguish effects."""
 TRIED = 4
-"""Single effects that are fitted with an observable left out, those that come nearest to the others."""
+"""Single effects that are refitted with an observable left out, those with the least expected χ²."""
 HOPELESS = 4.0
-"""χ² a degree of freedom, to first order, from which no fit to the other observables will leave nothing."""
+"""χ² per degree of freedom, to first order, from which a refit to the other observables is not worth trying."""
 
 
 @dataclass(frozen=True)
 class Miss:
-    """An observable in which the effect fails: rms of measured minus model [SI], and in standard errors."""
+    """An observable in which the effect fails: rms of measured minus model, in SI units and in standard errors."""
 
     observable: str
     rms: float
@@ -47,8 +57,8 @@ class Miss:
 
 @dataclass(frozen=True)
 class Partial:
-    """What the leading effect does: where it holds, the ``share`` of the excess deviance there that it removes (of all
-    of it where no single observable is at fault), and where it fails."""
+    """What the leading effect achieves: the observables in which it holds, the ``share`` of the excess deviance that it
+    removes there (in all observables if no single one is at fault), and those in which it fails."""
 
     effect: str
     share: float
@@ -56,67 +66,67 @@ class Partial:
     fails: tuple[Miss, ...]
 
 
-Spared = Mapping[Observable, Mapping[Names, Fit]]
+LeftOut = Mapping[Observable, Mapping[Names, Fit]]
 """Fits of single effects and of the base model with an observable left out."""
 Found = tuple[Mapping[Names, Fit], Names, list[Observable]]
-"""Fits, the set among them that is named, and the observables in which it fails."""
-Finds = Callable[[EffectSearch, Sequence[Observable]], Found | None]
+"""Fits, the named set among them, and the observables in which it fails."""
+Finder = Callable[[EffectSearch, Sequence[Observable]], Found | None]
 
 
-def partly(search: EffectSearch) -> tuple[Verdict, Partial] | None:
-    """The verdict where one effect repairs most; None where none does, or several might."""
-    # What leaves nothing in any observable comes before what fails in one.
-    return beyond_its_range(search) or _said(search, _with_a_rest)
+def mostly_repaired(search: EffectSearch) -> tuple[Verdict, Partial] | None:
+    """The verdict where one effect repairs most of the misfit; None where none does, or several might."""
+    # An effect that fails in no observable takes precedence.
+    return beyond_its_range(search) or _verdict_from(search, _with_an_exception)
 
 
 def beyond_its_range(search: EffectSearch) -> tuple[Verdict, Partial] | None:
-    """The verdict where one effect leaves nothing and no other comes near, but with a number nobody believes."""
-    return _said(search, lambda search, _: _all_but_its_number(search))
+    """The verdict where one effect shows no lack of fit and no other comes near, but a parameter is out of range."""
+    return _verdict_from(search, lambda search, _: _all_but_plausibility(search))
 
 
-def _said(search: EffectSearch, finds: Finds) -> tuple[Verdict, Partial] | None:
-    observables = [one for one in Observable if one.name in search.cells.observables]
-    if len(observables) < FEWEST or len(search.fits) == 1 or (found := finds(search, observables)) is None:
+def _verdict_from(search: EffectSearch, finds: Finder) -> tuple[Verdict, Partial] | None:
+    observables = [observable for observable in Observable if observable.name in search.cells.observables]
+    if len(observables) < LEAST_OBSERVABLES or len(search.fits) == 1 or (found := finds(search, observables)) is None:
         return None
     fits, names, failing = found
-    at, share = fits[names], _share(fits, names)
-    misses = tuple(_miss(search.cells, at, one) for one in failing)
-    holds = tuple(one.name for one in observables if one not in failing)
+    at, share = fits[names], _share_removed(fits, names)
+    misses = tuple(_miss(search.cells, at, observable) for observable in failing)
+    holds = tuple(observable.name for observable in observables if observable not in failing)
     partial = Partial(at.effects[0], share, holds, misses)
     return Verdict("partial", at.effects, (at.effects,), _because(partial, at)), partial
 
 
-def _with_a_rest(search: EffectSearch, observables: Sequence[Observable]) -> Found | None:
-    """The effect that leaves nothing without one observable, or a small rest."""
-    found = _one_is_wrong(_spared(search, observables, HOPELESS), search.criteria)
-    if found is not None and not _falls_behind(search, found[1]) and not _another_does(search, found):
-        return found
-    return _all_but_a_rest(search, observables)
+def _with_an_exception(search: EffectSearch, observables: Sequence[Observable]) -> Found | None:
+    """The effect that fits without one observable, or else leaves a small rest."""
+    found = _all_but_one_observable(_fits_without_each(search, observables, HOPELESS), search.criteria)
+    if found is None or _is_clearly_beaten(search, found[1]) or _another_convention_does_better(search, found):
+        return _all_but_a_rest(search, observables)
+    return found
 
 
 def without(cells: Cells, observable: Observable) -> Cells:
-    """Cells in which one observable was not measured."""
+    """Cells with the measurements of one observable removed."""
     mean, count = cells.mean.copy(), cells.n.copy()
     mean[:, observable], count[:, observable] = np.nan, 0
     return replace(cells, mean=mean, n=count)
 
 
-def _spared(search: EffectSearch, observables: Sequence[Observable], hopeless: float) -> Spared:
-    """The base model and the most hopeful single effects with each observable left out in turn."""
+def _fits_without_each(search: EffectSearch, observables: Sequence[Observable], hopeless: float) -> LeftOut:
+    """The base model and the most promising single effects, refitted with each observable left out in turn."""
     singles = [fit for names, fit in search.fits.items() if len(names) == 1]
     found = {}
-    for one in observables:
-        cells = without(search.cells, one)
+    for observable in observables:
+        cells = without(search.cells, observable)
         hopeful = _hopeful(cells, singles, hopeless)
         some = [search.fits[()], *hopeful] if hopeful else []
-        found[one] = {fit.effects: fit for fit in _fitted_to(search, cells, some)}
+        found[observable] = {fit.effects: fit for fit in _fitted_to(search, cells, some)}
     return found
 
 
 def _hopeful(cells: Cells, fits: Iterable[Fit], hopeless: float = HOPELESS) -> list[Fit]:
-    """Those that come nearest to other cells than they were made to, and not hopelessly far."""
-    missed = sorted(((_missed(fit, cells), fit) for fit in fits), key=lambda one: one[0])
-    return [fit for miss, fit in missed[:TRIED] if miss < hopeless]
+    """Fits expected to come nearest to other cells than those they were fitted to, below χ² = ``hopeless``."""
+    expected = sorted(((_reduced_chi2(fit, cells), fit) for fit in fits), key=lambda pair: pair[0])
+    return [fit for chi2, fit in expected[:TRIED] if chi2 < hopeless]
 
 
 def _fitted_to(search: EffectSearch, cells: Cells, fits: Sequence[Fit]) -> list[Fit]:
@@ -125,35 +135,35 @@ def _fitted_to(search: EffectSearch, cells: Cells, fits: Sequence[Fit]) -> list[
     return [fitted_at(fit.model, cells, point) for fit, point in zip(fits, points, strict=True)]
 
 
-def _missed(fit: Fit, cells: Cells) -> float:
-    """χ² a degree of freedom of other cells than a fit was made to, its parameters following to first order."""
+def _reduced_chi2(fit: Fit, cells: Cells) -> float:
+    """χ² per degree of freedom of a fit on other cells, with its parameters adjusted to first order."""
     problem = Problem(fit.model, cells)
     state = problem.states(fit.state.theta, fit.state.ln_k, fit.state.slope)
     left = project_out(state.all_residuals[0], tangent_basis(problem, state))
     return float(left @ left) / max(int(problem.measured.sum()) - len(fit.stderr), 1)
 
 
-def _one_is_wrong(spared: Spared, criteria: Criteria) -> Found | None:
-    """The effect that leaves nothing to explain without one observable, and which that is."""
-    passing = [(one, names) for one, fits in spared.items() for names in fits if _explains(fits, names, criteria)]
+def _all_but_one_observable(left_out: LeftOut, criteria: Criteria) -> Found | None:
+    """The effect that fits once one observable is left out, and that observable."""
+    passing = [(key, names) for key, fits in left_out.items() for names in fits if _explains(fits, names, criteria)]
     if not passing or any(not names for _, names in passing):
         return None
-    excess = {(one, names): _excess(spared[one][names]) for one, names in passing}
+    excess = {(key, names): _excess(left_out[key][names]) for key, names in passing}
     odd, best = min(passing, key=lambda key: excess[key])
     rivals = [key for key in passing if key[1] != best and excess[key] - excess[odd, best] < criteria.clearly]
-    return None if rivals else (spared[odd], best, [odd])
+    return None if rivals else (left_out[odd], best, [odd])
 
 
-def _falls_behind(search: EffectSearch, names: Names) -> bool:
-    """Whether another effect is clearly better with no observable left out: then it leads, if any does."""
+def _is_clearly_beaten(search: EffectSearch, names: Names) -> bool:
+    """Whether another effect is clearly better on all observables."""
     singles, leader = _singles(search)
     named = singles[names]
     return leader.bic < named.bic - search.criteria.clearly * overdispersion(named)
 
 
-def _another_does(search: EffectSearch, found: Found) -> bool:
-    """Whether another family under a convention of its own does better where one observable is left out; clearly so
-    where it does with a number that nobody believes."""
+def _another_convention_does_better(search: EffectSearch, found: Found) -> bool:
+    """Whether another effect under another convention fits better with the same observable left out; clearly better, if
+    its parameters are implausible."""
     fits, names, _ = found
     named = fits[names]
     others = _hopeful(named.cells, (fit for fit in conventions.singles(search) if fit.effects != names))
@@ -162,71 +172,74 @@ def _another_does(search: EffectSearch, found: Found) -> bool:
 
 
 def _explains(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:
-    earned = not names or (worth(dict(fits), names, (), criteria) and _share(fits, names) > MOST)
+    earned = not names or (earns_place(dict(fits), names, (), criteria) and _share_removed(fits, names) > LEAST_SHARE)
     return earned and passes(fits[names], criteria)
 
 
 def _excess(fit: Fit) -> float:
-    """Deviance above what replicates alone would leave."""
+    """Deviance in excess of its expectation from pure error alone."""
     return fit.deviance - fit.goodness.dof
 
 
-def _all_but_its_number(search: EffectSearch) -> Found | None:
-    """The effect that would be identified if the values of its own parameters were believable.
+def _all_but_plausibility(search: EffectSearch) -> Found | None:
+    """The effect that would be identified if the values of its parameters were plausible.
 
-    A convention's number is none of them: beyond its range it is a formula that nobody would write.
+    The parameter of a convention does not count as its own: out of range, it is a formula that nobody would write.
     """
     singles, leader = _singles(search)
     (effect,) = leader.model.effects
-    own = {f"{effect.identifier}.{one.name}" for one in effect.parameters if one.doc != NEW}
-    beyond = odd(leader)
+    own = {f"{effect.identifier}.{parameter.name}" for parameter in effect.parameters if parameter.doc != NEW}
+    beyond = doubtful_parameters(leader)
     if not beyond or not own.issuperset(beyond) or not leaves_nothing(leader, search.criteria):
         return None
-    apart = search.criteria.clearly * overdispersion(leader)
-    alone = all(fit.bic - leader.bic > apart for fit in singles.values() if fit is not leader)
-    return (singles, leader.effects, []) if alone and gains(singles, leader.effects, (), search.criteria) else None
+    margin = search.criteria.clearly * overdispersion(leader)
+    alone = all(fit.bic - leader.bic > margin for fit in singles.values() if fit is not leader)
+    alone = alone and gains_enough(singles, leader.effects, (), search.criteria)
+    return (singles, leader.effects, []) if alone else None
 
 
 def _all_but_a_rest(search: EffectSearch, observables: Sequence[Observable]) -> Found | None:
-    """The effect that leads whichever observable is left out and leaves a small rest; where that is."""
+    """The effect that leaves a small rest and leads whichever observable is left out; the observables it fails in."""
     singles, leader = _singles(search)
-    if _share(singles, leader.effects) < search.criteria.all_but_a_rest:
+    if _share_removed(singles, leader.effects) < search.criteria.all_but_a_rest:
         return None
-    # A small share of what is missed by far is still far from nothing.
-    spared = _spared(search, observables, np.inf)
-    if not all(_leads(fits, leader.effects, search.criteria) for fits in (singles, *spared.values())):
+    # A small rest of a large misfit may still be large, so no fit is excluded as hopeless.
+    left_out = _fits_without_each(search, observables, np.inf)
+    if not all(_leads(fits, leader.effects, search.criteria) for fits in (singles, *left_out.values())):
         return None
     tests = leader.goodness.lack_of_fit
-    failing = [one for one in spared if tests.get(one.name, 1.0) < search.criteria.lack_of_fit_of_one]
+    failing = [
+        observable for observable in left_out if tests.get(observable.name, 1.0) < search.criteria.lack_of_fit_of_one
+    ]
     return singles, leader.effects, failing
 
 
 def _singles(search: EffectSearch) -> tuple[dict[Names, Fit], Fit]:
-    """The base model and the single effects, and of these the best."""
+    """The fits of the base model and of all single effects, and the best single effect."""
     singles = {names: fit for names, fit in search.fits.items() if len(names) < 2}
     return singles, min((fit for names, fit in singles.items() if names), key=lambda fit: fit.bic)
 
 
 def _leads(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:
     """Whether an effect earns its place and is clearly better than every other."""
-    if names not in fits or not worth(dict(fits), names, (), criteria):
+    if names not in fits or not earns_place(dict(fits), names, (), criteria):
         return False
-    apart = criteria.clearly * overdispersion(fits[names])
-    return all(fit.bic - fits[names].bic > apart for key, fit in fits.items() if key and key != names and sound(fit))
+    margin = criteria.clearly * overdispersion(fits[names])
+    return all(fit.bic - fits[names].bic > margin for key, fit in fits.items() if key and key != names and sound(fit))
 
 
 def repairs(fits: Mapping[Names, Fit], names: Names, criteria: Criteria) -> bool:
-    """Whether a set leaves nothing, or a small rest of what the base model misses."""
-    return leaves_nothing(fits[names], criteria) or _share(fits, names) >= criteria.all_but_a_rest
+    """Whether a set shows no lack of fit, or leaves only a small rest of what the base model misses."""
+    return leaves_nothing(fits[names], criteria) or _share_removed(fits, names) >= criteria.all_but_a_rest
 
 
-def _share(fits: Mapping[Names, Fit], names: Names) -> float:
+def _share_removed(fits: Mapping[Names, Fit], names: Names) -> float:
     """Share of the base model's excess deviance that a set removes."""
     return (fits[()].deviance - fits[names].deviance) / max(_excess(fits[()]), 1e-9)
 
 
 def _miss(cells: Cells, fit: Fit, observable: Observable) -> Miss:
-    """By a fit that need not have seen the observable."""
+    """The misfit of an observable, by a fit that may not include it."""
     gap = cells.mean[:, observable] - fit.predicted[:, observable]
     z = gap / np.sqrt(cells.covariance[:, observable, observable])
     clear = fit.problem.away_from_switch(fit.problem.widening(fit.state.covariance[0])) & np.isfinite(gap)
@@ -241,15 +254,15 @@ def _because(found: Partial, at: Fit) -> str:
         for miss in found.fails
     )
     there = " there" if len(found.fails) == 1 else ""
-    beyond = "".join(f"; but {_range(at, name)}" for name in dict.fromkeys(odd(at)))
+    beyond = "".join(f"; but {_out_of_range(at, name)}" for name in dict.fromkeys(doubtful_parameters(at)))
     return (
         f"{found.effect} holds in {holds} and removes {min(found.share, 1.0):.0%} of what the base model misses{there} "
         f"(lack of fit p = {at.lack_of_fit_p:.2g})" + (f"; it fails in {fails}" if fails else "") + beyond
     )
 
 
-def _range(fit: Fit, name: str) -> str:
-    """What is not believed of a parameter."""
+def _out_of_range(fit: Fit, name: str) -> str:
+    """The value of a doubtful parameter, and its plausible range."""
     parameter = fit.model.parameter(name)
     unit = "" if parameter.unit == "1" else f" {parameter.unit}"
     value = f"{fit.parameters[name].value:.3g}{unit}"

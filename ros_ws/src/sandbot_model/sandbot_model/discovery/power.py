@@ -15,8 +15,8 @@ from sandbot_common.robot import SANDBOT
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.effect_search import EffectSearch
-from sandbot_model.discovery.nuisances_about import shared_by
-from sandbot_model.discovery.verdict import claim
+from sandbot_model.discovery.nuisances_about import nuisances_for
+from sandbot_model.discovery.verdict import claim_threshold
 from sandbot_model.fitting.fit import Fit, fit, fitted_at
 from sandbot_model.fitting.jacobian import project_out, tangent_basis
 from sandbot_model.fitting.likelihood import Problem
@@ -81,14 +81,14 @@ def expected(design: Trials, criteria: Criteria = DEFAULT) -> Fit:
     values = values + usual_noise(design.accuracy or USUAL) * noise
     columns: dict[str, Any] = {one.column: values[:, one] for one in Observable}
     plain = fit(model, cells_of(replace(design, **columns)))
-    return fitted_at(model, plain.cells, plain.point, shared_by(plain, criteria))
+    return fitted_at(model, plain.cells, plain.point, nuisances_for(plain, criteria))
 
 
 def _weakest(search: EffectSearch, base: Fit, name: str, parameter: Parameter) -> float | None:
     model = search.model(search.extended(base.effects, [name])[0])
     problem = Problem(model, base.cells, base.nuisances)
     index, neutral = model.names.index(f"{name}.{parameter.name}"), float(parameter.neutral or 0.0)
-    least = np.sqrt(claim(base, search.criteria)) + Z
+    least = np.sqrt(claim_threshold(base, search.criteria)) + Z
     ends = [end for end in (parameter.high, parameter.low) if end != neutral]
     tried = [np.linspace(neutral, end, STRENGTHS + 1) for end in ends]
     shown = []

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from sandbot_model.discovery.batch_sd import granted
+from sandbot_model.discovery.batch_sd import batch_sd_of
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
 from sandbot_model.discovery.nuisances_in_words import significant
 from sandbot_model.discovery.scored_terms import Guess, guesses, unused_name
@@ -167,7 +167,7 @@ def _score(fit: Fit, guess: Guess | None) -> float:
 
 def _granted(found: Fit) -> str:
     """What the fit takes for granted, as the end of a sentence."""
-    differ = found.nuisances is not None and granted(found)
+    differ = found.nuisances is not None and batch_sd_of(found)
     words = [*(["batches that differ as the priors say"] if differ else []), *significant(found)]
     return f", granted {' and '.join(words)}" if words else ""
 

@@ -1,6 +1,6 @@
 """Would another sample of trials have led to the same set? A parametric bootstrap of the cell means.
 
-What an effect must bring to be claimed (``verdict.claim``) it must bring in each draw.
+What an effect must bring to be claimed (``verdict.claim_threshold``) it must bring in each draw.
 
 Each draw adds noise of the cell means' own covariance to the data; to first order a set's misfit is then that of its
 residual plus the noise, projected out of what its parameters can absorb. No fit is repeated, so hundreds of draws cost
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sandbot_model.discovery.criteria import DEFAULT, Criteria
-from sandbot_model.discovery.verdict import claim
+from sandbot_model.discovery.verdict import claim_threshold
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.jacobian import project_out, tangent_basis
 from sandbot_model.physics.arrays import Array
@@ -25,7 +25,7 @@ def win_shares(
 ) -> list[float]:
     """Share of draws in which each set has the least BIC, plus the claim for every effect in it, of all given."""
     noise = rng.normal(size=(fits[0].state.all_residuals.size, draws))
-    scores = np.stack([_bic(fit, noise) + claim(fit, criteria) * len(fit.effects) for fit in fits])
+    scores = np.stack([_bic(fit, noise) + claim_threshold(fit, criteria) * len(fit.effects) for fit in fits])
     winners = scores.argmin(axis=0)
     return [float(np.mean(winners == index)) for index in range(len(fits))]
 

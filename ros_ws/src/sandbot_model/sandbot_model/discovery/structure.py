@@ -6,7 +6,7 @@ the order, or from gait to gait, or smooth over φ and ω at some length. So do 
 
 import numpy as np
 
-from sandbot_model.discovery.batch_sd import BATCH, granted, priors
+from sandbot_model.discovery.batch_sd import BATCH, batch_sd_of, priors
 from sandbot_model.discovery.criteria import Criteria
 from sandbot_model.discovery.smooth import gain_of_any, kernels
 from sandbot_model.fitting.fit import Fit
@@ -34,7 +34,7 @@ def at_random(fit: Fit, criteria: Criteria) -> bool:
     if fit.nuisances is None:
         return True
     # Blocks that each hold all of φ and ω, in no order that is told, have no trend.
-    found = [p(fit, criteria, name) for name in granted(fit).names for p in (trend_p_of, smooth_p)]
+    found = [p(fit, criteria, name) for name in batch_sd_of(fit).names for p in (trend_p_of, smooth_p)]
     return not found or bool(np.nanmin(found) >= STRUCTURE)
 
 

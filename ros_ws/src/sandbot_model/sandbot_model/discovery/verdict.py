@@ -1,4 +1,17 @@
-"""Adequate, identified, ambiguous, partial, unexplained or untested: the rules of a verdict, which is never forced."""
+"""The rules of a verdict: adequate, identified, ambiguous, partial, unexplained or untested.
+
+``judge`` applies them in this order to the sets that were fitted:
+
+1. Without a test of lack of fit: *untested*.
+2. If the base model shows no lack of fit and no single effect gains enough to be claimed: *adequate*.
+3. Candidates are the sets that show no lack of fit, at plausible parameters, and whose effects all earn their place. If
+   there are none: *unexplained*.
+4. If a set that does not contain the best candidate fits clearly better, even one that is not credible: *unexplained*.
+5. If other candidates, or sets of equal size that pass, are not clearly worse than the best: *ambiguous*.
+6. Otherwise: *identified*.
+
+``partial`` adds the verdict of that name.
+"""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -16,11 +29,11 @@ from sandbot_model.physics.variants import VARIANTS
 
 RESPONSE_TIME = "delta_t_s"
 CLAIMS = ("identified", "ambiguous")
-"""Statuses that say that effects of the catalogue explain all."""
-CONVENTIONS = sum(map(len, VARIANTS.values()))
-"""How many a formula that is no effect's own was picked from."""
+"""Statuses by which effects of the catalogue explain all data."""
+CONVENTION_COUNT = sum(map(len, VARIANTS.values()))
+"""Number of other conventions from which one is selected."""
 Sets = Mapping[tuple[str, ...], Fit]
-"""Fits by the effects on top of the base model."""
+"""Fits by their effects on top of the base model."""
 
 
 @dataclass(frozen=True)
@@ -35,30 +48,30 @@ class Verdict:
 
 
 def passes(fit: Fit, criteria: Criteria = DEFAULT) -> bool:
-    """Whether the replicates leave nothing to explain, at believable parameters."""
+    """Whether a fit shows no lack of fit, at plausible parameters."""
     return leaves_nothing(fit, criteria) and sound(fit)
 
 
 def leaves_nothing(fit: Fit, criteria: Criteria = DEFAULT) -> bool:
-    """Whether the replicates leave nothing to explain, jointly and in each observable."""
+    """Whether there is no significant lack of fit against the replicates, jointly and in each observable."""
     tested = [p for p in fit.goodness.lack_of_fit.values() if np.isfinite(p)]
     jointly = fit.lack_of_fit_p >= criteria.lack_of_fit
     return bool(jointly and all(p >= criteria.lack_of_fit_of_one for p in tested))
 
 
 def sound(fit: Fit) -> bool:
-    """Whether every parameter of an effect is inside its range, and Δt where there is an effect."""
-    return not odd(fit)
+    """Whether the parameters of all effects, and Δt if there are effects, are plausible and not at a bound."""
+    return not doubtful_parameters(fit)
 
 
-def odd(fit: Fit) -> list[str]:
-    """Parameters of effects that are at a bound, or are not believable; an effect that needs such a Δt is none."""
-    asked = RESPONSE_TIME if fit.effects and _known(*fit.parameters[RESPONSE_TIME]) else ""
-    return [name for name in (*fit.at_bounds, *fit.implausible) if "." in name or name == asked]
+def doubtful_parameters(fit: Fit) -> list[str]:
+    """Parameters of effects that are at a bound or implausible; also Δt, if it is well determined beside effects."""
+    delta_t = RESPONSE_TIME if fit.effects and _is_determined(*fit.parameters[RESPONSE_TIME]) else ""
+    return [name for name in (*fit.at_bounds, *fit.implausible) if "." in name or name == delta_t]
 
 
-def beyond(fit: Fit, names: Iterable[str]) -> list[str]:
-    """Parameters that are not believable, and what would be: ``delta_t_s = 1.75 (plausible: 0.1 to 1.2)``."""
+def with_plausible_ranges(fit: Fit, names: Iterable[str]) -> list[str]:
+    """Values of parameters with their plausible ranges: ``delta_t_s = 1.75 (plausible: 0.1 to 1.2)``."""
     ranges = dict(zip(fit.model.names, fit.model.parameters, strict=True))
     return [
         f"{name} = {fit.parameters[name].value:.4g} (plausible: {ranges[name].low:g} to {ranges[name].high:g})"
@@ -66,47 +79,48 @@ def beyond(fit: Fit, names: Iterable[str]) -> list[str]:
     ]
 
 
-def _known(value: float, stderr: float) -> bool:
-    """Whether data say what a value is: where they don't, any will do."""
+def _is_determined(value: float, stderr: float) -> bool:
+    """Whether the standard error is less than half the value."""
     return bool(stderr < 0.5 * abs(value))
 
 
-def worth(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria = DEFAULT) -> bool:
-    """Whether the larger set is sound and earns its additional effects."""
-    return sound(fits[larger]) and gains(fits, larger, smaller, criteria)
+def earns_place(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria = DEFAULT) -> bool:
+    """Whether the larger set has plausible parameters and its additional effects gain enough."""
+    return sound(fits[larger]) and gains_enough(fits, larger, smaller, criteria)
 
 
-def gains(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria = DEFAULT) -> bool:
-    """Whether additional effects bring what is asked of each, also without the cell or level that gains the most."""
-    gain = _parts(fits[smaller]) - _parts(fits[larger])
-    price = claim(fits[larger], criteria) * (len(larger) - len(smaller))
-    return bool(gain.sum() > price and gain.sum() - gain.max() > criteria.one_cell * price)
+def gains_enough(fits: Sets, larger: tuple[str, ...], smaller: tuple[str, ...], criteria: Criteria = DEFAULT) -> bool:
+    """Whether the gain in deviance exceeds the threshold of each additional effect, and a share of it (``one_cell``)
+    without the cell or level that gains most."""
+    gain = _deviance_terms(fits[smaller]) - _deviance_terms(fits[larger])
+    threshold = claim_threshold(fits[larger], criteria) * (len(larger) - len(smaller))
+    return bool(gain.sum() > threshold and gain.sum() - gain.max() > criteria.one_cell * threshold)
 
 
-def claim(fit: Fit, criteria: Criteria = DEFAULT) -> float:
-    """Gain in deviance that an effect must bring here: with few replicates chance gains more than ``criteria.claim``.
+def claim_threshold(fit: Fit, criteria: Criteria = DEFAULT) -> float:
+    """Gain in deviance that an effect must bring in these data; more than ``criteria.claim`` if replicates are few.
 
-    χ² becomes F on the replicates' degrees of freedom, and is counted in units of the scatter about the larger set,
-    should that be wider than the replicates (quasi-likelihood; Burnham & Anderson 2002, ch. 2).
+    The tail probability of χ² is converted to F on the degrees of freedom of pure error, and multiplied by the
+    overdispersion about the larger set (quasi-likelihood; Burnham & Anderson 2002, ch. 2).
     """
     freedom = int(fit.cells.pure_error_dof.sum())
     tail = chi2_sf(criteria.claim, 1)
-    price = f_isf(tail, 1, freedom) if freedom else np.inf
-    return price * overdispersion(fit)
+    threshold = f_isf(tail, 1, freedom) if freedom else np.inf
+    return threshold * overdispersion(fit)
 
 
-def picked_from(count: int) -> float:
-    """What one picked from so many must be better by in BIC (extended BIC; Chen & Chen 2008, Biometrika 95, 759)."""
+def selection_penalty(count: int) -> float:
+    """Penalty in BIC for selecting one of so many models (extended BIC; Chen & Chen 2008, Biometrika 95, 759)."""
     return 2 * math.log(max(count, 1))
 
 
 def overdispersion(fit: Fit) -> float:
-    """χ² a degree of freedom, where cell means scatter about a fit by more than replicates do; else 1."""
+    """χ² per degree of freedom if cell means scatter about a fit by more than replicates do; else 1."""
     return max(1.0, fit.goodness.chi2 / fit.goodness.dof) if fit.goodness.dof > 0 else 1.0
 
 
-def _parts(fit: Fit) -> Array:
-    """Deviance of every cell, then of the penetrometer's readings at every level and of the nuisances' priors."""
+def _deviance_terms(fit: Fit) -> Array:
+    """Terms of the deviance: of each cell, of penetrometer readings at each level, of each nuisance's prior."""
     readings = fit.cells.pressed
     level = readings.level if readings is not None else np.zeros(0, dtype=np.int64)
     pressed = np.bincount(level, fit.state.pressed[0] ** 2, len(fit.level_phi))
@@ -114,35 +128,37 @@ def _parts(fit: Fit) -> Array:
 
 
 def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
-    """The verdict on all sets tried."""
+    """The verdict on all sets tried, by the rules above."""
     base = fits[()]
     if np.isnan(base.lack_of_fit_p):
         return Verdict(
             "untested", (), (), "the base model has as many parameters as there are cell means: nothing is left to test"
         )
-    # Also with a number that nobody believes: it is no claim, but what it repairs is there.
-    helpful = [key for key in fits if len(key) == 1 and gains(fits, key, (), criteria)]
+    # Implausible parameters count here: they bar a claim, but the misfit that they repair is real.
+    helpful = [key for key in fits if len(key) == 1 and gains_enough(fits, key, (), criteria)]
     if passes(base, criteria) and not helpful:
         return Verdict(
             "adequate",
             (),
             (),
             f"the {base.model.base} model misses the cell means by no more than replicates scatter {_p(base)}"
-            + "".join(f", but only with {one}" for one in beyond(base, base.implausible)),
+            + "".join(f", but only with {one}" for one in with_plausible_ranges(base, base.implausible)),
         )
     good = [fit for key, fit in fits.items() if key and passes(fit, criteria) and _all_needed(fits, key, criteria)]
     if not good:
         return _unexplained(fits, criteria)
     best = min(good, key=lambda fit: fit.bic)
-    apart = criteria.clearly * overdispersion(best)
-    # Where Δt had to be held something else pulls at it: then what is as good speaks against a claim, too.
-    lead = apart if not best.model.held else -apart
+    margin = criteria.clearly * overdispersion(best)
+    # A Δt that had to be held indicates a missing effect: then a set that fits as well also speaks against the claim.
+    lead = margin if not best.model.held else -margin
     better = [fit for fit in fits.values() if not set(best.effects) <= set(fit.effects) and fit.bic < best.bic - lead]
     better = [fit for fit in better if fit not in good]
     if better:
-        return _outdone(best, min(better, key=lambda fit: fit.bic))
-    rivals = [fit for fit in good if fit is not best] + _short_of_a_price(fits, best, good, criteria)
-    rivals = sorted((fit for fit in rivals if _with_price(fit) - _with_price(best) < apart), key=lambda fit: fit.bic)
+        return _not_the_best_fit(best, min(better, key=lambda fit: fit.bic))
+    rivals = [fit for fit in good if fit is not best] + _rivals_of_equal_size(fits, best, good, criteria)
+    rivals = sorted(
+        (fit for fit in rivals if _penalised_bic(fit) - _penalised_bic(best) < margin), key=lambda fit: fit.bic
+    )
     if rivals:
         sets = tuple(fit.effects for fit in (best, *rivals))
         return Verdict(
@@ -150,29 +166,31 @@ def judge(fits: Sets, criteria: Criteria = DEFAULT) -> Verdict:
             best.effects,
             sets,
             f"{len(sets)} sets explain the data equally well: {'; '.join(map(_name, sets))}"
-            + (f" (one by a formula picked from {CONVENTIONS})" if rivals[-1].bic - best.bic >= apart else ""),
+            + (
+                f" (one with a formula selected from {CONVENTION_COUNT})" if rivals[-1].bic - best.bic >= margin else ""
+            ),
         )
     return Verdict("identified", best.effects, (best.effects,), _because(fits, best))
 
 
-def _with_price(fit: Fit) -> float:
-    """BIC with the price of formulas that were picked from all conventions."""
-    return fit.bic + len(fit.variants) * picked_from(CONVENTIONS) * overdispersion(fit)
+def _penalised_bic(fit: Fit) -> float:
+    """BIC, penalised for effects whose convention was selected from all."""
+    return fit.bic + len(fit.variants) * selection_penalty(CONVENTION_COUNT) * overdispersion(fit)
 
 
-def _short_of_a_price(fits: Sets, best: Fit, good: Iterable[Fit], criteria: Criteria) -> list[Fit]:
-    """Other sets of as many effects that pass: if the best is not clearly better, on which side of a price a gain falls
-    tells no two apart."""
+def _rivals_of_equal_size(fits: Sets, best: Fit, good: Iterable[Fit], criteria: Criteria) -> list[Fit]:
+    """Other sets of equal size that pass, although an effect falls short of the claim threshold: that alone does not
+    rule them out."""
     others = [fit for key, fit in fits.items() if len(key) == len(best.effects) and fit not in good]
     return [fit for fit in others if passes(fit, criteria)]
 
 
 def _all_needed(fits: Sets, key: tuple[str, ...], criteria: Criteria) -> bool:
-    return all(worth(fits, key, part, criteria) for part in parts_of(key, fits))
+    return all(earns_place(fits, key, part, criteria) for part in parts_of(key, fits))
 
 
 def parts_of(names: tuple[str, ...], fits: Sets) -> list[tuple[str, ...]]:
-    """The sets with one effect less that were tried; none of the base model."""
+    """The fitted sets with one effect less than this one; none for the base model."""
     return [part for part in combinations(names, len(names) - 1) if part in fits] if names else []
 
 
@@ -183,8 +201,8 @@ def _because(fits: Sets, best: Fit) -> str:
     rest = f"; the next best, {_name(second.effects)}, has ΔBIC {second.bic - best.bic:.0f}" if second else ""
     nearest = min(others, key=lambda fit: fit.bic, default=None)
     if nearest is not None and nearest is not second:
-        # Left out for its parameters, not for its fit: the reader may think otherwise of them.
-        but = f"but with {odd(nearest)[0]} at or beyond its bound"
+        # Excluded for its parameters, not for its fit: the reader may judge them differently.
+        but = f"but with {doubtful_parameters(nearest)[0]} at or beyond its bound"
         rest += f" ({_name(nearest.effects)} {nearest.bic - best.bic:.0f}, {but})"
     return (
         f"with {_name(best.effects)} the deviance falls from {base.deviance:.0f} to {best.deviance:.0f} "
@@ -193,15 +211,19 @@ def _because(fits: Sets, best: Fit) -> str:
 
 
 def best_earned(fits: Sets, criteria: Criteria = DEFAULT) -> Fit:
-    """The best set whose effects all earn their place; a larger one may pass with parameters data do not call for."""
+    """The best set whose effects all earn their place, or the base model."""
     return min(
         (fit for key, fit in fits.items() if not key or _all_needed(fits, key, criteria)), key=lambda fit: fit.bic
     )
 
 
-def _outdone(best: Fit, better: Fit) -> Verdict:
-    """What would be claimed is not what fits best: that is not believed for its own sake, but speaks against it."""
-    why = f"{odd(better)[0]} is at or beyond its bound" if odd(better) else "not all of it earns its place"
+def _not_the_best_fit(best: Fit, better: Fit) -> Verdict:
+    """The refusal of a claim because a set that is not credible itself fits better."""
+    why = (
+        f"{doubtful_parameters(better)[0]} is at or beyond its bound"
+        if doubtful_parameters(better)
+        else "not all of it earns its place"
+    )
     how = "better still" if better.bic < best.bic - 1.0 else "as well"
     because = (
         f"{_name(best.effects)} leaves replicates nothing to explain {_p(best)}, but {_name(better.effects)} fits "
@@ -238,26 +260,26 @@ def _where_it_fails(fit: Fit) -> str:
     return where
 
 
-def only_with(fit: Fit) -> Verdict:
-    """The refusal of a set that leaves nothing to explain, for a number that is not believable."""
-    would = f"{_name(fit.effects)} would leave replicates nothing to explain {_p(fit)}, but {_only_with(fit)}"
+def refused_as_implausible(fit: Fit) -> Verdict:
+    """The refusal of a set that shows no lack of fit, because a parameter is implausible."""
+    would = f"{_name(fit.effects)} would leave replicates nothing to explain {_p(fit)}, but {_only_if_implausible(fit)}"
     return Verdict("unexplained", (), (), would)
 
 
-def _only_with(fit: Fit) -> str:
-    return f"only with {' and '.join(beyond(fit, odd(fit)))}"
+def _only_if_implausible(fit: Fit) -> str:
+    return f"only with {' and '.join(with_plausible_ranges(fit, doubtful_parameters(fit)))}"
 
 
 def _not_claimed(fits: Sets, fit: Fit, criteria: Criteria) -> str:
-    """Why a set that leaves nothing to explain is not named."""
-    if odd(fit):
-        return _only_with(fit)
-    part = next(part for part in parts_of(fit.effects, fits) if not gains(fits, fit.effects, part, criteria))
-    gain = _parts(fits[part]) - _parts(fit)
-    price = claim(fit, criteria)
+    """Why a set that shows no lack of fit is not claimed."""
+    if doubtful_parameters(fit):
+        return _only_if_implausible(fit)
+    part = next(part for part in parts_of(fit.effects, fits) if not gains_enough(fits, fit.effects, part, criteria))
+    gain = _deviance_terms(fits[part]) - _deviance_terms(fit)
+    threshold = claim_threshold(fit, criteria)
     beside = f" beside {_name(part)}" if part else ""
-    if gain.sum() <= price:
-        return f"gains {gain.sum():.0f}{beside}, less than the {price:.0f} that an effect must"
+    if gain.sum() <= threshold:
+        return f"gains {gain.sum():.0f}{beside}, less than the {threshold:.0f} that an effect must"
     cell = int(np.argmax(gain))
     where = (
         f"φ {fit.cells.phi[cell]:.3f}, ω {fit.cells.omega[cell]:.3g} rad/s"

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from sandbot_common.terminal import filled, styled
 from sandbot_model.data.conditions import noise_floor
 from sandbot_model.discovery.discover import Discovery
-from sandbot_model.discovery.verdict import beyond, leaves_nothing, odd, passes
+from sandbot_model.discovery.verdict import doubtful_parameters, leaves_nothing, passes, with_plausible_ranges
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.fitting.text import UNDETERMINED, counted, to_error
@@ -59,9 +59,9 @@ def of_comparison(steps: Sequence[Fit]) -> str:
 def _explains(fit: Fit) -> str:
     """That replicates leave nothing to explain; by which numbers, where these are not to be believed."""
     p = f"lack of fit p = {fit.lack_of_fit_p:.2g}"
-    if not (strange := odd(fit)):
+    if not (strange := doubtful_parameters(fit)):
         return f"holds: replicates leave nothing to explain ({p})"
-    return f"explains the data ({p}), but only with {' and '.join(beyond(fit, strange))}"
+    return f"explains the data ({p}), but only with {' and '.join(with_plausible_ranges(fit, strange))}"
 
 
 def _fails(fit: Fit) -> str:
