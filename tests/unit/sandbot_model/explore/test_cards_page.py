@@ -12,7 +12,7 @@ from made_up import BOOST
 
 from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.explore.cards_page import CardsPage
-from sandbot_model.explore.helpful import change_of, helps, ordered
+from sandbot_model.explore.previews import change_of, helps, ordered
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.report.drawings import MOTIFS, drawing
 

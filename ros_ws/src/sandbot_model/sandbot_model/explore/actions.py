@@ -66,13 +66,13 @@ def values_of(selection: Selection, cells: Cells) -> dict[str, Any]:
     return plain | {"effects": list(selection.effects), "cell": option_of(cells, selection.cell)}
 
 
-def with_controls(selection: Selection, told: Mapping[str, Any], values: Mapping[str, Any]) -> Selection:
+def with_controls(selection: Selection, reported: Mapping[str, Any], values: Mapping[str, Any]) -> Selection:
     """``selection`` with the controls changed whose ``values`` differ from those that were ``told`` last.
 
     Only differences count: what was selected since in another way and is not displayed yet is kept. Not what is
     displayed is compared: figures take a while, and what was switched on and off before they come would equal it.
     """
-    for control, before in told.items():
+    for control, before in reported.items():
         value = values[control]
         if value == before:
             continue
@@ -83,7 +83,7 @@ def with_controls(selection: Selection, told: Mapping[str, Any], values: Mapping
     return selection
 
 
-def on_slider(value: float) -> float:
+def slider_value(value: float) -> float:
     """As many digits as fit beside a slider."""
     return float(f"{value:.5g}")
 
@@ -91,7 +91,7 @@ def on_slider(value: float) -> float:
 def with_sliders(selection: Selection, shown: Mapping[str, float], sliders: Mapping[str, float]) -> Selection:
     """With the parameters held whose slider was moved away from where it stood for the value shown."""
     for name, value in sliders.items():
-        if name in shown and not math.isclose(value, on_slider(shown[name]), rel_tol=1e-9):
+        if name in shown and not math.isclose(value, slider_value(shown[name]), rel_tol=1e-9):
             selection = selection.held(name, value)
     return selection
 

@@ -18,7 +18,7 @@ from flask import Response, abort, send_file
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, from_query, to_query, to_yaml
 from sandbot_model.discovery.reproduce import steps_of
-from sandbot_model.explore import blocks, cell_trials, condition, controls, effect_list, suggested, views
+from sandbot_model.explore import blocks, cell_trials, condition, controls, effect_list, suggestion, views
 from sandbot_model.explore.actions import (
     act,
     can_adopt,
@@ -30,9 +30,9 @@ from sandbot_model.explore.actions import (
 )
 from sandbot_model.explore.atlas_page import AtlasPage
 from sandbot_model.explore.cards_page import CardsPage
-from sandbot_model.explore.helpful import ordered
 from sandbot_model.explore.job import Job, question_of
 from sandbot_model.explore.loopback import own_host_only
+from sandbot_model.explore.previews import ordered
 from sandbot_model.explore.session import Session
 from sandbot_model.explore.sheet import sheet
 from sandbot_model.explore.theatre_page import TheatrePage
@@ -97,7 +97,7 @@ class Explorer:
         effects = session.catalogue(selection.formulas)
         shown = views.show(session, selection, theme)
         # Before those that are fitted ahead.
-        session.stated(selection)
+        session.with_final_errors(selection)
         session.fit_ahead(selection)
         panes = self._panes(selection, theme)
         if panes:
@@ -140,7 +140,7 @@ class Explorer:
         previews = session.previews(selection)
         effects = session.catalogue(selection.formulas)
         alone = session.previews(replace(selection, effects=()))
-        stated = session.stated(fitted)
+        stated = session.with_final_errors(fitted)
         complete = stated is not None and all(preview is not None for preview in previews.values())
         options = effect_list.effect_options(effects, ordered(alone), session.step(fitted).fit, previews, stated)
         return {"effects.options": options, "preview-clock.disabled": complete}
@@ -199,9 +199,9 @@ class Explorer:
             return {**dict.fromkeys(SHOWN, no_update), "message.children": _message(error)}
 
     def on_control(
-        self, values: Mapping[str, Any], _clicks: Sequence[Any], sliders: Sequence[float], _again: Any,
+        self, values: Mapping[str, Any], _clicks: Sequence[Any], sliders: Sequence[float], _recheck: Any,
         slider_ids: Sequence[Mapping[str, str]], formula: str | None, search: str | None,
-        shown: Mapping[str, Any] | None, told: Mapping[str, Any],
+        shown: Mapping[str, Any] | None, reported: Mapping[str, Any],
     ) -> None:  # fmt: skip
         """A control was used: add to the address every value that was not told yet, and the button pressed.
 
@@ -210,7 +210,7 @@ class Explorer:
         """
         try:
             before = from_query(search or "")
-            after = with_controls(before, told, values)
+            after = with_controls(before, reported, values)
             if any(isinstance(control, dict) for control in ctx.triggered_prop_ids.values()):
                 fitted = self.session.step(from_query(shown["search"] if shown else "")).fit.parameters
                 values_fitted = {name: estimate.value for name, estimate in fitted.items()}
@@ -224,8 +224,8 @@ class Explorer:
         if after != before:
             set_props("address", {"search": to_query(after)})
         # Last: by then the address says so.
-        if values != told:
-            set_props("told", {"data": values})
+        if values != reported:
+            set_props("reported", {"data": values})
 
     def _pressed(self, selection: Selection, control: Any, value: Any, formula: str) -> Selection:
         """The selection after a click on a button or a figure; other controls count by their value."""
@@ -283,10 +283,10 @@ class Explorer:
         if job.pending(selection):
             now = job.running
             before = now if now is not None and question_of(now) != question_of(selection) else None
-            return _suggestion(suggested.progress(*job.stage, before), running=True)
+            return _suggestion(suggestion.progress(*job.stage, before), running=True)
         if (found := job.found_for(selection)) is None:
             return _suggestion(html.P(job.failed_for(selection)))
-        return _suggestion(suggested.suggestion(found, f"/why{search or ''}"), adopt=can_adopt(found))
+        return _suggestion(suggestion.suggestion(found, f"/why{search or ''}"), adopt=can_adopt(found))
 
     def saved(self, selection: Selection) -> str:
         """The selection as YAML with the numbers that ``compare`` gives for it."""

@@ -10,9 +10,9 @@ from flask import Flask, Response, abort
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
-from sandbot_model.explore.asked import asked_selection, fitted, left_out
+from sandbot_model.explore.requested import held_values_note, model_only, requested_selection
 from sandbot_model.explore.session import Session
-from sandbot_model.report.atlas.gathered import gathered
+from sandbot_model.report.atlas.collect import collect
 from sandbot_model.report.atlas.material import ONE_COLUMN_MM, Material, Plate
 from sandbot_model.report.atlas.plates import PLATES, as_svg
 from sandbot_model.report.page import source
@@ -23,7 +23,7 @@ PAGE = """<!doctype html>
 <meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
 <title>Atlas: {title}</title><style>{style}</style></head>
 <body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>Atlas: {title}</h1>
-<p>The figures of Li et al. 2009 from these trials. Model: {model}. {left_out}</p></header>
+<p>The figures of Li et al. 2009 from these trials. Model: {model}. {held_values_note}</p></header>
 <main><section id="atlas">{plates}</section></main></body></html>"""
 KEPT = 64
 """Plates that are kept, should they be asked for again."""
@@ -48,15 +48,15 @@ class AtlasPage:
     def page(self) -> Response:
         """All plates; one that these data do not give is replaced by the reason."""
         try:
-            asked = asked_selection()
-            selection = fitted(asked)
+            asked = requested_selection()
+            selection = model_only(asked)
             model = self._session.ladder(selection)[-1].whole_label
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
         shown = "".join(self._figure(plate, selection) for plate in PLATES)
         content = PAGE.format(
             title=escape(self._title), style=source("report.css"), query=escape(to_query(asked)),
-            model=escape(model), left_out=escape(left_out(asked)), plates=shown,
+            model=escape(model), held_values_note=escape(held_values_note(asked)), plates=shown,
         )  # fmt: skip
         return Response(content, mimetype="text/html")
 
@@ -66,7 +66,7 @@ class AtlasPage:
         if plate is None:
             abort(404)
         try:
-            return Response(self._plate(plate, fitted(asked_selection()))[0], mimetype="image/svg+xml")
+            return Response(self._plate(plate, model_only(requested_selection()))[0], mimetype="image/svg+xml")
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
 
@@ -89,4 +89,4 @@ class AtlasPage:
 
     def _gathered(self, selection: Selection) -> Material:
         rungs = self._session.ladder(selection)
-        return gathered(self._trials, [rung.fit for rung in rungs], self._bags)
+        return collect(self._trials, [rung.fit for rung in rungs], self._bags)

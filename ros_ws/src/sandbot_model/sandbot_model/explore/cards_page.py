@@ -8,14 +8,14 @@ from flask import Flask, Response, abort
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.discovery.fingerprint import Fingerprint, fingerprint
-from sandbot_model.explore.asked import asked_selection, fitted, left_out
-from sandbot_model.explore.helpful import change_of, helps, ordered
+from sandbot_model.explore.previews import change_of, helps, ordered
+from sandbot_model.explore.requested import held_values_note, model_only, requested_selection
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.typeset import mathml_in_pieces
 from sandbot_model.report import text
 from sandbot_model.report.drawings import drawing
-from sandbot_model.report.effect_facts import DESIGN, span_of, words
+from sandbot_model.report.effect_facts import DESIGN, range_text, words
 from sandbot_model.report.fingerprint_map import fingerprint_map
 from sandbot_model.report.page import source
 from sandbot_model.report.view import readable
@@ -26,7 +26,7 @@ PAGE = """<!doctype html>
 <title>Effects: {title}</title><style>{style}</style></head>
 <body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>Effects: {title}</h1>
 <p>Error of mean speed with {model}: <strong>{now}</strong>. Noise floor, which no model can beat: {floor}.
-{left_out}</p>
+{held_values}</p>
 {pending}</header>
 <main class="cards">{cards}{folded}</main>{script}</body></html>"""
 CARD = """<article class="card" id="{name}" aria-labelledby="h-{name}">{picture}
@@ -58,8 +58,8 @@ class CardsPage:
     def page(self) -> Response:
         """All cards; what does not help is folded."""
         try:
-            asked = asked_selection()
-            selection = fitted(asked)
+            asked = requested_selection()
+            selection = model_only(asked)
             self._session.model(selection)
             now = self._session.step(selection)
         except InputError as error:
@@ -76,8 +76,9 @@ class CardsPage:
         return Response(
             PAGE.format(
                 title=escape(self._title), style=source("report.css"), query=escape(to_query(asked)),
-                left_out=escape(left_out(asked)), model=escape(now.label.removeprefix("+ ")), now=text.cm_s(now_m_s),
-                floor=text.cm_s(self._session.noise_floor_m_s), cards="".join(cards[name] for name in useful),
+                held_values=escape(held_values_note(asked)), model=escape(now.label.removeprefix("+ ")),
+                now=text.cm_s(now_m_s), floor=text.cm_s(self._session.noise_floor_m_s),
+                cards="".join(cards[name] for name in useful),
                 folded=f"<details class='rest'><summary>{len(rest)} effects that do not help these data now</summary>"
                 f"{''.join(rest)}</details>" if rest else "",
                 pending='<p role="status">Some effects are still being fitted.</p>' if pending else "",
@@ -93,7 +94,7 @@ class CardsPage:
     def fingerprint(self, name: str) -> Response:
         """Where an effect would show, as a picture."""
         try:
-            formulas = asked_selection().formulas
+            formulas = requested_selection().formulas
             if name not in self._session.catalogue(formulas):
                 abort(404)
             return Response(fingerprint_map(self._fingerprint(name, formulas)), mimetype="image/svg+xml")
@@ -110,7 +111,7 @@ class CardsPage:
         others = [one for one in selection.effects if one != name]
         toggled = selection.toggled(others if on else [*selection.effects, name])
         picture = f'<img src="/drawing/{name}.svg" alt="" width="160" height="100">' if drawing(name) else ""
-        ranges = "".join(f"<dt>{text.symbol(one)}</dt><dd>{escape(span_of(one))}</dd>" for one in effect.parameters)
+        ranges = "".join(f"<dt>{text.symbol(one)}</dt><dd>{escape(range_text(one))}</dd>" for one in effect.parameters)
         return CARD.format(
             name=escape(name), picture=picture, heading=heading, verb="Switch off" if on else "Switch on",
             change=change_of(preview, on, now_m_s), query=escape(to_query(toggled)), words=escape(words(effect)),

@@ -12,12 +12,12 @@ from sandbot_model.explore.actions import values_of
 from sandbot_model.explore.blocks import plot, table
 from sandbot_model.explore.condition import condition_of
 from sandbot_model.explore.effect_list import symbols
-from sandbot_model.explore.still import still
+from sandbot_model.explore.static_html import static
 from sandbot_model.explore.views import TITLES, Slider
 from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.walking import BASES
 from sandbot_model.report import text
-from sandbot_model.report.captions import HOW
+from sandbot_model.report.captions import HOW_TO_READ
 from sandbot_model.report.view import Provenance, bands
 
 MAX_EXCLUDED = 60
@@ -31,8 +31,8 @@ def page(title: str, data_line: str, provenance: Provenance, cells: Cells, floor
             dcc.Location(id="address", refresh=False),
             dcc.Store(id="theme", data=None),
             dcc.Store(id="shown"),
-            dcc.Store(id="told", data=values_of(Selection(), cells)),
-            dcc.Store(id="again"),
+            dcc.Store(id="reported", data=values_of(Selection(), cells)),
+            dcc.Store(id="recheck"),
             dcc.Store(id="undone"),
             dcc.Store(id="asked"),
             dcc.Interval(id="preview-clock", interval=1000),
@@ -66,7 +66,7 @@ def _excluded(provenance: Provenance) -> list[html.Details]:
     rows = provenance.excluded[:MAX_EXCLUDED]
     more = [] if len(rows) == len(provenance.excluded) else [html.P(f"and {len(provenance.excluded) - len(rows)} more")]
     head = html.Summary(f"{len(provenance.excluded)} trials excluded, and why")
-    listed = still(table("Trials excluded", ("trial", "why"), rows), *more)
+    listed = static(table("Trials excluded", ("trial", "why"), rows), *more)
     return [html.Details([head, listed], id="excluded")]
 
 
@@ -221,7 +221,7 @@ def _figures(cells: Cells) -> html.Main:
                 hidden=True,
             ),
             html.H2("Error as effects are added"),
-            plot("ladder", how_to_read=HOW["ladder"]),
+            plot("ladder", how_to_read=HOW_TO_READ["ladder"]),
             html.H2("Trials behind a point"),
             html.Label("Click a point or a cell of the map, or choose a condition", htmlFor="cell"),
             dcc.Dropdown(

@@ -7,8 +7,8 @@ from dash import html
 
 from sandbot_common.errors import InputError
 from sandbot_model.explore.blocks import table
-from sandbot_model.explore.helpful import Preview, change_of, helps
-from sandbot_model.explore.still import still
+from sandbot_model.explore.previews import Preview, change_of, helps
+from sandbot_model.explore.static_html import static
 from sandbot_model.explore.views import values
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect
@@ -32,7 +32,7 @@ def effect_options(
     for name in order:
         effect, preview = effects[name], previews[name]
         useful = name in on or helps(preview, now.rmse_m_s)
-        label = still(
+        label = static(
             html.Img(src=f"/drawing/{name}.svg", alt="", className="drawing") if drawing(name) else None,
             html.Span(readable(name), className="effect"),
             html.Span(change_of(preview, name in on, now.rmse_m_s), className="preview"),
@@ -67,7 +67,7 @@ def symbols() -> html.Span:
         )
         for one in listed()
     ]  # fmt: skip
-    return still(table("Quantities of the chain, in its order", ("symbol", "unit", "from stage", "meaning"), rows))
+    return static(table("Quantities of the chain, in its order", ("symbol", "unit", "from stage", "meaning"), rows))
 
 
 def _typeset(formula: str) -> html.Span:

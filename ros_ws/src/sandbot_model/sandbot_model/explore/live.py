@@ -34,7 +34,7 @@ class Live:
         self._dropped: Path | None = None
         self._folder = folder
         self._lock = threading.Lock()
-        self._seen = grown(self._campaigns)
+        self._seen = completed_recordings(self._campaigns)
         self._version = 0
         self._server = self._prepared(first)
 
@@ -49,7 +49,7 @@ class Live:
 
     def look(self) -> bool:
         """Take the data as they are now, should the folders have changed; whether they had."""
-        seen = grown(self._campaigns)
+        seen = completed_recordings(self._campaigns)
         if seen == self._seen:
             return False
         try:
@@ -101,7 +101,7 @@ def _stored(name: str) -> str:
     return f"{stem[:MAX_NAME]}.csv"
 
 
-def grown(campaigns: Sequence[Path]) -> frozenset[tuple[str, int]]:
+def completed_recordings(campaigns: Sequence[Path]) -> frozenset[tuple[str, int]]:
     """The recordings of campaigns that are complete, with the time of their last change."""
     done = (path for folder in campaigns for path in (folder / "trials").glob("[!.]*/metadata.yaml"))
     return frozenset((str(path), path.stat().st_mtime_ns) for path in done)

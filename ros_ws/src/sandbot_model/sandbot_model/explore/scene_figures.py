@@ -18,7 +18,7 @@ DOMAINS = {"y": [0.5, 1.0], "y2": [0.24, 0.44], "y3": [0.0, 0.17]}
 def records(scene: Scene, theme: Theme) -> Spec:
     """v_x(t) with the model's, the angles of both tripods, and the bed, one above the other."""
     shown, turned = scene.waveform, np.degrees(_broken(scene.turned))
-    colours = theme.sets(6)
+    colours = theme.model_colours(6)
     data = [
         _line("model", shown.leg_time_s, CM * scene.model_m_s, theme.faint, width=4),
         _line("measured", shown.time_s, CM * shown.speed_m_s, colours[1]),
@@ -77,7 +77,7 @@ def _line(
 
 def over_phase(scene: Scene, waveforms: Sequence[Waveform], theme: Theme) -> Spec:
     """v_x of every replicate over the angle of the first tripod, from the second period on, and the model's."""
-    colours = theme.sets(len(waveforms) + 1)[1:]
+    colours = theme.model_colours(len(waveforms) + 1)[1:]
     data = []
     for i, (waveform, colour) in enumerate(zip(waveforms, colours, strict=True)):
         phase, speed = phases(waveform, scene.tripods[0])
@@ -96,7 +96,7 @@ def over_phase(scene: Scene, waveforms: Sequence[Waveform], theme: Theme) -> Spe
     return {"data": data, "layout": layout(theme, 340, xaxis=across, yaxis=axis(theme, "v<sub>x</sub> (cm/s)"))}
 
 
-def records_say(scene: Scene) -> str:
+def records_caption(scene: Scene) -> str:
     """The trial in words."""
     speed = scene.waveform.speed_m_s
     holds = "swims: no leg holds" if scene.reach_rad <= 0 else (
@@ -108,6 +108,6 @@ def records_say(scene: Scene) -> str:
     )
 
 
-def phase_says(waveforms: Sequence[Waveform]) -> str:
+def phase_caption(waveforms: Sequence[Waveform]) -> str:
     """What is laid over what."""
     return f"Forward speed of {len(waveforms)} replicates over the angle of tripod A, from the second period on."

@@ -106,7 +106,7 @@ class Session:
         point = point_of(fitted.fit, dict(selection.by_hand))
         return with_curves([fitted_at(self.model(selection), self.cells, point)])[0]
 
-    def stated(self, selection: Selection) -> Fit | None:
+    def with_final_errors(self, selection: Selection) -> Fit | None:
         """The fit shown, with the standard errors that are printed; None while a worker is at a sample for them."""
         found = self.step(selection).fit
         if selection.by_hand or not found.model.effects:

@@ -13,10 +13,10 @@ from plotly.offline import get_plotlyjs
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
-from sandbot_model.explore.asked import asked_selection, held_values
 from sandbot_model.explore.clip import write_clip
+from sandbot_model.explore.requested import held_values, requested_selection
 from sandbot_model.explore.scene import Scene, replicates, scene_of
-from sandbot_model.explore.scene_figures import over_phase, phase_says, records, records_say
+from sandbot_model.explore.scene_figures import over_phase, phase_caption, records, records_caption
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.observables import CM
 from sandbot_model.report import waveforms
@@ -81,7 +81,7 @@ class TheatrePage:
             film = self._film(trial)
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
-        fit = self._session.step(asked_selection("trial")).fit
+        fit = self._session.step(requested_selection("trial")).fit
         others = replicates(self._trials, fit, scene.cell)
         found, _ = waveforms.read(self._bags, others)
         walking = [one for one in found if len(one.leg_time_s)]
@@ -96,8 +96,8 @@ class TheatrePage:
                 trial=escape(trial), style=source("report.css"), query=escape(query), model=escape(model), others=links,
                 film="" if film is None else _screen(trial), leg=_leg(scene),
                 start=min(0.0, float(scene.waveform.time_s[0])), end=scene.end_s, address=escape(address),
-                records=_figure("records", records_say(scene), '<div id="cursor" class="cursor"></div>'),
-                phase=_figure("phase", phase_says(walking)),
+                records=_figure("records", records_caption(scene), '<div id="cursor" class="cursor"></div>'),
+                phase=_figure("phase", phase_caption(walking)),
                 data=for_script({"scene": scene.to_dict(), "frames": times, "figures": figures}),
                 export=source("export.js"), script=source("theatre.js"),
             ), mimetype="text/html",
@@ -125,7 +125,7 @@ class TheatrePage:
 
     def _asked(self) -> tuple[Scene, str, str, str, str]:
         """What the address asks for: the scene, its trial, address and selection, and the model's name."""
-        selection, trial = asked_selection("trial"), request.args.get("trial", "")
+        selection, trial = requested_selection("trial"), request.args.get("trial", "")
         self._session.model(selection)
         # With the values held by hand, as the trials of a cell are drawn.
         step = self._session.step(selection)

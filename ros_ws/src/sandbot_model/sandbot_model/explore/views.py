@@ -7,15 +7,15 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection
-from sandbot_model.explore.actions import on_slider
-from sandbot_model.explore.chosen import mark
+from sandbot_model.explore.actions import slider_value
 from sandbot_model.explore.condition import index_of
+from sandbot_model.explore.highlight import mark
 from sandbot_model.explore.session import Session
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.physics.effect import Effect
-from sandbot_model.report import apart, balance, captions, figures, lock, mechanics, residual_map, text
+from sandbot_model.report import balance, captions, figures, lock, mechanics, model_difference, residual_map, text
 from sandbot_model.report.theme import Spec, Theme, layout, note
 from sandbot_model.report.view import Step, readable
 
@@ -90,7 +90,7 @@ def show(session: Session, selection: Selection, theme: Theme) -> Shown:
         ladder=ladder,
         ladder_caption=captions.ladder(steps, floor),
         figure=message_figure(missing, theme) if missing else figure(selection, steps[0], current, theme),
-        how_to_read="" if missing else captions.HOW[view],
+        how_to_read="" if missing else captions.HOW_TO_READ[view],
         caption=missing or caption(selection, current),
         status=status(selection, current, floor),
     )
@@ -118,8 +118,10 @@ def difference(session: Session, selection: Selection, other: Selection, theme: 
         return Pane("Difference", str(error))
     if observable not in pair[0].fit.cells.observables:
         return Pane("Difference", absent(replace(selection, view="residuals", observable=observable), pair[0]))
-    spec = mark(apart.difference_map(*pair, observable, theme), index_of(session.cells, selection.cell), theme)
-    return Pane("Difference of the two", apart.difference_says(*pair, observable), spec, same_axes=False)
+    spec = mark(
+        model_difference.difference_map(*pair, observable, theme), index_of(session.cells, selection.cell), theme
+    )
+    return Pane("Difference of the two", model_difference.difference_caption(*pair, observable), spec, same_axes=False)
 
 
 def figure(selection: Selection, base: Step | None, current: Step, theme: Theme, columns: int = COLUMNS) -> Spec:
@@ -210,7 +212,7 @@ def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) 
     held = dict(selection.by_hand)
     found = []
     for name, parameter in zip(model.names, model.parameters, strict=True):
-        value = on_slider(held.get(name, current.fit.parameters[name].value))
+        value = slider_value(held.get(name, current.fit.parameters[name].value))
         words, unit = text.described(name, effects.values())
         found.append(
             Slider(

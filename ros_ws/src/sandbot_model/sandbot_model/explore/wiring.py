@@ -107,14 +107,14 @@ def wire(app: Dash, answers: Answers) -> None:
                 Input("formula", "n_submit"),
             ],
             "sliders": Input({"by_hand": ALL}, "value"),
-            "_again": Input("again", "data"),
+            "_recheck": Input("recheck", "data"),
         },
         state={
             "slider_ids": State({"by_hand": ALL}, "id"),
             "formula": State("formula", "value"),
             "search": State("address", "search"),
             "shown": State("shown", "data"),
-            "told": State("told", "data"),
+            "reported": State("reported", "data"),
         },
         prevent_initial_call=True,
     )(answers.on_control)
@@ -153,7 +153,7 @@ def _wire_clientside(app: Dash) -> None:
     app.clientside_callback(
         "window.dash_clientside.explore.settle",
         Input("shown", "data"),
-        Input("told", "data"),
+        Input("reported", "data"),
         Input("address", "search"),
         *(State(name, "value") for name in CONTROLS),
         prevent_initial_call=True,

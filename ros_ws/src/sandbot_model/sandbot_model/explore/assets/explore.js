@@ -10,17 +10,17 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
 
 // Controls stand where the address says once what is shown is what the address asks for. Not before: an answer may come
 // late. And not while a control has a value that is not told yet: that one is asked for (see on_control).
-function settle(shown, told, search) {
+function settle(shown, reported, search) {
   const { states } = window.dash_clientside.callback_context;
   const values = Object.fromEntries(Object.keys(told).map((name) => [name, states[`${name}.value`]]));
   const differ = (one, other) => Object.keys(one).filter((name) => !same(one[name], other[name]));
   const set = window.dash_clientside.set_props;
-  if (differ(values, told).length) { set("again", { data: Date.now() }); return; }
+  if (differ(values, told).length) { set("recheck", { data: Date.now() }); return; }
   if (!shown || shown.search !== (search ?? "")) return;
   const astray = differ(shown.controls, values);
   for (const name of astray) set(name, { value: shown.controls[name] });
   // Last: a control whose value was not told counts as used.
-  if (astray.length) set("told", { data: shown.controls });
+  if (astray.length) set("reported", { data: shown.controls });
 }
 
 function same(one, other) { return JSON.stringify(one ?? null) === JSON.stringify(other ?? null); }

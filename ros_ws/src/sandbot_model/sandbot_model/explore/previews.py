@@ -7,13 +7,13 @@ from sandbot_model.report import text
 
 Preview = tuple[float, float] | None
 """Error (in sample, out of sample) [m/s] with an effect switched; None: not fitted yet, NaN: the fit failed."""
-LEAST = 0.02
+MIN_IMPROVEMENT = 0.02
 """Share of the error that an effect must take away to be said to help."""
 
 
 def helps(preview: Preview, now_m_s: float) -> bool:
     """Whether switching lowers the error by a share worth a reader's time; also while that is not known yet."""
-    return preview is None or preview[0] < (1.0 - LEAST) * now_m_s
+    return preview is None or preview[0] < (1.0 - MIN_IMPROVEMENT) * now_m_s
 
 
 def ordered(previews: Mapping[str, Preview], on: Sequence[str] = ()) -> list[str]:

@@ -16,7 +16,7 @@ VOID = {"br", "img"}
 """Elements without an end."""
 
 
-def still(*parts: Any, **attributes: Any) -> html.Span:
+def static(*parts: Any, **attributes: Any) -> html.Span:
     """One element that holds the parts; explore.js puts them there."""
     return html.Span(**attributes, **{"data-html": to_html(parts)})
 
