@@ -1,4 +1,4 @@
-"""The atlas of the explorer: the paper's figures from the trials and the model shown, drawn when asked for."""
+"""``/atlas``: the paper's figures from the trials and the model shown, drawn on request."""
 
 import threading
 from collections.abc import Mapping
@@ -26,27 +26,27 @@ PAGE = """<!doctype html>
 <p>The figures of Li et al. 2009 from these trials. Model: {model}. {held_values_note}</p></header>
 <main><section id="atlas">{plates}</section></main></body></html>"""
 KEPT = 64
-"""Plates that are kept, should they be asked for again."""
+"""Number of plates cached."""
 
 
 class AtlasPage:
     """``/atlas`` for the selection in its address, and ``/atlas/<stem>.svg``."""
 
     def __init__(self, session: Session, trials: Trials, bags: Mapping[str, Path], title: str) -> None:
-        """``bags`` are those of the trials by name."""
+        """``bags`` are the trials' by name."""
         self._session, self._trials, self._bags, self._title = session, trials, bags, title
-        # Matplotlib's settings belong to the process.
+        # Matplotlib's settings are global to the process.
         self._lock = threading.Lock()
         self._material = lru_cache(maxsize=4)(self._gathered)
         self._plate = lru_cache(maxsize=KEPT)(self._drawn)
 
     def serve(self, server: Flask) -> None:
-        """Add both to the explorer's own addresses."""
+        """Register both addresses with the explorer's server."""
         server.add_url_rule("/atlas", "atlas", self.page)
         server.add_url_rule("/atlas/<stem>.svg", "plate", self.plate)
 
     def page(self) -> Response:
-        """All plates; one that these data do not give is replaced by the reason."""
+        """All plates; one that can't be drawn from these data is replaced by the reason."""
         try:
             asked = requested_selection()
             selection = model_only(asked)
@@ -62,7 +62,7 @@ class AtlasPage:
 
     def plate(self, stem: str) -> Response:
         """One plate as a picture."""
-        plate = next((one for one in PLATES if one.stem == stem), None)
+        plate = next((p for p in PLATES if p.stem == stem), None)
         if plate is None:
             abort(404)
         try:
@@ -88,5 +88,5 @@ class AtlasPage:
             return as_svg(plate, self._material(selection))
 
     def _gathered(self, selection: Selection) -> Material:
-        rungs = self._session.ladder(selection)
-        return collect(self._trials, [rung.fit for rung in rungs], self._bags)
+        steps = self._session.ladder(selection)
+        return collect(self._trials, [step.fit for step in steps], self._bags)

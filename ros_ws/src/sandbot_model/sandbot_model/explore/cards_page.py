@@ -1,4 +1,4 @@
-"""``/effects``: every effect as a physics card, those first that help these data, each with its switch."""
+"""``/effects``: every effect as a physics card with a switch, those that help these data first."""
 
 from functools import lru_cache
 from html import escape
@@ -37,9 +37,9 @@ CARD = """<article class="card" id="{name}" aria-labelledby="h-{name}">{picture}
 <details class="print"><summary>Where it would show</summary>
 <img loading="lazy" src="/effects/{name}/fingerprint.svg{own}" alt="Fingerprint of {heading} over φ and ω">
 <p class="kind">What the simple model would miss ({design}), at the effect's usual strength: orange above, blue below
-it; framed: 3 standard errors and more.</p></details></div></article>"""
+the model; framed: 3 standard errors or more.</p></details></div></article>"""
 RELOAD = "<script>setTimeout(() => location.reload(), 1000);</script>"
-"""Fits that are still made ahead."""
+"""Reloads the page while fits are still being prefetched."""
 
 
 class CardsPage:
@@ -50,13 +50,13 @@ class CardsPage:
         self._fingerprint = lru_cache(maxsize=64)(self._computed)
 
     def serve(self, server: Flask) -> None:
-        """Add them to the explorer's own addresses."""
+        """Register these addresses with the explorer's server."""
         server.add_url_rule("/effects", "effects", self.page)
         server.add_url_rule("/drawing/<name>.svg", "drawing", self.drawing)
         server.add_url_rule("/effects/<name>/fingerprint.svg", "fingerprint", self.fingerprint)
 
     def page(self) -> Response:
-        """All cards; what does not help is folded."""
+        """All cards; those of effects that do not help are folded."""
         try:
             asked = requested_selection()
             selection = model_only(asked)
@@ -92,7 +92,7 @@ class CardsPage:
         return abort(404) if drawn is None else Response(drawn, mimetype="image/svg+xml")
 
     def fingerprint(self, name: str) -> Response:
-        """Where an effect would show, as a picture."""
+        """The fingerprint of an effect as a picture."""
         try:
             formulas = requested_selection().formulas
             if name not in self._session.catalogue(formulas):
@@ -108,10 +108,10 @@ class CardsPage:
     def _card(self, effect: Effect, selection: Selection, preview: tuple[float, float] | None, now_m_s: float) -> str:
         name, heading = effect.identifier, escape(readable(effect.identifier))
         on = name in selection.effects
-        others = [one for one in selection.effects if one != name]
+        others = [other for other in selection.effects if other != name]
         toggled = selection.toggled(others if on else [*selection.effects, name])
         picture = f'<img src="/drawing/{name}.svg" alt="" width="160" height="100">' if drawing(name) else ""
-        ranges = "".join(f"<dt>{text.symbol(one)}</dt><dd>{escape(range_text(one))}</dd>" for one in effect.parameters)
+        ranges = "".join(f"<dt>{text.symbol(p)}</dt><dd>{escape(range_text(p))}</dd>" for p in effect.parameters)
         return CARD.format(
             name=escape(name), picture=picture, heading=heading, verb="Switch off" if on else "Switch on",
             change=change_of(preview, on, now_m_s), query=escape(to_query(toggled)), words=escape(words(effect)),

@@ -1,4 +1,4 @@
-"""The explorer's page: what stands where, with a name for each control. No fit and no figure is made here."""
+"""The layout of the explorer's page, with the id of each control. No fit and no figure is computed here."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -60,7 +60,7 @@ def _caution(kind: str, line: str) -> html.P:
 
 
 def _excluded(provenance: Provenance) -> list[html.Details]:
-    """Which trials were excluded, folded."""
+    """The excluded trials with reasons, folded."""
     if not provenance.excluded:
         return []
     rows = provenance.excluded[:MAX_EXCLUDED]
@@ -94,13 +94,13 @@ def by_hand(sliders: Sequence[Slider]) -> list[Any]:
 
 
 def held_id(name: str) -> dict[str, str]:
-    """The id of the word that tells a parameter held by hand."""
+    """The id of the word that marks a parameter as held by hand."""
     return {"held": _key(name)}
 
 
-def at(ids: Sequence[Mapping[str, str]], values: Sequence[float]) -> dict[str, float]:
-    """Where sliders stand, by parameter."""
-    return {one["by_hand"].replace("/", "."): value for one, value in zip(ids, values, strict=True)}
+def slider_values(ids: Sequence[Mapping[str, str]], values: Sequence[float]) -> dict[str, float]:
+    """Current values of the sliders, by parameter."""
+    return {slider["by_hand"].replace("/", "."): value for slider, value in zip(ids, values, strict=True)}
 
 
 def _key(name: str) -> str:
@@ -118,7 +118,7 @@ def _floor(floor_m_s: float) -> str:
 
 
 def _controls(floor_m_s: float) -> html.Section:
-    # No form: Enter in the formula would send it and leave the page.
+    # Not a form: Enter in the formula would submit it and leave the page.
     return html.Section(
         [
             html.Fieldset(

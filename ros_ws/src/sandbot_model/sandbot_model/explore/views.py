@@ -1,4 +1,4 @@
-"""What the explorer shows for a selection, as plain data: the figure, the ladder, captions and numbers."""
+"""The content of the explorer for a selection, as plain data: figure, ladder, captions and numbers."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,10 +28,10 @@ TITLES = {
     "lock": "Geometry lock",
     "parameters": "Parameters",
 }
-"""View → what its tab is called."""
+"""View → title of its tab."""
 COLUMNS = 4
 PANE_COLUMNS = 2
-"""Panels of φ in a row, alone and side by side with another figure."""
+"""Panels per row of a figure alone, and of one side by side with another."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +52,13 @@ class Shown:
 
 @dataclass(frozen=True)
 class Pane:
-    """A second figure beside the first; without a figure ``caption`` gives the reason."""
+    """A second figure beside the first; without a figure, ``caption`` gives the reason."""
 
     title: str
     caption: str
     figure: Spec | None = None
     same_axes: bool = True
-    """Whether its axes are those of the first figure."""
+    """Whether it shares the axes of the first figure."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def show(session: Session, selection: Selection, theme: Theme) -> Shown:
 
 
 def beside(session: Session, selection: Selection, title: str, theme: Theme) -> Pane:
-    """The same view of another data set or another model, or the reason why it can't be shown."""
+    """A pane with the same view of another data set or model, or with the reason why it can't be shown."""
     try:
         current = session.step(selection)
     except InputError as error:
@@ -105,12 +105,12 @@ def beside(session: Session, selection: Selection, title: str, theme: Theme) -> 
     missing = absent(selection, current)
     if missing:
         return Pane(title, missing)
-    said = f"{status(selection, current, session.noise_floor_m_s)} {caption(selection, current)}"
-    return Pane(title, said, figure(selection, None, current, theme, columns=PANE_COLUMNS))
+    words = f"{status(selection, current, session.noise_floor_m_s)} {caption(selection, current)}"
+    return Pane(title, words, figure(selection, None, current, theme, columns=PANE_COLUMNS))
 
 
 def difference(session: Session, selection: Selection, other: Selection, theme: Theme) -> Pane:
-    """Where the model shown and the one set beside it differ, over the conditions measured."""
+    """A pane with the difference between the model shown and the second model, over the conditions measured."""
     observable = selection.observable if selection.view == "residuals" else "speed"
     try:
         pair = session.step(selection), session.step(other)
@@ -125,7 +125,7 @@ def difference(session: Session, selection: Selection, other: Selection, theme: 
 
 
 def figure(selection: Selection, base: Step | None, current: Step, theme: Theme, columns: int = COLUMNS) -> Spec:
-    """The figure of the selected view; ``base`` stands behind it as a ghost where it is given."""
+    """The figure of the selected view, with the model ``base``, if given, faintly behind."""
     cells = current.fit.cells
 
     def speed() -> Spec:
@@ -144,7 +144,7 @@ def figure(selection: Selection, base: Step | None, current: Step, theme: Theme,
 
 
 def caption(selection: Selection, current: Step) -> str:
-    """The figure of the selected view in words."""
+    """Caption of the selected view."""
     by_view: Mapping[str, Callable[[], str]] = {
         "speed": lambda: captions.speed(current),
         "residuals": lambda: captions.residuals(current, selection.observable),
@@ -168,7 +168,7 @@ def absent(selection: Selection, current: Step) -> str:
 
 
 def frequency(selection: Selection, current: Step) -> float:
-    """The leg frequency [rad/s] of the cell chosen; without one, where the model misses most."""
+    """The leg frequency [rad/s] of the chosen cell; without one, that at which the model fails most."""
     cell = index_of(current.fit.cells, selection.cell)
     return captions.worst_frequency(current.fit) if cell is None else float(current.fit.cells.omega[cell])
 
@@ -184,7 +184,7 @@ def same_ranges(specs: Sequence[Spec]) -> None:
 
 
 def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
-    """The one sentence that a screen reader hears after each change."""
+    """The one-sentence summary that screen readers announce after each change."""
     fit = current.fit
     by_hand = ", some values held by hand" if selection.by_hand else ""
     failing = cells_missed(fit.fails)
@@ -197,7 +197,7 @@ def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
 
 
 def values(effect: Effect, fit: Fit) -> str:
-    """Fitted values ± errors of an effect that is on, with their meaning and unit; empty for one without parameters."""
+    """Fitted values ± errors of an effect switched on, with descriptions and units; empty without parameters."""
     parts = []
     for name, estimate in fit.parameters.items():
         if name.startswith(f"{effect.identifier}."):
@@ -207,7 +207,7 @@ def values(effect: Effect, fit: Fit) -> str:
 
 
 def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) -> list[Slider]:
-    """One slider for each shared parameter of the model shown, over its plausible range and its value."""
+    """One slider for each shared parameter of the model shown, over its plausible range extended to the value."""
     model = current.fit.model
     held = dict(selection.by_hand)
     found = []
@@ -228,7 +228,7 @@ def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) 
 
 
 def parameter_rows(selection: Selection, fitted: Step, effects: Mapping[str, Effect]) -> list[tuple[str, str, str]]:
-    """(what, value ± stderr, unit) of every number; those held by hand have no error, all others stay as ``fitted``."""
+    """(description, value ± stderr, unit) of every parameter; no error for those held by hand, others as ``fitted``."""
     held = dict(selection.by_hand)
     fit = with_sampled_errors(fitted.fit)
     rows = []
@@ -241,7 +241,7 @@ def parameter_rows(selection: Selection, fitted: Step, effects: Mapping[str, Eff
 
 
 def message_figure(sentence: str, theme: Theme) -> Spec:
-    """An empty figure with a sentence: why there is none."""
+    """An empty figure with a sentence that explains why."""
     hidden = {"visible": False}
-    said = note(sentence, 0.0, 1.0, xanchor="left", yanchor="top", font={"size": 15})
-    return {"data": [], "layout": layout(theme, 120, xaxis=hidden, yaxis=hidden, annotations=[said])}
+    words = note(sentence, 0.0, 1.0, xanchor="left", yanchor="top", font={"size": 15})
+    return {"data": [], "layout": layout(theme, 120, xaxis=hidden, yaxis=hidden, annotations=[words])}

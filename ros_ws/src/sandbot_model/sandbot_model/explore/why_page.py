@@ -1,4 +1,4 @@
-"""``/why``: the argument for the verdict on the base model shown; a discovery is run first where there is none yet."""
+"""``/why``: the argument for the verdict on the base model shown; runs the discovery first if there is none yet."""
 
 import json
 from dataclasses import replace
@@ -44,12 +44,12 @@ class WhyPage:
         self._rendered = lru_cache(maxsize=4)(self._render)
 
     def serve(self, server: Flask) -> None:
-        """Add both to the explorer's own addresses."""
+        """Register both addresses with the explorer's server."""
         server.add_url_rule("/why", "why", self.page)
         server.add_url_rule("/why/progress", "why_progress", self.progress)
 
     def page(self) -> Response:
-        """The argument, or how far the discovery is that it needs."""
+        """The argument, or the progress of the discovery that it needs."""
         try:
             selection = requested_selection()
             self._job.session.model(selection)
@@ -64,7 +64,7 @@ class WhyPage:
         return Response(waiting, mimetype="text/html")
 
     def progress(self) -> Response:
-        """How far it is, as JSON."""
+        """The progress, as JSON."""
         job = self._job
         try:
             selection = requested_selection()
