@@ -223,7 +223,7 @@ def test_two_models_stand_side_by_side_on_axes_that_end_alike(session, trials, t
     pane, apart = both["beside.children"]
     assert apart.children[0].children == "Difference of the two"
     title, body = pane.children
-    assert title.children == "+ leg slip, set beside"
+    assert title.children == "+ leg slip, second model"
     other = body.children[0].children.figure
     assert other["layout"]["yaxis"]["range"] == both["figure.figure"]["layout"]["yaxis"]["range"]
     assert not both["unpin.hidden"]

@@ -77,14 +77,14 @@ def test_rivals_are_laid_over_each_other_and_the_chosen_one_is_thickest(shown):
 
 
 def test_rivals_are_compared_by_fits_of_one_kind(found, shown):
-    """What is named is reported beside what trials share; its rivals were fitted without."""
+    """What is named is reported with nuisance parameters; its rivals were fitted without."""
     assert found.fit.nuisances is not None
     tried = {fit.effects: fit.bic for fit in found.fits}
     best = min(tried[step.fit.effects] for step in shown)
     table = rivals.comparison_table(shown, found.fits)
     told = [float(row[1].replace("−", "-")) for row in table.rows]
     assert told == pytest.approx([tried[step.fit.effects] - best for step in shown], abs=0.05)
-    assert "without what trials share" in table.caption
+    assert "without nuisance parameters" in table.caption
 
 
 def test_a_threshold_is_stated_alike_by_commands_page_and_argument(found, trials):
@@ -95,16 +95,16 @@ def test_a_threshold_is_stated_alike_by_commands_page_and_argument(found, trials
     told = dict(compared.fit.estimates())[name]
     assert "±" in told
     assert dict(shown.fit.estimates())[name] == "not determined"
-    assert told in views.values(known["disturbed_ground"], session.with_final_errors(chosen))
+    assert told in views.fitted_values(known["disturbed_ground"], session.with_final_errors(chosen))
     assert told in [said for _, said, _ in views.parameter_rows(chosen, shown, known)]
     # A value held by hand changes nothing of what is said of the others.
     assert told in [said for _, said, _ in views.parameter_rows(chosen.held("delta_t_s", 0.3), shown, known)]
     last = 2  # after the parameter and its unit
     assert told in [row[last] for row in table_sections.parameters(steps(compared)).tables[0].rows]
-    # The argument is of a fit beside what trials share, and says so.
+    # The argument is of a fit with nuisance parameters, and says so.
     argued = argument_page(found, provenance(trials, found.cells), title="test").sections[-1].tables[0]
     assert dict(found.fit.estimates())[name] in [row[last] for row in argued.rows]
-    assert ("beside a zero of the lift" in argued.caption) == (found.fit.nuisances is not None)
+    assert ("with nuisance parameters" in argued.caption) == (found.fit.nuisances is not None)
 
 
 def test_no_parameter_is_stated_where_there_are_no_more_means_than_unknowns(trials):

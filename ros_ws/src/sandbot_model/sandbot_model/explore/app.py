@@ -150,11 +150,13 @@ class Explorer:
         shown = []
         if self.beside is not None:
             # The chosen cell is not marked here: its trials are those of the first data set.
-            shown.append(views.beside(self.beside.session, replace(selection, cell=None), self.beside.title, theme))
+            shown.append(
+                views.second_pane(self.beside.session, replace(selection, cell=None), self.beside.title, theme)
+            )
             self.beside.session.fit_ahead(selection)
         if (other := selection.other) is not None:
             title = self._titled(f"{self.session.step(other).label}, second model")
-            shown.append(views.beside(self.session, other, title, theme))
+            shown.append(views.second_pane(self.session, other, title, theme))
             shown.append(views.difference(self.session, selection, other, theme))
         return shown
 
@@ -164,7 +166,7 @@ class Explorer:
 
     def _narrow(self, selection: Selection, shown: views.Shown, theme: Theme) -> Spec:
         """The figure for side-by-side display: without the base model, with fewer panels per row."""
-        if views.absent(selection, shown.current):
+        if views.unavailable(selection, shown.current):
             return shown.figure
         return views.figure(selection, None, shown.current, theme, columns=views.PANE_COLUMNS)
 
@@ -172,7 +174,7 @@ class Explorer:
         cells = self.session.cells
         cell = condition.index_of(cells, selection.cell)
         if cell is None:
-            missing = condition.absent(cells, selection.cell)
+            missing = condition.not_found(cells, selection.cell)
             return html.P(missing, className="message") if missing else None
         return cell_trials.parts(self.trials, self.bags, shown.current.fit, cell, theme, to_query(selection))
 

@@ -38,7 +38,7 @@ def option_of(cells: Cells, chosen: Condition | int | None) -> str | None:
     return None if index is None else cell_text(condition_of(cells, index))
 
 
-def absent(cells: Cells, chosen: Condition | int | None) -> str:
+def not_found(cells: Cells, chosen: Condition | int | None) -> str:
     """A message if no cell matches the chosen condition; empty if one does, or none was chosen."""
     if chosen is None or index_of(cells, chosen) is not None:
         return ""

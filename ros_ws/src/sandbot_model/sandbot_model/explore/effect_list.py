@@ -9,7 +9,7 @@ from sandbot_common.errors import InputError
 from sandbot_model.explore.blocks import table
 from sandbot_model.explore.previews import Preview, change_of, helps
 from sandbot_model.explore.static_html import static
-from sandbot_model.explore.views import values
+from sandbot_model.explore.views import fitted_values
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.formula import formula_effect
@@ -37,7 +37,7 @@ def effect_options(
             html.Span(readable(name), className="effect"),
             html.Span(change_of(preview, name in on, now.rmse_m_s), className="preview"),
             html.Small([f"{effect.stage}: ", _typeset(effect.formula)]),
-            html.Small(values(effect, stated) if stated else "…", className="values") if name in on else None,
+            html.Small(fitted_values(effect, stated) if stated else "…", className="values") if name in on else None,
             className="effect-line" if useful else "effect-line useless",
         )
         options.append({"value": name, "label": label, "title": plain(effect.seen_in)})

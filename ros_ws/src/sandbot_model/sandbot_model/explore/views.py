@@ -83,7 +83,7 @@ def show(session: Session, selection: Selection, theme: Theme) -> Shown:
     if selection.by_hand:
         ladder["layout"]["xaxis"]["ticktext"][-1] = "by hand"
     view = "speed" if selection.view == "parameters" else selection.view
-    missing = absent(selection, current)
+    missing = unavailable(selection, current)
     return Shown(
         steps=steps,
         current=current,
@@ -96,13 +96,13 @@ def show(session: Session, selection: Selection, theme: Theme) -> Shown:
     )
 
 
-def beside(session: Session, selection: Selection, title: str, theme: Theme) -> Pane:
+def second_pane(session: Session, selection: Selection, title: str, theme: Theme) -> Pane:
     """A pane with the same view of another data set or model, or with the reason why it can't be shown."""
     try:
         current = session.step(selection)
     except InputError as error:
         return Pane(title, str(error))
-    missing = absent(selection, current)
+    missing = unavailable(selection, current)
     if missing:
         return Pane(title, missing)
     words = f"{status(selection, current, session.noise_floor_m_s)} {caption(selection, current)}"
@@ -117,7 +117,7 @@ def difference(session: Session, selection: Selection, other: Selection, theme: 
     except InputError as error:
         return Pane("Difference", str(error))
     if observable not in pair[0].fit.cells.observables:
-        return Pane("Difference", absent(replace(selection, view="residuals", observable=observable), pair[0]))
+        return Pane("Difference", unavailable(replace(selection, view="residuals", observable=observable), pair[0]))
     spec = mark(
         model_difference.difference_map(*pair, observable, theme), index_of(session.cells, selection.cell), theme
     )
@@ -157,7 +157,7 @@ def caption(selection: Selection, current: Step) -> str:
     return by_view[selection.view]()
 
 
-def absent(selection: Selection, current: Step) -> str:
+def unavailable(selection: Selection, current: Step) -> str:
     """Why the data can't show the selected view; empty if they can."""
     measured = current.fit.cells.observables
     if selection.view == "residuals" and selection.observable not in measured:
@@ -196,7 +196,7 @@ def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
     )
 
 
-def values(effect: Effect, fit: Fit) -> str:
+def fitted_values(effect: Effect, fit: Fit) -> str:
     """Fitted values ± errors of an effect switched on, with descriptions and units; empty without parameters."""
     parts = []
     for name, estimate in fit.parameters.items():

@@ -11,7 +11,7 @@ from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.variants import Variant
 
 DESIGN = f"{TRIALS} trials in each of {len(PHI)} x {len(OMEGA_RAD_S)} conditions"
-ABSORBED = "k(φ), Δt and the swimming speed of the simple model follow it"
+ABSORBED = "k(φ), Δt and the swimming speed of the simple model absorb it"
 
 
 def words(effect: Effect) -> str:

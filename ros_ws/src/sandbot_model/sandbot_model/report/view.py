@@ -143,7 +143,7 @@ def scatter(cells: Cells, observable: str) -> Floats:
 
 
 def walks(cells: Cells) -> NDArray[np.bool_]:
-    """Whether the robot walks in each cell, (n,): its lift exceeds the walking threshold, and by its standard error is
+    """Whether the robot walks in each cell, (n,): its lift exceeds the walking threshold, and either that lift is
     significant or the speed is significantly above a swimmer's. Without lift, the speed decides.
     """
     mean, sem = cells.mean, np.nan_to_num(cells.sem)
