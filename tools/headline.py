@@ -11,10 +11,10 @@ from sandbot_model.fitting.fit import fit
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.observables import CM
-from sandbot_model.report.atlas.gathered import gathered
+from sandbot_model.report.atlas.collect import collect
 from sandbot_model.report.atlas.speeds import omega_panel, phi_panel
 from sandbot_model.report.atlas.style import MM_PER_INCH, typography
-from sandbot_model.report.printed import matplotlib
+from sandbot_model.report.print_figures import matplotlib
 from sandbot_record.trials.read import read
 
 OUT = Path(__file__).resolve().parent.parent / "docs" / "images" / "discovery.png"
@@ -32,7 +32,7 @@ def main(data: Path) -> int:
             figsize=(WIDTH_MM / MM_PER_INCH, HEIGHT_MM / MM_PER_INCH), layout="constrained"
         )
         panels = figure.subplots(2, 2, sharey=True)
-        drawn = gathered(trials, fits[:1], {})
+        drawn = collect(trials, fits[:1], {})
         for column, (found, words) in zip(panels.T, zip(fits, ("without", "with"), strict=True), strict=True):
             material = replace(drawn, fits=(found,))
             phi_panel(column[0], material)

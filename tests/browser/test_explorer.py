@@ -171,7 +171,7 @@ def test_a_figure_is_saved_as_drawing_picture_and_numbers(page, address, downloa
 def test_two_models_and_two_data_sets_stand_side_by_side(page, address, folder):
     page.open(address)
     page.press("pin")
-    page.until(lambda: "set beside" in page.text("beside"))
+    page.until(lambda: "second model" in page.text("beside"))
     page.choose("effects", HIDDEN)
     page.until(lambda: page.text("pane-title").endswith("+ disturbed ground"))
     assert "simple model: error" in page.text("beside")

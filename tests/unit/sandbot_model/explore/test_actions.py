@@ -15,7 +15,7 @@ from sandbot_model.explore import views
 from sandbot_model.explore.actions import (
     act,
     clicked_cell,
-    on_slider,
+    slider_value,
     values_of,
     with_controls,
     with_sliders,
@@ -99,7 +99,7 @@ def test_only_a_slider_that_was_moved_holds_its_parameter():
 def test_moving_one_slider_never_holds_another(delta_t, eta):
     """Whatever their values are rounded to beside the slider."""
     shown = {"delta_t_s": delta_t, "stance_overlap.eta": eta}
-    moved = {"delta_t_s": on_slider(1.1 * delta_t), "stance_overlap.eta": on_slider(eta)}
+    moved = {"delta_t_s": slider_value(1.1 * delta_t), "stance_overlap.eta": slider_value(eta)}
     assert [name for name, _ in with_sliders(Selection(), shown, moved).by_hand] == ["delta_t_s"]
 
 

@@ -50,8 +50,8 @@ class Browser:
 
     def __init__(self, explorer, monkeypatch):
         self.explorer = explorer
-        self.at = {"search": "", "told": values_of(Selection(), explorer.session.cells)}
-        self.values = dict(self.at["told"])
+        self.at = {"search": "", "reported": values_of(Selection(), explorer.session.cells)}
+        self.values = dict(self.at["reported"])
         monkeypatch.setattr(app, "ctx", SimpleNamespace(triggered=[], triggered_prop_ids={}))
         self.monkeypatch = monkeypatch
 
@@ -60,11 +60,13 @@ class Browser:
         answer = {}
         self.monkeypatch.setattr(app, "set_props", lambda name, given: answer.update({name: given}))
         shown = {"search": "", "controls": values_of(Selection(), self.explorer.session.cells)}
-        self.explorer.on_control(dict(self.values), [], [], None, [], None, self.at["search"], shown, self.at["told"])
+        self.explorer.on_control(
+            dict(self.values), [], [], None, [], None, self.at["search"], shown, self.at["reported"]
+        )
 
         def comes():
             self.at["search"] = answer.get("address", self.at)["search"]
-            self.at["told"] = answer["told"]["data"] if "told" in answer else self.at["told"]
+            self.at["reported"] = answer["reported"]["data"] if "reported" in answer else self.at["reported"]
 
         return comes
 
@@ -84,9 +86,9 @@ def test_what_is_switched_on_and_off_before_figures_come_is_off(session, trials,
         on()
     off()
     # The page asks again while a control stands where it was not told (settle in explore.js).
-    if page.values != page.at["told"]:
+    if page.values != page.at["reported"]:
         page.asks()()
-    assert page.at == {"search": "", "told": page.values}
+    assert page.at == {"search": "", "reported": page.values}
 
 
 def test_the_sheet_holds_the_values_held_by_hand(session, trials, tmp_path, monkeypatch):
@@ -221,7 +223,7 @@ def test_two_models_stand_side_by_side_on_axes_that_end_alike(session, trials, t
     pane, apart = both["beside.children"]
     assert apart.children[0].children == "Difference of the two"
     title, body = pane.children
-    assert title.children == "+ leg slip, set beside"
+    assert title.children == "+ leg slip, second model"
     other = body.children[0].children.figure
     assert other["layout"]["yaxis"]["range"] == both["figure.figure"]["layout"]["yaxis"]["range"]
     assert not both["unpin.hidden"]

@@ -37,7 +37,7 @@ def test_values_held_by_hand_are_left_out_and_the_way_back_has_them(session, tri
     monkeypatch.setattr("sandbot_model.explore.atlas_page.PLATES", ())
     AtlasPage(session, trials, {}, "test").serve(server)
     page = server.test_client().get("/atlas?hold=delta_t_s%3D0.35&against=%3Fmodel%3Dfull").text
-    assert "Values held by hand are left out (delta_t_s = 0.35): this page shows the fit." in page
+    assert "Values held by hand are ignored here (delta_t_s = 0.35): this page shows the fit." in page
     assert 'href="/?hold=delta_t_s%3D0.35&amp;against=%3Fmodel%3Dfull"' in page
 
 

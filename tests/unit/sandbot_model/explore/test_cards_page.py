@@ -12,7 +12,7 @@ from made_up import BOOST
 
 from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.explore.cards_page import CardsPage
-from sandbot_model.explore.helpful import change_of, helps, ordered
+from sandbot_model.explore.previews import change_of, helps, ordered
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.report.drawings import MOTIFS, drawing
 
@@ -59,7 +59,7 @@ def test_a_switch_keeps_what_the_page_shows_and_holds(client):
     page = client.get("/effects?view=lock&effect=cohesion&hold=delta_t_s%3D0.35").text
     assert 'href="/?view=lock&amp;effect=cohesion&amp;hold=delta_t_s%3D0.35">Back' in page
     assert 'href="/?view=lock&amp;hold=delta_t_s%3D0.35">Switch off cohesion' in page
-    assert "Values held by hand are left out (delta_t_s = 0.35): this page shows the fit." in page
+    assert "Values held by hand are ignored here (delta_t_s = 0.35): this page shows the fit." in page
 
 
 def test_what_does_not_help_is_folded_and_what_is_on_is_not(client, session):

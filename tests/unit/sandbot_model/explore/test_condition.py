@@ -7,7 +7,7 @@ from made_up import made_up_trials
 
 from sandbot_model.data.conditions import cells_of
 from sandbot_model.discovery.choice import Condition, from_query, to_query
-from sandbot_model.explore.condition import absent, condition_of, index_of, option_of
+from sandbot_model.explore.condition import condition_of, index_of, not_found, option_of
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def test_every_cell_is_found_by_its_own_condition(cells, data):
 def test_old_addresses_hold_the_number_of_a_cell(cells):
     assert index_of(cells, 3) == 3
     assert option_of(cells, 3) == option_of(cells, condition_of(cells, 3))
-    assert absent(cells, 3) == ""
+    assert not_found(cells, 3) == ""
 
 
 @pytest.mark.parametrize(
@@ -49,8 +49,8 @@ def test_old_addresses_hold_the_number_of_a_cell(cells):
 def test_what_is_none_of_the_trials_is_said_so(cells, none):
     assert index_of(cells, none) is None
     assert option_of(cells, none) is None
-    assert absent(cells, none)
+    assert not_found(cells, none)
 
 
 def test_where_none_was_chosen_nothing_is_missing(cells):
-    assert (index_of(cells, None), option_of(cells, None), absent(cells, None)) == (None, None, "")
+    assert (index_of(cells, None), option_of(cells, None), not_found(cells, None)) == (None, None, "")

@@ -37,7 +37,7 @@ def test_a_swimmer_has_no_leg_that_holds(trials, bags, fit):
     assert swims.reach_rad == 0
     assert not swims.holds.any()
     assert np.ptp(swims.axle_m) == 0
-    assert "swims" in scene_figures.records_say(swims)
+    assert "swims" in scene_figures.records_caption(swims)
 
 
 def test_replicates_are_laid_over_each_other_by_phase(scene):

@@ -108,5 +108,5 @@ def test_values_held_by_hand_have_no_band(session):
 def test_an_effect_that_is_on_shows_its_values(session):
     step = session.step(Selection(effects=("leg_slip",)))
     value, stderr = step.fit.parameters["leg_slip.sigma"]
-    assert views.values(EFFECTS["leg_slip"], step.fit).endswith(f" {text.with_error(value, stderr)}")
-    assert views.values(EFFECTS["disturbed_ground"], step.fit) == ""
+    assert views.fitted_values(EFFECTS["leg_slip"], step.fit).endswith(f" {text.with_error(value, stderr)}")
+    assert views.fitted_values(EFFECTS["disturbed_ground"], step.fit) == ""

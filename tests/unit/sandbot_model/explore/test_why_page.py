@@ -83,7 +83,7 @@ def test_values_held_by_hand_are_left_out_and_the_way_back_has_them(client, job)
     assert 'href="/?view=lock&amp;hold=delta_t_s%3D0.35&amp;cell=0.6,4,UNIFORM"' in client.get(f"/why{held}").text
     suggestions_made()
     page = client.get(f"/why{held}").text
-    assert "Values held by hand are left out (delta_t_s = 0.35): this page shows the fit." in page
+    assert "Values held by hand are ignored here (delta_t_s = 0.35): this page shows the fit." in page
     assert 'href="/?view=lock&amp;hold=delta_t_s%3D0.35&amp;cell=0.6,4,UNIFORM"' in page
     assert "by hand" not in client.get("/why").text
 

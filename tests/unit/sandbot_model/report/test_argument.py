@@ -19,8 +19,8 @@ from sandbot_model.discovery.verdict import Verdict
 from sandbot_model.explore import views
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.observables import Observable
-from sandbot_model.report import apart, profiles, rivals, stages, table_sections
-from sandbot_model.report.argument import MOST_REPLICATES, argument_page, plan
+from sandbot_model.report import model_difference, profiles, rivals, stages, table_sections
+from sandbot_model.report.argument import MAX_REPLICATES, argument_page, plan
 from sandbot_model.report.curves import steps
 from sandbot_model.report.page import render
 from sandbot_model.report.provenance import provenance
@@ -77,14 +77,14 @@ def test_rivals_are_laid_over_each_other_and_the_chosen_one_is_thickest(shown):
 
 
 def test_rivals_are_compared_by_fits_of_one_kind(found, shown):
-    """What is named is reported beside what trials share; its rivals were fitted without."""
+    """What is named is reported with nuisance parameters; its rivals were fitted without."""
     assert found.fit.nuisances is not None
     tried = {fit.effects: fit.bic for fit in found.fits}
     best = min(tried[step.fit.effects] for step in shown)
-    table = rivals.compared(shown, found.fits)
+    table = rivals.comparison_table(shown, found.fits)
     told = [float(row[1].replace("−", "-")) for row in table.rows]
     assert told == pytest.approx([tried[step.fit.effects] - best for step in shown], abs=0.05)
-    assert "without what trials share" in table.caption
+    assert "without nuisance parameters" in table.caption
 
 
 def test_a_threshold_is_stated_alike_by_commands_page_and_argument(found, trials):
@@ -95,16 +95,16 @@ def test_a_threshold_is_stated_alike_by_commands_page_and_argument(found, trials
     told = dict(compared.fit.estimates())[name]
     assert "±" in told
     assert dict(shown.fit.estimates())[name] == "not determined"
-    assert told in views.values(known["disturbed_ground"], session.stated(chosen))
+    assert told in views.fitted_values(known["disturbed_ground"], session.with_final_errors(chosen))
     assert told in [said for _, said, _ in views.parameter_rows(chosen, shown, known)]
     # A value held by hand changes nothing of what is said of the others.
     assert told in [said for _, said, _ in views.parameter_rows(chosen.held("delta_t_s", 0.3), shown, known)]
     last = 2  # after the parameter and its unit
     assert told in [row[last] for row in table_sections.parameters(steps(compared)).tables[0].rows]
-    # The argument is of a fit beside what trials share, and says so.
+    # The argument is of a fit with nuisance parameters, and says so.
     argued = argument_page(found, provenance(trials, found.cells), title="test").sections[-1].tables[0]
     assert dict(found.fit.estimates())[name] in [row[last] for row in argued.rows]
-    assert ("beside a zero of the lift" in argued.caption) == (found.fit.nuisances is not None)
+    assert ("with nuisance parameters" in argued.caption) == (found.fit.nuisances is not None)
 
 
 def test_no_parameter_is_stated_where_there_are_no_more_means_than_unknowns(trials):
@@ -118,31 +118,35 @@ def test_no_parameter_is_stated_where_there_are_no_more_means_than_unknowns(tria
 
 def test_the_difference_of_two_models_is_that_of_their_predictions(shown):
     base, named, *_ = shown
-    heat = apart.difference_map(base, named, "speed", LIGHT)["data"][-1]
+    heat = model_difference.difference_map(base, named, "speed", LIGHT)["data"][-1]
     meant = 100 * (base.fit.predicted - named.fit.predicted)[:, Observable.speed]
     drawn = {told[1]: z for row, zs in zip(heat["customdata"], heat["z"], strict=True)
              for told, z in zip(row, zs, strict=True) if told[1] is not None}  # fmt: skip
-    axes = apart.difference_map(base, named, "speed", LIGHT)["layout"]
+    axes = model_difference.difference_map(base, named, "speed", LIGHT)["layout"]
     assert (axes["xaxis"]["categoryarray"], axes["yaxis"]["categoryarray"]) == (heat["x"], heat["y"])
     assert [drawn[cell] for cell in range(len(meant))] == pytest.approx(meant, abs=1e-4)
-    largest = re.search(r"largest difference is (−?[\d.]+) cm/s", apart.difference_says(base, named, "speed"))[1]
+    largest = re.search(
+        r"largest difference is (−?[\d.]+) cm/s", model_difference.difference_caption(base, named, "speed")
+    )[1]
     assert float(largest.replace("−", "-")) == pytest.approx(meant[np.abs(meant).argmax()], abs=0.005)
 
 
 def test_a_model_does_not_differ_from_itself(shown):
-    heat = apart.difference_map(shown[1], shown[1], "lift", DARK)["data"][-1]
+    heat = model_difference.difference_map(shown[1], shown[1], "lift", DARK)["data"][-1]
     assert {z for row in heat["z"] for z in row} == {0.0}
-    assert "is 0.00 cm" in apart.difference_says(shown[1], shown[1], "lift")
+    assert "is 0.00 cm" in model_difference.difference_caption(shown[1], shown[1], "lift")
     fit = shown[1].fit
-    assert not apart.gaps([fit, fit]).best
-    assert "no trial tells these models apart" in apart.separation_says(apart.gaps([fit, fit]), ())
+    assert not model_difference.gaps([fit, fit]).best
+    assert "no trial tells these models apart" in model_difference.separation_caption(
+        model_difference.gaps([fit, fit]), ()
+    )
 
 
 def test_the_map_of_differences_holds_the_next_trials_as_stars(shown, undecided):
-    gaps = apart.gaps([step.fit for step in shown[:2]])
+    gaps = model_difference.gaps([step.fit for step in shown[:2]])
     best = max(gaps.best.values(), key=lambda trial: trial.expected_gap_sd)
     assert set(best.separates) == {"base", "disturbed_ground"}
-    heat, stars = apart.separation_map(gaps, undecided.next_trials, LIGHT)["data"]
+    heat, stars = model_difference.separation_map(gaps, undecided.next_trials, LIGHT)["data"]
     assert max(told[0] for row in heat["customdata"] for told in row) == best.expected_gap_sd
     assert (stars["x"], stars["text"]) == ([12.5, 8.0], ["1", "2"])
     assert set(stars["y"]) <= set(heat["y"])
@@ -154,7 +158,7 @@ def test_the_plan_is_one_that_a_campaign_runs(undecided, tmp_path):
     planned = trials_of(read_plan(path))
     asked = {(trial.phi, trial.omega_rad_s, trial.gait) for trial in planned}
     assert asked == {(0.615, 12.5, ""), (0.6, 8.0, "HGCS")}
-    assert len(planned) == MOST_REPLICATES + 3
+    assert len(planned) == MAX_REPLICATES + 3
     assert yaml.safe_load(path.read_text(encoding="utf-8"))["gait"] == "UNIFORM"
 
 
@@ -179,7 +183,7 @@ def test_errors_are_correlated_with_themselves_and_no_more_than_that(found):
     assert names[:4] == ["Δt", "v<sub>swim</sub>", "k<sub>L</sub>", "s<sub>c</sub>"]
     assert drawn["layout"]["xaxis"]["categoryarray"] == drawn["layout"]["yaxis"]["categoryarray"] == names
     apart = np.nan_to_num(values)[: len(names), : len(names)] * (1 - np.eye(len(names)))
-    said = re.search(r"Most correlated are .*: (−?[\d.]+)\.$", profiles.correlations_say(step))[1]
+    said = re.search(r"Most correlated are .*: (−?[\d.]+)\.$", profiles.correlations_caption(step))[1]
     assert float(said.replace("−", "-")) == pytest.approx(apart.flat[np.abs(apart).argmax()], abs=0.005)
 
 
@@ -195,10 +199,10 @@ def test_unknowns_of_one_symbol_are_told_apart(found):
 def test_a_stage_that_holds_is_said_to_hold(found):
     failing = [stage for stage in found.stages if stage.missed]
     assert failing
-    said = stages.stages_say(found.stages)
+    said = stages.stages_caption(found.stages)
     assert all(f"{stage.stage} (" in said for stage in failing)
     held = [replace(stage, missed=()) for stage in found.stages]
-    assert "Every stage" in stages.stages_say(held)
+    assert "Every stage" in stages.stages_caption(held)
     titles = [one["text"] for one in stages.stage_map(held, found.cells, LIGHT)["layout"]["annotations"]]
     assert all(title.endswith("holds") for title in titles)
 

@@ -15,7 +15,7 @@ from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.gait import GAITS
 from sandbot_model.physics.model import model_of
 from sandbot_model.physics.walking import Inputs, Prediction, Walker
-from sandbot_model.report.atlas import balances, endings, gathered, motion, speeds, style
+from sandbot_model.report.atlas import collapse, collect, force, motion, speeds, style
 from sandbot_model.report.atlas.material import Material, Motion, Published
 from sandbot_model.report.atlas.plates import CAPTIONS, PLATES, write
 from sandbot_model.report.mechanics import Collapse
@@ -133,7 +133,7 @@ def test_the_clock_of_a_leg():
 
 def test_what_the_paper_fits_ends_at_the_largest_speed():
     trials = table()
-    kept = trials.select(gathered._up_to_the_fastest(trials))
+    kept = trials.select(collect._up_to_the_fastest(trials))
     for phi in K:
         here, all_here = (np.abs(one.phi - phi) < 1e-6 for one in (kept, trials))
         fastest = trials.omega_rad_s[all_here][np.argmax(trials.speed_m_s[all_here])]
@@ -174,7 +174,7 @@ def test_what_is_wrong_is_said_in_one_line(given, named, tmp_path, capsys):
 
 
 def test_every_force_needed_is_within_the_panel_and_the_outermost_are_named(material):
-    figure, _ = balances.force(material, 85.0)
+    figure, _ = force.force(material, 85.0)
     (panel,) = figure.axes
     (low, high), (left, right) = panel.get_ylim(), panel.get_xlim()
     needed = [line for line in panel.lines if line.get_color() == style.INK]
@@ -189,8 +189,8 @@ def test_every_force_needed_is_within_the_panel_and_the_outermost_are_named(mate
 @pytest.mark.parametrize("ends", [True, False])
 def test_what_walks_at_every_frequency_is_in_the_legend_only_where_it_is_drawn(material, monkeypatch, ends):
     first = np.array([20.0, 30.0, 30.0 if ends else np.nan])
-    monkeypatch.setattr(endings, "collapse", lambda _: Collapse(np.array([12.0, 20.0, 20.0]), first, np.full(3, 0.2)))
-    figure, _ = endings.critical(material, 170.0)
+    monkeypatch.setattr(collapse, "collapse", lambda _: Collapse(np.array([12.0, 20.0, 20.0]), first, np.full(3, 0.2)))
+    figure, _ = collapse.critical(material, 170.0)
     entries = [words.get_text() for words in figure.axes[0].get_legend().get_texts()]
     assert ("walks at every ω" in entries) is not ends
 

@@ -307,7 +307,7 @@ def test_words_under_the_figures_tell_their_numbers(fitted):
     verb = "fails" if failing.sum() == 1 else "fail"
     assert f"{failing.sum()} of {len(failing)} cells {verb}" in captions.residuals(base, "speed")
     worst = np.nanargmax(np.abs(np.where(failing, base.fit.residual_z[:, Observable.speed], np.nan)))
-    assert captions.at(base.fit.cells, worst) in captions.residuals(base, "speed")
+    assert captions.condition_label(base.fit.cells, worst) in captions.residuals(base, "speed")
     assert "no cell fails" in captions.residuals(made_up_step(made_up_cells()), "speed")
     seen = mechanics.collapse(base.fit.cells)
     ends = f"between {seen.last_walking_rad_s[-1]:.3g} and {seen.first_swimming_rad_s[-1]:.3g} rad/s"

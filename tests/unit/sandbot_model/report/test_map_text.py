@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandbot_model.report.map_text import BLACK, WHITE, colour_at, contrast, ink, words_on
+from sandbot_model.report.map_text import BLACK, WHITE, cell_labels, colour_at, contrast, ink
 from sandbot_model.report.theme import DARK, LIGHT
 
 THEMES = st.sampled_from([LIGHT, DARK])
@@ -38,7 +38,7 @@ def test_the_scale_is_plotlys():
 
 
 def test_cells_without_words_have_none():
-    drawn = words_on(heat(LIGHT, [[-8.0, 1.0, None]]), [["▼ 9", "", "–"]], LIGHT)
+    drawn = cell_labels(heat(LIGHT, [[-8.0, 1.0, None]]), [["▼ 9", "", "–"]], LIGHT)
     assert (drawn["text"], drawn["x"]) == (["▼ 9", "–"], ["4", "4"])
     assert drawn["hoverinfo"] == "skip"
-    assert words_on(heat(LIGHT), [[""]], LIGHT)["text"] == []
+    assert cell_labels(heat(LIGHT), [[""]], LIGHT)["text"] == []

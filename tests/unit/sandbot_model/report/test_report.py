@@ -230,7 +230,7 @@ def test_numbers_have_a_true_minus_sign_and_zero_has_none():
 def test_what_a_claim_took_is_said_as_it_was(page):
     said = table(page, "How they were analysed")
     assert "lowers the deviance by at least 30.5" in said
-    assert "of its size by at least 7.5" in said
+    assert "of its size is higher by at least 7.5" in said
 
 
 def test_next_trials_and_frames_are_shown(page):

@@ -53,7 +53,7 @@ def said(monkeypatch, opened, command="ros2 run x"):
     [
         (bag(), "A virtual lab"),
         (bag("live", lab=True), "behind live nodes"),
-        (bag("live"), "no virtual lab is heard"),
+        (bag("live"), "no virtual lab appears"),
     ],
 )
 def test_a_virtual_lab_is_called_one_and_nothing_else_is(monkeypatch, opened, words):

@@ -102,7 +102,7 @@ def test_cells_of_two_gaits_at_one_phi_and_omega_count_apart_wherever_they_are_c
     shown = steps([fitted])
     assert f", {missed} of {len(cells)} cells missed" in answer.of_comparison([fitted])
     assert ladder_rows([fitted])[1][-1] == str(missed)
-    assert rivals.compared(shown, [fitted]).rows[0][-1] == str(missed)
+    assert rivals.comparison_table(shown, [fitted]).rows[0][-1] == str(missed)
     assert figure_sections._errors(shown).rows[0][-1] == f"{missed} of {len(cells)}"
     assert f"; {missed} of {len(cells)} conditions fail." in views.status(Selection(), shown[0], 0.005)
 

@@ -1,4 +1,4 @@
-"""What a control does to the selection: pure, so that it can be tested without a page."""
+"""The effect of each control on the selection, as pure functions that can be tested without a page."""
 
 import math
 from collections.abc import Mapping
@@ -13,11 +13,11 @@ from sandbot_model.physics.variants import Variant
 from sandbot_model.report.residual_map import map_cells
 
 CONTROLS = ("model", "effects", "view", "observable", "cell")
-"""The controls that have a value; the others are buttons and sliders."""
+"""The controls with a value; all others are buttons and sliders."""
 
 
 def act(selection: Selection, control: str, value: Any) -> Selection:
-    """The selection after ``control`` was set to ``value``. Raises InputError for a formula that is none."""
+    """The selection after ``control`` was set to ``value``. Raises InputError for an invalid formula."""
     match control:
         case "model" | "view" | "observable":
             changed = replace(selection, **{control: value})
@@ -38,22 +38,22 @@ def act(selection: Selection, control: str, value: Any) -> Selection:
 
 
 def can_adopt(found: Discovery) -> bool:
-    """Whether there is something to switch on: not where several sets explain the data alike."""
+    """Whether the verdict can be switched on; not if several sets of effects explain the data equally well."""
     return found.verdict.status != "ambiguous" and bool(found.verdict.effects or found.residual)
 
 
 def with_verdict(selection: Selection, found: Discovery) -> Selection:
-    """With the verdict's effects switched on, or, where it names none, with the formula of the residual.
+    """The selection with the verdict's effects switched on, or, if it names none, with the formula of the residual.
 
-    One that holds under another convention than the catalogue's is switched on as a formula.
+    An effect under another convention than the catalogue's is switched on as a formula.
     """
     residual = found.residual
     if residual and not found.verdict.effects:
         effects, formulas = residual.effects, [residual.formula]
     else:
-        others = {one.identifier: one.as_formula for one in found.fit.model.effects if isinstance(one, Variant)}
-        effects = tuple(name for name in found.verdict.effects if name not in others)
-        formulas = [others[name] for name in found.verdict.effects if name in others]
+        variants = {e.identifier: e.as_formula for e in found.fit.model.effects if isinstance(e, Variant)}
+        effects = tuple(name for name in found.verdict.effects if name not in variants)
+        formulas = [variants[name] for name in found.verdict.effects if name in variants]
     changed = replace(selection.toggled(effects), by_hand=())
     for formula in formulas:
         changed = with_formula(changed, formula)
@@ -61,18 +61,18 @@ def with_verdict(selection: Selection, found: Discovery) -> Selection:
 
 
 def values_of(selection: Selection, cells: Cells) -> dict[str, Any]:
-    """Values of the controls when ``selection`` is displayed; of a condition, what the list of ``cells`` calls it."""
+    """Values of the controls when ``selection`` is displayed; the chosen cell as its option in the list."""
     plain = {name: getattr(selection, name) for name in CONTROLS}
     return plain | {"effects": list(selection.effects), "cell": option_of(cells, selection.cell)}
 
 
-def with_controls(selection: Selection, told: Mapping[str, Any], values: Mapping[str, Any]) -> Selection:
-    """``selection`` with the controls changed whose ``values`` differ from those that were ``told`` last.
+def with_controls(selection: Selection, reported: Mapping[str, Any], values: Mapping[str, Any]) -> Selection:
+    """``selection`` updated with the controls whose ``values`` differ from those last ``reported``.
 
-    Only differences count: what was selected since in another way and is not displayed yet is kept. Not what is
-    displayed is compared: figures take a while, and what was switched on and off before they come would equal it.
+    Only differences are applied, so that changes made otherwise and not yet displayed are kept. The comparison is not
+    with the displayed state: an effect switched on and off again before its figures arrive would go unnoticed.
     """
-    for control, before in told.items():
+    for control, before in reported.items():
         value = values[control]
         if value == before:
             continue
@@ -83,28 +83,28 @@ def with_controls(selection: Selection, told: Mapping[str, Any], values: Mapping
     return selection
 
 
-def on_slider(value: float) -> float:
-    """As many digits as fit beside a slider."""
+def slider_value(value: float) -> float:
+    """A value rounded to the digits that fit beside a slider."""
     return float(f"{value:.5g}")
 
 
 def with_sliders(selection: Selection, shown: Mapping[str, float], sliders: Mapping[str, float]) -> Selection:
-    """With the parameters held whose slider was moved away from where it stood for the value shown."""
+    """The selection with those parameters held whose slider was moved from the value shown."""
     for name, value in sliders.items():
-        if name in shown and not math.isclose(value, on_slider(shown[name]), rel_tol=1e-9):
+        if name in shown and not math.isclose(value, slider_value(shown[name]), rel_tol=1e-9):
             selection = selection.held(name, value)
     return selection
 
 
 def clicked_option(click: Mapping[str, Any] | None, cells: Cells) -> str | None:
-    """The condition under a click, as the list of conditions calls it."""
+    """The condition under a click, as its option in the list of conditions."""
     index = clicked_cell(click, cells)
     return None if index is None else cell_text(condition_of(cells, index))
 
 
 def clicked_cell(click: Mapping[str, Any] | None, cells: Cells) -> int | None:
-    """The cell under a click on any figure: by the end of the point's ``customdata``, which Dash leaves out on a map,
-    or by the row and column of the map.
+    """The cell under a click: from the end of the point's ``customdata``, or, on a map, where Dash omits that, from
+    the row and column.
     """
     points = (click or {}).get("points") or [{}]
     data = points[0].get("customdata")

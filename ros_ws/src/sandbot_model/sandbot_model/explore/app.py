@@ -1,8 +1,8 @@
-"""The page itself: what it answers to its controls (``wiring``). It listens on this host only.
+"""The application: the callbacks of the page (``wiring``). It serves this host only.
 
-The address is the state: every control changes it, everything shown follows from it, so undo is the browser's own
-"back" and a page can be bookmarked or sent. The two are separate steps: changing the address takes no fit, so that a
-control used while figures are still on their way (and those are then dropped) adds to the change before it.
+The address holds the state: every control changes it and everything shown follows from it, so the browser's "back" is
+undo and a page can be bookmarked or shared. The two are separate steps: changing the address needs no fit, so a control
+used while figures are still being computed (they are then dropped) adds to the previous change.
 """
 
 import traceback
@@ -18,7 +18,7 @@ from flask import Response, abort, send_file
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, from_query, to_query, to_yaml
 from sandbot_model.discovery.reproduce import steps_of
-from sandbot_model.explore import blocks, cell_trials, condition, controls, effect_list, suggested, views
+from sandbot_model.explore import blocks, cell_trials, condition, controls, effect_list, suggestion, views
 from sandbot_model.explore.actions import (
     act,
     can_adopt,
@@ -30,9 +30,9 @@ from sandbot_model.explore.actions import (
 )
 from sandbot_model.explore.atlas_page import AtlasPage
 from sandbot_model.explore.cards_page import CardsPage
-from sandbot_model.explore.helpful import ordered
 from sandbot_model.explore.job import Job, question_of
 from sandbot_model.explore.loopback import own_host_only
+from sandbot_model.explore.previews import ordered
 from sandbot_model.explore.session import Session
 from sandbot_model.explore.sheet import sheet
 from sandbot_model.explore.theatre_page import TheatrePage
@@ -46,22 +46,22 @@ from sandbot_record.trials.table import Trials
 
 @dataclass(frozen=True)
 class Beside:
-    """A second data set, shown with the same selection: another lab, or the trials before."""
+    """A second data set, shown with the same selection: of another lab, or earlier trials."""
 
     session: Session
     title: str
 
 
 class Explorer:
-    """One data set on one page, another one beside it if there is one."""
+    """The page of one data set, with an optional second one beside it."""
 
     def __init__(
         self, session: Session, trials: Trials, data: Sequence[Path], title: str,
         beside: Beside | None = None, options: Sequence[str] = (), robot_line: str = "",
     ) -> None:  # fmt: skip
-        """``options`` are words of the command line that ``compare`` needs to read the same (see ``to_yaml``).
+        """``options`` are command-line arguments that ``compare`` needs to reproduce the fits (see ``to_yaml``).
 
-        ``robot_line`` says whose robot is used.
+        ``robot_line`` states where the robot's dimensions come from.
         """
         self.session, self.trials, self.data, self.title = session, trials, tuple(data), title
         self.beside, self.options, self.robot_line = beside, tuple(options), robot_line
@@ -70,7 +70,7 @@ class Explorer:
         self.job = Job(session)
 
     def app(self) -> Dash:
-        """The Dash application; nothing in it comes from the network."""
+        """The Dash application; nothing is loaded from the network."""
         cells, provenance = self.session.cells, self.provenance
         line = (
             f"{provenance.used} trials used, {len(provenance.excluded)} excluded; {len(cells)} conditions over "
@@ -91,20 +91,20 @@ class Explorer:
     def show(
         self, selection: Selection, theme_name: str | None, at: Mapping[str, float] | None = None
     ) -> dict[str, Any]:
-        """Everything on the page for a selection, by the names in ``SHOWN``; ``at``: where sliders stand."""
+        """Everything on the page for a selection, keyed as in ``SHOWN``; ``at``: current slider values."""
         theme = THEMES.get(theme_name or "", LIGHT)
         session = self.session
         effects = session.catalogue(selection.formulas)
         shown = views.show(session, selection, theme)
-        # Before those that are fitted ahead.
-        session.stated(selection)
+        # Submitted before the prefetched fits.
+        session.with_final_errors(selection)
         session.fit_ahead(selection)
         panes = self._panes(selection, theme)
         if panes:
             shown = replace(shown, figure=self._narrow(selection, shown, theme))
             views.same_ranges([shown.figure, *(pane.figure for pane in panes if pane.same_axes and pane.figure)])
         by_hand = selection.view == "parameters"
-        # Sliders are slow to make and seldom looked at: only with their view.
+        # Sliders are slow to render: only with their view.
         sliders = _sliders(views.sliders(selection, shown.current, effects), at or {}) if by_hand else []
         rows = (
             views.parameter_rows(selection, session.step(replace(selection, by_hand=())), effects) if by_hand else None
@@ -135,36 +135,38 @@ class Explorer:
         }
 
     def _previews(self, selection: Selection) -> dict[str, Any]:
-        """The effects with the error that switching each would give, and whether all of these are fitted."""
+        """The list of effects with the error after switching each, and whether all of these fits are done."""
         session, fitted = self.session, replace(selection, by_hand=())
         previews = session.previews(selection)
         effects = session.catalogue(selection.formulas)
         alone = session.previews(replace(selection, effects=()))
-        stated = session.stated(fitted)
+        stated = session.with_final_errors(fitted)
         complete = stated is not None and all(preview is not None for preview in previews.values())
         options = effect_list.effect_options(effects, ordered(alone), session.step(fitted).fit, previews, stated)
         return {"effects.options": options, "preview-clock.disabled": complete}
 
     def _panes(self, selection: Selection, theme: Theme) -> list[views.Pane]:
-        """The second data set under the same selection, and the second model on the same data."""
+        """Panes of the second data set under the same selection, and of the second model on the same data."""
         shown = []
         if self.beside is not None:
-            # Which cell of these a condition is, or none, is not asked: trials are those of the first data set.
-            shown.append(views.beside(self.beside.session, replace(selection, cell=None), self.beside.title, theme))
+            # The chosen cell is not marked here: its trials are those of the first data set.
+            shown.append(
+                views.second_pane(self.beside.session, replace(selection, cell=None), self.beside.title, theme)
+            )
             self.beside.session.fit_ahead(selection)
         if (other := selection.other) is not None:
-            title = self._titled(f"{self.session.step(other).label}, set beside")
-            shown.append(views.beside(self.session, other, title, theme))
+            title = self._titled(f"{self.session.step(other).label}, second model")
+            shown.append(views.second_pane(self.session, other, title, theme))
             shown.append(views.difference(self.session, selection, other, theme))
         return shown
 
     def _titled(self, model: str) -> str:
-        """A model, with its data set where there are two; a title on one line keeps panels level."""
+        """The label of a model, prefixed by its data set if there are two."""
         return model if self.beside is None else f"{self.title}: {model}"
 
     def _narrow(self, selection: Selection, shown: views.Shown, theme: Theme) -> Spec:
-        """The figure as it is drawn beside another one: no ghost, fewer panels in a row."""
-        if views.absent(selection, shown.current):
+        """The figure for side-by-side display: without the base model, with fewer panels per row."""
+        if views.unavailable(selection, shown.current):
             return shown.figure
         return views.figure(selection, None, shown.current, theme, columns=views.PANE_COLUMNS)
 
@@ -172,12 +174,12 @@ class Explorer:
         cells = self.session.cells
         cell = condition.index_of(cells, selection.cell)
         if cell is None:
-            missing = condition.absent(cells, selection.cell)
+            missing = condition.not_found(cells, selection.cell)
             return html.P(missing, className="message") if missing else None
         return cell_trials.parts(self.trials, self.bags, shown.current.fit, cell, theme, to_query(selection))
 
     def send_bag(self, trial_id: str, name: str) -> Response:
-        """A recording's file, of the bags shown only."""
+        """A file of a recording, only of the bags shown."""
         files = waveforms.files_of(self.bags[trial_id]) if trial_id in self.bags else {}
         return send_file(files[name].resolve(), as_attachment=True) if name in files else abort(404)
 
@@ -185,36 +187,36 @@ class Explorer:
         self, search: str | None, theme: str | None,
         sliders: Sequence[float], slider_ids: Sequence[Mapping[str, str]],
     ) -> dict[str, Any]:  # fmt: skip
-        """The address has changed: show what it says, and where the controls stand for it (see ``settle`` in the page).
+        """The address has changed: return the page for it, with the values of the controls (``settle`` in explore.js).
 
-        The page sets them, since this answer may come when the address has long been another.
+        The page itself sets the controls, since the address may have changed again before this answer arrives.
         """
         if theme is None:
             raise PreventUpdate
         try:
             selection = from_query(search or "")
             set_props("shown", {"data": {"search": search or "", "controls": values_of(selection, self.session.cells)}})
-            return self.show(selection, theme, controls.at(slider_ids, sliders))
+            return self.show(selection, theme, controls.slider_values(slider_ids, sliders))
         except InputError as error:
             return {**dict.fromkeys(SHOWN, no_update), "message.children": _message(error)}
 
     def on_control(
-        self, values: Mapping[str, Any], _clicks: Sequence[Any], sliders: Sequence[float], _again: Any,
+        self, values: Mapping[str, Any], _clicks: Sequence[Any], sliders: Sequence[float], _recheck: Any,
         slider_ids: Sequence[Mapping[str, str]], formula: str | None, search: str | None,
-        shown: Mapping[str, Any] | None, told: Mapping[str, Any],
+        shown: Mapping[str, Any] | None, reported: Mapping[str, Any],
     ) -> None:  # fmt: skip
-        """A control was used: add to the address every value that was not told yet, and the button pressed.
+        """A control was used: apply to the address every value not yet reported, and the button pressed.
 
-        What is told with this answer is what it has added: should a control be used before the answer comes, the page
-        finds it at another value then, and asks again.
+        The answer marks the values applied as reported: if a control is used before the answer arrives, the page finds
+        a different value then, and calls again (``recheck``).
         """
         try:
             before = from_query(search or "")
-            after = with_controls(before, told, values)
+            after = with_controls(before, reported, values)
             if any(isinstance(control, dict) for control in ctx.triggered_prop_ids.values()):
                 fitted = self.session.step(from_query(shown["search"] if shown else "")).fit.parameters
                 values_fitted = {name: estimate.value for name, estimate in fitted.items()}
-                after = with_sliders(after, values_fitted, controls.at(slider_ids, sliders))
+                after = with_sliders(after, values_fitted, controls.slider_values(slider_ids, sliders))
             for fired in ctx.triggered:
                 after = self._pressed(after, ctx.triggered_prop_ids[fired["prop_id"]], fired["value"], formula or "")
             self.session.catalogue(after.formulas)
@@ -223,12 +225,12 @@ class Explorer:
             return
         if after != before:
             set_props("address", {"search": to_query(after)})
-        # Last: by then the address says so.
-        if values != told:
-            set_props("told", {"data": values})
+        # Last, when the address already contains them.
+        if values != reported:
+            set_props("reported", {"data": values})
 
     def _pressed(self, selection: Selection, control: Any, value: Any, formula: str) -> Selection:
-        """The selection after a click on a button or a figure; other controls count by their value."""
+        """The selection after a click on a button or a figure; other controls are handled by value."""
         match control:
             case "figure":
                 return act(selection, "cell", clicked_option(value, self.session.cells))
@@ -242,7 +244,7 @@ class Explorer:
         return selection
 
     def on_preview_clock(self, _tick: int, search: str | None) -> dict[str, Any]:
-        """Show the errors of fits that have ended since; the clock stops after the last one."""
+        """Show the errors of fits that have ended since; the timer stops after the last one."""
         if search is None:
             raise PreventUpdate
         try:
@@ -251,7 +253,7 @@ class Explorer:
             return {"effects.options": no_update, "preview-clock.disabled": True}
 
     def on_save(self, _yaml: int, _csv: int, search: str | None) -> dict[str, Any]:
-        """The selection as YAML, or the cells as CSV, to the browser's downloads."""
+        """Download the selection as YAML, or the cells as CSV."""
         try:
             selection = from_query(search or "")
             if ctx.triggered_id == "save-csv":
@@ -262,10 +264,10 @@ class Explorer:
             raise PreventUpdate from None
 
     def on_suggest(self, _clicks: int, _tick: int, search: str | None, asked: str | None) -> dict[str, Any]:
-        """Start discovery or show its progress; while it runs the page asks again, and its result can be adopted.
+        """Start discovery or show its progress; the page polls while it runs, and can then adopt its result.
 
-        ``asked`` is what this page asked last: what another page asked is not its business, nor is its own suggestion
-        once the base model or the formulas are others.
+        ``asked`` is this page's last question: discoveries of other pages are not shown, nor is this page's own once
+        the base model or the formulas have changed.
         """
         try:
             selection = from_query(search or "")
@@ -283,13 +285,13 @@ class Explorer:
         if job.pending(selection):
             now = job.running
             before = now if now is not None and question_of(now) != question_of(selection) else None
-            return _suggestion(suggested.progress(*job.stage, before), running=True)
+            return _suggestion(suggestion.progress(*job.stage, before), running=True)
         if (found := job.found_for(selection)) is None:
             return _suggestion(html.P(job.failed_for(selection)))
-        return _suggestion(suggested.suggestion(found, f"/why{search or ''}"), adopt=can_adopt(found))
+        return _suggestion(suggestion.suggestion(found, f"/why{search or ''}"), adopt=can_adopt(found))
 
     def saved(self, selection: Selection) -> str:
-        """The selection as YAML with the numbers that ``compare`` gives for it."""
+        """The selection as YAML, with the results that ``compare`` gives for it."""
         fit = steps_of(selection, self.session.cells, self.session.catalogue(selection.formulas))[-1]
         result = {
             "rmse_m_s": fit.rmse_m_s,
@@ -309,21 +311,21 @@ def _suggestion(children: Any, *, running: bool = False, adopt: bool = False) ->
 
 
 def _on_error(error: Exception) -> None:
-    """A fault of this program or of a user's effect: the page stays as it is, the terminal has the trace."""
+    """A bug in this program or in a user's effect: the page stays as it is, the terminal shows the traceback."""
     traceback.print_exception(error)
     set_props("preview-clock", {"disabled": True})
     set_props("message", {"children": f"That failed: {type(error).__name__}: {error} (the terminal says where)"})
 
 
 def _sliders(wanted: Sequence[views.Slider], at: Mapping[str, float]) -> Any:
-    """Sliders, made anew unless they stand where they should: a key pressed meanwhile would be lost with them."""
-    if at != {one.name: one.value for one in wanted}:
+    """New sliders, unless the present ones already have these values: replacing them could lose a key press."""
+    if at != {slider.name: slider.value for slider in wanted}:
         return controls.by_hand(wanted)
-    for one in wanted:
-        set_props(controls.held_id(one.name), {"hidden": not one.held})
+    for slider in wanted:
+        set_props(controls.held_id(slider.name), {"hidden": not slider.held})
     return no_update
 
 
 def _message(error: InputError) -> str:
-    """The error in the page's words: what the command line calls --effect is the box here."""
+    """The error without the command-line option, --effect, which on the page is the formula box."""
     return str(error).removeprefix("--effect ")

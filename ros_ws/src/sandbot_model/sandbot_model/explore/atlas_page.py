@@ -1,4 +1,4 @@
-"""The atlas of the explorer: the paper's figures from the trials and the model shown, drawn when asked for."""
+"""``/atlas``: the paper's figures from the trials and the model shown, drawn on request."""
 
 import threading
 from collections.abc import Mapping
@@ -10,9 +10,9 @@ from flask import Flask, Response, abort
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
-from sandbot_model.explore.asked import asked_selection, fitted, left_out
+from sandbot_model.explore.requested import held_values_note, model_only, requested_selection
 from sandbot_model.explore.session import Session
-from sandbot_model.report.atlas.gathered import gathered
+from sandbot_model.report.atlas.collect import collect
 from sandbot_model.report.atlas.material import ONE_COLUMN_MM, Material, Plate
 from sandbot_model.report.atlas.plates import PLATES, as_svg
 from sandbot_model.report.page import source
@@ -23,50 +23,50 @@ PAGE = """<!doctype html>
 <meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">
 <title>Atlas: {title}</title><style>{style}</style></head>
 <body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>Atlas: {title}</h1>
-<p>The figures of Li et al. 2009 from these trials. Model: {model}. {left_out}</p></header>
+<p>The figures of Li et al. 2009 from these trials. Model: {model}. {held_values_note}</p></header>
 <main><section id="atlas">{plates}</section></main></body></html>"""
 KEPT = 64
-"""Plates that are kept, should they be asked for again."""
+"""Number of plates cached."""
 
 
 class AtlasPage:
     """``/atlas`` for the selection in its address, and ``/atlas/<stem>.svg``."""
 
     def __init__(self, session: Session, trials: Trials, bags: Mapping[str, Path], title: str) -> None:
-        """``bags`` are those of the trials by name."""
+        """``bags`` are the trials' by name."""
         self._session, self._trials, self._bags, self._title = session, trials, bags, title
-        # Matplotlib's settings belong to the process.
+        # Matplotlib's settings are global to the process.
         self._lock = threading.Lock()
         self._material = lru_cache(maxsize=4)(self._gathered)
         self._plate = lru_cache(maxsize=KEPT)(self._drawn)
 
     def serve(self, server: Flask) -> None:
-        """Add both to the explorer's own addresses."""
+        """Register both addresses with the explorer's server."""
         server.add_url_rule("/atlas", "atlas", self.page)
         server.add_url_rule("/atlas/<stem>.svg", "plate", self.plate)
 
     def page(self) -> Response:
-        """All plates; one that these data do not give is replaced by the reason."""
+        """All plates; one that can't be drawn from these data is replaced by the reason."""
         try:
-            asked = asked_selection()
-            selection = fitted(asked)
+            asked = requested_selection()
+            selection = model_only(asked)
             model = self._session.ladder(selection)[-1].whole_label
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
         shown = "".join(self._figure(plate, selection) for plate in PLATES)
         content = PAGE.format(
             title=escape(self._title), style=source("report.css"), query=escape(to_query(asked)),
-            model=escape(model), left_out=escape(left_out(asked)), plates=shown,
+            model=escape(model), held_values_note=escape(held_values_note(asked)), plates=shown,
         )  # fmt: skip
         return Response(content, mimetype="text/html")
 
     def plate(self, stem: str) -> Response:
         """One plate as a picture."""
-        plate = next((one for one in PLATES if one.stem == stem), None)
+        plate = next((p for p in PLATES if p.stem == stem), None)
         if plate is None:
             abort(404)
         try:
-            return Response(self._plate(plate, fitted(asked_selection()))[0], mimetype="image/svg+xml")
+            return Response(self._plate(plate, model_only(requested_selection()))[0], mimetype="image/svg+xml")
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
 
@@ -88,5 +88,5 @@ class AtlasPage:
             return as_svg(plate, self._material(selection))
 
     def _gathered(self, selection: Selection) -> Material:
-        rungs = self._session.ladder(selection)
-        return gathered(self._trials, [rung.fit for rung in rungs], self._bags)
+        steps = self._session.ladder(selection)
+        return collect(self._trials, [step.fit for step in steps], self._bags)

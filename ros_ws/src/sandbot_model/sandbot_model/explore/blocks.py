@@ -1,4 +1,4 @@
-"""What pages are made of: tables, figures with their words and buttons, pictures of a film."""
+"""Building blocks of pages: tables, figures with captions and buttons, frames of a film."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,7 +18,7 @@ FORMATS = ("svg", "png", "csv")
 
 
 def table(caption: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> html.Table:
-    """A table with its caption and the names of its columns."""
+    """A table with caption and column headings."""
     return html.Table(
         [
             html.Caption(caption),
@@ -34,7 +34,7 @@ def trial_table(rows: Sequence[Sequence[Any]], head: Sequence[str]) -> html.Tabl
 
 
 def plot(name: str, spec: Spec | None = None, how_to_read: str = "", caption: str = "") -> html.Figure:
-    """A figure with how to read it, what it shows in words, and buttons that save it."""
+    """A figure with instructions for reading it, a caption, and buttons that save it."""
     given = {"figure": spec, "style": height(spec)} if spec else {}
     graph = dcc.Graph(id=name, config=GRAPH, **given)
     buttons = [
@@ -64,12 +64,12 @@ def plot(name: str, spec: Spec | None = None, how_to_read: str = "", caption: st
 
 
 def height(spec: Spec) -> dict[str, str]:
-    """The style of a graph that shows ``spec``: a graph that adapts its width takes its height from there."""
+    """The CSS height of a graph of ``spec``; a graph of responsive width needs it."""
     return {"height": f"{spec['layout']['height']}px"}
 
 
 def panes(shown: Sequence[Pane]) -> list[Any]:
-    """Figures beside the first one."""
+    """The figures beside the first one."""
     parts = []
     for i, pane in enumerate(shown):
         body = html.P(pane.caption) if pane.figure is None else plot(f"beside-{i}", pane.figure, caption=pane.caption)

@@ -1,4 +1,4 @@
-"""``/effects``: every effect as a physics card, those first that help these data, each with its switch."""
+"""``/effects``: every effect as a physics card with a switch, those that help these data first."""
 
 from functools import lru_cache
 from html import escape
@@ -8,14 +8,14 @@ from flask import Flask, Response, abort
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.discovery.fingerprint import Fingerprint, fingerprint
-from sandbot_model.explore.asked import asked_selection, fitted, left_out
-from sandbot_model.explore.helpful import change_of, helps, ordered
+from sandbot_model.explore.previews import change_of, helps, ordered
+from sandbot_model.explore.requested import held_values_note, model_only, requested_selection
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.typeset import mathml_in_pieces
 from sandbot_model.report import text
 from sandbot_model.report.drawings import drawing
-from sandbot_model.report.effect_facts import DESIGN, span_of, words
+from sandbot_model.report.effect_facts import DESIGN, range_text, words
 from sandbot_model.report.fingerprint_map import fingerprint_map
 from sandbot_model.report.page import source
 from sandbot_model.report.view import readable
@@ -26,7 +26,7 @@ PAGE = """<!doctype html>
 <title>Effects: {title}</title><style>{style}</style></head>
 <body><header><p class="kind"><a href="/{query}">Back to the explorer</a></p><h1>Effects: {title}</h1>
 <p>Error of mean speed with {model}: <strong>{now}</strong>. Noise floor, which no model can beat: {floor}.
-{left_out}</p>
+{held_values}</p>
 {pending}</header>
 <main class="cards">{cards}{folded}</main>{script}</body></html>"""
 CARD = """<article class="card" id="{name}" aria-labelledby="h-{name}">{picture}
@@ -37,9 +37,9 @@ CARD = """<article class="card" id="{name}" aria-labelledby="h-{name}">{picture}
 <details class="print"><summary>Where it would show</summary>
 <img loading="lazy" src="/effects/{name}/fingerprint.svg{own}" alt="Fingerprint of {heading} over φ and ω">
 <p class="kind">What the simple model would miss ({design}), at the effect's usual strength: orange above, blue below
-it; framed: 3 standard errors and more.</p></details></div></article>"""
+the model; framed: 3 standard errors or more.</p></details></div></article>"""
 RELOAD = "<script>setTimeout(() => location.reload(), 1000);</script>"
-"""Fits that are still made ahead."""
+"""Reloads the page while fits are still being prefetched."""
 
 
 class CardsPage:
@@ -50,16 +50,16 @@ class CardsPage:
         self._fingerprint = lru_cache(maxsize=64)(self._computed)
 
     def serve(self, server: Flask) -> None:
-        """Add them to the explorer's own addresses."""
+        """Register these addresses with the explorer's server."""
         server.add_url_rule("/effects", "effects", self.page)
         server.add_url_rule("/drawing/<name>.svg", "drawing", self.drawing)
         server.add_url_rule("/effects/<name>/fingerprint.svg", "fingerprint", self.fingerprint)
 
     def page(self) -> Response:
-        """All cards; what does not help is folded."""
+        """All cards; those of effects that do not help are folded."""
         try:
-            asked = asked_selection()
-            selection = fitted(asked)
+            asked = requested_selection()
+            selection = model_only(asked)
             self._session.model(selection)
             now = self._session.step(selection)
         except InputError as error:
@@ -76,8 +76,9 @@ class CardsPage:
         return Response(
             PAGE.format(
                 title=escape(self._title), style=source("report.css"), query=escape(to_query(asked)),
-                left_out=escape(left_out(asked)), model=escape(now.label.removeprefix("+ ")), now=text.cm_s(now_m_s),
-                floor=text.cm_s(self._session.noise_floor_m_s), cards="".join(cards[name] for name in useful),
+                held_values=escape(held_values_note(asked)), model=escape(now.label.removeprefix("+ ")),
+                now=text.cm_s(now_m_s), floor=text.cm_s(self._session.noise_floor_m_s),
+                cards="".join(cards[name] for name in useful),
                 folded=f"<details class='rest'><summary>{len(rest)} effects that do not help these data now</summary>"
                 f"{''.join(rest)}</details>" if rest else "",
                 pending='<p role="status">Some effects are still being fitted.</p>' if pending else "",
@@ -91,9 +92,9 @@ class CardsPage:
         return abort(404) if drawn is None else Response(drawn, mimetype="image/svg+xml")
 
     def fingerprint(self, name: str) -> Response:
-        """Where an effect would show, as a picture."""
+        """The fingerprint of an effect as a picture."""
         try:
-            formulas = asked_selection().formulas
+            formulas = requested_selection().formulas
             if name not in self._session.catalogue(formulas):
                 abort(404)
             return Response(fingerprint_map(self._fingerprint(name, formulas)), mimetype="image/svg+xml")
@@ -107,10 +108,10 @@ class CardsPage:
     def _card(self, effect: Effect, selection: Selection, preview: tuple[float, float] | None, now_m_s: float) -> str:
         name, heading = effect.identifier, escape(readable(effect.identifier))
         on = name in selection.effects
-        others = [one for one in selection.effects if one != name]
+        others = [other for other in selection.effects if other != name]
         toggled = selection.toggled(others if on else [*selection.effects, name])
         picture = f'<img src="/drawing/{name}.svg" alt="" width="160" height="100">' if drawing(name) else ""
-        ranges = "".join(f"<dt>{text.symbol(one)}</dt><dd>{escape(span_of(one))}</dd>" for one in effect.parameters)
+        ranges = "".join(f"<dt>{text.symbol(p)}</dt><dd>{escape(range_text(p))}</dd>" for p in effect.parameters)
         return CARD.format(
             name=escape(name), picture=picture, heading=heading, verb="Switch off" if on else "Switch on",
             change=change_of(preview, on, now_m_s), query=escape(to_query(toggled)), words=escape(words(effect)),

@@ -1,4 +1,4 @@
-"""The trials of a cell on the page: their rows, their waveforms with the model's, tracked video, links to bags."""
+"""The trials of a cell on the page: a table, waveforms with the model's, tracked video, links to bags."""
 
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -24,11 +24,11 @@ COLUMNS = (
     *((observable.heading, observable.column, CM) for observable in Observable),
     ("status", "status", 1.0),
 )
-"""Heading, column of the trials table, and the factor from SI to the heading's unit."""
+"""(heading, column of the trials table, factor from SI to the heading's unit)."""
 
 
 def parts(trials: Trials, bags: Mapping[str, Path], fit: Fit, cell: int, theme: Theme, query: str = "") -> list[Any]:
-    """Everything known of the trials of one cell, and a line for each thing that is missing."""
+    """Everything known about the trials of one cell, and a line for each item that is missing."""
     rows = waveforms.trials_of(trials, fit.cells, cell)
     ids = [str(trials.trial_id[i]) for i in rows]
     lines = [
@@ -51,7 +51,7 @@ def parts(trials: Trials, bags: Mapping[str, Path], fit: Fit, cell: int, theme: 
 
 
 def film(bags: Mapping[str, Path], ids: Sequence[str]) -> list[Any]:
-    """Tracked video of the first trial that kept its frames; a line that says so where none did."""
+    """Tracked video of the first trial with stored frames, or a line that there is none."""
     for name in ids:
         try:
             if strip := film_of(bags[name]):
@@ -71,7 +71,7 @@ def link(trial_id: str, bags: Mapping[str, Path]) -> Any:
 
 
 def watch(trial_id: str, bags: Mapping[str, Path], query: str) -> list[Any]:
-    """The way to the trial's film, legs and records on one clock; an empty place where others have one."""
+    """A table entry with the link to the trial's ``/theatre`` page; blank if only other trials have bags."""
     if trial_id not in bags:
         return [""] if bags else []
     address = f"/theatre?trial={quote(trial_id)}{query.replace('?', '&')}"
@@ -86,7 +86,7 @@ def _cell(value: Any, scale: float) -> str:
 
 @lru_cache(maxsize=16)
 def film_of(bag: Path) -> tuple[tuple[bytes, str], ...]:
-    """Tracked lateral frames of one bag as (JPEG, caption); empty where its frames were not kept."""
+    """Tracked lateral frames of one bag as (JPEG, caption); empty if no frames were stored."""
     with tempfile.TemporaryDirectory() as folder:
         # ``film_strip`` takes folders of bags.
         (Path(folder) / bag.name).symlink_to(bag.resolve(), target_is_directory=bag.is_dir())

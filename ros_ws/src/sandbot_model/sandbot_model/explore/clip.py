@@ -14,7 +14,7 @@ from sandbot_record.trials.film import Film
 
 Pixels = NDArray[np.uint8]
 RATE_HZ, PACE = 25, 0.25
-"""Pictures a second, and seconds of the trial in a second of the clip."""
+"""Frame rate, and seconds of the trial per second of the clip."""
 MAX_PICTURES = 1500
 WIDTH, LEG_WIDTH, HEIGHT = 960, 320, 300
 INK, SOFT, GRID, NEW, PAPER, BED = (
@@ -25,15 +25,15 @@ INK, SOFT, GRID, NEW, PAPER, BED = (
     (255, 255, 255),
     (220, 231, 236),
 )
-"""Blue, green, red, as OpenCV has them."""
+"""Colours as (blue, green, red), as in OpenCV."""
 PX_PER_CM = 17.0
 GROUND = 190
-"""Row of the surface in the picture of the legs."""
+"""Pixel row of the surface in the picture of the legs."""
 ARC_DEG = 225
 
 
 def write_clip(path: Path, scene: Scene, film: Film | None) -> None:
-    """Write the clip as H.264, which browsers and slides play; OpenCV's wheel has no encoder for it."""
+    """Write the clip as H.264, which browsers and slide programs play; OpenCV's wheel has no encoder for it."""
     with av.open(str(path), "w", format="mp4", options={"movflags": "faststart"}) as clip:
         stream = clip.add_stream("libx264", rate=RATE_HZ, options={"preset": "veryfast", "crf": "20"})
         stream.width, stream.pix_fmt = WIDTH, "yuv420p"
@@ -44,7 +44,7 @@ def write_clip(path: Path, scene: Scene, film: Film | None) -> None:
 
 
 def pictures(scene: Scene, film: Film | None) -> Iterator[Pixels]:
-    """One for each moment of the clip: the film above, legs and v_x(t) below."""
+    """The frames of the clip: the film above, legs and v_x(t) below."""
     graph = _Graph(scene)
     for t in np.arange(min(0.0, float(scene.waveform.time_s[0])), scene.end_s, PACE / RATE_HZ)[:MAX_PICTURES]:
         below = np.hstack([legs_at(scene, float(t)), graph.at(float(t))])
@@ -62,7 +62,7 @@ def _film_at(film: Film, t: float) -> Pixels:
 
 
 def legs_at(scene: Scene, t: float) -> Pixels:
-    """The body and one leg of each tripod by the model, coloured while it holds."""
+    """The body and one leg of each tripod by the model; a leg is coloured while it holds."""
     i = int(np.argmin(np.abs(scene.waveform.leg_time_s - t)))
     picture: Pixels = np.full((HEIGHT, LEG_WIDTH, 3), PAPER, dtype=np.uint8)
     picture[GROUND:] = BED
@@ -80,7 +80,7 @@ def legs_at(scene: Scene, t: float) -> Pixels:
 
 
 class _Graph:
-    """v_x(t), drawn once; each picture adds the cursor."""
+    """v_x(t), drawn once; each frame adds the cursor."""
 
     LEFT, TOP, RIGHT, BOTTOM = 56, 24, 16, 40
 
@@ -101,7 +101,7 @@ class _Graph:
         self._draw(shown.time_s, CM * shown.speed_m_s, NEW, 2)
 
     def at(self, t: float) -> Pixels:
-        """With the cursor at t."""
+        """The graph with the cursor at t."""
         picture = self._picture.copy()
         cv2.line(picture, (self._x(t), self.TOP), (self._x(t), HEIGHT - self.BOTTOM), INK, 2)
         cv2.putText(

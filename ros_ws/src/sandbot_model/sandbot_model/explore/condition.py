@@ -1,4 +1,4 @@
-"""Which cell of a data set is the condition that was chosen: a campaign that grows gives its cells other numbers."""
+"""Maps chosen conditions to cells of a data set: cell numbers change as a campaign grows, conditions do not."""
 
 from math import hypot
 
@@ -9,7 +9,7 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.discovery.choice import Condition, cell_text
 
 PHI_DIGITS, OMEGA_DIGITS = 4, 6
-"""Decimals of φ, significant digits of ω in an address: finer than conditions are told apart."""
+"""Decimals of φ and significant digits of ω in an address: finer than the tolerance of a condition."""
 
 
 def condition_of(cells: Cells, index: int) -> Condition:
@@ -19,30 +19,30 @@ def condition_of(cells: Cells, index: int) -> Condition:
 
 
 def index_of(cells: Cells, chosen: Condition | int | None) -> int | None:
-    """The cell that was chosen; None if none was, or there is none: of the same gait, φ and ω within what is one.
+    """The nearest cell of the same gait with φ and ω within tolerance; None if there is none, or none was chosen.
 
     Addresses from before 2026-11 hold the number of the cell.
     """
     if chosen is None or isinstance(chosen, int):
         return chosen if chosen is not None and chosen < len(cells) else None
-    off_phi = np.abs(cells.level_phi[cells.level] - chosen.phi) / WIDEST_SCATTER
-    off_omega = np.abs(cells.omega - chosen.omega_rad_s) / (OMEGA_TOLERANCE * cells.omega)
-    same = (off_phi <= 1) & (off_omega <= 1) & (np.array(cells.gait) == chosen.gait)
+    phi_distance = np.abs(cells.level_phi[cells.level] - chosen.phi) / WIDEST_SCATTER
+    omega_distance = np.abs(cells.omega - chosen.omega_rad_s) / (OMEGA_TOLERANCE * cells.omega)
+    same = (phi_distance <= 1) & (omega_distance <= 1) & (np.array(cells.gait) == chosen.gait)
     near = np.flatnonzero(same)
-    return min((int(i) for i in near), key=lambda i: hypot(off_phi[i], off_omega[i]), default=None)
+    return min((int(i) for i in near), key=lambda i: hypot(phi_distance[i], omega_distance[i]), default=None)
 
 
 def option_of(cells: Cells, chosen: Condition | int | None) -> str | None:
-    """What the list of conditions calls the cell that was chosen."""
+    """The option in the list of conditions for the chosen cell."""
     index = index_of(cells, chosen)
     return None if index is None else cell_text(condition_of(cells, index))
 
 
-def absent(cells: Cells, chosen: Condition | int | None) -> str:
-    """A sentence where the condition chosen is none of these trials; empty where it is, or none was chosen."""
+def not_found(cells: Cells, chosen: Condition | int | None) -> str:
+    """A message if no cell matches the chosen condition; empty if one does, or none was chosen."""
     if chosen is None or index_of(cells, chosen) is not None:
         return ""
     if isinstance(chosen, int):
         return f"These trials have {len(cells)} conditions: none has the number {chosen}, counted from 0."
     at = f"φ {chosen.phi:.3f}, ω {chosen.omega_rad_s:.4g} rad/s, gait {chosen.gait or 'not given'}"
-    return f"No trial at {at}: the condition in the address is none of these trials'."
+    return f"No trial at {at}: the condition in the address is not among these trials."

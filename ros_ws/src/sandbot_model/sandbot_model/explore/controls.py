@@ -1,4 +1,4 @@
-"""The explorer's page: what stands where, with a name for each control. No fit and no figure is made here."""
+"""The layout of the explorer's page, with the id of each control. No fit and no figure is computed here."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,12 +12,12 @@ from sandbot_model.explore.actions import values_of
 from sandbot_model.explore.blocks import plot, table
 from sandbot_model.explore.condition import condition_of
 from sandbot_model.explore.effect_list import symbols
-from sandbot_model.explore.still import still
+from sandbot_model.explore.static_html import static
 from sandbot_model.explore.views import TITLES, Slider
 from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.walking import BASES
 from sandbot_model.report import text
-from sandbot_model.report.captions import HOW
+from sandbot_model.report.captions import HOW_TO_READ
 from sandbot_model.report.view import Provenance, bands
 
 MAX_EXCLUDED = 60
@@ -31,8 +31,8 @@ def page(title: str, data_line: str, provenance: Provenance, cells: Cells, floor
             dcc.Location(id="address", refresh=False),
             dcc.Store(id="theme", data=None),
             dcc.Store(id="shown"),
-            dcc.Store(id="told", data=values_of(Selection(), cells)),
-            dcc.Store(id="again"),
+            dcc.Store(id="reported", data=values_of(Selection(), cells)),
+            dcc.Store(id="recheck"),
             dcc.Store(id="undone"),
             dcc.Store(id="asked"),
             dcc.Interval(id="preview-clock", interval=1000),
@@ -60,13 +60,13 @@ def _caution(kind: str, line: str) -> html.P:
 
 
 def _excluded(provenance: Provenance) -> list[html.Details]:
-    """Which trials were excluded, folded."""
+    """The excluded trials with reasons, folded."""
     if not provenance.excluded:
         return []
     rows = provenance.excluded[:MAX_EXCLUDED]
     more = [] if len(rows) == len(provenance.excluded) else [html.P(f"and {len(provenance.excluded) - len(rows)} more")]
     head = html.Summary(f"{len(provenance.excluded)} trials excluded, and why")
-    listed = still(table("Trials excluded", ("trial", "why"), rows), *more)
+    listed = static(table("Trials excluded", ("trial", "why"), rows), *more)
     return [html.Details([head, listed], id="excluded")]
 
 
@@ -94,13 +94,13 @@ def by_hand(sliders: Sequence[Slider]) -> list[Any]:
 
 
 def held_id(name: str) -> dict[str, str]:
-    """The id of the word that tells a parameter held by hand."""
+    """The id of the word that marks a parameter as held by hand."""
     return {"held": _key(name)}
 
 
-def at(ids: Sequence[Mapping[str, str]], values: Sequence[float]) -> dict[str, float]:
-    """Where sliders stand, by parameter."""
-    return {one["by_hand"].replace("/", "."): value for one, value in zip(ids, values, strict=True)}
+def slider_values(ids: Sequence[Mapping[str, str]], values: Sequence[float]) -> dict[str, float]:
+    """Current values of the sliders, by parameter."""
+    return {slider["by_hand"].replace("/", "."): value for slider, value in zip(ids, values, strict=True)}
 
 
 def _key(name: str) -> str:
@@ -118,7 +118,7 @@ def _floor(floor_m_s: float) -> str:
 
 
 def _controls(floor_m_s: float) -> html.Section:
-    # No form: Enter in the formula would send it and leave the page.
+    # Not a form: Enter in the formula would submit it and leave the page.
     return html.Section(
         [
             html.Fieldset(
@@ -221,7 +221,7 @@ def _figures(cells: Cells) -> html.Main:
                 hidden=True,
             ),
             html.H2("Error as effects are added"),
-            plot("ladder", how_to_read=HOW["ladder"]),
+            plot("ladder", how_to_read=HOW_TO_READ["ladder"]),
             html.H2("Trials behind a point"),
             html.Label("Click a point or a cell of the map, or choose a condition", htmlFor="cell"),
             dcc.Dropdown(

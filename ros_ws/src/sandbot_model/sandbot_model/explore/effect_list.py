@@ -1,4 +1,4 @@
-"""The effects one can switch on, each with what it changes, and the symbols and the reading of one's own formula."""
+"""The list of effects with the change of the error by each, and the input of a user's own formula."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,9 +7,9 @@ from dash import html
 
 from sandbot_common.errors import InputError
 from sandbot_model.explore.blocks import table
-from sandbot_model.explore.helpful import Preview, change_of, helps
-from sandbot_model.explore.still import still
-from sandbot_model.explore.views import values
+from sandbot_model.explore.previews import Preview, change_of, helps
+from sandbot_model.explore.static_html import static
+from sandbot_model.explore.views import fitted_values
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.formula import formula_effect
@@ -23,21 +23,21 @@ def effect_options(
     effects: Mapping[str, Effect], order: Sequence[str], now: Fit, previews: Mapping[str, Preview], stated: Fit | None
 ) -> list[dict[str, Any]]:
     """One option for each effect in ``order``: drawing, name, error before → after it is switched on, stage, formula,
-    and fitted values if it is on; what does not help is marked as such, for the page to fold.
+    and fitted values if it is on. Effects that do not help get a class by which the page folds them away.
 
-    ``now`` is the fit shown, ``stated`` the same with the errors that are printed, once they are known.
+    ``now`` is the fit shown, ``stated`` the same with final standard errors, once they are known.
     """
     on = now.effects
     options = []
     for name in order:
         effect, preview = effects[name], previews[name]
         useful = name in on or helps(preview, now.rmse_m_s)
-        label = still(
+        label = static(
             html.Img(src=f"/drawing/{name}.svg", alt="", className="drawing") if drawing(name) else None,
             html.Span(readable(name), className="effect"),
             html.Span(change_of(preview, name in on, now.rmse_m_s), className="preview"),
             html.Small([f"{effect.stage}: ", _typeset(effect.formula)]),
-            html.Small(values(effect, stated) if stated else "…", className="values") if name in on else None,
+            html.Small(fitted_values(effect, stated) if stated else "…", className="values") if name in on else None,
             className="effect-line" if useful else "effect-line useless",
         )
         options.append({"value": name, "label": label, "title": plain(effect.seen_in)})
@@ -45,7 +45,7 @@ def effect_options(
 
 
 def formula_read(typed: str) -> list[Any]:
-    """How a formula is understood while it is typed: set as mathematics, or what is wrong with it."""
+    """A formula as parsed while it is typed: typeset, or the error in it."""
     if not typed.strip():
         return []
     try:
@@ -59,17 +59,17 @@ def formula_read(typed: str) -> list[Any]:
 
 
 def symbols() -> html.Span:
-    """All symbols; a press on one puts it into the formula (explore.js)."""
+    """Table of all symbols; a click on one inserts it into the formula (explore.js)."""
     rows = [
         (
-            [html.Button(name, type="button", **{"data-symbol": name}) for name in one.spellings[:1]],
-            one.unit, one.stage, one.doc,
+            [html.Button(name, type="button", **{"data-symbol": name}) for name in symbol.spellings[:1]],
+            symbol.unit, symbol.stage, symbol.doc,
         )
-        for one in listed()
+        for symbol in listed()
     ]  # fmt: skip
-    return still(table("Quantities of the chain, in its order", ("symbol", "unit", "from stage", "meaning"), rows))
+    return static(table("Quantities of the chain, in its order", ("symbol", "unit", "from stage", "meaning"), rows))
 
 
 def _typeset(formula: str) -> html.Span:
-    """A formula as MathML: Dash has no such element, so explore.js puts it there."""
+    """A formula as MathML, inserted by explore.js since Dash has no such element."""
     return html.Span(title=formula, className="formula", **{"data-html": mathml_in_pieces(formula)})

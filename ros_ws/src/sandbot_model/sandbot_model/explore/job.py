@@ -1,4 +1,4 @@
-"""The discoveries that pages asked for: one at a time, in a thread of its own; others wait for their turn."""
+"""A queue of the discoveries requested by pages, run one at a time in a thread."""
 
 import threading
 import traceback
@@ -11,37 +11,37 @@ from sandbot_model.explore.session import Session
 
 BEGIN = ("the base model", 0, 1)
 Question = tuple[str, tuple[str, ...]]
-"""What a discovery is asked of: base model and formulas. The effects that are on change nothing."""
+"""The base model and the formulas, on which a discovery depends; the effects switched on do not matter."""
 
 
 def question_of(selection: Selection) -> Question:
-    """The question that a selection asks."""
+    """The question posed by a selection."""
     return selection.model, selection.formulas
 
 
 @dataclass
 class Job:
-    """The discoveries that are running, wait or have run, by their question."""
+    """The discoveries running, queued and finished, by question."""
 
     session: Session
     stage: tuple[str, int, int] = BEGIN
-    """What is tried, how many of these are done, and how many there are."""
+    """(current stage, number done, total number)."""
     _asked: list[Selection] = field(default_factory=list)
-    """The one that is running, then those that wait."""
+    """The running one, then those queued."""
     _found: dict[Question, Discovery] = field(default_factory=dict)
     _failed: dict[Question, str] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     @property
     def running(self) -> Selection | None:
-        """What is tried now."""
+        """The selection of the running discovery."""
         with self._lock:
             return self._asked[0] if self._asked else None
 
     def start(self, selection: Selection) -> threading.Thread | None:
-        """Ask for one over the selection's base model and formulas; None where no new thread is needed for it.
+        """Request a discovery for the selection's question; None if it needs no new thread.
 
-        It waits while another is running, and is not made again where it was found: the data of a job never change.
+        It is queued while another is running, and not repeated if its result is known: the data of a job never change.
         """
         with self._lock:
             question = question_of(selection)
@@ -57,16 +57,16 @@ class Job:
         return thread
 
     def pending(self, selection: Selection) -> bool:
-        """Whether the selection's question is being tried, or waits."""
+        """Whether the discovery for the selection's question is running or queued."""
         with self._lock:
             return question_of(selection) in map(question_of, self._asked)
 
     def found_for(self, selection: Selection) -> Discovery | None:
-        """What was found, if it was asked of the same base model and with the same formulas."""
+        """The result for the same base model and formulas, if there is one."""
         return self._found.get(question_of(selection))
 
     def failed_for(self, selection: Selection) -> str:
-        """Why nothing was found for the same question; empty where it did not fail."""
+        """Why the discovery for the same question failed; empty if it did not."""
         return self._failed.get(question_of(selection), "")
 
     def _run(self) -> None:
@@ -79,7 +79,7 @@ class Job:
     def _try(self, selection: Selection) -> None:
         try:
             self._found[question_of(selection)] = self.session.suggest(selection, self._progress)
-        except Exception as error:  # nothing else reports what fails in this thread
+        except Exception as error:  # nothing else reports failures in this thread
             if not isinstance(error, InputError):
                 traceback.print_exception(error)
             self._failed[question_of(selection)] = f"No suggestion: {error}"

@@ -1,6 +1,6 @@
-"""The explorer while its data change: a campaign that is still growing, a table dropped on the page.
+"""The explorer with changing data: a campaign that is still running, or a table dropped on the page.
 
-The pages know one data set each; for another one a new server is made beside the old one, and takes its place at once.
+A server holds a fixed data set; for a new one, another server is made in the background and then replaces it at once.
 """
 
 import hashlib
@@ -16,54 +16,54 @@ from flask import Flask, Response, request
 from sandbot_common.errors import InputError
 
 FOLLOW_S = 2.0
-"""How often a campaign's folder is looked at."""
+"""Interval between checks of a campaign's folder."""
 MAX_BYTES = 50_000_000
-"""Of a table that is dropped."""
+"""Largest size of a dropped table."""
 MAX_NAME = 60
-"""Characters of its name that are kept: four bytes each at most, where a file system takes 255 bytes."""
+"""Characters kept of its name: at most four bytes each, and file systems allow 255 bytes."""
 Make = Callable[[Path | None], Flask]
-"""A server for the data as they are now, with a table beside them if one was dropped. Raises InputError."""
+"""(dropped table) → a server for the current data, with that table as second data set. Raises InputError."""
 
 
 class Live:
-    """What is served now: a WSGI application."""
+    """A WSGI application that delegates to the current server."""
 
     def __init__(self, make: Make, first: Flask, folder: Path, campaigns: Sequence[Path] = ()) -> None:
-        """``folder`` takes the tables that are dropped; ``campaigns`` are the folders that are followed."""
+        """``folder`` stores dropped tables; ``campaigns`` are the folders to watch."""
         self._make, self._campaigns = make, tuple(campaigns)
         self._dropped: Path | None = None
         self._folder = folder
         self._lock = threading.Lock()
-        self._seen = grown(self._campaigns)
+        self._seen = completed_recordings(self._campaigns)
         self._version = 0
         self._server = self._prepared(first)
 
     def __call__(self, environ: dict[str, Any], start_response: Any) -> Iterable[bytes]:
-        """Answer as the server of the moment does."""
+        """Delegate to the current server."""
         return self._server(environ, start_response)
 
     def follow(self, ended: threading.Event, every_s: float = FOLLOW_S) -> None:
-        """Look for new trials until ``ended`` is set."""
+        """Check for new trials until ``ended`` is set."""
         while not ended.wait(every_s):
             self.look()
 
     def look(self) -> bool:
-        """Take the data as they are now, should the folders have changed; whether they had."""
-        seen = grown(self._campaigns)
+        """Reload the data if the folders have changed; False if they have not, or can't be used yet."""
+        seen = completed_recordings(self._campaigns)
         if seen == self._seen:
             return False
         try:
             self._replace()
         except InputError:
-            # A bag that is being written, or none that can be used yet: the next look will tell.
+            # A bag is still being written, or none can be used yet: the next check tries again.
             return False
-        except Exception as error:  # nothing else reports what fails in this thread
+        except Exception as error:  # nothing else reports failures in this thread
             traceback.print_exception(error)
         self._seen = seen
         return True
 
     def drop(self) -> Response:
-        """A table sent by the page is set beside the data, or refused in a line."""
+        """Use a table sent by the page as second data set, or refuse it with a one-line reason."""
         if request.headers.get("Origin") not in (None, f"http://{request.host}"):
             return Response("only this page may send a table", 403, mimetype="text/plain")
         name = Path(request.args.get("name", "table.csv")).name
@@ -78,8 +78,8 @@ class Live:
             self._replace()
         except InputError as error:
             self._dropped = before
-            said = str(error).replace(f"{path.parent}/", "").removeprefix("--beside ")
-            return Response(said, 400, mimetype="text/plain")
+            message = str(error).replace(f"{path.parent}/", "").removeprefix("--beside ")
+            return Response(message, 400, mimetype="text/plain")
         return Response("", 204)
 
     def _replace(self) -> None:
@@ -89,19 +89,19 @@ class Live:
             self._server = self._prepared(made)
 
     def _prepared(self, server: Flask) -> Flask:
-        told = json.dumps({"version": self._version, "follows": bool(self._campaigns)})
-        server.add_url_rule("/live", "live", lambda: Response(told, mimetype="application/json"))
+        state = json.dumps({"version": self._version, "follows": bool(self._campaigns)})
+        server.add_url_rule("/live", "live", lambda: Response(state, mimetype="application/json"))
         server.add_url_rule("/drop", "drop", self.drop, methods=["POST"])
         return server
 
 
 def _stored(name: str) -> str:
-    """A name that every file system takes, near enough to the table's own, since it is the title of its figures."""
+    """A name valid on every file system and close to the table's own, since it is the title of its figures."""
     stem = "".join(sign if sign.isprintable() else "_" for sign in Path(name).stem)
     return f"{stem[:MAX_NAME]}.csv"
 
 
-def grown(campaigns: Sequence[Path]) -> frozenset[tuple[str, int]]:
-    """The recordings of campaigns that are complete, with the time of their last change."""
+def completed_recordings(campaigns: Sequence[Path]) -> frozenset[tuple[str, int]]:
+    """The completed recordings of campaigns, with their modification times."""
     done = (path for folder in campaigns for path in (folder / "trials").glob("[!.]*/metadata.yaml"))
     return frozenset((str(path), path.stat().st_mtime_ns) for path in done)

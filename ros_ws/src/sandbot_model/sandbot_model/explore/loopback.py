@@ -1,4 +1,4 @@
-"""A page that runs formulas and reads files for whoever opens it answers this host only."""
+"""Restricts the page, which evaluates formulas and reads files, to requests from this host."""
 
 from flask import Flask, request
 
@@ -6,7 +6,7 @@ HOST = "127.0.0.1"
 
 
 def own_host_only(server: Flask) -> None:
-    """Refuse a page of another site, whether its name points here (DNS rebinding) or it sends something here."""
+    """Refuse requests from other sites: by a foreign host name (DNS rebinding) or by a foreign origin."""
 
     def check() -> tuple[str, int] | None:
         host = request.host.rsplit(":", 1)[0]

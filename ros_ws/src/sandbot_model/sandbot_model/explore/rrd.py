@@ -1,7 +1,7 @@
 """A trial as a Rerun recording: film with marks, measured speed with its error, model, residual, legs and bed.
 
-Everything stands on two timelines: ``time``, from the start of the legs, and ``leg_phase``, the degrees that the first
-tripod has turned, so that trials lie over each other step by step.
+Everything is on two timelines: ``time``, from the start of the legs, and ``leg_phase``, the degrees that the first
+tripod has turned, which aligns trials step by step.
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ LINES = {
     "bed/blower": ("blower [1]", (0, 114, 178)),
     "bed/phi": ("volume fraction φ [1]", (120, 96, 60)),
 }
-"""Entity → its words and its colour (RGB)."""
+"""Entity → (label, RGB colour)."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Series:
 
 
 def series(scene: Scene, bag: Bag) -> list[Series]:
-    """Every line of a trial; what was not measured is left out. Raises InputError for a bag without speed."""
+    """Every line of a trial that was measured. Raises InputError for a bag without speed."""
     measured = bag.columns(topics.SPEED.name, "twist.twist.linear.x", "twist.covariance", *FIELD_STAMP)
     time = (measured.stamp_ns - measured.stamp_ns[0]) * 1e-9 + float(scene.waveform.time_s[0])
     speed, sd = measured["twist.twist.linear.x"], np.sqrt(measured["twist.covariance"][:, 0])
@@ -61,28 +61,28 @@ def series(scene: Scene, bag: Bag) -> list[Series]:
         *(Series(f"legs/tripod_{name}", legs, turned) for name, turned in zip("ab", scene.turned.T, strict=True)),
         *(Series(f"bed/{name}", *known) for name, known in scene.bed.items()),
     ]
-    known = [(one, np.isfinite(one.value)) for one in found]
-    return [Series(one.entity, one.time_s[seen], one.value[seen]) for one, seen in known if seen.any()]
+    finite = [(line, np.isfinite(line.value)) for line in found]
+    return [Series(line.entity, line.time_s[seen], line.value[seen]) for line, seen in finite if seen.any()]
 
 
 def phase_deg(scene: Scene, time_s: Floats) -> Floats:
-    """Degrees that the first tripod has turned since its start, at any times; whole ones."""
+    """Degrees that the first tripod has turned since its start, rounded to whole degrees, at the given times."""
     turned = np.unwrap(scene.waveform.leg_angle_rad[:, scene.tripods[0]])
     start = np.interp(0.0, scene.waveform.leg_time_s, turned)
     return np.rint(np.rad2deg(np.interp(time_s, scene.waveform.leg_time_s, turned) - start))
 
 
 def write_rrd(path: Path, scene: Scene, bag: Bag, film: Film | None) -> None:
-    """Write the recording, whole or not at all. Raises InputError where Rerun is not installed."""
+    """Write the recording atomically. Raises InputError where Rerun is not installed."""
     rr = rerun()
     with whole_file(path) as part:
         recording = rr.RecordingStream("trackway", recording_id=scene.waveform.trial_id)
         recording.save(part, default_blueprint=_views(film is not None))
-        for one in series(scene, bag):
-            words, colour = LINES[one.entity]
-            recording.log(one.entity, rr.SeriesLines(names=words, colors=[colour]), static=True)
+        for line in series(scene, bag):
+            label, colour = LINES[line.entity]
+            recording.log(line.entity, rr.SeriesLines(names=label, colors=[colour]), static=True)
             recording.send_columns(
-                one.entity, _clocks(rr, scene, one.time_s), rr.Scalars.columns(scalars=one.value.astype(float))
+                line.entity, _timelines(rr, scene, line.time_s), rr.Scalars.columns(scalars=line.value.astype(float))
             )
         if film is not None:
             _send_film(rr, recording, scene, film)
@@ -93,16 +93,16 @@ def write_rrd(path: Path, scene: Scene, bag: Bag, film: Film | None) -> None:
 def _send_film(rr: ModuleType, recording: Any, scene: Scene, film: Film) -> None:
     shown = [i for i, t in enumerate(film.time_s) if scene.waveform.time_s[0] <= t <= scene.end_s]
     pictures = rr.EncodedImage.columns(blob=[film.jpeg(i) for i in shown], media_type=["image/jpeg"] * len(shown))
-    recording.send_columns("film", _clocks(rr, scene, film.time_s[shown]), pictures)
+    recording.send_columns("film", _timelines(rr, scene, film.time_s[shown]), pictures)
 
 
-def _clocks(rr: ModuleType, scene: Scene, time_s: Floats) -> Sequence[Any]:
+def _timelines(rr: ModuleType, scene: Scene, time_s: Floats) -> Sequence[Any]:
     turned = phase_deg(scene, time_s).astype(np.int64)
     return [rr.TimeColumn("time", duration=time_s), rr.TimeColumn("leg_phase", sequence=turned)]
 
 
 def _views(filmed: bool) -> Any:
-    """What the viewer opens with."""
+    """The initial layout of the viewer."""
     import rerun.blueprint as rrb
 
     lines = [rrb.TimeSeriesView(origin=name, name=name) for name in ("speed", "residual", "legs", "bed")]
@@ -111,7 +111,7 @@ def _views(filmed: bool) -> Any:
 
 
 def rerun() -> ModuleType:
-    """Rerun's wheel, an extra. Raises InputError where it is not installed."""
+    """The module ``rerun``, an optional dependency. Raises InputError where it is not installed."""
     try:
         import rerun as module
     except ImportError:

@@ -1,4 +1,4 @@
-"""One trial on one clock: what was measured, what the bed did, and the model's leg as it sinks and holds."""
+"""One trial on a common time axis: the measurements, the state of the bed, and the model's legs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,30 +23,30 @@ from sandbot_record.trials.table import Trials
 
 BED = {"height_m": (topics.BED_HEIGHT.name, "range"), "blower": (topics.BED_BLOWER.name, "data"),
        "phi": (topics.BED_PHI.name, "data")}  # fmt: skip
-"""What is shown of the bed: topic and field."""
+"""Quantities of the bed → (topic, field)."""
 MAX_POINTS = 600
-"""Of a bed's record."""
+"""Most points kept of a bed record."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A trial with the model of its condition; time runs from the start of the legs."""
+    """A trial with the model of its condition; t = 0 is the start of the legs."""
 
     waveform: Waveform
     cell: int
     model_m_s: Floats = field(metadata={"shape": "(m,)", "unit": "m/s", "doc": "v_x by the model, at the legs' times"})
     reach_rad: float
-    """The model's largest leg angle while standing; 0 where it swims."""
+    """Largest leg angle in stance by the model; 0 where it swims."""
     radius_m: float
     axle_height_m: float
     bed: Mapping[str, tuple[Floats, Floats]]
-    """Times [s] and values of what was recorded of the bed; what was not is absent."""
+    """(times [s], values) of each recorded quantity of the bed."""
     tripods: tuple[int, int]
-    """Legs that stand for the first and the second tripod."""
+    """Index of a representative leg of the first and the second tripod."""
 
     @property
     def end_s(self) -> float:
-        """The last moment."""
+        """Time of the last sample."""
         return float(self.waveform.time_s[-1])
 
     @property
@@ -56,7 +56,7 @@ class Scene:
 
     @property
     def axle_m(self) -> Floats:
-        """Height of the axle above the surface by the model, (m,): on the leg that holds, else the belly is down."""
+        """Height of the axle above the surface by the model, (m,): on a leg that holds, or with the belly down."""
         above = self.radius_m * (np.cos(self.turned) - np.cos(self.reach_rad))
         return np.asarray(self.axle_height_m + np.where(self.holds, above, 0.0).max(axis=1, initial=0.0))
 
@@ -66,7 +66,7 @@ class Scene:
         return (np.abs(self.turned) <= self.reach_rad) & (self.reach_rad > 0)
 
     def to_dict(self) -> dict[str, Any]:
-        """As the page takes it, in its units: s, cm, cm/s, rad."""
+        """The scene as JSON for the page, in its units: s, cm, cm/s, rad."""
         shown = self.waveform
         return {
             "end": self.end_s,
@@ -79,12 +79,12 @@ class Scene:
 
 
 def wrapped(angle_rad: Floats) -> Floats:
-    """The angle between -π and π."""
+    """The angle wrapped to [-π, π)."""
     return np.mod(angle_rad + np.pi, 2 * np.pi) - np.pi
 
 
 def scene_of(trials: Trials, bags: Mapping[str, Path], fit: Fit, trial_id: str) -> Scene:
-    """A trial that has a bag and belongs to a condition of the fit. Raises InputError."""
+    """The scene of a trial, which must have a bag and belong to a condition of the fit. Raises InputError."""
     cells = cell_of(trials, fit.cells)
     rows = np.flatnonzero(trials.trial_id == trial_id)
     if not len(rows) or cells[rows[0]] < 0:
@@ -108,7 +108,7 @@ def scene_of(trials: Trials, bags: Mapping[str, Path], fit: Fit, trial_id: str) 
 
 
 def _bed(path: Path) -> dict[str, tuple[Floats, Floats]]:
-    """What the bag knows of the bed."""
+    """The recorded quantities of the bed."""
     bag = Bag.open(path)
     zero = start_ns(bag)
     found = {}
@@ -121,7 +121,7 @@ def _bed(path: Path) -> dict[str, tuple[Floats, Floats]]:
 
 
 def phases(waveform: Waveform, tripod: int) -> tuple[Floats, Floats]:
-    """Leg angle [rad] of a tripod at the moments of v_x, and v_x [m/s], from the second period on; NaN at each wrap."""
+    """Leg angle [rad] of a tripod at the times of v_x, and v_x [m/s], from the second period on; NaN at each wrap."""
     turned = np.unwrap(waveform.leg_angle_rad[:, tripod])
     at = np.interp(waveform.time_s, waveform.leg_time_s, turned)
     walked = (waveform.time_s > 0) & (waveform.time_s <= waveform.leg_time_s[-1])
@@ -132,5 +132,5 @@ def phases(waveform: Waveform, tripod: int) -> tuple[Floats, Floats]:
 
 
 def replicates(trials: Trials, fit: Fit, cell: int) -> Sequence[str]:
-    """The trials of a cell."""
+    """Ids of the trials of a cell."""
     return [str(trials.trial_id[i]) for i in waveforms.trials_of(trials, fit.cells, cell)]

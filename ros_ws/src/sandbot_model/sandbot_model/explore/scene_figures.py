@@ -1,4 +1,4 @@
-"""The figures of a trial's page: its records on one time axis, and the replicates over the phase of the legs."""
+"""The figures of a trial's page: its records against time, and the replicates against the phase of the legs."""
 
 from collections.abc import Sequence
 
@@ -16,9 +16,9 @@ DOMAINS = {"y": [0.5, 1.0], "y2": [0.24, 0.44], "y3": [0.0, 0.17]}
 
 
 def records(scene: Scene, theme: Theme) -> Spec:
-    """v_x(t) with the model's, the angles of both tripods, and the bed, one above the other."""
+    """Measured and modelled v_x(t), the angles of both tripods, and the bed, in stacked panels."""
     shown, turned = scene.waveform, np.degrees(_broken(scene.turned))
-    colours = theme.sets(6)
+    colours = theme.model_colours(6)
     data = [
         _line("model", shown.leg_time_s, CM * scene.model_m_s, theme.faint, width=4),
         _line("measured", shown.time_s, CM * shown.speed_m_s, colours[1]),
@@ -45,22 +45,22 @@ def records(scene: Scene, theme: Theme) -> Spec:
 
 
 def _bed(scene: Scene, colours: Sequence[str]) -> list[Spec]:
-    """The bed's height, and air while it is on."""
+    """The bed's height and the air flow, as far as recorded."""
     names = {"height_m": ("height of the bed (cm)", CM), "blower": ("air (0 to 1)", 1.0)}
     return [
         _line(words, times, scale * values, colours[3 if name == "blower" else 0], axis="y3", shape="hv")
         for name, (words, scale) in names.items() if name in scene.bed
-        for times, values in [_held(*scene.bed[name], scene.end_s)]
+        for times, values in [_extended(*scene.bed[name], scene.end_s)]
     ]  # fmt: skip
 
 
-def _held(times: Floats, values: Floats, end_s: float) -> tuple[Floats, Floats]:
-    """A record whose last value holds to the end."""
+def _extended(times: Floats, values: Floats, end_s: float) -> tuple[Floats, Floats]:
+    """A record with its last value extended to the end."""
     return np.append(times, end_s), np.append(values, values[-1])
 
 
 def _broken(angle_rad: Floats) -> Floats:
-    """Without the lines from π back to -π."""
+    """The angle with NaN where it wraps from π to -π, so that no line is drawn there."""
     broken = angle_rad.copy()
     broken[1:][np.abs(np.diff(angle_rad, axis=0)) > np.pi] = np.nan
     return broken
@@ -76,8 +76,8 @@ def _line(
 
 
 def over_phase(scene: Scene, waveforms: Sequence[Waveform], theme: Theme) -> Spec:
-    """v_x of every replicate over the angle of the first tripod, from the second period on, and the model's."""
-    colours = theme.sets(len(waveforms) + 1)[1:]
+    """v_x of every replicate, and the model's, against the angle of the first tripod, from the second period on."""
+    colours = theme.model_colours(len(waveforms) + 1)[1:]
     data = []
     for i, (waveform, colour) in enumerate(zip(waveforms, colours, strict=True)):
         phase, speed = phases(waveform, scene.tripods[0])
@@ -96,8 +96,8 @@ def over_phase(scene: Scene, waveforms: Sequence[Waveform], theme: Theme) -> Spe
     return {"data": data, "layout": layout(theme, 340, xaxis=across, yaxis=axis(theme, "v<sub>x</sub> (cm/s)"))}
 
 
-def records_say(scene: Scene) -> str:
-    """The trial in words."""
+def records_caption(scene: Scene) -> str:
+    """Caption of ``records``."""
     speed = scene.waveform.speed_m_s
     holds = "swims: no leg holds" if scene.reach_rad <= 0 else (
         f"holds a leg within {np.degrees(scene.reach_rad):.0f}° of straight down"
@@ -108,6 +108,6 @@ def records_say(scene: Scene) -> str:
     )
 
 
-def phase_says(waveforms: Sequence[Waveform]) -> str:
-    """What is laid over what."""
-    return f"Forward speed of {len(waveforms)} replicates over the angle of tripod A, from the second period on."
+def phase_caption(waveforms: Sequence[Waveform]) -> str:
+    """Caption of ``over_phase``."""
+    return f"Forward speed of {len(waveforms)} replicates against the angle of tripod A, from the second period on."

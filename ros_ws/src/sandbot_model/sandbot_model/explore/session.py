@@ -1,4 +1,4 @@
-"""Fits of the explorer: each set of effects is fitted once, and those one switch away are fitted ahead.
+"""Fits of the explorer: each set of effects is fitted once, and sets one switch away are prefetched.
 
 Fits run in worker processes and come back as a ``Point`` (plain arrays); the session rebuilds the ``Fit`` from it. All
 methods may be called from any thread.
@@ -38,12 +38,12 @@ Key = tuple[str, frozenset[str], tuple[str, ...]]
 
 
 PATIENCE_S = 0.15
-"""How long a page waits for a fit that a worker has begun: about what a fit takes."""
+"""How long a page waits for a fit that a worker has begun: about the duration of a fit."""
 
 
 @dataclass(frozen=True)
 class Solved:
-    """What a worker sends back."""
+    """The result sent back by a worker."""
 
     point: Point
     rmse_m_s: float
@@ -56,12 +56,12 @@ def solve(model: Model, cells: Cells, start: WarmStart | None) -> Solved:
 
 
 def sampled_errors(model: Model, cells: Cells, point: Point) -> Array:
-    """Standard errors of a fit, from a sample where a derivative knows none; runs in a worker process."""
+    """Standard errors of a fit, sampled where the deviance is no parabola; runs in a worker process."""
     return with_sampled_errors(fitted_at(model, cells, point)).stderr
 
 
 def solved(found: Fit) -> Solved:
-    """As much of a fit as is needed to rebuild it."""
+    """The part of a fit that is needed to rebuild it."""
     return Solved(point_of(found), found.rmse_m_s, found.cv_rmse_m_s)
 
 
@@ -83,7 +83,7 @@ class Session:
         self._catalogues: dict[tuple[str, ...], dict[str, Effect]] = {}
 
     def catalogue(self, formulas: Sequence[str] = ()) -> Mapping[str, Effect]:
-        """All effects including the user's formulas. Raises InputError for a formula that is none."""
+        """All effects including the user's formulas. Raises InputError for an invalid formula."""
         key = tuple(formulas)
         with self._lock:
             if key not in self._catalogues:
@@ -93,21 +93,21 @@ class Session:
     def ladder(self, selection: Selection) -> tuple[Step, ...]:
         """The base model, then one more effect a step, as in ``compare``; fitted if necessary.
 
-        Raises InputError for an effect or parameter that is not known.
+        Raises InputError for an unknown effect or parameter.
         """
         self.model(selection)
         return tuple(self._fitted_step(part) for part in _prefixes(selection))
 
     def step(self, selection: Selection) -> Step:
-        """The step the figures show: the whole selection, with the values held by hand (k as fitted)."""
+        """The step shown in the figures: the whole selection, with the values held by hand (k as fitted)."""
         fitted = self._fitted_step(replace(selection, by_hand=()))
         if not selection.by_hand:
             return fitted
         point = point_of(fitted.fit, dict(selection.by_hand))
         return with_curves([fitted_at(self.model(selection), self.cells, point)])[0]
 
-    def stated(self, selection: Selection) -> Fit | None:
-        """The fit shown, with the standard errors that are printed; None while a worker is at a sample for them."""
+    def with_final_errors(self, selection: Selection) -> Fit | None:
+        """The fit shown, with final standard errors; None while a worker is sampling them."""
         found = self.step(selection).fit
         if selection.by_hand or not found.model.effects:
             return found
@@ -119,7 +119,7 @@ class Session:
         return replace(found, stderr=future.result()) if future.done() else None
 
     def fit_ahead(self, selection: Selection) -> None:
-        """Submit a fit of every set that is one switch away; earlier ones not yet begun are cancelled."""
+        """Submit a fit of every set that is one switch away; cancel earlier ones not yet begun."""
         wanted = {self._key(neighbour): neighbour for neighbour in self._neighbours(selection)}
         keep = {*wanted, *(self._key(part) for part in _prefixes(selection))}
         with self._lock:
@@ -139,13 +139,13 @@ class Session:
         return found
 
     def suggest(self, selection: Selection, progress: Progress) -> Discovery:
-        """Run discovery over the catalogue and the user's formulas; what was fitted ahead is not fitted again."""
+        """Run discovery over the catalogue and the user's formulas, reusing prefetched fits."""
         effects = self.catalogue(selection.formulas)
 
         ended: list[Found] = []
 
-        def ahead(function: Callable[[Any], Any], task: Any) -> Point | Found | None:
-            """What discovery asks for, where the page has searched for the very same from the same start."""
+        def prefetched(function: Callable[[Any], Any], task: Any) -> Point | Found | None:
+            """The result of a task of discovery, if the page has made the same search from the same start."""
             if function in (global_minimum.solve, global_minimum.solve_first):
                 model, cells, start = task
                 point = self._fitted_ahead(model, start, selection) if cells is self.cells else None
@@ -158,12 +158,12 @@ class Session:
             return None
 
         def fit_all(function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterable[Any]:
-            known = [ahead(function, task) for task in tasks]
-            asked = [
+            known = [prefetched(function, task) for task in tasks]
+            submitted = [
                 self._workers.submit(function, task) if found is None else None
                 for task, found in zip(tasks, known, strict=True)
             ]
-            return (found if later is None else later.result() for found, later in zip(known, asked, strict=True))
+            return (found if later is None else later.result() for found, later in zip(known, submitted, strict=True))
 
         return discover(
             self.cells,
@@ -175,21 +175,21 @@ class Session:
         )
 
     def model(self, selection: Selection) -> Model:
-        """The model selected. Raises InputError for an effect that is not known."""
+        """The model selected. Raises InputError for an unknown effect."""
         return model_of(selection.model, selection.effects, self.catalogue(selection.formulas), self.cells.robot)
 
     def _fitted_ahead(self, model: Model, start: WarmStart | None, selection: Selection) -> Point | None:
-        """The minimum that the page has found of a model, from the same start."""
+        """The minimum of a model that a prefetched fit found from the same start, if there is one."""
         key = self._key(replace(selection, model=model.base, effects=model.identifiers))
         with self._lock:
             future, begun = self._solved.get(key), self._starts.get(key)
-        if model.held or _preview(future) is None or not _same(start, begun):
+        if model.held or _preview(future) is None or not _same_start(start, begun):
             return None
         assert future is not None
         return None if future.exception() else future.result().point
 
     def _error_alone(self, selection: Selection) -> float:
-        """Error [m/s] with only the last effect, if fitted: the most helpful effect is fitted first."""
+        """Error [m/s] with only the last effect, if fitted; sorts prefetching by the most helpful effect."""
         alone = replace(selection, effects=selection.effects[-1:])
         with self._lock:
             previewed = _preview(self._solved.get(self._key(alone)))
@@ -217,10 +217,10 @@ class Session:
             return self._steps.setdefault(key, step)
 
     def _fitted(self, selection: Selection) -> Fit:
-        """The fit of a selection; one that no worker has begun, or that takes a worker too long, is made here."""
+        """The fit of a selection; computed here if no worker has begun it, or the worker takes too long."""
         future, model = self._submit(selection), self.model(selection)
         if not future.cancel():
-            # A pool reports as running what is only queued, and workers have low priority.
+            # A pool reports queued tasks as running, and workers have low priority.
             with contextlib.suppress(TimeoutError):
                 return fitted_at(model, self.cells, future.result(PATIENCE_S).point)
         start, key = self._warm_start(selection), self._key(selection)
@@ -238,7 +238,7 @@ class Session:
         return parent.fit.warm_start if parent and selection.effects else None
 
     def _submit(self, selection: Selection) -> "Future[Solved]":
-        """The fit of a selection, submitted if it was not, with a warm start from the fit without its last effect."""
+        """The fit of a selection, submitted if new, with a warm start from the fit without its last effect."""
         key = self._key(selection)
         with self._lock:
             if key not in self._solved:
@@ -252,11 +252,10 @@ class Session:
         return selection.model, frozenset(selection.effects) & set(catalogue), tuple(own)
 
 
-def _same(one: WarmStart | None, other: WarmStart | None) -> bool:
-    """Whether two searches begin at the same place."""
-    if one is None or other is None:
-        return one is other
-    return one.deviance == other.deviance and dict(one.parameters) == dict(other.parameters)
+def _same_start(first: WarmStart | None, second: WarmStart | None) -> bool:
+    if first is None or second is None:
+        return first is second
+    return first.deviance == second.deviance and dict(first.parameters) == dict(second.parameters)
 
 
 def _preview(future: "Future[Solved] | None") -> tuple[float, float] | None:

@@ -1,4 +1,4 @@
-"""The cells as CSV, as the page shows them: the steps of the ladder, then the model with the values held by hand."""
+"""The cells as CSV: predictions of each step of the ladder, then of the model with the values held by hand."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,7 +8,7 @@ from sandbot_model.report.view import Step
 
 
 def sheet(steps: Sequence[Step], current: Step, by_hand: Sequence[tuple[str, float]]) -> str:
-    """``cells_csv`` of the ladder and, where values are held, of ``current``."""
+    """``cells_csv`` of the ladder and, if values are held by hand, of ``current``."""
     if not by_hand:
         return cells_csv(tuple(steps))
     fit = current.fit

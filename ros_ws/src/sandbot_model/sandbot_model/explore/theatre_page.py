@@ -1,4 +1,4 @@
-"""``/theatre``: one trial with its film, its legs and its records on one time cursor, and as a clip."""
+"""``/theatre``: the film, legs and records of one trial with a shared time cursor, and a clip to download."""
 
 import tempfile
 from collections.abc import Mapping
@@ -13,10 +13,10 @@ from plotly.offline import get_plotlyjs
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
-from sandbot_model.explore.asked import asked_selection, held_values
 from sandbot_model.explore.clip import write_clip
+from sandbot_model.explore.requested import held_values, requested_selection
 from sandbot_model.explore.scene import Scene, replicates, scene_of
-from sandbot_model.explore.scene_figures import over_phase, phase_says, records, records_say
+from sandbot_model.explore.scene_figures import over_phase, phase_caption, records, records_caption
 from sandbot_model.explore.session import Session
 from sandbot_model.physics.observables import CM
 from sandbot_model.report import waveforms
@@ -42,7 +42,7 @@ PAGE = """<!doctype html>
 <p id="reading" class="reading"></p>
 {records}{phase}
 <p><a class="download" download="{trial}.mp4" href="/theatre/clip.mp4?{address}">Clip of this trial
-(MP4, a quarter of its pace)</a></p></main>
+(MP4, at a quarter of its speed)</a></p></main>
 <script src="/plotly.js"></script><script type="application/json" id="scene">{data}</script>
 <script>{export}</script><script>{script}</script></body></html>"""
 FIGURE = """<figure><div class="scroll" tabindex="0" role="group" aria-labelledby="says-{name}"><div class="screen">
@@ -55,7 +55,7 @@ LEG = """<svg class="leg" viewBox="-9 -11 18 16" role="img" aria-label="The mode
 <g id="robot"><rect class="body" x="-6.5" y="{top}" width="13" height="{belly}" rx="0.6"/>
 <path id="leg-0" class="arc" d="{arc}"/><path id="leg-1" class="arc second" d="{arc}"/><circle r="0.3"/></g></svg>"""
 ARC_RAD = 3.927
-"""225°, from the hip over the front to the tip."""
+"""225°, from the hip via the front to the tip."""
 BUTTONS = ("svg", "png", "csv")
 
 
@@ -68,23 +68,23 @@ class TheatrePage:
         self._frame = lru_cache(maxsize=1024)(lambda trial_id, i: self._filmed(trial_id).jpeg(i))
 
     def serve(self, server: Flask) -> None:
-        """Add them to the explorer's own addresses."""
+        """Register these addresses with the explorer's server."""
         server.add_url_rule("/theatre", "theatre", self.page)
         server.add_url_rule("/theatre/frame/<trial_id>/<int:i>.jpg", "frame", self.frame)
         server.add_url_rule("/theatre/clip.mp4", "clip", self.clip)
         server.add_url_rule("/plotly.js", "plotly", _plotly)
 
     def page(self) -> Response:
-        """The trial."""
+        """The page of the trial."""
         try:
-            scene, trial, address, query, model = self._asked()
+            scene, trial, address, query, model = self._request()
             film = self._film(trial)
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
-        fit = self._session.step(asked_selection("trial")).fit
+        fit = self._session.step(requested_selection("trial")).fit
         others = replicates(self._trials, fit, scene.cell)
         found, _ = waveforms.read(self._bags, others)
-        walking = [one for one in found if len(one.leg_time_s)]
+        walking = [waveform for waveform in found if len(waveform.leg_time_s)]
         figures = {
             "records": {name: records(scene, theme) for name, theme in THEMES.items()},
             "phase": {name: over_phase(scene, walking, theme) for name, theme in THEMES.items()},
@@ -96,15 +96,15 @@ class TheatrePage:
                 trial=escape(trial), style=source("report.css"), query=escape(query), model=escape(model), others=links,
                 film="" if film is None else _screen(trial), leg=_leg(scene),
                 start=min(0.0, float(scene.waveform.time_s[0])), end=scene.end_s, address=escape(address),
-                records=_figure("records", records_say(scene), '<div id="cursor" class="cursor"></div>'),
-                phase=_figure("phase", phase_says(walking)),
+                records=_figure("records", records_caption(scene), '<div id="cursor" class="cursor"></div>'),
+                phase=_figure("phase", phase_caption(walking)),
                 data=for_script({"scene": scene.to_dict(), "frames": times, "figures": figures}),
                 export=source("export.js"), script=source("theatre.js"),
             ), mimetype="text/html",
         )  # fmt: skip
 
     def frame(self, trial_id: str, i: int) -> Response:
-        """One lateral frame with its marks."""
+        """One lateral frame with the tracked marks."""
         film = self._film(trial_id) if trial_id in self._bags else None
         if film is None or i >= len(film.stamp_ns):
             abort(404)
@@ -115,7 +115,7 @@ class TheatrePage:
     def clip(self) -> Response:
         """The trial as MP4."""
         try:
-            scene, trial, _, _, _ = self._asked()
+            scene, trial, _, _, _ = self._request()
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "clip.mp4"
                 write_clip(path, scene, self._film(trial))
@@ -123,11 +123,11 @@ class TheatrePage:
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
 
-    def _asked(self) -> tuple[Scene, str, str, str, str]:
-        """What the address asks for: the scene, its trial, address and selection, and the model's name."""
-        selection, trial = asked_selection("trial"), request.args.get("trial", "")
+    def _request(self) -> tuple[Scene, str, str, str, str]:
+        """The request: scene, trial, query strings of the trial and of the selection, and name of the model."""
+        selection, trial = requested_selection("trial"), request.args.get("trial", "")
         self._session.model(selection)
-        # With the values held by hand, as the trials of a cell are drawn.
+        # Including the values held by hand, as for the trials of a cell.
         step = self._session.step(selection)
         query = to_query(selection)
         address = f"trial={quote(trial)}{query.replace('?', '&')}"
@@ -148,7 +148,7 @@ class TheatrePage:
 
 
 def _model(selection: Selection, step: Step) -> str:
-    """The model drawn, by name, with what of it is held by hand."""
+    """Name of the model drawn, with the values held by hand."""
     held = held_values(selection)
     return f"{step.whole_label}, held by hand: {held}" if held else step.whole_label
 
@@ -166,7 +166,7 @@ def _screen(trial: str) -> str:
 
 
 def _leg(scene: Scene) -> str:
-    """The robot from the side; its hip is at the origin, and heights are upwards on the page."""
+    """SVG of the robot from the side, its hip at the origin."""
     radius, belly = CM * scene.radius_m, CM * scene.axle_height_m
     tip = radius * sin(ARC_RAD), radius - radius * cos(ARC_RAD)
     arc = f"M0 0 A{radius:.2f} {radius:.2f} 0 1 1 {tip[0]:.3f} {tip[1]:.3f}"

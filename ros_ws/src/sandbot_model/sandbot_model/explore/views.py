@@ -1,4 +1,4 @@
-"""What the explorer shows for a selection, as plain data: the figure, the ladder, captions and numbers."""
+"""The content of the explorer for a selection, as plain data: figure, ladder, captions and numbers."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -7,15 +7,15 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection
-from sandbot_model.explore.actions import on_slider
-from sandbot_model.explore.chosen import mark
+from sandbot_model.explore.actions import slider_value
 from sandbot_model.explore.condition import index_of
+from sandbot_model.explore.highlight import mark
 from sandbot_model.explore.session import Session
 from sandbot_model.fitting.errors import with_sampled_errors
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import cells_missed
 from sandbot_model.physics.effect import Effect
-from sandbot_model.report import apart, balance, captions, figures, lock, mechanics, residual_map, text
+from sandbot_model.report import balance, captions, figures, lock, mechanics, model_difference, residual_map, text
 from sandbot_model.report.theme import Spec, Theme, layout, note
 from sandbot_model.report.view import Step, readable
 
@@ -28,10 +28,10 @@ TITLES = {
     "lock": "Geometry lock",
     "parameters": "Parameters",
 }
-"""View → what its tab is called."""
+"""View → title of its tab."""
 COLUMNS = 4
 PANE_COLUMNS = 2
-"""Panels of φ in a row, alone and side by side with another figure."""
+"""Panels per row of a figure alone, and of one side by side with another."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +52,13 @@ class Shown:
 
 @dataclass(frozen=True)
 class Pane:
-    """A second figure beside the first; without a figure ``caption`` gives the reason."""
+    """A second figure beside the first; without a figure, ``caption`` gives the reason."""
 
     title: str
     caption: str
     figure: Spec | None = None
     same_axes: bool = True
-    """Whether its axes are those of the first figure."""
+    """Whether it shares the axes of the first figure."""
 
 
 @dataclass(frozen=True)
@@ -83,47 +83,49 @@ def show(session: Session, selection: Selection, theme: Theme) -> Shown:
     if selection.by_hand:
         ladder["layout"]["xaxis"]["ticktext"][-1] = "by hand"
     view = "speed" if selection.view == "parameters" else selection.view
-    missing = absent(selection, current)
+    missing = unavailable(selection, current)
     return Shown(
         steps=steps,
         current=current,
         ladder=ladder,
         ladder_caption=captions.ladder(steps, floor),
         figure=message_figure(missing, theme) if missing else figure(selection, steps[0], current, theme),
-        how_to_read="" if missing else captions.HOW[view],
+        how_to_read="" if missing else captions.HOW_TO_READ[view],
         caption=missing or caption(selection, current),
         status=status(selection, current, floor),
     )
 
 
-def beside(session: Session, selection: Selection, title: str, theme: Theme) -> Pane:
-    """The same view of another data set or another model, or the reason why it can't be shown."""
+def second_pane(session: Session, selection: Selection, title: str, theme: Theme) -> Pane:
+    """A pane with the same view of another data set or model, or with the reason why it can't be shown."""
     try:
         current = session.step(selection)
     except InputError as error:
         return Pane(title, str(error))
-    missing = absent(selection, current)
+    missing = unavailable(selection, current)
     if missing:
         return Pane(title, missing)
-    said = f"{status(selection, current, session.noise_floor_m_s)} {caption(selection, current)}"
-    return Pane(title, said, figure(selection, None, current, theme, columns=PANE_COLUMNS))
+    words = f"{status(selection, current, session.noise_floor_m_s)} {caption(selection, current)}"
+    return Pane(title, words, figure(selection, None, current, theme, columns=PANE_COLUMNS))
 
 
 def difference(session: Session, selection: Selection, other: Selection, theme: Theme) -> Pane:
-    """Where the model shown and the one set beside it differ, over the conditions measured."""
+    """A pane with the difference between the model shown and the second model, over the conditions measured."""
     observable = selection.observable if selection.view == "residuals" else "speed"
     try:
         pair = session.step(selection), session.step(other)
     except InputError as error:
         return Pane("Difference", str(error))
     if observable not in pair[0].fit.cells.observables:
-        return Pane("Difference", absent(replace(selection, view="residuals", observable=observable), pair[0]))
-    spec = mark(apart.difference_map(*pair, observable, theme), index_of(session.cells, selection.cell), theme)
-    return Pane("Difference of the two", apart.difference_says(*pair, observable), spec, same_axes=False)
+        return Pane("Difference", unavailable(replace(selection, view="residuals", observable=observable), pair[0]))
+    spec = mark(
+        model_difference.difference_map(*pair, observable, theme), index_of(session.cells, selection.cell), theme
+    )
+    return Pane("Difference of the two", model_difference.difference_caption(*pair, observable), spec, same_axes=False)
 
 
 def figure(selection: Selection, base: Step | None, current: Step, theme: Theme, columns: int = COLUMNS) -> Spec:
-    """The figure of the selected view; ``base`` stands behind it as a ghost where it is given."""
+    """The figure of the selected view, with the model ``base``, if given, faintly behind."""
     cells = current.fit.cells
 
     def speed() -> Spec:
@@ -142,7 +144,7 @@ def figure(selection: Selection, base: Step | None, current: Step, theme: Theme,
 
 
 def caption(selection: Selection, current: Step) -> str:
-    """The figure of the selected view in words."""
+    """Caption of the selected view."""
     by_view: Mapping[str, Callable[[], str]] = {
         "speed": lambda: captions.speed(current),
         "residuals": lambda: captions.residuals(current, selection.observable),
@@ -155,7 +157,7 @@ def caption(selection: Selection, current: Step) -> str:
     return by_view[selection.view]()
 
 
-def absent(selection: Selection, current: Step) -> str:
+def unavailable(selection: Selection, current: Step) -> str:
     """Why the data can't show the selected view; empty if they can."""
     measured = current.fit.cells.observables
     if selection.view == "residuals" and selection.observable not in measured:
@@ -166,7 +168,7 @@ def absent(selection: Selection, current: Step) -> str:
 
 
 def frequency(selection: Selection, current: Step) -> float:
-    """The leg frequency [rad/s] of the cell chosen; without one, where the model misses most."""
+    """The leg frequency [rad/s] of the chosen cell; without one, that at which the model fails most."""
     cell = index_of(current.fit.cells, selection.cell)
     return captions.worst_frequency(current.fit) if cell is None else float(current.fit.cells.omega[cell])
 
@@ -182,7 +184,7 @@ def same_ranges(specs: Sequence[Spec]) -> None:
 
 
 def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
-    """The one sentence that a screen reader hears after each change."""
+    """The one-sentence summary that screen readers announce after each change."""
     fit = current.fit
     by_hand = ", some values held by hand" if selection.by_hand else ""
     failing = cells_missed(fit.fails)
@@ -194,8 +196,8 @@ def status(selection: Selection, current: Step, noise_floor_m_s: float) -> str:
     )
 
 
-def values(effect: Effect, fit: Fit) -> str:
-    """Fitted values ± errors of an effect that is on, with their meaning and unit; empty for one without parameters."""
+def fitted_values(effect: Effect, fit: Fit) -> str:
+    """Fitted values ± errors of an effect switched on, with descriptions and units; empty without parameters."""
     parts = []
     for name, estimate in fit.parameters.items():
         if name.startswith(f"{effect.identifier}."):
@@ -205,12 +207,12 @@ def values(effect: Effect, fit: Fit) -> str:
 
 
 def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) -> list[Slider]:
-    """One slider for each shared parameter of the model shown, over its plausible range and its value."""
+    """One slider for each shared parameter of the model shown, over its plausible range extended to the value."""
     model = current.fit.model
     held = dict(selection.by_hand)
     found = []
     for name, parameter in zip(model.names, model.parameters, strict=True):
-        value = on_slider(held.get(name, current.fit.parameters[name].value))
+        value = slider_value(held.get(name, current.fit.parameters[name].value))
         words, unit = text.described(name, effects.values())
         found.append(
             Slider(
@@ -226,7 +228,7 @@ def sliders(selection: Selection, current: Step, effects: Mapping[str, Effect]) 
 
 
 def parameter_rows(selection: Selection, fitted: Step, effects: Mapping[str, Effect]) -> list[tuple[str, str, str]]:
-    """(what, value ± stderr, unit) of every number; those held by hand have no error, all others stay as ``fitted``."""
+    """(description, value ± stderr, unit) of every parameter; no error for those held by hand, others as ``fitted``."""
     held = dict(selection.by_hand)
     fit = with_sampled_errors(fitted.fit)
     rows = []
@@ -239,7 +241,7 @@ def parameter_rows(selection: Selection, fitted: Step, effects: Mapping[str, Eff
 
 
 def message_figure(sentence: str, theme: Theme) -> Spec:
-    """An empty figure with a sentence: why there is none."""
+    """An empty figure with a sentence that explains why."""
     hidden = {"visible": False}
-    said = note(sentence, 0.0, 1.0, xanchor="left", yanchor="top", font={"size": 15})
-    return {"data": [], "layout": layout(theme, 120, xaxis=hidden, yaxis=hidden, annotations=[said])}
+    words = note(sentence, 0.0, 1.0, xanchor="left", yanchor="top", font={"size": 15})
+    return {"data": [], "layout": layout(theme, 120, xaxis=hidden, yaxis=hidden, annotations=[words])}

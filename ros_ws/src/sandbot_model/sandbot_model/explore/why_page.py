@@ -1,4 +1,4 @@
-"""``/why``: the argument for the verdict on the base model shown; a discovery is run first where there is none yet."""
+"""``/why``: the argument for the verdict on the base model shown; runs the discovery first if there is none yet."""
 
 import json
 from dataclasses import replace
@@ -10,8 +10,8 @@ from flask import Flask, Response
 from sandbot_common.errors import InputError
 from sandbot_model.discovery.choice import Selection, to_query
 from sandbot_model.discovery.discover import Discovery
-from sandbot_model.explore.asked import asked_selection, left_out
 from sandbot_model.explore.job import Job
+from sandbot_model.explore.requested import held_values_note, requested_selection
 from sandbot_model.report.argument import argument_page
 from sandbot_model.report.page import render, source
 from sandbot_model.report.view import Provenance
@@ -44,14 +44,14 @@ class WhyPage:
         self._rendered = lru_cache(maxsize=4)(self._render)
 
     def serve(self, server: Flask) -> None:
-        """Add both to the explorer's own addresses."""
+        """Register both addresses with the explorer's server."""
         server.add_url_rule("/why", "why", self.page)
         server.add_url_rule("/why/progress", "why_progress", self.progress)
 
     def page(self) -> Response:
-        """The argument, or how far the discovery is that it needs."""
+        """The argument, or the progress of the discovery that it needs."""
         try:
-            selection = asked_selection()
+            selection = requested_selection()
             self._job.session.model(selection)
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
@@ -64,10 +64,10 @@ class WhyPage:
         return Response(waiting, mimetype="text/html")
 
     def progress(self) -> Response:
-        """How far it is, as JSON."""
+        """The progress, as JSON."""
         job = self._job
         try:
-            selection = asked_selection()
+            selection = requested_selection()
         except InputError as error:
             return Response(str(error), 400, mimetype="text/plain")
         stage, done, total = job.stage
@@ -79,5 +79,5 @@ class WhyPage:
 
     def _render(self, found: Discovery, asked: Selection) -> str:
         page = argument_page(found, self._provenance, title=self._title, back=f"/{to_query(asked)}")
-        held = [("By hand.", left_out(asked))] if asked.by_hand else []
+        held = [("By hand.", held_values_note(asked))] if asked.by_hand else []
         return render(replace(page, cautions=(*page.cautions, *held)))

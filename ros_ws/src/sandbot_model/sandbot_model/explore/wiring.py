@@ -1,4 +1,4 @@
-"""Which control asks what of the explorer, and which parts of the page its answers fill."""
+"""The explorer's callbacks: their inputs, their outputs, and the functions that answer."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -50,11 +50,11 @@ SHOWN = (
     "status.children",
     "message.children",
 )
-"""What follows from the address: component.property."""
+"""Outputs that follow from the address, as component.property."""
 
 
 class Answers(Protocol):
-    """What the page asks for; each is answered in a thread of the server's, with what ``wire`` says."""
+    """The callbacks of the page; each runs in a thread of the server, with the arguments given in ``wire``."""
 
     def on_address(self, *args: Any, **given: Any) -> Mapping[str, Any]:
         """The address has changed."""
@@ -63,17 +63,17 @@ class Answers(Protocol):
         """A control was used."""
 
     def on_preview_clock(self, *args: Any, **given: Any) -> Mapping[str, Any]:
-        """Fits may have ended."""
+        """A timer tick: prefetched fits may have ended."""
 
     def on_save(self, *args: Any, **given: Any) -> Mapping[str, Any]:
-        """A file is asked for."""
+        """A file is requested."""
 
     def on_suggest(self, *args: Any, **given: Any) -> Mapping[str, Any]:
-        """A discovery is asked for, or how far it is."""
+        """A discovery, or its progress, is requested."""
 
 
 def bare(title: str, on_error: Callable[[Exception], None]) -> Dash:
-    """The application without its parts; nothing in it comes from the network."""
+    """The application without its content; nothing is loaded from the network."""
     return Dash(
         "sandbot_explorer",
         title=title,
@@ -87,7 +87,7 @@ def bare(title: str, on_error: Callable[[Exception], None]) -> Dash:
 
 
 def wire(app: Dash, answers: Answers) -> None:
-    """Tie every control to its answer."""
+    """Register all callbacks."""
     app.callback(
         output=_outputs(*SHOWN),
         inputs={"search": Input("address", "search"), "theme": Input("theme", "data")},
@@ -96,8 +96,8 @@ def wire(app: Dash, answers: Answers) -> None:
             "slider_ids": State({"by_hand": ALL}, "id"),
         },
     )(answers.on_address)
-    # What is shown sets the controls and they set the address, all by set_props: Outputs would be a circle to Dash,
-    # and it would let a control wait until the figures before have come, and then set it back.
+    # Controls set the address and the page shown sets the controls, all by set_props. With Outputs, Dash would see a
+    # circular dependency, delay a control until the previous figures have arrived, and then reset it.
     app.callback(
         inputs={
             "values": {name: Input(name, "value") for name in CONTROLS},
@@ -107,21 +107,21 @@ def wire(app: Dash, answers: Answers) -> None:
                 Input("formula", "n_submit"),
             ],
             "sliders": Input({"by_hand": ALL}, "value"),
-            "_again": Input("again", "data"),
+            "_recheck": Input("recheck", "data"),
         },
         state={
             "slider_ids": State({"by_hand": ALL}, "id"),
             "formula": State("formula", "value"),
             "search": State("address", "search"),
             "shown": State("shown", "data"),
-            "told": State("told", "data"),
+            "reported": State("reported", "data"),
         },
         prevent_initial_call=True,
     )(answers.on_control)
     app.callback(
         output=_outputs("effects.options", "preview-clock.disabled", allow_duplicate=True),
         inputs={"_tick": Input("preview-clock", "n_intervals")},
-        # Not of what is shown: where figures are slow to come, effects of the page before would be written over theirs.
+        # From the address, not from the page shown: with slow figures, effects of an earlier page would overwrite it.
         state={"search": State("address", "search")},
         prevent_initial_call=True,
     )(answers.on_preview_clock)
@@ -137,7 +137,7 @@ def wire(app: Dash, answers: Answers) -> None:
         inputs={
             "_clicks": Input("suggest", "n_clicks"),
             "_tick": Input("suggest-clock", "n_intervals"),
-            # A suggestion for another base model does not stay.
+            # A suggestion for another base model is removed.
             "search": Input("address", "search"),
         },
         state={"asked": State("asked", "data")},
@@ -153,7 +153,7 @@ def _wire_clientside(app: Dash) -> None:
     app.clientside_callback(
         "window.dash_clientside.explore.settle",
         Input("shown", "data"),
-        Input("told", "data"),
+        Input("reported", "data"),
         Input("address", "search"),
         *(State(name, "value") for name in CONTROLS),
         prevent_initial_call=True,

@@ -1,7 +1,7 @@
-"""The argument for a verdict, step by step, each step a figure that could have gone against it.
+"""The argument for a verdict, step by step; each step is a figure that could have contradicted the verdict.
 
-Geometry alone, then the stages of the chain, the maps before and after, the rivals, where they differ, what to measure
-next, and how well the parameters are known. The verdict itself is that of ``discover``; nothing is judged here.
+The order: geometry alone, stages of the chain, residual maps before and after, rival models, where they differ, what to
+measure next, and how well the parameters are known. The verdict is that of ``discover``; nothing is judged here.
 """
 
 import yaml
@@ -10,9 +10,9 @@ from sandbot_model.discovery.discover import Discovery
 from sandbot_model.discovery.next_trials import PENETRATION, NextTrial
 from sandbot_model.physics.gait import ASSUMED
 from sandbot_model.report import (
-    apart,
     captions,
     lock,
+    model_difference,
     profiles,
     residual_map,
     rivals,
@@ -27,13 +27,13 @@ from sandbot_model.report.page import Download, Figure, Page, Section, data_uri
 from sandbot_model.report.view import Provenance, Step
 
 Steps = tuple[Step, ...]
-MOST_REPLICATES = 6
-"""Trials of one condition in the plan written: what takes more is not settled in a day."""
+MAX_REPLICATES = 6
+"""Most replicates per condition in the plan: a question that needs more is not settled in a day."""
 PLAN = "next.yaml"
 
 
 def argument_page(discovery: Discovery, provenance: Provenance, *, title: str, back: str = "") -> Page:
-    """The page that argues a verdict. ``back`` is the address that its link leads to."""
+    """The page that argues for a verdict. ``back`` is the address of its link back."""
     verdict = discovery.verdict
     shown = with_curves(rivals.rivals(discovery))
     opened = min(1, len(shown) - 1)
@@ -48,25 +48,25 @@ def argument_page(discovery: Discovery, provenance: Provenance, *, title: str, b
         steps=tuple((step.label, f"error {text.cm_s(step.fit.rmse_m_s)}") for step in shown),
         opened=opened,
         sections=(
-            *_lock(discovery),
+            *_geometry_lock(discovery),
             *_stages(discovery),
             _maps(shown, discovery),
             _rivals(shown, discovery),
-            *_differ(shown),
+            *_differences(shown),
             _next(shown, discovery),
             _parameters(shown[opened], shown[0]),
         ),
     )
 
 
-def _lock(discovery: Discovery) -> list[Section]:
+def _geometry_lock(discovery: Discovery) -> list[Section]:
     cells = discovery.cells
     if not {"speed", "lift"} <= set(cells.observables):
         return []
     figure = Figure(
-        "lock", (captions.lock(cells),), captions.HOW["lock"], lambda theme: [lock.geometry_lock(cells, theme)]
+        "lock", (captions.lock(cells),), captions.HOW_TO_READ["lock"], lambda theme: [lock.geometry_lock(cells, theme)]
     )
-    return [Section("lock", "Do the legs hold? What geometry says, with nothing fitted", figures=(figure,))]
+    return [Section("lock", "Do the legs hold? A test by geometry, with nothing fitted", figures=(figure,))]
 
 
 def _stages(discovery: Discovery) -> list[Section]:
@@ -74,14 +74,14 @@ def _stages(discovery: Discovery) -> list[Section]:
     if not tested:
         return []
     figure = Figure(
-        "stages", (stages.stages_say(tested),), "", lambda theme: [stages.stage_map(tested, discovery.cells, theme)]
+        "stages", (stages.stages_caption(tested),), "", lambda theme: [stages.stage_map(tested, discovery.cells, theme)]
     )
     heading = "Which stage of the base model fails?"
     return [Section("stages", heading, figures=(figure,), tables=(stages.stage_table(tested),))]
 
 
 def _maps(shown: Steps, discovery: Discovery) -> Section:
-    """Residuals of each observable, the base model's on the left."""
+    """Residual maps of each observable, the base model's on the left."""
 
     def figure(observable: str) -> Figure:
         return Figure(
@@ -90,7 +90,9 @@ def _maps(shown: Steps, discovery: Discovery) -> Section:
         )  # fmt: skip
 
     names = discovery.cells.observables
-    return Section("maps", "Where it fails, before and after", (captions.HOW["residuals"],), tuple(map(figure, names)))
+    return Section(
+        "maps", "Where it fails, before and after", (captions.HOW_TO_READ["residuals"],), tuple(map(figure, names))
+    )
 
 
 def _rivals(shown: Steps, discovery: Discovery) -> Section:
@@ -100,12 +102,12 @@ def _rivals(shown: Steps, discovery: Discovery) -> Section:
         "Points: measured, bars one standard deviation of a trial. Lines: the models, the one chosen above is thicker.",
         lambda theme: [rivals.overlay(shown, n, theme) for n in range(len(shown))],
     )  # fmt: skip
-    tables = (rivals.compared(shown, discovery.fits),)
+    tables = (rivals.comparison_table(shown, discovery.fits),)
     return Section("rivals", "What else could it be?", figures=(figure,), tables=tables)
 
 
-def _differ(shown: Steps) -> list[Section]:
-    """The model chosen above against the one that the verdict names, or against the base model."""
+def _differences(shown: Steps) -> list[Section]:
+    """The model chosen above minus the one that the verdict names; that one itself minus the base model."""
     if len(shown) == 1:
         return []
     named = shown[1]
@@ -113,63 +115,64 @@ def _differ(shown: Steps) -> list[Section]:
     observable = "speed"
     figure = Figure(
         "difference",
-        tuple(apart.difference_says(*pair, observable) for pair in zip(shown, against, strict=True)), "",
+        tuple(model_difference.difference_caption(*pair, observable) for pair in zip(shown, against, strict=True)), "",
         lambda theme: [
-            apart.difference_map(*pair, observable, theme) for pair in zip(shown, against, strict=True)
+            model_difference.difference_map(*pair, observable, theme) for pair in zip(shown, against, strict=True)
         ],
     )  # fmt: skip
-    words = "The model chosen above less the one named; the one named is set against the base model."
-    return [Section("difference", "How far are two of them apart?", (words,), (figure,))]
+    words = "The model chosen above minus the one the verdict names; that one itself minus the base model."
+    return [Section("difference", "How far apart are two of the models?", (words,), (figure,))]
 
 
 def _next(shown: Steps, discovery: Discovery) -> Section:
-    """Where rivals differ most, and the trials that would settle it."""
+    """Where rivals differ most, and the trials that would distinguish them."""
     fits = [step.fit for step in (shown[1:] if len(shown) > 2 else shown)]
     trials = discovery.next_trials
-    figures = (_apart(apart.gaps(fits), trials),) if len(fits) > 1 else ()
+    figures = (_separation(model_difference.gaps(fits), trials),) if len(fits) > 1 else ()
     tables = tuple(table for section in table_sections.next_trials(discovery) for table in section.tables)
     heading, how = "What would settle it?", _how_to_run(trials)
     return Section("next", heading, how, figures, tables, downloads=_plan(discovery))
 
 
-def _apart(gaps: apart.Gaps, trials: tuple[NextTrial, ...]) -> Figure:
+def _separation(gaps: model_difference.Gaps, trials: tuple[NextTrial, ...]) -> Figure:
     return Figure(
-        "apart", (apart.separation_says(gaps, trials),),
-        "At each condition the pair of models and the observable that differ most. The stronger the colour, the more "
-        "a trial tells.",
-        lambda theme: [apart.separation_map(gaps, trials, theme)],
+        "apart", (model_difference.separation_caption(gaps, trials),),
+        "For each condition, the pair of models and the observable that differ most. The stronger the colour, the "
+        "better a trial there distinguishes them.",
+        lambda theme: [model_difference.separation_map(gaps, trials, theme)],
     )  # fmt: skip
 
 
 def _how_to_run(trials: tuple[NextTrial, ...]) -> tuple[str, ...]:
-    if not _walks(trials):
-        return ("No further trial is asked for: none is needed, or none within reach would tell more.",)
-    return (f"The plan below is run by: ros2 run sandbot_bringup campaign {PLAN} --out runs/next",)
+    if not _walking_trials(trials):
+        return ("No further trial is proposed: none is needed, or none within reach would help.",)
+    return (f"Run the plan below with: ros2 run sandbot_bringup campaign {PLAN} --out runs/next",)
 
 
-def _walks(trials: tuple[NextTrial, ...]) -> list[NextTrial]:
+def _walking_trials(trials: tuple[NextTrial, ...]) -> list[NextTrial]:
+    """The proposed measurements in which the robot walks, without penetrometry."""
     return [trial for trial in trials if trial.observable != PENETRATION]
 
 
 def _plan(discovery: Discovery) -> tuple[Download, ...]:
-    if not _walks(discovery.next_trials):
+    if not _walking_trials(discovery.next_trials):
         return (json_download(discovery),)
     content = data_uri(plan(discovery).encode(), "application/yaml")
     return Download(PLAN, f"Plan of these trials ({PLAN})", content), json_download(discovery)
 
 
 def plan(discovery: Discovery) -> str:
-    """A campaign's plan with the next trials that are trials: the first as its grid, the others beside it."""
-    asked = [
+    """A campaign plan (YAML) of the next walking trials: the first as its grid, the others as extra trials."""
+    proposed = [
         {
             "phi": round(trial.phi, 4),
             "omega_rad_s": round(trial.omega_rad_s, 3),
-            "replicates": min(trial.replicates, MOST_REPLICATES),
+            "replicates": min(trial.replicates, MAX_REPLICATES),
             "gait": trial.gait or ASSUMED,
         }
-        for trial in _walks(discovery.next_trials)
+        for trial in _walking_trials(discovery.next_trials)
     ]
-    first, *others = asked
+    first, *others = proposed
     content = {
         "name": "next", "gait": first["gait"], "phi": [first["phi"]], "omega_rad_s": [first["omega_rad_s"]],
         "replicates": first["replicates"], "extra_trials": others,
@@ -178,17 +181,18 @@ def plan(discovery: Discovery) -> str:
 
 
 def _parameters(named: Step, base: Step) -> Section:
-    """Of the model that the verdict names."""
+    """Profiles and correlations for the model that the verdict names."""
     figures = (
         Figure(
-            "profiles", (profiles.curves_say(named),),
-            f"{named.label}. Rise of the deviance as one parameter is held and all others follow. A parabola: the "
-            "standard error says all. A wall on one side, a floor or steps: it does not.",
+            "profiles", (profiles.profiles_caption(named),),
+            f"{named.label}. Rise of the deviance as one parameter is held and all others are refitted. The standard "
+            "error suffices where this profile is a parabola, not where it has a wall on one side, a floor or steps.",
             lambda theme: [profiles.profiles(named, theme)],
         ),
         Figure(
-            "correlations", (profiles.correlations_say(named),), f"{named.label}. Correlations of the errors, at 0.3 "
-            "and above as a number.", lambda theme: [profiles.correlations(named, theme)],
+            "correlations", (profiles.correlations_caption(named),),
+            f"{named.label}. Correlations of the errors; numbers where they are 0.3 and above.",
+            lambda theme: [profiles.correlations(named, theme)],
         ),
     )  # fmt: skip
     tables = table_sections.parameters((base, named) if named is not base else (base,)).tables

@@ -1,11 +1,11 @@
-"""The paper's figures as a section of the report: drawn from its trials, in the order of the atlas."""
+"""The paper's figures, drawn from the trials of the report, as a section in the order of the atlas."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from sandbot_common.errors import InputError
 from sandbot_model.fitting.fit import Fit
-from sandbot_model.report.atlas.gathered import gathered
+from sandbot_model.report.atlas.collect import collect
 from sandbot_model.report.atlas.material import ONE_COLUMN_MM
 from sandbot_model.report.atlas.plates import PLATES, as_svg
 from sandbot_model.report.page import Picture, Section, data_uri
@@ -16,11 +16,11 @@ HEADING = "The figures of Li et al. 2009 from these trials"
 
 
 def sections(trials: Trials, fits: Sequence[Fit], bags: Mapping[str, Path]) -> list[Section]:
-    """Every plate that these data give, and a line on those they don't; no section for a single φ or ω."""
+    """Every plate possible with these data, and a line on those that are not; no section for a single φ or ω."""
     cells = fits[0].cells
     if min(len(cells.level_phi), len(frequencies(cells)[0])) < 2:
         return []
-    material = gathered(trials, fits, bags)
+    material = collect(trials, fits, bags)
     pictures, missing = [], []
     for plate in PLATES:
         try:
@@ -28,7 +28,7 @@ def sections(trials: Trials, fits: Sequence[Fit], bags: Mapping[str, Path]) -> l
         except InputError as error:
             missing.append(f"{plate.number}: {error}")
         else:
-            told, wide = f"Fig. {plate.number} of the paper. {caption}", plate.width_mm > ONE_COLUMN_MM
-            pictures.append(Picture(data_uri(content, "image/svg+xml"), told, wide))
+            caption, wide = f"Fig. {plate.number} of the paper. {caption}", plate.width_mm > ONE_COLUMN_MM
+            pictures.append(Picture(data_uri(content, "image/svg+xml"), caption, wide))
     lines = (f"Not drawn: {'; '.join(missing)}.",) if missing else ()
     return [Section("atlas", HEADING, text=lines, pictures=tuple(pictures))]

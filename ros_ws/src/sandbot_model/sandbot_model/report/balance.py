@@ -14,17 +14,17 @@ from sandbot_model.report.view import Step, bands
 
 DEPTH_POINTS = 90
 HEADROOM = 1.5
-"""Force axes end at this many times the largest force needed, which leaves room for words above the curves."""
+"""Upper end of the force axes over the largest force needed; leaves room for text above the curves."""
 
 
 @dataclass(frozen=True, eq=False)
 class Forces:
-    """Vertical forces on a leg against depth, and where the leg holds, per band."""
+    """Vertical forces on a leg against depth, and the depth at which it holds, for each band."""
 
     depth_m: Floats = field(metadata={"shape": "(depths,)", "unit": "m"})
     given_n: Floats = field(metadata={"shape": "(n_bands, depths)", "unit": "N"})
     needed_n: Floats = field(metadata={"shape": "(n_bands, depths)", "unit": "N"})
-    holds_m: Floats = field(metadata={"shape": "(n_bands,)", "unit": "m", "doc": "NaN where it never does"})
+    holds_m: Floats = field(metadata={"shape": "(n_bands,)", "unit": "m", "doc": "NaN where it never holds"})
 
 
 def forces(fit: Fit, omega_rad_s: float) -> Forces:
@@ -51,10 +51,10 @@ def forces(fit: Fit, omega_rad_s: float) -> Forces:
 def force_balance(
     step: Step, omega_rad_s: float, base: Step | None = None, theme: Theme = LIGHT, columns: int = 4
 ) -> Spec:
-    """Force given and force needed against depth at one leg frequency [rad/s], one panel a φ.
+    """Force given and force needed against depth at one leg frequency [rad/s], one panel per φ.
 
     The leg sinks until the ground first gives what is needed; where that never happens the robot swims. The base
-    model's forces stand behind as ghosts.
+    model's forces are drawn faintly behind.
     """
     rows = bands(step.fit.cells)
     shown = forces(step.fit, omega_rad_s)
@@ -64,7 +64,7 @@ def force_balance(
     spec = panels(rows, theme, across, {"title": "force on a leg (N)", "range": [0, top]}, columns)
     colours = theme.phi_colours(len(step.fit.cells.level_phi))
     for i, band in enumerate(rows):
-        traces = _holds(shown, i, theme)
+        traces = _crossing(shown, i, theme)
         traces = [*_curves(shown, i, f"{band.label}, {model_name(step)}", colours[band.level], theme.ink, 2.5), *traces]
         if ghosts is not None and base is not None:
             name = f"{band.label}, {model_name(base)}"
@@ -85,8 +85,8 @@ def _curves(of: Forces, band: int, name: str, given: str, needed: str, width: fl
     ]  # fmt: skip
 
 
-def _holds(of: Forces, band: int, theme: Theme) -> list[Spec]:
-    """The crossing, if there is one."""
+def _crossing(of: Forces, band: int, theme: Theme) -> list[Spec]:
+    """The depth at which the leg holds, as a dot; nothing where it never does."""
     at = float(of.holds_m[band])
     if not np.isfinite(at):
         return []
@@ -99,7 +99,7 @@ def _holds(of: Forces, band: int, theme: Theme) -> list[Spec]:
 
 
 def _outcome(holds_m: float, band: int, theme: Theme) -> Spec:
-    """What comes of it, in words at the top of the panel."""
+    """The outcome in words, at the top of the panel."""
     key = "" if band == 0 else str(band + 1)
     words = f"d = {CM * holds_m:.2f} cm" if np.isfinite(holds_m) else "never holds: swims"
     return {

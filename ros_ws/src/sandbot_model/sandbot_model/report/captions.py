@@ -1,4 +1,4 @@
-"""Under each figure: how to read it, and what it shows in words and numbers for whoever can't see it."""
+"""Captions: how to read each figure, and a text alternative with what it shows in words and numbers."""
 
 import numpy as np
 
@@ -12,39 +12,40 @@ from sandbot_model.report.mechanics import collapse
 from sandbot_model.report.residual_map import failing_cells
 from sandbot_model.report.view import BAND_SDS, Step, band_name, bands, measured, observable_label, residual_z
 
-HOW = {
+HOW_TO_READ = {
     "speed": "Points: mean over the replicates of a condition, bars one standard deviation of a single trial. Solid: "
     f"the chosen model, shaded ± {BAND_SDS:g} standard errors from its fitted parameters. Dashed grey, where drawn: "
     "the base model.",
-    "residuals": "▲ the robot did more than the model says, ▼ less; the number is the residual in standard errors of "
-    "the mean. Cells without a mark agree with the model; – was not measured, or is not used (a peak that may belong "
-    "to either phase of the clock).",
+    "residuals": "▲ measured above the model, ▼ below; the number is the residual in standard errors of the mean. "
+    "Cells without a mark agree with the model; – was not measured, or is not used (a peak that may belong to either "
+    "phase of the clock).",
     "ladder": "In sample: the model fitted to all trials. Out of sample: each condition predicted by a model fitted "
     "without it. Noise floor: scatter of replicates, which no model can beat.",
     "lock": "A leg of radius R that lifts its axle by Δz advances by s = 2√(Δz(2R − Δz)), whatever the "
     "ground. Points along the curve: the legs hold, and only how deep they sink changes. Points off it: speed is lost "
-    "or won after the legs hold (slip, drag, overlap of stances, coasting). Open grey: the robot swims (no lift beyond "
-    "noise).",
-    "critical": "Left: the frequency ω at which walking ends; the bar spans from the last ω measured that walks to the "
-    "first that swims. Right: the largest mean speed; the model's line is over all ω, its circles over the ω measured.",
+    "or gained after the legs hold (slip, drag, overlap of stances, coasting). Open grey: the robot swims (no lift "
+    "beyond noise).",
+    "critical": "Left: the frequency ω at which walking ends; the bar spans from the last measured ω that walks to the "
+    "first that swims. Right: the largest mean speed, modelled over all ω (line) and over the measured ω (circles).",
     "step": "Step length πv̄/ω over leg radius R. Grey band: s/R from 0.9 to 1, where Li09 saw walking end.",
     "balance": "The leg sinks until the ground first gives what the body needs (dot); where it never does, the robot "
-    "swims. Coloured: force the ground gives. Dashed: weight and the force that brings the body to leg speed. "
+    "swims. Coloured: force the ground gives. Dashed: weight plus the force that brings the body to leg speed. "
     "Thin grey: the base model's.",
 }
 """Figure → how to read it."""
 
 
 def speed(step: Step) -> str:
-    """Where mean speed is largest and where the model misses it most."""
+    """Where mean speed is largest, and where the model's error is largest."""
     cells, seen = step.fit.cells, measured(step.fit.cells, "speed")
     if not np.isfinite(seen).any():
         return "Mean speed was not measured."
     best, worst = int(np.nanargmax(seen)), int(np.nanargmax(np.abs(seen - step.fit.predicted[:, Observable.speed])))
     return (
         f"Mean speed against leg frequency ω, one panel for each of {len(bands(cells))} volume fractions φ. "
-        f"Fastest: {text.cm_s(seen[best])} at {at(cells, best)}. Missed most: {at(cells, worst)}, measured "
-        f"{text.cm_s(seen[worst])}, modelled {text.cm_s(step.fit.predicted[worst, Observable.speed])}."
+        f"Fastest: {text.cm_s(seen[best])} at {condition_label(cells, best)}. Missed most: "
+        f"{condition_label(cells, worst)}, measured {text.cm_s(seen[worst])}, modelled "
+        f"{text.cm_s(step.fit.predicted[worst, Observable.speed])}."
     )
 
 
@@ -52,17 +53,17 @@ def residuals(step: Step, observable: str) -> str:
     """How many cells fail and which is the worst."""
     cells, failing = step.fit.cells, failing_cells(step.fit, observable)
     z = np.where(failing, residual_z(step.fit, observable), np.nan)
-    head = f"Map over φ and ω of standardised residuals of {observable_label(observable)}, {step.label}: "
+    prefix = f"Map over φ and ω of standardised residuals of {observable_label(observable)}, {step.label}: "
     if not np.isfinite(z).any():
-        return f"{head}no cell fails."
+        return f"{prefix}no cell fails."
     worst = int(np.nanargmax(np.abs(z)))
     fail = next(f for f in step.fit.fails if f.observable == observable)
     more = "more" if z[worst] > 0 else "less"
     verb = "fails" if failing.sum() == 1 else "fail"
     return (
-        f"{head}{int(failing.sum())} of {text.counted(len(cells), 'cell')} {verb}. Worst: {at(cells, worst)}, "
-        f"{text.number(CM * abs(fail.residual), 2)} {Observable[observable].readers_unit} {more} than modelled, "
-        f"{text.number(abs(z[worst]))} standard errors."
+        f"{prefix}{int(failing.sum())} of {text.counted(len(cells), 'cell')} {verb}. Worst: "
+        f"{condition_label(cells, worst)}, {text.number(CM * abs(fail.residual), 2)} "
+        f"{Observable[observable].readers_unit} {more} than modelled, {text.number(abs(z[worst]))} standard errors."
     )
 
 
@@ -84,7 +85,7 @@ def critical(step: Step) -> str:
 
 
 def step_ratio(step: Step) -> str:
-    """Between what step lengths the robot walks."""
+    """The range of step lengths measured."""
     cells = step.fit.cells
     ratio = np.pi * measured(cells, "speed") / cells.omega / step.fit.model.robot.leg_radius_m
     if not np.isfinite(ratio).any():
@@ -92,12 +93,13 @@ def step_ratio(step: Step) -> str:
     longest = int(np.nanargmax(ratio))
     return (
         f"Step length over leg radius against leg frequency, measured and modelled, for {len(bands(cells))} volume "
-        f"fractions. Longest: {ratio[longest]:.2f} R at {at(cells, longest)}; shortest {np.nanmin(ratio):.2f} R."
+        f"fractions. Longest: {ratio[longest]:.2f} R at {condition_label(cells, longest)}; shortest "
+        f"{np.nanmin(ratio):.2f} R."
     )
 
 
 def balance(step: Step, omega_rad_s: float) -> str:
-    """At what depth the leg holds, per volume fraction."""
+    """Depth at which the leg holds, per volume fraction."""
     depth = forces(step.fit, omega_rad_s).holds_m
     holds = (
         f"{band.label}: {f'{CM * d:.2f} cm' if np.isfinite(d) else 'never, it swims'}"
@@ -107,7 +109,7 @@ def balance(step: Step, omega_rad_s: float) -> str:
 
 
 def lock(cells: Cells) -> str:
-    """How the step from speed compares with the step from lift."""
+    """Ratio of the step length from speed to that from lift."""
     ratio = compare.geometry_lock(cells)
     finite = ratio[np.isfinite(ratio)]
     if not finite.size:
@@ -116,12 +118,12 @@ def lock(cells: Cells) -> str:
         "Step length against body lift, with the curve that the geometry of a circular leg of radius "
         f"R = {CM * cells.robot.leg_radius_m:.3g} cm dictates. Step length from "
         f"speed over step length from lift: median {np.median(finite):.3f} over {finite.size} walking cells (1: "
-        "nothing lost or won between step and speed)."
+        "nothing lost or gained between step and speed)."
     )
 
 
 def ladder(steps: tuple[Step, ...], noise_floor_m_s: float) -> str:
-    """Every rung's errors."""
+    """Errors of each step of the ladder."""
     rungs = "; ".join(
         f"{step.label} {text.cm_s(step.fit.rmse_m_s)} in sample, {text.cm_s(step.fit.cv_rmse_m_s)} out of sample"
         for step in steps
@@ -129,13 +131,13 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float) -> str:
     return f"Error of mean speed for each step: {rungs}; noise floor {text.cm_s(noise_floor_m_s)}."
 
 
-def at(cells: Cells, cell: int) -> str:
-    """A condition in words, as panels and maps are labelled."""
+def condition_label(cells: Cells, cell: int) -> str:
+    """The φ and ω of a cell, as in the labels of panels and maps."""
     return f"φ {band_name(cells, cell)}, ω {cells.omega[cell]:.3g} rad/s"
 
 
 def worst_frequency(fit: Fit) -> float:
-    """The leg frequency [rad/s] at which a speed is missed by most standard errors; the middle one if none is."""
+    """The leg frequency [rad/s] with the largest standardised residual of speed; the median ω if none is known."""
     z = np.abs(residual_z(fit, "speed"))
     if not np.isfinite(z).any():
         return float(np.median(fit.cells.omega))

@@ -1,4 +1,4 @@
-"""From what was fitted and discovered to the sections of the page: words, tables, and which figure stands where."""
+"""Assembles the page from fits and discovery: text, tables, and the order of the figures."""
 
 from collections.abc import Sequence
 
@@ -28,7 +28,7 @@ def discovery_page(
 ) -> Page:
     """The page of ``discover``: verdict, figures, candidates, next trials.
 
-    ``opening`` stands before the figures, ``atlas`` after them.
+    ``opening`` sections precede the figures, ``atlas`` sections follow them.
     """
     verdict = discovery.verdict
     cells = discovery.cells
@@ -66,7 +66,7 @@ def comparison_page(
     opening: Sequence[Section] = (),
     atlas: Sequence[Section] = (),
 ) -> Page:
-    """The page of ``compare``: the fits as given, in order, without a verdict; the rest as in ``discovery_page``."""
+    """The page of ``compare``: the fits in the given order, without a verdict; otherwise as in ``discovery_page``."""
     cells = steps[0].fit.cells
     floor = noise_floor(cells)["speed"]
     return Page(
@@ -91,7 +91,7 @@ def comparison_page(
 def headline(
     steps: tuple[Step, ...], noise_floor_m_s: float, provenance: Provenance, cells: Cells
 ) -> tuple[tuple[str, str, str], ...]:
-    """The few numbers at the top: (term, value, meaning)."""
+    """The key numbers at the top: (term, value, meaning)."""
     first, last = steps[0].fit, steps[-1].fit
     terms = [(f"Error, {steps[0].label}", text.cm_s(first.rmse_m_s), _out_of_sample(first))]
     if len(steps) > 1:
@@ -108,7 +108,7 @@ def _out_of_sample(fit: Fit) -> str:
 
 
 def _sentence(because: str, steps: tuple[Step, ...], floor: float) -> str:
-    """The verdict's reason, and what it does to the error."""
+    """The reason for the verdict, and the resulting change of the error."""
     reason = because[:1].upper() + because[1:].rstrip(".")
     return f"{reason}. {_comparison_sentence(steps, floor)}"
 

@@ -1,4 +1,4 @@
-"""A fit's speed curves between the measured frequencies, and the steps that the page draws."""
+"""Speed curves of fits over a fine grid of frequencies, and the steps that the page draws."""
 
 from collections.abc import Callable, Sequence
 
@@ -15,7 +15,7 @@ POINTS = 240
 
 
 def steps(fits: Sequence[Fit], curve: Curve | None = None) -> tuple[Step, ...]:
-    """Each fit with its curves over the measured range of ω, a little beyond on both sides."""
+    """Each fit with its curves over slightly more than the measured range of ω."""
     omega = fits[0].cells.omega
     edge = 0.03 * (omega.max() - omega.min()) or 0.1 * float(omega.max())
     grid = np.linspace(max(omega.min() - edge, 0.05), omega.max() + edge, POINTS)

@@ -1,4 +1,4 @@
-"""The section of the page with its data: every cell, as a table and as files inside the page."""
+"""The data section of the page: every cell, as a table and as embedded files."""
 
 import csv
 import io
@@ -16,7 +16,7 @@ from sandbot_model.report.view import Provenance, Step, measured, residual_z, sc
 
 
 def data(steps: tuple[Step, ...], provenance: Provenance, downloads: list[Download]) -> Section:
-    """Trials used and excluded, all cells, and files to save."""
+    """Trials used and excluded, all cells, and files to download."""
     line = f"{provenance.used} trials used, {len(provenance.excluded)} excluded."
     tables = [_cell_table(steps)]
     if provenance.excluded:
@@ -44,7 +44,7 @@ def _cell_table(steps: tuple[Step, ...]) -> Table:
 
 
 def cells_csv(steps: tuple[Step, ...]) -> str:
-    """Cell means, scatter, and every step's prediction and residual, SI units in the names, empty where not known."""
+    """Cell means, scatter, and every step's prediction and residual; SI units in the names, unknown values empty."""
     cells = steps[0].fit.cells
     columns: dict[str, Iterable[Any]] = {"phi": cells.phi, "omega_rad_s": cells.omega, "gait": cells.gait}
     for name in cells.observables:
@@ -66,7 +66,7 @@ def cells_csv(steps: tuple[Step, ...]) -> str:
 
 
 def _tag(step: Step) -> str:
-    """Which model a column is of: its effects, and what of it is held by hand."""
+    """The model of a column: its effects, and the values held by hand."""
     held = ", ".join(f"{name}={value:.7g}" for name, value in step.fit.model.held.items())
     return ("+".join(step.fit.effects) or "base") + (f"; held by hand: {held}" if held else "")
 
@@ -78,6 +78,6 @@ def _csv_cell(value: Any) -> str:
 
 
 def json_download(discovery: Discovery) -> Download:
-    """The discovery as discover --json writes it."""
+    """The discovery in the format of discover --json."""
     content = json.dumps(discovery.to_dict(), indent=1, ensure_ascii=False, allow_nan=False).encode()
     return Download("discovery.json", "Discovery as JSON (SI units)", data_uri(content, "application/json"))

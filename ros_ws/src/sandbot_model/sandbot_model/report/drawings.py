@@ -1,7 +1,7 @@
-"""A small drawing of the leg or the bed for each effect of the catalogue: one function a motif, named as the effect.
+"""A small drawing of the leg or the bed for each effect of the catalogue: one function per effect, with its name.
 
-Forward is to the right. What the effect adds is drawn in the accent; the rest is the same for all. Colours follow the
-reader's system, also where the drawing stands on a page as a picture.
+Forward is to the right. What the effect adds is drawn in the accent colour; the rest is common to all. Colours follow
+the reader's system, even where a page includes the drawing as an image.
 """
 
 import math
@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterable
 
 WIDTH, HEIGHT = 160, 100
 SURFACE = 52
-"""Height of the undisturbed surface, from the top."""
+"""y of the undisturbed surface, from the top."""
 RADIUS = 20
 Surface = Callable[[float], float]
-"""Height of the ground, from the top, at x."""
+"""x → y of the ground surface, from the top."""
 STYLE = """<style>
 svg { --ink: #1b1f24; --soft: #767d86; --accent: #c25a00; --bed: #ece7dc; --grain: #9c8f78; --paper: #fff; }
 @media (prefers-color-scheme: dark) {
@@ -28,7 +28,7 @@ text { font: 12px Helvetica, Arial, sans-serif; fill: var(--ink); }
 
 
 def drawing(effect: str) -> str | None:
-    """The drawing of an effect of the catalogue as an SVG document; None where there is none, as for a user's own."""
+    """The drawing of an effect as an SVG document; None where there is none, as for a user's own effect."""
     motif = MOTIFS.get(effect)
     if motif is None:
         return None
@@ -50,7 +50,7 @@ def _bed(top: Surface = _level, grains: bool = True) -> str:
 
 
 def _scattered(n: int) -> tuple[float, float]:
-    """The n-th of points that are spread evenly and look like chance (additive recurrence)."""
+    """The n-th point of a quasi-random sequence (additive recurrence) over the ground."""
     return WIDTH * (0.7549 * n % 1.0), SURFACE + 6 + (HEIGHT - SURFACE - 8) * (0.5698 * n % 1.0)
 
 
@@ -61,13 +61,13 @@ def _grains(at: Iterable[tuple[float, float]], top: Surface | None = None, kind:
 
 
 def _leg(x: float, y: float, turned: float, kind: str = "ink") -> str:
-    """A c-leg from its hip at (x, y), turned by so many degrees clockwise from straight down."""
+    """A c-leg with its hip at (x, y), turned clockwise from straight down [degrees]."""
     path = f'<path class="{kind}" d="M0 0 A{RADIUS} {RADIUS} 0 0 1 0 {2 * RADIUS}"'
     return f'{path} transform="translate({x} {y}) rotate({turned})"/>'
 
 
 def _body(x: float, y: float, length: float = 84) -> str:
-    """The body, its middle at (x, y)."""
+    """The body, centred at (x, y)."""
     return f'<rect class="body" x="{x - length / 2}" y="{y - 7}" width="{length}" height="14" rx="5"/>'
 
 
@@ -96,7 +96,7 @@ def _crater(x: float, depth: float, width: float) -> Surface:
 
 
 def _standing(x: float = 80, deep: float = 14) -> str:
-    """A leg that holds in the ground, with its body."""
+    """A leg that holds in the ground, with the body."""
     y = SURFACE + deep - 2 * RADIUS
     return _leg(x, y, 0) + _body(x, y) + _hip(x, y)
 
@@ -107,7 +107,7 @@ def _axes(across: str, up: str) -> str:
 
 
 def disturbed_ground() -> str:
-    """A leg lands beside its predecessor's hole, in ground that is loose."""
+    """A leg lands beside the previous footprint, in ground loosened by it."""
     patch = f'<path class="bed" d="M36 {SURFACE + 2} A34 26 0 0 0 104 {SURFACE + 2} Z"/>'
     loose = _grains(((40 + 9.5 * n % 62, SURFACE + 6 + 7.3 * n % 17) for n in range(11)), kind="newgrain")
     ring = f'<path class="new" d="M38 {SURFACE + 3} A32 24 0 0 0 102 {SURFACE + 3}"/>'
@@ -115,7 +115,7 @@ def disturbed_ground() -> str:
 
 
 def exact_vertical_acceleration() -> str:
-    """The body is thrown forward and up; only the part upward has to be carried."""
+    """The body is accelerated forward and up; the leg bears only the vertical component."""
     return (
         _bed() + _standing(60) + _arrow(104, 28, 146, 10, "was") + _arrow(104, 28, 104, 8) + _words(108, 44, "only a_z")
     )
@@ -173,14 +173,14 @@ def inertial_drag() -> str:
 
 
 def crater_refill() -> str:
-    """A leg lands in the hole of the one before, which grains run back into."""
+    """A leg lands in the hole of the previous one, into which grains flow back."""
     hole = _crater(80, 24, 16)
     falling = _grains([(64, 56), (69, 63), (92, 63), (97, 56), (74, 70), (87, 70)], kind="newgrain")
     return _bed(hole) + _leg(80, 30, 0) + _hip(80, 30) + falling + _arrow(50, 44, 64, 50) + _arrow(110, 44, 96, 50)
 
 
 def phi_dependent_response() -> str:
-    """Loose and dense ground take the leg up in different times."""
+    """Loose and dense ground respond to the leg within different times."""
     halves = f'<path class="ink" d="M80 {SURFACE} V{HEIGHT}"/>'
     dense = _grains(((84 + 11.3 * n % 72, SURFACE + 6 + 7.7 * n % 38) for n in range(60)), kind="grain")
     clocks = "".join(
@@ -215,7 +215,7 @@ def leg_slip() -> str:
 
 
 def resistive_force_theory() -> str:
-    """Stress on an element of the leg depends on how it is tilted and where it goes."""
+    """Stress on an element of the leg depends on its tilt and its direction of motion."""
     elements = ""
     for x, y, tilt, to in ((46, 66, 0, (46, 46)), (84, 70, 35, (70, 48)), (122, 74, 70, (100, 62))):
         elements += f'<path class="ink" d="M-11 0 H11" transform="translate({x} {y}) rotate({tilt})"/>' + _arrow(
@@ -225,7 +225,7 @@ def resistive_force_theory() -> str:
 
 
 def dilation() -> str:
-    """Disturbed, dense ground widens and loose ground shrinks."""
+    """When disturbed, dense ground dilates and loose ground contracts."""
     out = "".join(
         _arrow(44 + 8 * dx, 72 + 8 * dy, 44 + 21 * dx, 72 + 16 * dy) for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1))
     )
@@ -263,10 +263,10 @@ def bed_slope() -> str:
 
 
 def motor_saturation() -> str:
-    """The legs turn slower than they are told."""
-    told = [(28 + 110 * t, 84 - 62 * t) for t in (i / 20 for i in range(21))]
+    """The legs turn slower than commanded."""
+    commanded = [(28 + 110 * t, 84 - 62 * t) for t in (i / 20 for i in range(21))]
     turned = [(28 + 110 * t, 84 - 62 * t / math.sqrt(1 + (1.6 * t) ** 2)) for t in (i / 20 for i in range(21))]
-    return _axes("told", "ω") + _curve(told, "was") + _curve(turned, "new")
+    return _axes("set ω", "ω") + _curve(commanded, "was") + _curve(turned, "new")
 
 
 def phi_nonuniformity() -> str:
@@ -304,7 +304,7 @@ def carried_momentum() -> str:
 
 
 def unequal_leg_load() -> str:
-    """The lone leg of a tripod carries more and goes under first."""
+    """The lone leg of a tripod carries more and sinks first."""
     y = SURFACE - 26
     legs = _leg(38, y, 0) + _leg(82, y, 0, "new thick") + _leg(126, y, 0)
     return _bed() + legs + _body(82, y, 120) + _hip(38, y) + _hip(82, y) + _hip(126, y) + _arrow(82, 72, 82, 94)

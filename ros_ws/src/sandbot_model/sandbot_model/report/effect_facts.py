@@ -1,4 +1,4 @@
-"""What is known of an effect, in words: what it is, its parameters' range, and in which observables it would show."""
+"""Facts about an effect as text: a description, its parameters' ranges, and the observables in which it would show."""
 
 import inspect
 import sys
@@ -11,12 +11,12 @@ from sandbot_model.physics.observables import Observable
 from sandbot_model.physics.variants import Variant
 
 DESIGN = f"{TRIALS} trials in each of {len(PHI)} x {len(OMEGA_RAD_S)} conditions"
-ABSORBED = "k(φ), Δt and the swimming speed of the simple model follow it"
+ABSORBED = "k(φ), Δt and the swimming speed of the simple model absorb it"
 
 
 def words(effect: Effect) -> str:
-    """An effect in plain words: what its file (a user's: its class) says of it, or the formula it was given as; of
-    another convention what its family is."""
+    """An effect in plain words: the docstring of its module (of its class for a user's effect), or the formula that
+    defines it. A variant under another convention is described by its family."""
     if isinstance(effect, Variant):
         return words(effect.family)
     cls = type(effect)
@@ -28,24 +28,24 @@ def words(effect: Effect) -> str:
 
 
 def range_of(parameter: Parameter) -> str:
-    """A parameter's name, plausible range, usual value, and what it is."""
-    return f"{parameter.name} {span_of(parameter)}"
+    """A parameter's name, plausible range, usual value and description."""
+    return f"{parameter.name} {range_text(parameter)}"
 
 
-def span_of(parameter: Parameter) -> str:
-    """The same without its name."""
+def range_text(parameter: Parameter) -> str:
+    """A parameter's plausible range, usual value and description, without its name."""
     unit = "" if parameter.unit == "1" else f" {parameter.unit}"
     return f"{parameter.low:g} to {parameter.high:g}{unit}, usually {parameter.start:g}: {parameter.doc}"
 
 
 def shown_in(found: Fingerprint) -> list[Observable]:
-    """The observables in which an effect would show, the most telling first."""
+    """The observables in which an effect would show, most sensitive first."""
     most = sorted(Observable, key=lambda observable: -abs(found.largest(observable)[0]))
     return [observable for observable in most if abs(found.largest(observable)[0]) >= SEEN]
 
 
 def showing(found: Fingerprint, observable: Observable) -> str:
-    """How much and where it shows most."""
+    """Size and condition of the effect's largest deviation in an observable."""
     errors, phi, omega = found.largest(observable)
     where = f"{abs(errors):.0f} standard errors {'above' if errors > 0 else 'below'} it"
     return f"{observable.label}: {where} at φ {phi:g}, ω {omega:g} rad/s"

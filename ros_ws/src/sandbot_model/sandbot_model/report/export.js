@@ -10,8 +10,8 @@ window.sandbotExport = (() => {
   };
   const axesOf = (layout, letter) => Object.entries(layout).filter(([key]) => key.startsWith(`${letter}axis`));
 
-  // Title of an axis that a trace names, such as x2. An inner panel has none where the outer ones speak for it; where
-  // those don't agree, none of them is its own.
+  // Title of an axis that a trace names, such as x2. Inner panels have none and take that of the outer panels, if all of
+  // these are the same.
   function titleOf(layout, name) {
     const [letter, number] = [name[0], name.slice(1)];
     const own = layout[`${letter}axis${number}`]?.title?.text;
@@ -19,7 +19,7 @@ window.sandbotExport = (() => {
     return own || (all.size === 1 ? [...all][0] : letter);
   }
 
-  // A panel without a title is told by what it shows upwards, the only one of a figure by nothing.
+  // A panel without a title is named by its y axis; a figure's only panel has no name.
   function panelOf(layout, x, y) {
     const title = layout.meta?.panels?.[Number(x.slice(1) || 1) - 1];
     return title ?? (axesOf(layout, "y").length > 1 ? titleOf(layout, y) : "");
@@ -42,15 +42,15 @@ window.sandbotExport = (() => {
   }
 
   function rowsOf(trace, layout) {
-    if (trace.mode === "text") return []; // what the map says in words stands in it as numbers
+    if (trace.mode === "text") return []; // labels of a map repeat its numbers
     const [x, y] = [trace.xaxis ?? "x", trace.yaxis ?? "y"];
     const across = titleOf(layout, x);
     if (trace.type === "heatmap") return cellsOf(trace, across);
     return pointsOf(trace, panelOf(layout, x, y), across, titleOf(layout, y));
   }
 
-  // One row a point, or a cell of a map: its panel's axes name its numbers and their units. A map is its panel, a row of
-  // it a series.
+  // One row per point or map cell, with the axis titles, including units, as names. A map counts as a panel, and each of
+  // its rows as a series.
   function csv(plot) {
     const rows = [["panel", "series", "x name", "x", "y name", "y", "error"]];
     for (const trace of plot.data) rows.push(...rowsOf(trace, plot.layout));

@@ -1,4 +1,4 @@
-"""The sections of the page that hold its figures: which figure stands where, with its caption and its table."""
+"""The figure sections of the page, in order, with their captions and tables."""
 
 from sandbot_model.data.conditions import Cells, noise_floor
 from sandbot_model.fitting.goodness import cells_missed
@@ -10,7 +10,7 @@ from sandbot_record.trials.table import Trials
 
 
 def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
-    """Every figure that these observables give, in reading order."""
+    """Every figure possible with the observables measured, in reading order."""
     cells = steps[0].fit.cells
     omega = captions.worst_frequency(steps[0].fit)
     sections = [
@@ -18,7 +18,7 @@ def figure_sections(steps: tuple[Step, ...], floor: float) -> list[Section]:
         Section(
             "residuals",
             "Where the model fails",
-            text=(captions.HOW["residuals"],),
+            text=(captions.HOW_TO_READ["residuals"],),
             figures=tuple(_residual_figure(steps, name) for name in cells.observables),
         ),
         Section(
@@ -43,7 +43,7 @@ def _speed_figure(steps: tuple[Step, ...]) -> Figure:
     return Figure(
         name="speed",
         alt=tuple(captions.speed(step) for step in steps),
-        caption=captions.HOW["speed"],
+        caption=captions.HOW_TO_READ["speed"],
         draw=lambda theme: [figures.speed(step, steps[0], theme) for step in steps],
     )
 
@@ -58,7 +58,7 @@ def _residual_figure(steps: tuple[Step, ...], observable: str) -> Figure:
 
 
 def run_order_section(trials: Trials, steps: tuple[Step, ...]) -> list[Section]:
-    """Residuals in the order in which the trials were run, where that is known."""
+    """Residuals in run order; no section where too few trials have a known place."""
     if not run_order.drawable(trials, steps[-1].fit):
         return []
     figure = Figure(
@@ -74,13 +74,13 @@ def _ladder_figure(steps: tuple[Step, ...], floor: float) -> Figure:
     return Figure(
         name="ladder",
         alt=(captions.ladder(steps, floor),),
-        caption=captions.HOW["ladder"],
+        caption=captions.HOW_TO_READ["ladder"],
         draw=lambda theme: [figures.ladder(steps, floor, i, theme) for i in range(len(steps))],
     )
 
 
 def _errors(steps: tuple[Step, ...]) -> Table:
-    """Error per observable, in sample and out of it, for each step and for the replicates alone."""
+    """Error per observable, in and out of sample, for each step, with the noise floor of the replicates."""
     cells = steps[0].fit.cells
     floor = noise_floor(cells)
     head = [
@@ -99,8 +99,8 @@ def _errors(steps: tuple[Step, ...]) -> Table:
         rows.append((step.label, *errors, text.probability(step.fit.lack_of_fit_p), f"{failing} of {len(cells)}"))
     rows.append(("noise floor", *(text.centi(floor[name]) for name in cells.observables), "", ""))
     caption = (
-        "Error in sample / out of sample, per observable. Lack of fit: how often replicates alone would miss the model "
-        "by as much."
+        "Error in sample / out of sample, per observable. Lack of fit: how often scatter of the replicates alone would "
+        "give a misfit as large."
     )
     return Table(caption, tuple(head), rows, (True, *(False for _ in head[1:])))
 
@@ -109,7 +109,7 @@ def _lock_figure(cells: Cells) -> Figure:
     return Figure(
         name="lock",
         alt=(captions.lock(cells),),
-        caption=captions.HOW["lock"],
+        caption=captions.HOW_TO_READ["lock"],
         draw=lambda theme: [lock.geometry_lock(cells, theme)],
     )
 
@@ -118,7 +118,7 @@ def _collapse_figure(steps: tuple[Step, ...]) -> Figure:
     return Figure(
         name="collapse",
         alt=tuple(captions.critical(step) for step in steps),
-        caption=captions.HOW["critical"],
+        caption=captions.HOW_TO_READ["critical"],
         draw=lambda theme: [mechanics.critical(step, theme) for step in steps],
     )
 
@@ -127,7 +127,7 @@ def _step_figure(steps: tuple[Step, ...]) -> Figure:
     return Figure(
         name="step",
         alt=tuple(captions.step_ratio(step) for step in steps),
-        caption=captions.HOW["step"],
+        caption=captions.HOW_TO_READ["step"],
         draw=lambda theme: [mechanics.step_ratio(step, theme) for step in steps],
     )
 
@@ -136,6 +136,6 @@ def _balance_figure(steps: tuple[Step, ...], omega_rad_s: float) -> Figure:
     return Figure(
         name="balance",
         alt=tuple(captions.balance(step, omega_rad_s) for step in steps),
-        caption=captions.HOW["balance"],
+        caption=captions.HOW_TO_READ["balance"],
         draw=lambda theme: [balance.force_balance(step, omega_rad_s, steps[0], theme) for step in steps],
     )

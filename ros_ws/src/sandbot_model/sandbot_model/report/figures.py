@@ -1,8 +1,8 @@
 """The figures of report and explorer, as Plotly specs.
 
 Each is a function of plain data (view.py) and a theme; none computes physics beyond the geometry lock, and none reads
-a file. Axes carry the units a person reads (cm, cm/s, rad/s). A point's ``customdata`` ends with the index of its cell,
-so that a page knows what was clicked.
+a file. Axes are in readers' units (cm, cm/s, rad/s). A point's ``customdata`` ends with the index of its cell, by which
+the explorer identifies a click.
 """
 
 import math
@@ -26,17 +26,17 @@ from sandbot_model.report.view import (
 
 NARROW = 2
 LEGEND_PX, TITLE_PX = 48, 18
-"""Panels in a row of a figure that stands beside another one, the room its legend takes beyond a line, and that of a
-title above a panel."""
+"""Panels in a row of a figure shown side by side with another, the height of its legend beyond one line, and the
+height of a panel title."""
 DIGITS = 6
-"""Significant digits of the largest number drawn: more than a screen shows, and half the bytes of them all."""
+"""Significant digits kept, relative to the largest number: more than a screen resolves, at half the bytes."""
 
 
 def speed(
     step: Step, base: Step | None = None, theme: Theme = LIGHT, *, columns: int = 4, with_band: bool = True
 ) -> Spec:
-    """Mean speed against ω, one panel a φ: replicate means ± s.d., the model with its uncertainty, and the base model
-    as a ghost (Li09 Fig. 2a).
+    """Mean speed against ω, one panel per φ (Li09 Fig. 2a): replicate means ± s.d., the model with its uncertainty, and
+    the base model, faint, for comparison.
     """
     cells = step.fit.cells
     rows = bands(cells)
@@ -55,7 +55,7 @@ def speed(
 
 
 def speed_panels(steps: Sequence[Step], theme: Theme, columns: int = 4) -> Spec:
-    """Empty panels, one a φ, for the speeds that were measured and those of all these models."""
+    """Empty panels, one per φ, with axes that span the measured and all modelled speeds."""
     cells = steps[0].fit.cells
     top = 1.12 * CM * max(finite_max(measured(cells, "speed")), *(finite_max(step.speed_m_s) for step in steps))
     across = {"title": "ω (rad/s)", "range": _range(steps[0].omega_rad_s, cells.omega)}
@@ -63,7 +63,7 @@ def speed_panels(steps: Sequence[Step], theme: Theme, columns: int = 4) -> Spec:
 
 
 def panels(rows: Sequence[Band], theme: Theme, x: Spec, y: Spec, columns: int = 4) -> Spec:
-    """An empty figure with one panel a band, titled by its φ; titles stand on the outer axes only."""
+    """An empty figure with one panel per band, titled by its φ; only outer axes have titles."""
     columns = _columns(len(rows), columns)
     spec = grid_of_panels([f"<b>{band.label}</b>" for band in rows], theme, columns)
     if columns <= NARROW:
@@ -81,12 +81,12 @@ def panels(rows: Sequence[Band], theme: Theme, x: Spec, y: Spec, columns: int = 
 
 
 def grid_of_panels(titles: Sequence[str], theme: Theme, columns: int, height: int = 190) -> Spec:
-    """An empty figure with a panel ``height`` px high below each title; its axes have places and nothing else."""
+    """An empty figure with a panel of ``height`` px below each title; its axes have only a position."""
     lines = math.ceil(len(titles) / columns)
-    # Titles are drawn as notes, which belong to no axis: what is saved as CSV finds those of its panels in ``meta``.
+    # Titles are annotations, which belong to no axis: the CSV export finds the panels' titles in ``meta``.
     meta = {"panels": list(titles)}
     spec: Spec = {"data": [], "layout": layout(theme, 110 + TITLE_PX + height * lines, annotations=[], meta=meta)}
-    # Plotly keeps a legend of any number of lines above the paper, so titles have their room on it.
+    # Plotly places the legend above the paper however many lines it has; titles need their own space on the paper.
     top = 1 - TITLE_PX / (TITLE_PX + height * lines)
     for i, title in enumerate(titles):
         key, (row, column) = _key(i), divmod(i, columns)
@@ -100,17 +100,17 @@ def grid_of_panels(titles: Sequence[str], theme: Theme, columns: int, height: in
 
 
 def in_panel(i: int, traces: Sequence[Spec]) -> list[Spec]:
-    """Traces put on the axes of panel ``i``."""
+    """The traces, assigned to the axes of panel ``i``."""
     return [trace | {"xaxis": f"x{_key(i)}", "yaxis": f"y{_key(i)}"} for trace in traces]
 
 
 def legend_entry(name: str, **looks: Any) -> Spec:
-    """A line of the legend that belongs to no panel."""
+    """A legend entry that belongs to no panel."""
     return {"type": "scatter", "name": name, "x": [None], "y": [None], "hoverinfo": "skip", "showlegend": True, **looks}
 
 
 def _speed_legend(step: Step, base: Step | None, theme: Theme, with_band: bool) -> list[Spec]:
-    """Entries in ink: the colours of the panels mean φ, not what kind of mark it is."""
+    """Entries in ink, since colours encode φ."""
     entries = [
         legend_entry("measured, mean ± s.d. of a trial", mode="markers", marker={"color": theme.ink, "size": 8}),
         legend_entry(model_name(step), mode="lines", line={"color": theme.ink, "width": 2.5}),
@@ -126,14 +126,14 @@ def _speed_legend(step: Step, base: Step | None, theme: Theme, with_band: bool) 
 
 def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme: Theme = LIGHT) -> Spec:
     """Error of mean speed as effects are added: in sample, out of sample, and the noise floor no model can beat."""
-    inside = [CM * step.fit.rmse_m_s for step in steps]
-    outside = [CM * step.fit.cv_rmse_m_s for step in steps]
+    in_sample = [CM * step.fit.rmse_m_s for step in steps]
+    out_of_sample = [CM * step.fit.cv_rmse_m_s for step in steps]
     floor = CM * noise_floor_m_s
     places = list(range(len(steps)))
     last = places[-1]
     traces = [
-        _rung("out of sample", places, outside, theme.accent, "circle", 11),
-        _rung("in sample", places, inside, theme.faint, "circle-open", 9),
+        _rung("out of sample", places, out_of_sample, theme.accent, "circle", 11),
+        _rung("in sample", places, in_sample, theme.faint, "circle-open", 9),
     ]
     if math.isfinite(floor):
         traces.append(
@@ -143,7 +143,7 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme:
                 "line": {"color": theme.ink, "width": 1.5, "dash": "dot"},
             }
         )  # fmt: skip
-    shown = [out if math.isfinite(out) else inn for out, inn in zip(outside, inside, strict=True)]
+    shown = [out if math.isfinite(out) else inn for out, inn in zip(out_of_sample, in_sample, strict=True)]
     labels = [
         {"x": x, "y": y, "text": f"<b>{y:.2f}</b>", "showarrow": False, "yshift": 16}
         for x, y in zip(places, shown, strict=True)
@@ -153,7 +153,7 @@ def ladder(steps: tuple[Step, ...], noise_floor_m_s: float, current: int, theme:
         "type": "rect", "xref": "x", "yref": "paper", "x0": current - 0.4, "x1": current + 0.4, "y0": 0, "y1": 1,
         "fillcolor": theme.empty, "line": {"width": 0}, "layer": "below",
     }  # fmt: skip
-    top = 1.2 * finite_max(np.array([*inside, *outside, floor]))
+    top = 1.2 * finite_max(np.array([*in_sample, *out_of_sample, floor]))
     ticks = {"tickvals": places, "ticktext": [_wrapped(step.label) for step in steps], "range": [-0.5, last + 0.5]}
     return {
         "data": traces,
@@ -174,7 +174,7 @@ def model_name(step: Step) -> str:
 
 
 def as_json(values: Floats) -> list[Any]:
-    """As a list for JSON, to ``DIGITS`` digits of the largest: NaN becomes None, which Plotly leaves out."""
+    """As a list for JSON, rounded to ``DIGITS`` digits of the largest value; NaN becomes None, a gap in Plotly."""
     largest = finite_max(np.abs(values))
     rounded = np.round(values, DIGITS - math.ceil(math.log10(largest)) if largest > 0 else 0)
     return np.where(np.isfinite(values), rounded, None).tolist()  # type: ignore[call-overload, no-any-return]
@@ -193,7 +193,7 @@ def line(step: Step, band: int, look: Spec) -> Spec:
 
 
 def _band(step: Step, band: int, colour: str) -> Spec:
-    """The area between the low and the high curve, as one closed outline."""
+    """The area between the lower and the upper curve, as one closed polygon."""
     area = step.band
     omega = np.concatenate([area.omega_rad_s, area.omega_rad_s[::-1]])
     edge = np.concatenate([area.low_m_s[band], area.high_m_s[band][::-1]])
@@ -206,14 +206,14 @@ def _band(step: Step, band: int, colour: str) -> Spec:
 
 
 def _faded(colour: str, opacity: float = 0.22) -> str:
-    """A colour ``#rrggbb`` or ``rgb(r, g, b)`` that lets what is below shine through."""
+    """A translucent version of a colour ``#rrggbb`` or ``rgb(r, g, b)``."""
     if colour.startswith("#"):
         colour = f"rgb({', '.join(str(int(colour[i : i + 2], 16)) for i in (1, 3, 5))})"
     return f"{colour.replace('rgb(', 'rgba(').removesuffix(')')}, {opacity:g})"
 
 
 def _key(panel: int) -> str:
-    """How Plotly counts axes: x, x2, x3."""
+    """Suffix of a panel's axes as Plotly numbers them: x, x2, x3."""
     return "" if panel == 0 else str(panel + 1)
 
 
@@ -239,12 +239,12 @@ def _rung(name: str, x: list[int], y: list[float], colour: str, symbol: str, siz
 
 
 def _columns(panels: int, most: int) -> int:
-    """As many columns as fill the rows evenly: 5 panels in 3 + 2, 7 in 4 + 3."""
+    """Number of columns that fills the rows most evenly: 5 panels as 3 + 2, 7 as 4 + 3."""
     return math.ceil(panels / math.ceil(panels / most))
 
 
 def _panel(row: int, column: int, rows: int, columns: int) -> tuple[list[float], list[float]]:
-    """x and y domain of one panel, row 0 on top; room for a panel title above each."""
+    """x and y domain of one panel, row 0 on top; leaves space for a panel title above each."""
     gap_x, gap_y = 0.03, 0.28 / rows
     width = (1 - gap_x * (columns - 1)) / columns
     height = (1 - gap_y * (rows - 1)) / rows
@@ -264,11 +264,11 @@ def _range(*arrays: Floats) -> list[float]:
 
 
 def finite_max(values: Floats) -> float:
-    """The largest of the values that are known, 0 where none is."""
+    """The largest finite value, 0 without any."""
     finite = values[np.isfinite(values)]
     return float(finite.max()) if finite.size else 0.0
 
 
 def bars(sizes: Floats, colour: str) -> Spec:
-    """Error bars of these lengths."""
+    """Error bars with these half lengths."""
     return {"type": "data", "array": as_json(sizes), "color": colour, "thickness": 1.5, "width": 3, "visible": True}

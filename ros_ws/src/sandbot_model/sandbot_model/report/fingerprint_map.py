@@ -9,11 +9,11 @@ from sandbot_model.report.theme import DARK, LIGHT, Theme
 CELL, GAP, LEFT, TOP = 14, 18, 38, 18
 COLOUR_END = 8.0
 ALPHA = 0.15
-"""Weakest colour of what is above no noise at all."""
+"""Opacity of the weakest deviation drawn."""
 
 
 def fingerprint_map(found: Fingerprint) -> str:
-    """An SVG document: four maps with φ upwards and ω to the right; blue below and orange above the base model."""
+    """An SVG document of four maps, φ upwards and ω to the right; blue: below the base model, orange: above."""
     wide, high = CELL * len(OMEGA_RAD_S), CELL * len(PHI)
     maps = "".join(
         f'<g transform="translate({LEFT + i * (wide + GAP)} {TOP})">'
@@ -33,7 +33,7 @@ def fingerprint_map(found: Fingerprint) -> str:
 
 
 def _cells(missed: np.ndarray) -> str:
-    """One map; a cell in which the effect would show is framed."""
+    """One map; cells in which the effect would show are framed."""
     squares = []
     for (row, column), value in np.ndenumerate(missed):
         place = f'x="{CELL * column}" y="{CELL * (len(PHI) - 1 - row)}" width="{CELL - 1}" height="{CELL - 1}"'

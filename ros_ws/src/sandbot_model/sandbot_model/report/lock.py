@@ -11,10 +11,10 @@ from sandbot_model.report.view import bands, measured, scatter, walks
 
 
 def geometry_lock(cells: Cells, theme: Theme = LIGHT) -> Spec:
-    """Step length from speed, πv̄/ω, against body lift; on the curve the geometry alone explains the speed."""
+    """Step length from speed, πv̄/ω, against body lift; for points on the curve, geometry alone explains the speed."""
     step_length, step_scatter = (CM * np.pi * f(cells, "speed") / cells.omega for f in (measured, scatter))
     lift, lift_scatter = (CM * f(cells, "lift") for f in (measured, scatter))
-    # s rises as √Δz, upright at the start: squares of even steps draw it smooth there.
+    # s grows as √Δz with infinite slope at 0; a quadratic grid draws it smoothly there.
     grid = max(finite_max(lift) / CM * 1.15, 1e-3) * np.linspace(0.0, 1.0, 121) ** 2
     locked = step_from_lift(grid, cells.robot.leg_radius_m)
     data: list[Spec] = [

@@ -1,4 +1,4 @@
-"""Words on the cells of a map, black or white: whichever stands out from the cell's own colour."""
+"""Text labels on the cells of a map, black or white, whichever contrasts more with the cell's colour."""
 
 import math
 from collections.abc import Sequence
@@ -11,25 +11,25 @@ Rgb = tuple[float, float, float]
 BLACK, WHITE = "#000000", "#ffffff"
 
 
-def words_on(heat: Spec, text: Sequence[Sequence[str]], theme: Theme, size: int = 12) -> Spec:
-    """A trace with the text of each cell of a heatmap, to be drawn with it; clicks pass through to the map."""
+def cell_labels(heat: Spec, text: Sequence[Sequence[str]], theme: Theme, size: int = 12) -> Spec:
+    """A trace with a text label on each cell of a heatmap; clicks pass through to the map below."""
     cells = [
-        (x, y, said, ink(value, heat, theme))
+        (x, y, label, ink(value, heat, theme))
         for y, row, values in zip(heat["y"], text, heat["z"], strict=True)
-        for x, said, value in zip(heat["x"], row, values, strict=True)
-        if said
+        for x, label, value in zip(heat["x"], row, values, strict=True)
+        if label
     ]
-    xs, ys, said, inks = ([list(column) for column in zip(*cells, strict=True)] or [[]] * 4)[:4]
+    xs, ys, labels, inks = ([list(column) for column in zip(*cells, strict=True)] or [[]] * 4)[:4]
     return {
-        "type": "scatter", "mode": "text", "x": xs, "y": ys, "text": said, "textfont": {"size": size, "color": inks},
+        "type": "scatter", "mode": "text", "x": xs, "y": ys, "text": labels, "textfont": {"size": size, "color": inks},
         "hoverinfo": "skip", "showlegend": False, "name": "",
     }  # fmt: skip
 
 
 def ink(value: float | None, heat: Spec, theme: Theme) -> str:
-    """Black or white, for a cell of this value; an empty one has the colour of the ground."""
+    """Black or white for a cell of this value; a cell without value has the background colour."""
     colour = theme.empty if value is None else colour_at(value, heat)
-    return max((BLACK, WHITE), key=lambda one: contrast(one, colour))
+    return max((BLACK, WHITE), key=lambda ink_colour: contrast(ink_colour, colour))
 
 
 def colour_at(value: float, heat: Spec) -> str:
@@ -43,9 +43,9 @@ def colour_at(value: float, heat: Spec) -> str:
     raise ValueError(f"{heat['colorscale']!r} does not end at 1")
 
 
-def contrast(one: str, other: str) -> float:
-    """Contrast of two colours, 1 to 21 (WCAG 2.2, relative luminance)."""
-    light, dark = sorted((_luminance(one), _luminance(other)), reverse=True)
+def contrast(first: str, second: str) -> float:
+    """Contrast ratio of two colours, 1 to 21 (WCAG 2.2, relative luminance)."""
+    light, dark = sorted((_luminance(first), _luminance(second)), reverse=True)
     return (light + 0.05) / (dark + 0.05)
 
 

@@ -19,7 +19,7 @@ FINE_POINTS = 24
 
 @dataclass(frozen=True)
 class Collapse:
-    """Where walking ends, per band; (n_bands,) each."""
+    """The end of walking in each band; all (n_bands,)."""
 
     last_walking_rad_s: Floats = field(metadata={"doc": "largest measured ω at which the robot still walks; NaN: none"})
     first_swimming_rad_s: Floats = field(metadata={"doc": "smallest measured ω above it at which it swims; NaN: none"})
@@ -27,7 +27,7 @@ class Collapse:
 
 
 def collapse(cells: Cells) -> Collapse:
-    """The interval of ω in which walking collapses, and the best speed, of each band."""
+    """The interval of ω in which walking collapses, and the largest mean speed, for each band."""
     walking = walks(cells)
     speed = measured(cells, "speed")
     rows = []
@@ -128,7 +128,7 @@ def step_ratio(step: Step, theme: Theme = LIGHT) -> Spec:
 def modelled_collapse(fit: Fit) -> tuple[Floats, Floats, Floats]:
     """φ, ω_c [rad/s] and largest mean speed [m/s] of the model, between the outermost levels; (n,) each.
 
-    ω_c is NaN where the model never walks, or walks beyond every ω looked at.
+    ω_c is NaN where the model never walks, or still walks at the largest ω searched.
     """
     largest = float(fit.cells.omega.max())
     phi = np.linspace(fit.level_phi[0], fit.level_phi[-1], PHI_POINTS if len(fit.level_phi) > 1 else 1)
@@ -137,9 +137,9 @@ def modelled_collapse(fit: Fit) -> tuple[Floats, Floats, Floats]:
     last = np.where(found.walking.any(axis=1), OMEGA_POINTS - 1 - np.argmax(found.walking[:, ::-1], axis=1), -1)
     ends = (last >= 0) & (last < OMEGA_POINTS - 1)
     step = omega[1] - omega[0]
-    near = omega[np.clip(last, 0, None)][:, None] + step * np.linspace(0, 1, FINE_POINTS)
-    closer = fit.predict(phi[:, None], near)
-    omega_c = np.where(ends, np.max(np.where(closer.walking, near, 0.0), axis=1), np.nan)
-    inside = np.where(omega <= largest, found.speed_m_s, 0.0).max(axis=1)
-    beside = np.where(near <= largest, closer.speed_m_s, 0.0).max(axis=1)
-    return phi, omega_c, np.maximum(inside, beside)
+    fine = omega[np.clip(last, 0, None)][:, None] + step * np.linspace(0, 1, FINE_POINTS)
+    refined = fit.predict(phi[:, None], fine)
+    omega_c = np.where(ends, np.max(np.where(refined.walking, fine, 0.0), axis=1), np.nan)
+    peak_on_grid = np.where(omega <= largest, found.speed_m_s, 0.0).max(axis=1)
+    peak_near_end = np.where(fine <= largest, refined.speed_m_s, 0.0).max(axis=1)
+    return phi, omega_c, np.maximum(peak_on_grid, peak_near_end)

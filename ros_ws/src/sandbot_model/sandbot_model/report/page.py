@@ -18,25 +18,25 @@ from sandbot_model.report.theme import THEMES, Spec, Theme
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of the page: one spec a step of the ladder (or a single one) in each theme."""
+    """A figure of the page: one spec per step of the ladder (or a single one) in each theme."""
 
     name: str
     alt: tuple[str, ...]
-    """What a person who can't see it should know; one a step of the ladder, or a single one."""
+    """Text alternative for readers who can't see it: one per step of the ladder, or a single one."""
     caption: str
     draw: Callable[[Theme], list[Spec]]
 
     @property
     def height(self) -> int:
-        """Height in px, so that the page does not jump while it is drawn."""
+        """Height in px, reserved so that the page does not jump while figures are drawn."""
         return int(self.draw(THEMES["light"])[0]["layout"]["height"])
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table; ``words`` says which columns are text (the rest are numbers, right-aligned).
+    """A table; ``words`` flags the columns that are text (the rest are numbers, right-aligned).
 
-    A cell of ``Markup`` (a formula) is put on the page as it is; all others are escaped.
+    A cell of ``Markup`` (a formula) is inserted verbatim; all others are escaped.
     """
 
     caption: str
@@ -44,13 +44,13 @@ class Table:
     rows: Sequence[tuple[str, ...]]
     words: tuple[bool, ...]
     step: int | None = None
-    """Shown only with this step of the ladder; None: always."""
+    """The step of the ladder with which it is shown; None: always."""
     folded: bool = False
 
 
 @dataclass(frozen=True)
 class Download:
-    """A file inside the page."""
+    """A file embedded in the page."""
 
     name: str
     label: str
@@ -59,7 +59,7 @@ class Download:
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawn or filmed picture; a ``wide`` one takes the width of the page where others stand in two columns."""
+    """A drawing or a video frame; a ``wide`` one spans both columns of the page."""
 
     source: str
     caption: str
@@ -68,7 +68,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Section:
-    """One heading and what stands below it."""
+    """One heading and its content."""
 
     id: str
     heading: str
@@ -92,15 +92,15 @@ class Page:
     sentence: str = ""
     cautions: tuple[tuple[str, str], ...] = ()
     steps: tuple[tuple[str, str], ...] = field(default=())
-    """(label, error) of each model that the figures can show: the steps of the ladder, or rivals."""
+    """(label, error) of each selectable model: the steps of the ladder, or rivals."""
     opened: int = -1
-    """Which of them is shown first."""
+    """Index of the model shown first."""
     back: str = ""
-    """Address of the page that led here."""
+    """Address of the page to return to."""
 
 
 def write(path: Path, page: Page) -> None:
-    """Render ``page`` to ``path``, whole or not at all."""
+    """Render ``page`` to ``path``, atomically."""
     write_text(path, render(page))
 
 
@@ -122,7 +122,7 @@ def render(page: Page) -> str:
 
 
 def for_script(value: object) -> str:
-    """JSON that can stand inside a script element: no tag can be closed or opened from a string in it."""
+    """JSON safe inside a script element: no string in it can open or close a tag."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
@@ -133,7 +133,7 @@ def data_uri(content: bytes, kind: str) -> str:
 
 
 def source(name: str) -> str:
-    """A text file of this package."""
+    """The content of a text file of this package."""
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 

@@ -1,4 +1,4 @@
-"""How well each parameter is known: profile curves of the deviance, and correlations of the parameters' errors."""
+"""How well each parameter is known: profiles of the deviance, and correlations of the parameters' errors."""
 
 from functools import lru_cache
 from textwrap import wrap
@@ -10,35 +10,36 @@ from sandbot_model.fitting.profile import profile
 from sandbot_model.physics.arrays import Array
 from sandbot_model.report import text
 from sandbot_model.report.figures import as_json, grid_of_panels, in_panel, legend_entry, model_name
-from sandbot_model.report.map_text import words_on
+from sandbot_model.report.map_text import cell_labels
 from sandbot_model.report.theme import Spec, Theme, axis, category_axis, layout
 from sandbot_model.report.view import Step
 
 SIGMAS = np.linspace(-3.5, 3.5, 15)
-"""Where a parameter is held, in standard errors about the fit."""
-WITHOUT_ERROR = 0.02
-"""What stands for a standard error that is not known, in plausible ranges of the parameter."""
-RISES = ((1.0, "68 %"), (3.84, "95 %"))
+"""Values at which a parameter is held, in standard errors from the fit."""
+FALLBACK_STEP = 0.02
+"""Step used in place of an unknown standard error, as a fraction of the parameter's plausible range."""
+CONFIDENCE_RISES = ((1.0, "68 %"), (3.84, "95 %"))
 """Rise of the deviance at the ends of an interval for one parameter (Wilks), and the interval's confidence."""
-TOP = 12.0
+MAX_RISE = 12.0
+"""Upper end of the axis of the deviance."""
 PANEL_WIDTH, TITLE_PX = 28, 32
-"""Characters of a title below a panel, and the room that its second and third line take."""
+"""Characters per line of an axis title, and the height of its second and third line."""
 SYMBOLS = {"delta_t_s": "Δt", "v_swim_m_s": "v<sub>swim</sub>"}
-"""Of the base model's parameters."""
+"""Symbols of the base model's parameters."""
 
 
 @lru_cache(maxsize=128)
 def curve(fit: Fit, index: int) -> tuple[Array, Array]:
-    """Values of one shared parameter and how far the deviance rises when it is held there and all else fitted."""
+    """Values of one shared parameter, and the rise of the deviance with it held there and all others refitted."""
     parameter, here, error = fit.model.parameters[index], float(fit.point.theta[index]), float(fit.stderr[index])
-    unit = error if np.isfinite(error) and error > 0 else WITHOUT_ERROR * parameter.width
+    unit = error if np.isfinite(error) and error > 0 else FALLBACK_STEP * parameter.width
     values = np.unique(np.clip(here + unit * SIGMAS, *parameter.search))
     states = profile(fit.problem, fit.state, [index], values[:, None])
     return values, np.maximum(states.deviance - fit.deviance, 0.0)
 
 
 def profiles(step: Step, theme: Theme) -> Spec:
-    """A panel for each shared parameter: the profile, and the parabola its standard error stands for."""
+    """A panel for each shared parameter: the profile, and the parabola that its standard error implies."""
     fit = step.fit
     names = list(fit.model.names)
     spec = grid_of_panels([f"<b>{symbol(fit, name)}</b>" for name in names], theme, 3, height=260)
@@ -51,12 +52,12 @@ def profiles(step: Step, theme: Theme) -> Spec:
         spec["layout"][f"xaxis{key}"] |= axis(theme, _title(fit, name), nticks=5)
         first = i % 3 == 0
         up = "rise of the deviance" if first else ""
-        spec["layout"][f"yaxis{key}"] |= axis(theme, up, range=[-0.4, TOP], nticks=5, showticklabels=first)
+        spec["layout"][f"yaxis{key}"] |= axis(theme, up, range=[-0.4, MAX_RISE], nticks=5, showticklabels=first)
         spec["data"] += in_panel(i, _panel(values, rise, estimate.value, estimate.stderr, theme))
     looks = {"mode": "lines", "line": {"color": theme.accent, "width": 2.5}}
     spec["data"] += [
-        legend_entry("profile, all else fitted again", **looks),
-        legend_entry("what ± the standard error stands for", mode="lines", line=_dashed(theme)),
+        legend_entry("profile, all others refitted", **looks),
+        legend_entry("parabola of the standard error", mode="lines", line=_dashed(theme)),
         legend_entry("68 % and 95 %", mode="lines", line={"color": theme.faint, "width": 1, "dash": "dot"}),
     ]
     return spec
@@ -67,7 +68,7 @@ def _panel(values: Array, rise: Array, here: float, error: float, theme: Theme) 
     traces: list[Spec] = [
         {"type": "scatter", "mode": "lines", "x": ends, "y": [level] * 2, "hoverinfo": "skip", "showlegend": False,
          "name": confidence, "line": {"color": theme.faint, "width": 1, "dash": "dot"}}
-        for level, confidence in RISES
+        for level, confidence in CONFIDENCE_RISES
     ]  # fmt: skip
     if np.isfinite(error) and error > 0:
         fine = np.linspace(ends[0], ends[1], 61)
@@ -88,19 +89,19 @@ def _dashed(theme: Theme) -> Spec:
 
 
 def symbol(fit: Fit, name: str) -> str:
-    """What formulas call a parameter: ``Δt``, ``k<sub>L</sub>``."""
+    """A parameter's symbol in formulas: ``Δt``, ``k<sub>L</sub>``."""
     parameter = fit.model.parameters[fit.model.names.index(name)]
     return SYMBOLS.get(parameter.name) or text.symbol(parameter)
 
 
 def _title(fit: Fit, name: str) -> str:
-    """What a parameter is, and its unit, in lines as wide as a panel."""
+    """Description and unit of a parameter, wrapped to the width of a panel."""
     words, unit = text.described(name, fit.model.catalogue.values())
     return "<br>".join(wrap(f"{words} ({unit})" if unit else words, PANEL_WIDTH))
 
 
 def correlations(step: Step, theme: Theme) -> Spec:
-    """Correlations of the errors of all unknowns, k of every level among them."""
+    """Correlations of the errors of all unknowns, including k of every level."""
     fit = step.fit
     names = labels(fit)
     values = correlation(fit.covariance[: len(names), : len(names)])
@@ -115,7 +116,7 @@ def correlations(step: Step, theme: Theme) -> Spec:
         },
     }  # fmt: skip
     spec: Spec = {
-        "data": [words_on(heat, words, theme), heat],
+        "data": [cell_labels(heat, words, theme), heat],
         "layout": layout(
             theme, 120 + 30 * len(names), showlegend=False, plot_bgcolor=theme.empty,
             xaxis=category_axis(theme, "", names, tickangle=-40),
@@ -127,28 +128,28 @@ def correlations(step: Step, theme: Theme) -> Spec:
 
 
 def labels(fit: Fit) -> list[str]:
-    """A symbol for each unknown; where effects share one, the effect's name stands before it."""
+    """A symbol for each unknown; prefixed by the effect's name where effects share one."""
     symbols = [symbol(fit, name) for name in fit.model.names]
     owners = [name.rpartition(".")[0].replace("_", " ") for name in fit.model.names]
-    shared = [f"{owner} {one}" if symbols.count(one) > 1 else one for owner, one in zip(owners, symbols, strict=True)]
-    return shared + [f"k at φ {phi:.3f}" for phi in fit.level_phi]
+    unique = [f"{owner} {s}" if symbols.count(s) > 1 else s for owner, s in zip(owners, symbols, strict=True)]
+    return unique + [f"k at φ {phi:.3f}" for phi in fit.level_phi]
 
 
 def correlation(covariance: Array) -> Array:
-    """Correlations, NaN where an error is not known."""
+    """Correlation matrix, NaN where an error is unknown."""
     sd = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(covariance / np.outer(sd, sd))
 
 
-def curves_say(step: Step) -> str:
-    """For which parameters the standard error says all, and for which it does not."""
+def profiles_caption(step: Step) -> str:
+    """Caption: the parameters for which the standard error is not sufficient."""
     fit = step.fit
     names = [text.described(name, fit.model.catalogue.values())[0] for name in fit.model.names]
-    odd = [name for i, name in enumerate(names) if not _parabolic(fit, i)]
-    if not odd:
+    not_parabolic = [name for i, name in enumerate(names) if not _parabolic(fit, i)]
+    if not not_parabolic:
         return f"For all {len(names)} parameters the profile is close to the parabola of the standard error."
-    return f"The standard error does not say all of: {'; '.join(odd)}."
+    return f"The profile is far from the parabola of the standard error for: {'; '.join(not_parabolic)}."
 
 
 def _parabolic(fit: Fit, index: int) -> bool:
@@ -162,8 +163,8 @@ def _parabolic(fit: Fit, index: int) -> bool:
     return bool((np.abs(at - away**2) < 0.5 * away**2).all())
 
 
-def correlations_say(step: Step) -> str:
-    """Which errors are correlated most."""
+def correlations_caption(step: Step) -> str:
+    """Caption: the pair of errors with the strongest correlation."""
     fit = step.fit
     names = [text.described(name, fit.model.catalogue.values())[0] for name in fit.model.names]
     names += [f"k at φ {phi:.3f}" for phi in fit.level_phi]
@@ -171,8 +172,7 @@ def correlations_say(step: Step) -> str:
     values[np.tril_indices(len(names))] = 0.0
     if not values.any():
         return "The errors of the parameters are not correlated."
-    one, other = np.unravel_index(np.abs(values).argmax(), values.shape)
+    i, j = np.unravel_index(np.abs(values).argmax(), values.shape)
     return (
-        f"Most correlated are the errors of {names[int(one)]} and {names[int(other)]}: "
-        f"{text.number(float(values[one, other]), 2)}."
+        f"Most correlated are the errors of {names[int(i)]} and {names[int(j)]}: {text.number(float(values[i, j]), 2)}."
     )

@@ -1,4 +1,4 @@
-"""Which trials the analysis used, which it excluded and why, what such data can't show, and what is odd about them."""
+"""Trials used, trials excluded and why, what these data can't show, and what is odd about them."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,16 +17,16 @@ from sandbot_record.trials.table import Trials
 
 
 def bags_of(data: Sequence[Path]) -> dict[str, Path]:
-    """Trial id (the bag's name) → bag, for all bags in campaign folders and bags given; empty for tables."""
+    """Trial id (the bag's name) → bag, for all bags given or in the campaign folders given; empty for tables."""
     bags: list[Path] = []
     for path in data:
         bags += [path] if is_bag(path) else table.bags_in(path)
-    # Trial names hold dots (phi0.6000_…): only a file has an ending to take off.
+    # Trial names contain dots (phi0.6000_…): only a file has a suffix to strip.
     return {bag.stem if bag.is_file() else bag.name: bag for bag in bags}
 
 
 def lost_bags(bags: Mapping[str, Path], trials: Trials) -> tuple[tuple[str, str], ...]:
-    """(name, why) of each bag that gave no row of the table."""
+    """(name, reason) of each bag that yielded no trial."""
     known = {str(name) for name in trials.trial_id}
     lost = []
     for name, bag in bags.items():
@@ -39,9 +39,9 @@ def lost_bags(bags: Mapping[str, Path], trials: Trials) -> tuple[tuple[str, str]
 
 
 def provenance(trials: Trials, cells: Cells, lost: Sequence[tuple[str, str]] = ()) -> Provenance:
-    """Used and excluded trials, and one sentence for each thing these data can't show or that is odd about them.
+    """Used and excluded trials, and one sentence for each limit or oddity of these data.
 
-    ``lost`` are (bag, reason) of recordings that gave no trial.
+    ``lost`` are (bag, reason) of recordings that yielded no trial.
     """
     rows = zip(trials.trial_id, trials.phi, trials.omega_rad_s, trials.speed_m_s, trials.status, strict=True)
     excluded = list(lost)
@@ -60,7 +60,7 @@ def _reason(needed: Mapping[str, float], status: str) -> str:
 
 
 def limits(cells: Cells) -> tuple[str, ...]:
-    """What these cells can't show and why, one sentence each; empty for a full campaign."""
+    """What these cells can't show, and why: one sentence each; empty for a full campaign."""
     notes = []
     if len(cells.level_phi) == 1:
         notes.append(
@@ -70,16 +70,16 @@ def limits(cells: Cells) -> tuple[str, ...]:
     if len(np.unique(cells.omega)) == 1:
         notes.append(
             f"How walking depends on leg frequency: every trial is at ω = {cells.omega[0]:.4g} rad/s, so Δt can't be "
-            "told from k."
+            "separated from k."
         )
     if cells.pure_error_dof[Observable.speed] == 0:
         notes.append(
-            "Noise floor, error bars and the lack-of-fit test: no condition was repeated, so scatter can't be told "
-            "from model error. Two or more trials at one (φ, ω) would do."
+            "Noise floor, error bars and the lack-of-fit test: no condition was repeated, so scatter can't be "
+            "separated from model error. Two or more trials at one (φ, ω) would do."
         )
     if assumed := assumption(cells.gait):
         notes.append(
-            f"How fast legs turn while they stand: {assumed}. A table tells another one as CUSTOM(θ_s θ_0 d_c), in rad."
+            f"How fast legs turn while they stand: {assumed}. A table states another as CUSTOM(θ_s θ_0 d_c), in rad."
         )
     absent = [observable.label for observable in Observable if observable.name not in cells.observables]
     if absent:

@@ -5,8 +5,8 @@
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const slider = document.getElementById("rung");
   const rungs = [...document.querySelectorAll("[data-rung]")];
-  const PAPER_WIDTH = 940; // px of a portrait page between its margins, zoomed as report.css prints
-  const FLATTER = 0.9; // than on a screen, so that two or three figures share a page
+  const PAPER_WIDTH = 940; // px between the margins of a portrait page, at the zoom of report.css
+  const PRINT_HEIGHT = 0.9; // relative to the screen, so that two or three figures fit on a page
   let printing = false;
 
   const chosen = () => (slider ? Number(slider.value) : 0);
@@ -18,7 +18,7 @@
       const perStep = themes[theme];
       const figure = perStep[Math.min(step, perStep.length - 1)];
       const { height } = figure.layout;
-      const layout = printing ? { ...figure.layout, width: PAPER_WIDTH, height: FLATTER * height } : figure.layout;
+      const layout = printing ? { ...figure.layout, width: PAPER_WIDTH, height: PRINT_HEIGHT * height } : figure.layout;
       return Plotly.react(`plot-${name}`, figure.data, layout, {
         responsive: true,
         displaylogo: false,
@@ -48,7 +48,7 @@
   const cells = document.querySelectorAll("#data details");
   function print(now) {
     printing = now;
-    for (const folded of cells) folded.open = now; // a supplement has its data
+    for (const folded of cells) folded.open = now; // print the data tables unfolded
     draw();
   }
 

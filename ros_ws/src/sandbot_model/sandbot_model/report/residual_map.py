@@ -9,12 +9,12 @@ from sandbot_model.data.conditions import Cells
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.fitting.goodness import FAIL_Z
 from sandbot_model.report.figures import as_json, model_name
-from sandbot_model.report.map_text import words_on
+from sandbot_model.report.map_text import cell_labels
 from sandbot_model.report.theme import LIGHT, Spec, Theme, category_axis, layout, note
 from sandbot_model.report.view import Step, bands, frequencies, observable_label, residual_z
 
 Z_COLOUR_END = 8.0
-"""Residual maps share this colour range, so that the steps of the ladder compare."""
+"""Residual maps share this colour range, so that steps of the ladder are comparable."""
 MAX_LABELLED_COLUMNS = 10
 
 
@@ -35,7 +35,7 @@ def residual_map(step: Step, observable: str, base: Step | None = None, theme: T
         across = [0.0, 1.0] if len(shown) == 1 else [0.515 * i, 0.515 * i + 0.485]
         trace = _heatmap(drawn.fit, observable, theme, len(shown) == 1) | {"name": model_name(drawn)}
         axes = {"xaxis": f"x{key}", "yaxis": f"y{key}"}
-        spec["data"].append(words_on(trace, trace["text"], theme) | axes)
+        spec["data"].append(cell_labels(trace, trace["text"], theme) | axes)
         spec["data"].append(trace | axes | {"showscale": i == len(shown) - 1})
         spec["layout"][f"xaxis{key}"] = category_axis(theme, "ω (rad/s)", trace["x"], domain=across, anchor=f"y{key}")
         spec["layout"][f"yaxis{key}"] = category_axis(theme, "", trace["y"], showticklabels=i == 0, anchor=f"x{key}")
@@ -80,13 +80,13 @@ def _heatmap(fit: Fit, observable: str, theme: Theme, roomy: bool) -> Spec:
 
 
 def map_cells(cells: Cells) -> dict[tuple[str, str], int]:
-    """(column, row) of the residual map, as it is labelled → the cell there."""
+    """(column label, row label) of the residual map → cell."""
     omegas, columns = frequencies(cells)
     return {(column_label(omegas[columns[i]]), band.label): int(i) for band in bands(cells) for i in band.cells}
 
 
 def column_label(omega_rad_s: float) -> str:
-    """A frequency above its column of a map."""
+    """Label of a frequency's column in a map."""
     return f"{omega_rad_s:.3g}"
 
 
@@ -96,7 +96,7 @@ def _count(failing: NDArray[np.bool_]) -> str:
 
 
 def failing_cells(fit: Fit, observable: str) -> NDArray[np.bool_]:
-    """Which cells stand in the fit's list of failing cells for this observable, (n,)."""
+    """Whether each cell is among the fit's failing cells for this observable, (n,)."""
     marked = np.zeros(len(fit.cells), dtype=bool)
     for fail in fit.fails:
         if fail.observable == observable:

@@ -1,4 +1,4 @@
-"""Rival explanations of the same trials: which these are, and their speeds laid over each other."""
+"""Rival explanations of the same trials: their choice, their overlaid speed curves, and a table that compares them."""
 
 from collections.abc import Sequence
 
@@ -12,47 +12,48 @@ from sandbot_model.report.page import Table
 from sandbot_model.report.theme import Spec, Theme
 from sandbot_model.report.view import Step, bands
 
-MOST = 4
+MAX_RIVALS = 4
 DASHES = ("dot", "solid", "dash", "dashdot", "longdash")
-"""Rivals differ in colour and in dash."""
+"""Rivals differ in both colour and dash."""
 
 
 def rivals(discovery: Discovery) -> tuple[Fit, ...]:
-    """The base model, then what the verdict names, then what explains the trials as well, or next best."""
+    """The base model, the model that the verdict names, then equivalent alternatives, then the next best."""
     verdict = discovery.verdict
     by_effects = {fit.effects: fit for fit in reversed((*discovery.steps[-1:], *discovery.fits))}
-    alike = [by_effects[names] for names in verdict.alternatives if names in by_effects]
+    equivalent = [by_effects[names] for names in verdict.alternatives if names in by_effects]
     size = max(len(verdict.effects), 1)
     next_best = [
         fit for fit in discovery.fits
         if sound(fit) and (len(fit.effects) == size or (verdict.status == "unexplained" and fit.effects))
     ]  # fmt: skip
-    chosen = [discovery.fit, *alike, *next_best]
-    apart = {fit.effects: fit for fit in reversed(chosen) if fit.effects}
-    ordered = [apart[names] for names in dict.fromkeys(fit.effects for fit in chosen) if names]
-    return discovery.steps[0], *ordered[:MOST]
+    chosen = [discovery.fit, *equivalent, *next_best]
+    distinct = {fit.effects: fit for fit in reversed(chosen) if fit.effects}
+    ordered = [distinct[names] for names in dict.fromkeys(fit.effects for fit in chosen) if names]
+    return discovery.steps[0], *ordered[:MAX_RIVALS]
 
 
 def overlay(steps: Sequence[Step], chosen: int, theme: Theme) -> Spec:
-    """Mean speed against ω with the curve of every rival, the chosen one thicker; one panel a φ."""
+    """Mean speed against ω with the curve of every rival, the chosen one thicker; one panel per φ."""
     cells = steps[0].fit.cells
-    colours = theme.sets(len(steps))
+    colours = theme.model_colours(len(steps))
     spec = speed_panels(steps, theme)
     for i, band in enumerate(bands(cells)):
-        drawn = [line(step, i, _look(n, n == chosen, colours)) for n, step in enumerate(steps)]
+        drawn = [line(step, i, _line_style(n, n == chosen, colours)) for n, step in enumerate(steps)]
         spec["data"] += in_panel(i, [*drawn, points(cells, band, theme.ink, theme)])
     spec["data"] += [
-        legend_entry(step.label, mode="lines", line=_look(n, n == chosen, colours)) for n, step in enumerate(steps)
+        legend_entry(step.label, mode="lines", line=_line_style(n, n == chosen, colours))
+        for n, step in enumerate(steps)
     ]
     return spec
 
 
-def _look(n: int, chosen: bool, colours: Sequence[str]) -> Spec:
+def _line_style(n: int, chosen: bool, colours: Sequence[str]) -> Spec:
     return {"color": colours[n], "width": 3.5 if chosen else 1.8, "dash": DASHES[n % len(DASHES)]}
 
 
-def compared(steps: Sequence[Step], tried: Sequence[Fit]) -> Table:
-    """What speaks for each, all fitted alike as they were ``tried``: ΔBIC to the best, error, lack of fit, misses."""
+def comparison_table(steps: Sequence[Step], tried: Sequence[Fit]) -> Table:
+    """ΔBIC to the best, error, lack of fit and missed conditions of each rival, all by the same fits, ``tried``."""
     by_effects = {fit.effects: fit for fit in tried}
     fits = [by_effects[step.fit.effects] for step in steps]
     best = min(fit.bic for fit in fits)
@@ -65,6 +66,6 @@ def compared(steps: Sequence[Step], tried: Sequence[Fit]) -> Table:
     ]  # fmt: skip
     caption = "ΔBIC to the best of these: above 10, the data speak strongly against it. Errors of mean speed."
     if any(step.fit.nuisances and not fit.nuisances for step, fit in zip(steps, fits, strict=True)):
-        caption += " Every model without what trials share (zero of the lift, scale of speed, drift)."
+        caption += " Models are compared without nuisance parameters (lift zero, speed scale, drift)."
     head = ("model", "ΔBIC", "error (cm/s)", "out of sample (cm/s)", "lack of fit, p", "conditions missed")
     return Table(caption, head, rows, (True, *[False] * 5))

@@ -1,4 +1,4 @@
-"""At which stage of the chain the base model fails: which conditions each stage test misses."""
+"""The stage of the chain at which the base model fails: the conditions that miss each stage test."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ COLUMNS = 4
 
 
 def stage_map(stages: Sequence[StageTest], cells: Cells, theme: Theme) -> Spec:
-    """A panel for each stage: the conditions, and on them those that its test misses."""
+    """A panel for each stage: all conditions, with those marked that its test misses."""
     spec = grid_of_panels([f"<b>{stage.stage}</b>: {_outcome(stage)}" for stage in stages], theme, COLUMNS, height=210)
     for i, stage in enumerate(stages):
         key = "" if i == 0 else str(i + 1)
@@ -26,13 +26,13 @@ def stage_map(stages: Sequence[StageTest], cells: Cells, theme: Theme) -> Spec:
         spec["data"] += in_panel(
             i,
             [
-                _marks(cells.phi, cells.omega, "tested", _seen(theme)),
-                _marks(missed[:, 0], missed[:, 1], "missed", _lost(theme)),
+                _marks(cells.phi, cells.omega, "tested", _tested_marker(theme)),
+                _marks(missed[:, 0], missed[:, 1], "missed", _missed_marker(theme)),
             ],
         )
     spec["data"] += [
-        legend_entry("condition", mode="markers", marker=_seen(theme)),
-        legend_entry("missed by more than 3 standard errors", mode="markers", marker=_lost(theme)),
+        legend_entry("condition", mode="markers", marker=_tested_marker(theme)),
+        legend_entry("missed by more than 3 standard errors", mode="markers", marker=_missed_marker(theme)),
     ]
     return spec
 
@@ -49,30 +49,30 @@ def _marks(phi: Floats, omega: Floats, name: str, marker: Spec) -> Spec:
     }  # fmt: skip
 
 
-def _seen(theme: Theme) -> Spec:
+def _tested_marker(theme: Theme) -> Spec:
     return {"size": 5, "color": theme.faint}
 
 
-def _lost(theme: Theme) -> Spec:
+def _missed_marker(theme: Theme) -> Spec:
     return {"size": 11, "symbol": "square-open", "color": theme.diverging[2], "line": {"width": 3}}
 
 
 def stage_table(stages: Sequence[StageTest]) -> Table:
-    """χ² and p of each test."""
+    """χ² and p-value of each test."""
     rows = [
         (s.stage, s.connects, text.number(s.chi2, 0), str(s.cells), text.probability(s.p), str(len(s.missed)))
         for s in stages
     ]  # fmt: skip
     caption = (
-        "Each test compares two measured things, or one with the base model, that only this stage connects. p: how "
+        "Each test compares two measured quantities that only this stage connects, or one with the base model. p: how "
         "often scatter of the replicates alone would give as large a χ²."
     )
     head = ("stage", "connects", "χ²", "conditions", "p", "missed")
     return Table(caption, head, rows, (True, True, False, False, False, False))
 
 
-def stages_say(stages: Sequence[StageTest]) -> str:
-    """Which stages fail, the worst first."""
+def stages_caption(stages: Sequence[StageTest]) -> str:
+    """The stages that fail, worst first."""
     failing = sorted((stage for stage in stages if stage.missed), key=lambda stage: stage.p)
     if not failing:
         return "Every stage of the base model holds in these trials."

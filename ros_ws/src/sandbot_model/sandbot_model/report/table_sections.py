@@ -1,4 +1,4 @@
-"""The sections of the page that hold tables, and the video: what was tried, fitted, missed, and comes next."""
+"""Table sections of the page, and the video: effects tried, limits, parameters, failing cells, next trials."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -19,14 +19,14 @@ from sandbot_model.report.view import Step, band_name, observable_label, readabl
 Frames = Sequence[tuple[bytes, str]]
 MAX_FAILING_ROWS = 60
 BEST_CANDIDATES = 8
-BESIDE = (
-    "{} is fitted beside a zero of the lift, a scale of the speed and whatever else trials share; compare and the "
-    "explorer fit it alone."
+NUISANCE_NOTE = (
+    "{} is fitted with nuisance parameters (lift zero, speed scale and others that trials share); compare and the "
+    "explorer fit it without."
 )
 
 
 def candidates(discovery: Discovery) -> list[Section]:
-    """The single effects, best first."""
+    """Table of the single effects, best first."""
     if not discovery.candidates:
         return []
     ranked = sorted(discovery.candidates, key=lambda c: c.delta_bic)
@@ -39,7 +39,7 @@ def candidates(discovery: Discovery) -> list[Section]:
     ]  # fmt: skip
     caption = (
         "Each effect added alone to the base model, best first. Δχ² and ΔBIC against the base model: the more "
-        "negative, the better. Weight: share of belief over all sets tried that contain the effect."
+        "negative, the better. Weight: sum of the BIC weights of all sets tried that contain the effect."
     )
     head = ("effect", "acts on", "Δχ²", "ΔBIC", "out-of-sample error (cm/s)", "weight")
     words = (True, True, False, False, False, False)
@@ -50,42 +50,44 @@ def candidates(discovery: Discovery) -> list[Section]:
 
 
 def limits(discovery: Discovery) -> list[Section]:
-    """How large absent effects can be."""
+    """95 % limits on the parameters of effects that are not named."""
     rows = [
-        (*text.described(f"{limit.effect}.{limit.parameter}"), _end(limit.low), _end(limit.high))
+        (*text.described(f"{limit.effect}.{limit.parameter}"), _limit(limit.low), _limit(limit.high))
         for limit in discovery.limits
     ]
-    caption = "What effects that are not named can be at 95 % confidence; – where they end or these data set no limit."
+    caption = (
+        "Limits at 95 % confidence on effects that are not named; – end of the range, or no limit from these data."
+    )
     table = Table(caption, ("parameter", "unit", "above", "below"), rows, (True, True, False, False))
     return [Section("limits", "Effects that are absent", tables=(table,))] if rows else []
 
 
-def _end(value: float | None) -> str:
+def _limit(value: float | None) -> str:
     return "–" if value is None else f"{value:.2g}".replace("-", "−")
 
 
 def residual(discovery: Discovery) -> list[Section]:
-    """What no effect of the catalogue explains, as a formula to try."""
+    """A formula for the residual that no effect of the catalogue explains."""
     residual = discovery.residual
     if residual is None:
         return []
-    said = f"{residual.sentence[:1].upper()}{residual.sentence[1:]}.".replace("(-", "(−")
+    sentence = f"{residual.sentence[:1].upper()}{residual.sentence[1:]}.".replace("(-", "(−")
     add = f"To add it: compare DATA {residual.options}"
-    return [Section("residual", "What the catalogue does not explain", text=(said, add))]
+    return [Section("residual", "What the catalogue does not explain", text=(sentence, add))]
 
 
 def parameters(steps: tuple[Step, ...]) -> Section:
-    """What was fitted in each step, the last one first, and what its effects change."""
+    """Fitted parameters of each step, the last step first, with the formulas of its effects."""
     last, backwards = steps[-1], steps[::-1]
     names = list(dict.fromkeys(name for step in steps for name in step.fit.parameters))
     rows = [(*text.described(name), *(_estimate(step.fit, name) for step in backwards)) for name in names]
     for i, phi in enumerate(last.fit.level_phi):
         words = ", stiffness of the ground under a leg" if i == 0 else ""
         rows.append((f"k at φ = {phi:.3f}{words}", "N/m", *(_stiffness(step.fit, i) for step in backwards)))
-    order = " The last step stands first; each is headed by what it adds." if len(steps) > 1 else ""
-    beside = "" if last.fit.nuisances is None else f" {BESIDE.format(last.label)}"
+    order = " The last step comes first; each column is headed by what its step adds." if len(steps) > 1 else ""
+    nuisance_note = "" if last.fit.nuisances is None else f" {NUISANCE_NOTE.format(last.label)}"
     table = Table(
-        f"Fitted value ± standard error; – where the model does not have the parameter.{order}{beside}",
+        f"Fitted value ± standard error; – where the model does not have the parameter.{order}{nuisance_note}",
         ("parameter", "unit", *_added(steps)[::-1]),
         rows,
         (True, True, *(False for _ in steps)),
@@ -94,7 +96,7 @@ def parameters(steps: tuple[Step, ...]) -> Section:
 
 
 def _added(steps: tuple[Step, ...]) -> list[str]:
-    """What each step adds to the one before; its whole name where it is not that one with something added."""
+    """Effects that each step adds to the one before; its full label where the steps are not nested."""
     heads = [steps[0].label]
     for last, step in pairwise(steps):
         before, effects = set(last.fit.effects), step.fit.effects
@@ -104,7 +106,7 @@ def _added(steps: tuple[Step, ...]) -> list[str]:
 
 
 def _correlations(step: Step) -> list[Table]:
-    """How the errors of the last step's shared parameters are correlated; a dash where there is no error."""
+    """Correlations of the errors of a step's shared parameters; a dash where an error is unknown."""
     names = list(step.fit.parameters)
     values = correlation(step.fit.covariance[: len(names), : len(names)])
     short = [name.rpartition(".")[2] for name in names]
@@ -119,14 +121,14 @@ def _correlation(value: float) -> str:
 
 
 def _formulas(fit: Fit) -> list[Table]:
-    """What each effect of the last step changes; nothing where there is no effect."""
+    """Formulas of a fit's effects; no table without effects."""
     rows = [(readable(effect.identifier), effect.stage, _formula(effect)) for effect in fit.model.effects]
     caption = "What the effects change: → in the chain from clock to speed, with the parameters above."
     return [Table(caption, ("effect", "acts on", "formula, and where it is seen"), rows, (True,) * 3)] if rows else []
 
 
 def _formula(effect: Effect) -> Markup:
-    """Each statement on its own line, where the effect is seen below."""
+    """The formula, a line per statement, then the observables in which the effect is seen."""
     lines = [*mathml_lines(effect.formula), escape(f"seen in: {plain(effect.seen_in)}")]
     return Markup("").join(Markup(f'<div class="statement">{line}</div>') for line in lines)
 
@@ -143,7 +145,7 @@ def _stiffness(fit: Fit, level: int) -> str:
 
 
 def next_trials(discovery: Discovery) -> list[Section]:
-    """What to measure next."""
+    """Table of the proposed measurements."""
     if not discovery.next_trials:
         return []
     rows = [
@@ -154,8 +156,8 @@ def next_trials(discovery: Discovery) -> list[Section]:
         for t in discovery.next_trials
     ]  # fmt: skip
     table = Table(
-        "Measurements that would tell the remaining explanations apart, most telling first. Gap: difference of the "
-        "two predictions in standard deviations of one of them.",
+        "Measurements that would distinguish the remaining explanations, most informative first. Gap: difference of "
+        "the two predictions in standard deviations of one of them.",
         ("at", "watch", "separates", "expected gap (s.d.)", "replicates to settle it"),
         rows,
         (True, True, True, False, False),
@@ -164,7 +166,7 @@ def next_trials(discovery: Discovery) -> list[Section]:
 
 
 def failing(steps: tuple[Step, ...]) -> Section:
-    """Which cell means each step misses."""
+    """Tables of the cell means that each step misses."""
     tables = []
     for i, step in enumerate(steps):
         fails = sorted(step.fit.fails, key=lambda f: -abs(f.z))

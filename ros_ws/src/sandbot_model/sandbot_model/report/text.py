@@ -1,4 +1,4 @@
-"""Numbers as people read them: a unit on each, as many digits as its error allows, never a silent NaN."""
+"""Numbers formatted for readers: with unit, with as many digits as the error justifies, and never a bare NaN."""
 
 import math
 from collections.abc import Iterable
@@ -20,21 +20,21 @@ def centi(value: float) -> str:
 
 
 def number(value: float, digits: int = 1) -> str:
-    """A plain number with a true minus sign, and none before what rounds to zero."""
+    """A plain number with a true minus sign, never "−0"."""
     return f"{value:z.{digits}f}".replace("-", "−") if math.isfinite(value) else UNKNOWN
 
 
 def symbol(parameter: Parameter) -> str:
-    """What formulas call a parameter, its subscript as HTML and Plotly set it: ``k<sub>L</sub>``."""
-    called = plain(parameter.symbol or parameter.name.removesuffix(f"_{parameter.unit}"))
-    head, _, subscript = called.partition("_")
+    """A parameter's symbol in formulas, its subscript as HTML and Plotly set it: ``k<sub>L</sub>``."""
+    name = plain(parameter.symbol or parameter.name.removesuffix(f"_{parameter.unit}"))
+    head, _, subscript = name.partition("_")
     return f"{head}<sub>{subscript}</sub>" if subscript else head
 
 
 def described(parameter: str, effects: Iterable[Effect] = CATALOGUE) -> tuple[str, str]:
     """(description, unit) of a fitted parameter such as ``delta_t_s`` or ``disturbed_ground.s_c``.
 
-    A parameter of an effect that is not among ``effects`` (a user's own) is called by its name, without a unit.
+    A parameter of an effect that is not among ``effects`` (a user's own) is returned by name, without a unit.
     """
     effect, _, name = parameter.rpartition(".")
     owners = {e.identifier: e.parameters for e in effects} | {"": BASE_PARAMETERS}

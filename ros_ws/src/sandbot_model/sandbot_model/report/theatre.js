@@ -1,12 +1,12 @@
 "use strict";
-// One time cursor for film, leg and records: scrubbed, or played at a share of the trial's own pace.
+// One time cursor for film, legs and records: scrubbed, or played at a fraction of real time.
 (() => {
   const { scene, frames, figures } = JSON.parse(document.getElementById("scene").textContent);
   const byId = (id) => document.getElementById(id);
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const [clock, play, pace, film, plot] = ["clock", "play", "pace", "film", "plot-records"].map(byId);
   const start = Math.min(0, scene.time[0]);
-  let last = null; // when the frame before was drawn, while it plays
+  let last = null; // time of the previous animation frame while playing
   let shown = -1;
 
   function nearest(times, t) {
@@ -18,7 +18,7 @@
     return t - times[low] <= times[high] - t ? low : high;
   }
 
-  // Distance walked, for the ground that passes below: gaps in v_x are rests.
+  // Distance walked, by which the ground is moved; gaps in v_x count as rest.
   const walked = scene.time.map(() => 0);
   for (let i = 1; i < walked.length; i += 1) {
     walked[i] = walked[i - 1] + (scene.speed[i] ?? 0) * (scene.time[i] - scene.time[i - 1]);

@@ -1,4 +1,4 @@
-"""How figures look: ink, paper, the ordered palette of φ and the diverging one of residuals, light and dark."""
+"""Colours and layout of figures, light and dark: a sequential palette for φ, a diverging one for residuals."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ Spec = dict[str, Any]
 
 @dataclass(frozen=True)
 class Theme:
-    """Colours of one appearance. All palettes can be told apart with the common colour-vision deficiencies."""
+    """Colours of one appearance. All palettes remain distinguishable with common colour-vision deficiencies."""
 
     ink: str
     faint: str
@@ -22,18 +22,18 @@ class Theme:
     accent: str
     empty: str
     phi_span: tuple[float, float]
-    """Where on the plasma scale the loosest and the closest packing lie; closer packing stands out more."""
+    """Positions of the loosest and the closest packing on the plasma scale; closer packing stands out more."""
     diverging: tuple[str, str, str]
     """Measured below the model, equal, above."""
-    of_sets: tuple[str, ...]
-    """Of models laid over each other; they differ in their dash as well."""
+    model_palette: tuple[str, ...]
+    """For overlaid models, which also differ in dash."""
 
-    def sets(self, count: int) -> list[str]:
-        """One colour for each of ``count`` models: the base model's is faint."""
-        return [self.faint, *(self.of_sets[i % len(self.of_sets)] for i in range(count - 1))]
+    def model_colours(self, count: int) -> list[str]:
+        """One colour for each of ``count`` models; the base model, first, is faint."""
+        return [self.faint, *(self.model_palette[i % len(self.model_palette)] for i in range(count - 1))]
 
     def gap_scale(self) -> list[list[Any]]:
-        """From no difference to a clear one."""
+        """Colour scale from no difference to a clear one."""
         return [[0.0, self.diverging[1]], [1.0, self.diverging[2]]]
 
     def phi_colours(self, count: int) -> list[str]:
@@ -57,7 +57,7 @@ LIGHT = Theme(
     empty="#f2f3f5",
     phi_span=(0.78, 0.0),
     diverging=("#1f5fa8", "#f6f6f4", "#c25a00"),
-    of_sets=("#0b63a5", "#c25a00", "#12704f", "#8b3a8b", "#7a6400"),
+    model_palette=("#0b63a5", "#c25a00", "#12704f", "#8b3a8b", "#7a6400"),
 )
 DARK = Theme(
     ink="#e8eaed",
@@ -68,7 +68,7 @@ DARK = Theme(
     empty="#22262c",
     phi_span=(0.35, 0.97),
     diverging=("#5fa4ee", "#2a2f36", "#f09142"),
-    of_sets=("#6cb6f5", "#f09142", "#5fc9a0", "#d795d7", "#e0c65a"),
+    model_palette=("#6cb6f5", "#f09142", "#5fc9a0", "#d795d7", "#e0c65a"),
 )
 THEMES = {"light": LIGHT, "dark": DARK}
 
@@ -108,11 +108,11 @@ def axis(theme: Theme, title: str = "", **more: Any) -> Spec:
 
 
 def category_axis(theme: Theme, title: str, labels: Sequence[str], **more: Any) -> Spec:
-    """An axis of a map, its labels in this order: left to itself, Plotly takes them as its traces come."""
+    """A map axis with its labels in this order; by default Plotly orders them by their appearance in the traces."""
     order = {"type": "category", "categoryorder": "array", "categoryarray": list(labels)}
     return axis(theme, title, showgrid=False, **(order | {"ticks": ""} | more))
 
 
 def note(text: str, x: float, y: float, **more: Any) -> Spec:
-    """Text at a place on the paper, (0, 0) lower left to (1, 1) upper right."""
+    """Text at a position on the paper, (0, 0) lower left to (1, 1) upper right."""
     return {"text": text, "x": x, "y": y, "xref": "paper", "yref": "paper", "showarrow": False, **more}

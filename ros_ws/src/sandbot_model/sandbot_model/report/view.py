@@ -1,6 +1,6 @@
-"""What a report or the explorer shows, as plain data: the cells in bands, the fits with their curves, the provenance.
+"""The content of a report or the explorer as plain data: cells in bands, fits with their curves, provenance.
 
-Everything is SI and not known is NaN or absent; figures and pages turn SI into cm and cm/s.
+Everything is SI, and unknown values are NaN or absent; figures and pages convert to cm and cm/s.
 """
 
 from dataclasses import dataclass, field
@@ -15,8 +15,8 @@ from sandbot_model.data.conditions import Cells, Floats
 from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.observables import NAMES, Observable
 
-CLEARLY_SEM = 3.0
-"""Standard errors of a cell's lift above which it is no noise."""
+SIGNIFICANT_SEM = 3.0
+"""Standard errors by which a cell's lift exceeds zero, or its speed a swimmer's, to count as significant."""
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ class Band:
 BAND_SDS = 2.0
 """Half width of the band about a model's curve, in standard deviations of the prediction."""
 BAND_EVERY = 3
-"""The band is drawn at every third point of the curve."""
+"""The band is computed at every third point of the curve."""
 
 
 @dataclass(frozen=True, eq=False)
 class SpeedBand:
-    """Between which mean speeds the model's curves lie, ± ``BAND_SDS`` standard deviations."""
+    """Range of the model's mean speed, ± ``BAND_SDS`` standard deviations."""
 
     omega_rad_s: Floats = field(metadata={"shape": "(m,)", "unit": "rad/s"})
     low_m_s: Floats = field(metadata={"shape": "(n_bands, m)", "unit": "m/s"})
@@ -55,22 +55,22 @@ class Step:
 
     @property
     def label(self) -> str:
-        """What a person calls the step."""
+        """Label of the step on the page."""
         if not self.fit.effects:
             return f"{self.fit.model.base} model"
         return "+ " + " + ".join(map(readable, self.fit.effects))
 
     @property
     def whole_label(self) -> str:
-        """The same where no base model stands beside it."""
+        """The label including the base model, for use on its own."""
         return f"{self.fit.model.base} model {self.label}" if self.fit.effects else self.label
 
     @cached_property
     def band(self) -> SpeedBand:
-        """How far the speed curves may lie off, from the uncertainty of the fitted parameters; made when asked for.
+        """Uncertainty of the speed curves from that of the fitted parameters, computed on first use.
 
-        Where it may walk or swim the speed is one of two, not their mean ± something: there the band ends where the
-        curve does.
+        Near the end of walking the speed is that of either walking or swimming, and a mean ± s.d. would mislead: the
+        band is limited to the range of the curve, widened by its usual half width.
         """
         cells, omega = self.fit.cells, self.omega_rad_s[::BAND_EVERY]
         rows = bands(cells)
@@ -86,7 +86,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Which trials the figures rest on and what they can't show."""
+    """The trials that the figures are based on, and what these can't show."""
 
     used: int
     excluded: tuple[tuple[str, str], ...] = ()
@@ -98,7 +98,7 @@ class Provenance:
 
     @property
     def cautions(self) -> tuple[tuple[str, str], ...]:
-        """(what it is, sentence) of both, for the top of a page."""
+        """(kind, sentence) of each limit and oddity, for the top of a page."""
         return (*(("Can’t be shown.", line) for line in self.limits), *(("Check the data.", line) for line in self.odd))
 
 
@@ -115,7 +115,7 @@ def bands(cells: Cells) -> tuple[Band, ...]:
 
 
 def band_name(cells: Cells, cell: int) -> str:
-    """The φ of the cell's level, by which figures call it, and its gait where there are several."""
+    """The φ of the cell's level, as in labels of figures, and its gait where there are several."""
     phi = f"{cells.level_phi[cells.level[cell]]:.3f}"
     return f"{phi} {cells.gait[cell]}" if len(set(cells.gait)) > 1 else phi
 
@@ -123,7 +123,7 @@ def band_name(cells: Cells, cell: int) -> str:
 def frequencies(cells: Cells) -> tuple[Floats, NDArray[np.int64]]:
     """The distinct leg frequencies [rad/s], ascending, and each cell's index among them, (n,).
 
-    Replicates miss the frequency a little, so each cell has its own mean; what is one condition is one column.
+    Replicates scatter about the target frequency, so cells differ slightly; those within tolerance share a column.
     """
     column = same_within(cells.omega, OMEGA_TOLERANCE)
     total = np.bincount(column, cells.omega)
@@ -143,12 +143,12 @@ def scatter(cells: Cells, observable: str) -> Floats:
 
 
 def walks(cells: Cells) -> NDArray[np.bool_]:
-    """Whether the robot walks in each cell, (n,): its lift is clearly above nothing, or is above it and the robot
-    clearly faster than swimming; where lift was not measured, it is faster.
+    """Whether the robot walks in each cell, (n,): its lift exceeds the walking threshold, and either that lift is
+    significant or the speed is significantly above a swimmer's. Without lift, the speed decides.
     """
     mean, sem = cells.mean, np.nan_to_num(cells.sem)
-    least_lift = np.maximum(regime.WALKING_LIFT_M, CLEARLY_SEM * sem[:, Observable.lift])
-    fast = (mean - CLEARLY_SEM * sem)[:, Observable.speed] > regime.WALKING_SPEED_M_S
+    least_lift = np.maximum(regime.WALKING_LIFT_M, SIGNIFICANT_SEM * sem[:, Observable.lift])
+    fast = (mean - SIGNIFICANT_SEM * sem)[:, Observable.speed] > regime.WALKING_SPEED_M_S
     return regime.walks(mean, least_lift) | (regime.walks(mean) & fast)
 
 
@@ -158,7 +158,7 @@ def residual_z(fit: Fit, observable: str) -> Floats:
 
 
 def observable_label(observable: str) -> str:
-    """What a person calls an observable, or another measurement that is proposed."""
+    """Label of an observable, or of another proposed measurement."""
     return Observable[observable].label if observable in NAMES else readable(observable)
 
 

@@ -1,6 +1,4 @@
-"""The trials of a cell: their rows of the table and, where there are bags, v_x(t) of each replicate with the model's
-waveform.
-"""
+"""The trials of a cell: their table rows and, where there are bags, v_x(t) of each replicate with the model's."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -30,34 +28,34 @@ from sandbot_record.trials.table import Trials
 
 MAX_POINTS = 1500
 DASHES = ("solid", "dot", "dash", "dashdot")
-"""Replicates differ in colour and in dash."""
+"""Replicates differ in both colour and dash."""
 
 
 @dataclass(frozen=True, eq=False)
 class Waveform:
-    """v_x(t) and the legs of one trial; time runs from the start of the legs."""
+    """v_x(t) and leg angles of one trial; t = 0 is the start of the legs."""
 
     trial_id: str
     time_s: Floats = field(metadata={"shape": "(n,)", "unit": "s"})
     speed_m_s: Floats = field(metadata={"shape": "(n,)", "unit": "m/s", "doc": "NaN where a marker was lost"})
     leg_time_s: Floats = field(metadata={"shape": "(m,)", "unit": "s", "doc": "empty without leg states"})
-    leg_angle_rad: Floats = field(metadata={"shape": "(m, legs)", "unit": "rad", "doc": "of the c-legs' centres"})
+    leg_angle_rad: Floats = field(metadata={"shape": "(m, legs)", "unit": "rad", "doc": "angle of each c-leg's centre"})
     leg_rate_rad_s: Floats = field(metadata={"shape": "(m, legs)", "unit": "rad/s"})
 
 
 def files_of(bag: Path) -> dict[str, Path]:
-    """The recording's files by name."""
+    """The recording's files, by name."""
     inside = [bag] if bag.is_file() else sorted(bag.iterdir())
     return {path.name: path for path in inside if path.suffix in (".mcap", ".db3")}
 
 
 def trials_of(trials: Trials, cells: Cells, cell: int) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Rows of the table that belong to a cell, excluded ones too."""
+    """Row indices of a cell's trials, including excluded ones."""
     return np.flatnonzero(cell_of(trials, cells) == cell)
 
 
 def read(bags: Mapping[str, Path], trial_ids: Sequence[str]) -> tuple[list[Waveform], list[str]]:
-    """Waveforms of the trials, and a line with the reason for each that has none."""
+    """Waveforms of the trials, and one line of explanation for each trial without."""
     if not bags:
         return [], ["These trials come from a table, not from bags: v_x(t) and video can't be shown."]
     found, missing = [], []
@@ -92,7 +90,7 @@ def _read_waveform(trial_id: str, path: Path) -> Waveform:
 
 
 def _start_ns(bag: Bag, otherwise: int) -> int:
-    """When the legs started: the sync LED's edge, if it was recorded."""
+    """Start of the legs: the sync LED's edge if recorded, else ``otherwise``."""
     try:
         return start_ns(bag)
     except InputError:
@@ -100,7 +98,7 @@ def _start_ns(bag: Bag, otherwise: int) -> int:
 
 
 def _robot(bag: Bag) -> Robot:
-    """The trial's robot, SandBot where the bag tells none."""
+    """The trial's robot; SandBot if the bag does not state one."""
     try:
         plan = plan_of(bag)
         robot = of_bag(bag, plan, math.nan).robot
@@ -110,7 +108,7 @@ def _robot(bag: Bag) -> Robot:
 
 
 def modelled(waveform: Waveform, fit: Fit, cell: int) -> Floats:
-    """The model's v_x [m/s] at the trial's own leg angles, (m,): along the leg's arc while it holds, else at rest."""
+    """The model's v_x [m/s] at the measured leg angles, (m,): along the leg's arc while it holds, 0 otherwise."""
     predictor = Predictor(fit.model, fit.point.theta, fit.level_phi, fit.k_n_per_m)
     cells = fit.cells
     phi, omega, gait = float(cells.level_phi[cells.level[cell]]), float(cells.omega[cell]), cells.gait[cell]
@@ -119,7 +117,7 @@ def modelled(waveform: Waveform, fit: Fit, cell: int) -> Floats:
 
 
 def figure(waveforms: Sequence[Waveform], fit: Fit, cell: int, theme: Theme = LIGHT) -> Spec:
-    """v_x(t) of each replicate, and the model's in that cell for the legs of the first one."""
+    """v_x(t) of each replicate, and the model's for the leg angles of the first."""
     colours = theme.phi_colours(max(len(waveforms), 2))
     data: list[Spec] = [
         {"type": "scatter", "mode": "lines", "name": waveform.trial_id, "x": as_json(waveform.time_s),
@@ -142,7 +140,7 @@ def figure(waveforms: Sequence[Waveform], fit: Fit, cell: int, theme: Theme = LI
 
 
 def caption(waveforms: Sequence[Waveform], fit: Fit, cell: int) -> str:
-    """The waveforms in words."""
+    """Caption of ``figure``."""
     peaks = "; ".join(
         f"{waveform.trial_id} {text.cm_s(float(np.nanmax(waveform.speed_m_s)))}" for waveform in waveforms
     )

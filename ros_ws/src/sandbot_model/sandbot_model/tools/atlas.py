@@ -65,7 +65,7 @@ def _material(args: argparse.Namespace) -> "Material":
     from sandbot_model.data.conditions import cells_of
     from sandbot_model.discovery.reproduce import steps_of
     from sandbot_model.physics.catalogue import catalogue
-    from sandbot_model.report.atlas.gathered import gathered
+    from sandbot_model.report.atlas.collect import collect
     from sandbot_model.report.provenance import bags_of
 
     effects = catalogue(args.effects_from, tuple(args.effect))
@@ -74,7 +74,7 @@ def _material(args: argparse.Namespace) -> "Material":
     steps = steps_of(arguments.selection(args), cells, effects)
     beside = None if args.beside is None else _published(args.beside)
     print(robot_line)
-    return gathered(trials, steps, bags_of(args.data), beside)
+    return collect(trials, steps, bags_of(args.data), beside)
 
 
 def _published(path: Path) -> "Published":

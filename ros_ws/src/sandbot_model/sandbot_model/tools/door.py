@@ -38,7 +38,7 @@ from sandbot_model.fitting.text import WIDTH
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.walking import BASES
-from sandbot_model.report import printed, write_comparison, write_report
+from sandbot_model.report import print_figures, write_comparison, write_report
 from sandbot_model.report.curves import steps as with_curves
 from sandbot_model.tools import arguments
 from sandbot_record.trials.frame import from_frame, is_frame
@@ -83,7 +83,7 @@ class Result:
 
     def plot(self) -> "Figure":
         """Mean speed against ω at every φ: measured, the base model, and the last step's model."""
-        return printed.speed(with_curves(list(dict.fromkeys((self.steps[0], self.fit)))))
+        return print_figures.speed(with_curves(list(dict.fromkeys((self.steps[0], self.fit)))))
 
     def __repr__(self) -> str:
         return "\n".join([*(textwrap.fill(f"note: {note}", WIDTH) for note in self.notes), repr(self.content)])

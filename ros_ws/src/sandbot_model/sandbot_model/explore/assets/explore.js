@@ -1,5 +1,5 @@
 "use strict";
-// What only the browser knows: its colours and its history.
+// Clientside callbacks: the colour scheme, the history, and the state of the controls.
 window.dash_clientside = Object.assign({}, window.dash_clientside, {
   explore: {
     theme: () => (window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"),
@@ -8,22 +8,22 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
   },
 });
 
-// Controls stand where the address says once what is shown is what the address asks for. Not before: an answer may come
-// late. And not while a control has a value that is not told yet: that one is asked for (see on_control).
-function settle(shown, told, search) {
+// Sets the controls to the state in the address once the page shown is that of the address (answers may come late) and
+// all values of controls are reported to the server; otherwise these are reported first (see on_control).
+function settle(shown, reported, search) {
   const { states } = window.dash_clientside.callback_context;
-  const values = Object.fromEntries(Object.keys(told).map((name) => [name, states[`${name}.value`]]));
-  const differ = (one, other) => Object.keys(one).filter((name) => !same(one[name], other[name]));
+  const values = Object.fromEntries(Object.keys(reported).map((name) => [name, states[`${name}.value`]]));
+  const differ = (first, second) => Object.keys(first).filter((name) => !same(first[name], second[name]));
   const set = window.dash_clientside.set_props;
-  if (differ(values, told).length) { set("again", { data: Date.now() }); return; }
+  if (differ(values, reported).length) { set("recheck", { data: Date.now() }); return; }
   if (!shown || shown.search !== (search ?? "")) return;
-  const astray = differ(shown.controls, values);
-  for (const name of astray) set(name, { value: shown.controls[name] });
-  // Last: a control whose value was not told counts as used.
-  if (astray.length) set("told", { data: shown.controls });
+  const outdated = differ(shown.controls, values);
+  for (const name of outdated) set(name, { value: shown.controls[name] });
+  // Last: a control whose value was not reported counts as used.
+  if (outdated.length) set("reported", { data: shown.controls });
 }
 
-function same(one, other) { return JSON.stringify(one ?? null) === JSON.stringify(other ?? null); }
+function same(first, second) { return JSON.stringify(first ?? null) === JSON.stringify(second ?? null); }
 
 document.addEventListener("click", ({ target }) => {
   const { format, figure } = target.dataset ?? {};
@@ -31,14 +31,14 @@ document.addEventListener("click", ({ target }) => {
   if (plot) window.sandbotExport.save(plot, format, figure);
 });
 
-// Effects that do not help these data are folded away until they are asked for.
+// Effects that do not help these data are folded away; "Show all effects" unfolds them.
 document.addEventListener("click", ({ target }) => {
   if (target.id !== "unfold") return;
   const all = document.getElementById("effects-box").classList.toggle("all");
   target.setAttribute("aria-pressed", all);
 });
 
-// A symbol goes into the formula where the cursor is; React hears of it as if it had been typed.
+// Inserts a symbol into the formula at the cursor, with the event by which React notices typing.
 document.addEventListener("click", ({ target }) => {
   const symbol = target.dataset?.symbol;
   const box = symbol && document.getElementById("formula");
@@ -51,7 +51,7 @@ document.addEventListener("click", ({ target }) => {
   box.setSelectionRange(from + symbol.length, from + symbol.length);
 });
 
-// The library's sliders have no names of their own: each is called what stands above it.
+// Dash sliders have no accessible name: each gets the text of the label above it.
 new MutationObserver(() => {
   for (const box of document.querySelectorAll(".slider")) {
     const name = box.querySelector("label").innerText;
@@ -61,7 +61,7 @@ new MutationObserver(() => {
   }
 }).observe(document.documentElement, { childList: true, subtree: true });
 
-// The library gives its lists of native inputs the roles of a list box, which they are not; a reader hears the inputs.
+// Dash gives its lists of native inputs the roles of a list box; screen readers need those of the inputs.
 const LISTS = { model: "Base model", effects: "Effects", view: "View", observable: "Observable" };
 new MutationObserver(() => {
   for (const [name, words] of Object.entries(LISTS)) {
@@ -74,18 +74,18 @@ new MutationObserver(() => {
     label.removeAttribute("role");
     label.removeAttribute("aria-selected");
   }
-  // What is hidden from readers passes the keyboard on to the button beside it, which can have both itself.
-  for (const one of document.querySelectorAll(".dash-dropdown-focus-target[tabindex='0']")) {
-    const button = one.parentElement.querySelector(".dash-dropdown");
+  // An element hidden from screen readers forwards keyboard focus to a button; the button takes the focus itself instead.
+  for (const target of document.querySelectorAll(".dash-dropdown-focus-target[tabindex='0']")) {
+    const button = target.parentElement.querySelector(".dash-dropdown");
     if (!button) continue;
     button.tabIndex = 0;
-    one.tabIndex = -1;
+    target.tabIndex = -1;
   }
 }).observe(document.documentElement, {
   childList: true, subtree: true, attributeFilter: ["role", "aria-selected", "tabindex"],
 });
 
-// Sliders are made anew with every step: the one that had the focus has it again.
+// Sliders are replaced with every step: the one that had the focus gets it back.
 let slid = null;
 document.addEventListener("pointerdown", () => { slid = null; }, true);
 document.addEventListener("focusin", ({ target }) => { slid = target.closest(".slider [id]")?.id ?? null; });
@@ -94,24 +94,24 @@ new MutationObserver(() => {
   document.getElementById(slid)?.querySelector("[role=slider]")?.focus();
 }).observe(document.documentElement, { childList: true, subtree: true });
 
-// The trials of a point lie below the figure: whoever clicks it is led there once they have come, and kept there while
-// the figures above are drawn anew, unless he moves himself.
+// The trials of a point are listed below the figure: after a click the page scrolls to them once they have arrived, and
+// stays there while the figures above are redrawn, until the user scrolls.
 const SETTLED_MS = 2000;
-let leading = 0;
+let followUntil = 0;
 document.addEventListener("pointerup", ({ target }) => {
-  leading = target.closest("#figure .js-plotly-plot") ? Infinity : 0;
+  followUntil = target.closest("#figure .js-plotly-plot") ? Infinity : 0;
 }, true);
-for (const moves of ["wheel", "touchmove", "keydown", "pointerdown"]) {
-  document.addEventListener(moves, () => { leading = 0; }, { capture: true, passive: true });
+for (const input of ["wheel", "touchmove", "keydown", "pointerdown"]) {
+  document.addEventListener(input, () => { followUntil = 0; }, { capture: true, passive: true });
 }
 new MutationObserver((changes) => {
   const trials = document.getElementById("trials");
-  const came = changes.some(({ target, addedNodes }) => addedNodes.length && trials?.contains(target));
-  if (came && leading) leading = performance.now() + SETTLED_MS;
-  if (leading !== Infinity && performance.now() < leading) trials?.scrollIntoView({ block: "start" });
+  const arrived = changes.some(({ target, addedNodes }) => addedNodes.length && trials?.contains(target));
+  if (arrived && followUntil) followUntil = performance.now() + SETTLED_MS;
+  if (followUntil !== Infinity && performance.now() < followUntil) trials?.scrollIntoView({ block: "start" });
 }).observe(document.documentElement, { childList: true, subtree: true });
 
-// What does not change by itself comes as HTML in an attribute (still.py), and formulas as MathML.
+// Inserts static parts (static_html.py) and formulas, which arrive as HTML or MathML in an attribute.
 new MutationObserver(() => {
   for (const place of document.querySelectorAll("[data-html]")) {
     if (place.shown === place.dataset.html) continue;
@@ -119,7 +119,7 @@ new MutationObserver(() => {
   }
 }).observe(document.documentElement, { childList: true, subtree: true, attributeFilter: ["data-html"] });
 
-// A table that is dropped on the page is set beside the data.
+// A table dropped on the page becomes the second data set.
 document.addEventListener("dragover", (event) => event.preventDefault());
 document.addEventListener("drop", async (event) => {
   event.preventDefault();
@@ -130,7 +130,7 @@ document.addEventListener("drop", async (event) => {
   document.getElementById("message").textContent = await answer.text();
 });
 
-// A campaign that grows: the page is made anew with its state, but not under the hands of somebody who types.
+// Follows a running campaign: reloads the page, with its state, when the data change, but not while the user is typing.
 (async function follow(before) {
   const { version, follows } = await fetch("/live").then((answer) => answer.json()).catch(() => ({ version: before }));
   const typing = document.activeElement?.matches("input[type=text], input[type=search]");

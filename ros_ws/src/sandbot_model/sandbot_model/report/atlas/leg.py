@@ -22,7 +22,7 @@ POINTS = 200
 
 
 def in_the_ground(material: Material, width_mm: float) -> "tuple[Figure, str]":
-    """Fig. 3a: a leg as it takes hold (solid) and as the belly is down again (dashed), drawn from the fit."""
+    """Fig. 3a: a leg at the start (solid) and at the end of stance (dashed), drawn from the fit."""
     robot, fit = material.robot, material.fit
     omegas, _ = frequencies(material.cells)
     omega = float(omegas[np.abs(omegas - USUAL_OMEGA).argmin()])
@@ -43,16 +43,16 @@ def in_the_ground(material: Material, width_mm: float) -> "tuple[Figure, str]":
             f"A leg at its deepest, 2R − h = {CM * depth:.2f} cm: at {omega:g} rad/s no ground here holds it.",
         )
     return figure, (
-        f"A leg in the ground, to scale, by the fit at φ {fit.level_phi[level]:.3f} and {omega:g} rad/s: "
+        f"A leg in the ground, to scale, from the fit at φ {fit.level_phi[level]:.3f} and {omega:g} rad/s: "
         f"R = {CM * robot.leg_radius_m:.2f} cm, h = {CM * robot.axle_height_m:.2f} cm; it holds at d = "
         f"{CM * depth:.2f} cm, and the body moves by the chord s = {CM * step:.2f} cm = "
-        f"{step / robot.leg_radius_m:.2f} R about the leg's centre, which stands still. Solid: as it takes hold; "
-        "dashed: as the belly is down again."
+        f"{step / robot.leg_radius_m:.2f} R about the leg's centre, which stands still. Solid: the leg starts to hold; "
+        "dashed: the belly is back on the ground."
     )
 
 
 def _leg(panel: "Axes", robot: Robot, depth: float, side: float, **looks: Any) -> None:
-    """The c-leg about its centre, which stands at depth - R below the surface; ``side`` -1: before, +1: after."""
+    """The c-leg about its centre, depth - R below the surface; ``side`` -1: start, +1: end of stance."""
     radius = robot.leg_radius_m
     centre = radius - depth
     angle = side * np.arcsin(np.clip(float(chord(robot, np.asarray(depth))) / (2 * radius), 0.0, 1.0))
@@ -66,7 +66,7 @@ def _leg(panel: "Axes", robot: Robot, depth: float, side: float, **looks: Any) -
 
 
 def _measures(panel: "Axes", robot: Robot, depth: float, step: float) -> None:
-    """Surface, and R, h, d, s as arrows."""
+    """The surface, and R, h, d, s as arrows."""
     radius, height = robot.leg_radius_m, robot.axle_height_m
     wide = 2.1 * radius
     panel.fill_between(CM * np.array([-wide, wide]), CM * -1.25 * depth, 0.0, color=GROUND, linewidth=0, zorder=0)
@@ -81,14 +81,14 @@ def _measures(panel: "Axes", robot: Robot, depth: float, step: float) -> None:
         ((-step / 2 - 0.25 * radius, 0.0), (-step / 2 - 0.25 * radius, height), "h"),
     )
     for start, end, name in arrows:
-        (x, z), (to_x, to_z) = ((CM * one for one in point) for point in (start, end))
+        (x, z), (to_x, to_z) = ((CM * metres for metres in point) for point in (start, end))
         looks = {"arrowstyle": "<->" if name != "R" else "->", "color": ACCENT, "lw": 0.8, "shrinkA": 0, "shrinkB": 0}
         panel.annotate("", (to_x, to_z), (x, z), arrowprops=looks)
         panel.text((x + to_x) / 2 + 0.12, (z + to_z) / 2 + 0.12, name, color=ACCENT, style="italic", fontsize=8)
 
 
 def step_against_depth(material: Material, width_mm: float) -> "tuple[Figure, str]":
-    """Fig. 3b: the chord s(d), with s = R and the depth it belongs to."""
+    """Fig. 3b: the chord s(d), with s = R and the corresponding depth."""
     robot = material.robot
     radius, deepest = robot.leg_radius_m, deepest_m(robot)
     depth: Floats = np.linspace(max(radius - robot.axle_height_m, 0.0), deepest, POINTS)

@@ -1,4 +1,4 @@
-"""What an atlas is drawn from, and what a plate is."""
+"""The material an atlas is drawn from, and the definition of a plate."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """One trial as it went; time runs from the start of the legs."""
+    """Time series of one trial; t = 0 is the start of the legs."""
 
     trial_id: str
     phi: float
     omega_rad_s: float
     clock_signal: tuple[float, float, float] | None
-    """θ_s, θ_0 [rad] and d_c of its gait; None where the gait does not tell."""
+    """θ_s, θ_0 [rad] and d_c of its gait; None where the gait does not define them."""
     time_s: Floats = field(metadata={"shape": "(n,)", "unit": "s"})
     speed_m_s: Floats = field(metadata={"shape": "(n,)", "unit": "m/s", "doc": "v_x(t); NaN where a marker was lost"})
     leg_time_s: Floats = field(metadata={"shape": "(m,)", "unit": "s"})
@@ -32,7 +32,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Published:
-    """Points of another source to lay beside: mean speeds of conditions."""
+    """Mean speeds from another source, for comparison."""
 
     source: str
     phi: Floats
@@ -42,24 +42,24 @@ class Published:
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """Trials, the models fitted to them, and what else is there."""
+    """Trials, the models fitted to them, and optional extras."""
 
     trials: Trials
     """The usable ones."""
     cells: Cells
     fits: tuple[Fit, ...]
-    """The ladder: the base model first, the one that is argued for last."""
+    """The ladder: the base model first, the chosen model last."""
     simple: Fit
-    """The simple model, fitted where the paper fits: up to the fastest ω of each φ."""
+    """The simple model, fitted as in the paper: up to the fastest ω of each φ."""
     full: Fit
     """The full model, likewise."""
     motions: tuple[Motion, ...] = ()
-    """Close and loosely packed, in that order; empty without bags."""
-    beside: Published | None = None
+    """Closely and loosely packed, in that order; empty without bags."""
+    published: Published | None = None
 
     @property
     def fit(self) -> Fit:
-        """The model that is argued for."""
+        """The chosen model."""
         return self.fits[-1]
 
     @property
@@ -69,20 +69,20 @@ class Material:
 
 
 def nearest(values: Floats, levels: Floats) -> "np.ndarray[tuple[int], np.dtype[np.intp]]":
-    """Index of the level next to each value, ``(n,)``."""
+    """Index of the level nearest to each value, ``(n,)``."""
     found: np.ndarray[tuple[int], np.dtype[np.intp]] = np.abs(values[:, None] - levels).argmin(axis=1)
     return found
 
 
 @dataclass(frozen=True)
 class Plate:
-    """One figure: its number in the paper, the stem of its files, how wide it is printed, and who draws it."""
+    """One figure: its number in the paper, the stem of its files, its printed width, and the function that draws it."""
 
     number: str
     stem: str
     width_mm: float
     draw: "Callable[[Material, float], tuple[Figure, str]]"
-    """From the material and the width [mm] to the figure and its caption."""
+    """(material, width [mm]) → (figure, caption)."""
 
 
 ONE_COLUMN_MM, TWO_COLUMNS_MM = 85.0, 178.0

@@ -1,4 +1,4 @@
-"""Two trials as they went: leg angles beside the clock (Li09 Fig. 1c), forward speed (Fig. 1d)."""
+"""Time series of two trials: leg angles with the clock signal (Li09 Fig. 1c), forward speed (Fig. 1d)."""
 
 from typing import TYPE_CHECKING
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#b3261e", "#1f5fa8")
-"""Red and blue as in the paper: close and loosely packed."""
+"""Red and blue as in the paper: closely and loosely packed."""
 PERIODS = 4
 TURN = 2 * np.pi
 
 
 def angles(material: Material, width_mm: float) -> "tuple[Figure, str]":
-    """Fig. 1c: shaft angle of a leg within a turn, and what the clock asked for. Raises InputError without bags."""
-    motions = _both(material)
+    """Fig. 1c: shaft angle of a leg within a turn, and the clock signal. Raises InputError without bags."""
+    motions = _two_motions(material)
     figure, (panel,) = sheet(width_mm, 0.6 * width_mm)
     end = _end(motions)
     for motion, colour, line in zip(motions, COLOURS, ({"linewidth": 2.6, "alpha": 0.5}, {}), strict=True):
@@ -36,45 +36,45 @@ def angles(material: Material, width_mm: float) -> "tuple[Figure, str]":
             **line,
         )
     first = motions[0]
-    asked = ""
+    clock_note = ""
     if first.clock_signal is not None:
         t = np.linspace(0, end, 2000)
         _turns(panel, t, clock_angle(first, t), color=FAINT, linewidth=0.8, linestyle=(0, (2, 1.5)), label="clock")
-        asked = " Dashed: the clock signal."
+        clock_note = " Dashed: the clock signal."
     panel.set_xlabel("time (s)")
     panel.set_ylabel("leg angle θ (rad)")
     panel.set_ylim(-np.pi, np.pi)
     panel.set_yticks([-np.pi, 0, np.pi], ["−π", "0", "π"])
     panel.set_xlim(0, end)
     key(panel, "", columns=3, **ABOVE)
-    apart = _apart(motions, end)
+    difference = _median_difference(motions, end)
     return figure, (
-        f"Shaft angle of one leg in {_named(motions)} at {first.omega_rad_s:g} rad/s: the two differ by {apart:.3f} "
-        f"rad in the median, so the legs do the same on both grounds.{asked}"
+        f"Shaft angle of one leg in {_named(motions)} at {first.omega_rad_s:g} rad/s: the two differ by "
+        f"{difference:.3f} rad in the median, so the legs turn alike on both grounds.{clock_note}"
     )
 
 
 def speeds(material: Material, width_mm: float) -> "tuple[Figure, str]":
     """Fig. 1d: v_x(t) of the same two trials. Raises InputError without bags."""
-    motions = _both(material)
+    motions = _two_motions(material)
     figure, (panel,) = sheet(width_mm, 0.6 * width_mm)
-    end, says = _end(motions), []
+    end, summaries = _end(motions), []
     for motion, colour in zip(motions, COLOURS, strict=True):
         shown = (motion.time_s >= 0) & (motion.time_s <= end)
         panel.plot(motion.time_s[shown], CM * motion.speed_m_s[shown], color=colour, label=f"φ {motion.phi:.3f}")
         settled = CM * motion.speed_m_s[shown & (motion.time_s > end / PERIODS)]
         mean, low, high = map(text.number, (np.nanmean(settled), *np.nanpercentile(settled, [5, 95])))
-        says.append(f"{mean} cm/s (90 % of the time {low} to {high}) at φ {motion.phi:.3f}")
+        summaries.append(f"{mean} cm/s (90 % of the time {low} to {high}) at φ {motion.phi:.3f}")
     panel.axhline(0, color=FAINT, linewidth=0.5)
     panel.set_xlabel("time (s)")
     panel.set_ylabel("forward speed v$_x$ (cm/s)")
     panel.set_xlim(0, end)
     key(panel, "", columns=2, **ABOVE)
-    return figure, f"Forward speed of the same two trials, the legs turning alike: {' and '.join(says)}."
+    return figure, f"Forward speed of the same two trials, with the legs turning alike: {' and '.join(summaries)}."
 
 
 def clock_angle(motion: Motion, t_s: Floats) -> Floats:
-    """What the clock asks of the leg shown, (n,) [rad]; it sets out where the leg was at t = 0."""
+    """Leg angle commanded by the clock, (n,) [rad], starting from the leg's angle at t = 0."""
     assert motion.clock_signal is not None
     theta_s, theta_0, duty = motion.clock_signal
     knots = np.array([0.0, duty, 1.0])
@@ -86,20 +86,20 @@ def clock_angle(motion: Motion, t_s: Floats) -> Floats:
 
 
 def _turns(panel: "object", t_s: Floats, angle_rad: Floats, **looks: object) -> None:
-    """A line within (-π, π) that is broken where it passes the end."""
+    """A line of the angle wrapped to (-π, π), broken at each wrap."""
     wrapped = (angle_rad + np.pi) % TURN - np.pi
     broken = np.flatnonzero(np.abs(np.diff(wrapped)) > np.pi) + 1
     panel.plot(np.insert(t_s, broken, np.nan), np.insert(wrapped, broken, np.nan), **looks)  # type: ignore[attr-defined]
 
 
-def _apart(motions: tuple[Motion, ...], end: float) -> float:
+def _median_difference(motions: tuple[Motion, ...], end: float) -> float:
     t = np.linspace(0, end, 500)
-    one, other = (np.interp(t, motion.leg_time_s, motion.leg_angle_rad) for motion in motions)
-    between = (one - other + np.pi) % TURN - np.pi
-    return float(np.median(np.abs(between)))
+    first, second = (np.interp(t, motion.leg_time_s, motion.leg_angle_rad) for motion in motions)
+    difference = (first - second + np.pi) % TURN - np.pi
+    return float(np.median(np.abs(difference)))
 
 
-def _both(material: Material) -> tuple[Motion, ...]:
+def _two_motions(material: Material) -> tuple[Motion, ...]:
     if len(material.motions) < 2:
         raise InputError("two trials with bags at one leg frequency are needed")
     return material.motions[:2]

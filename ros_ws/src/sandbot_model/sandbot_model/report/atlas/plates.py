@@ -1,4 +1,4 @@
-"""The plates of the atlas in the order in which a reader wants them: the title's figure first."""
+"""The plates of the atlas in reading order: the figure of the paper's title result first."""
 
 import io
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from sandbot_common.crew import Map
 from sandbot_common.errors import InputError
 from sandbot_common.files import write_json, writing
-from sandbot_model.report.atlas import balances, endings, leg, motion, speeds
+from sandbot_model.report.atlas import collapse, force, leg, motion, speeds
 from sandbot_model.report.atlas.material import ONE_COLUMN_MM, TWO_COLUMNS_MM, Material, Plate
 from sandbot_model.report.atlas.style import typography
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 PLATES = (
     Plate("1e", "fig1e_speed_phi", ONE_COLUMN_MM, speeds.against_phi),
     Plate("2a", "fig2a_speed_omega", ONE_COLUMN_MM, speeds.against_omega),
-    Plate("2bc", "fig2bc_critical", TWO_COLUMNS_MM, endings.critical),
+    Plate("2bc", "fig2bc_critical", TWO_COLUMNS_MM, collapse.critical),
     Plate("1c", "fig1c_leg_angle", ONE_COLUMN_MM, motion.angles),
     Plate("1d", "fig1d_speed_time", ONE_COLUMN_MM, motion.speeds),
     Plate("3a", "fig3a_leg", ONE_COLUMN_MM, leg.in_the_ground),
     Plate("3b", "fig3b_step_depth", ONE_COLUMN_MM, leg.step_against_depth),
-    Plate("3c", "fig3c_force", ONE_COLUMN_MM, balances.force),
-    Plate("3d", "fig3d_step_omega", ONE_COLUMN_MM, endings.step_over_radius),
-    Plate("4a", "fig4a_full_force", ONE_COLUMN_MM, balances.dimensionless),
+    Plate("3c", "fig3c_force", ONE_COLUMN_MM, force.force),
+    Plate("3d", "fig3d_step_omega", ONE_COLUMN_MM, collapse.step_over_radius),
+    Plate("4a", "fig4a_full_force", ONE_COLUMN_MM, force.dimensionless),
     Plate("4b", "fig4b_simple_full", ONE_COLUMN_MM, speeds.simple_and_full),
 )
 FORMATS = ("pdf", "svg", "png")
@@ -39,12 +39,12 @@ def _save(figure: "Figure", stem: Path, formats: tuple[str, ...]) -> None:
         path = stem.with_suffix(f".{kind}")
         with writing(path):
             figure.savefig(path, dpi=PNG_DPI, metadata={"CreationDate": None} if kind == "pdf" else None)
-        # Everything has its place now, the same in all formats.
+        # The layout is fixed after the first save, so that all formats are the same.
         figure.set_layout_engine("none")
 
 
 def as_svg(plate: Plate, material: Material) -> tuple[bytes, str]:
-    """One plate in memory, at its own width, and its caption. Raises InputError where these data do not give it."""
+    """One plate in memory, at its own width, and its caption. Raises InputError where these data do not allow it."""
     content = io.BytesIO()
     with typography():
         figure, caption = plate.draw(material, plate.width_mm)
@@ -59,10 +59,10 @@ def write(
     formats: tuple[str, ...] = FORMATS,
     draw_all: Map = map,
 ) -> Iterator[tuple[Plate, str]]:
-    """Draw the plates into a folder, each yielded with its caption, or with why there is none.
+    """Draw the plates into a folder; yields each with its caption, or with the reason why it was not drawn.
 
-    ``width_mm`` replaces the plates' own widths. The captions are written at the end. Raises InputError where nothing
-    can be written.
+    ``width_mm`` overrides the plates' own widths. The captions are written at the end. Raises InputError where the
+    folder can't be written.
     """
     captions = {}
     found = draw_all(partial(_drawn, folder, material, width_mm, formats), PLATES)
@@ -76,7 +76,7 @@ def write(
 def _drawn(
     folder: Path, material: Material, width_mm: float | None, formats: tuple[str, ...], plate: Plate
 ) -> tuple[str, bool]:
-    """A plate's caption, and True; or why these data do not give it, and False."""
+    """(caption, True) of a plate that was drawn, (reason, False) of one that was not."""
     with typography():
         try:
             figure, caption = plate.draw(material, width_mm or plate.width_mm)

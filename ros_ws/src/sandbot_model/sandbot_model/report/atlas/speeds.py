@@ -36,24 +36,24 @@ def against_phi(material: Material, width_mm: float) -> "tuple[Figure, str]":
     figure, (panel,) = sheet(width_mm, 0.85 * width_mm)
     omegas, _ = frequencies(material.cells)
     phi_panel(panel, material)
-    return figure, _of_phi(material, omegas)
+    return figure, _phi_caption(material, omegas)
 
 
 def phi_panel(panel: "Axes", material: Material) -> None:
-    """Mean speed against φ: one line and colour a leg frequency; points are trials at their measured φ."""
+    """Mean speed against φ: one line and colour per leg frequency; points are trials at their measured φ."""
     trials, cells = material.trials, material.cells
     omegas, _ = frequencies(cells)
     phi = np.linspace(cells.level_phi[0] - 0.001, cells.level_phi[-1] + 0.001, POINTS)
     column = nearest(trials.omega_rad_s, omegas)
     for number, (omega, colour) in enumerate(zip(omegas, omega_colours(len(omegas)), strict=True)):
         found = material.fit.predict(phi, np.full_like(phi, omega))
-        speed_line(panel, phi, found, _swim(material.fit), color=colour)
+        speed_line(panel, phi, found, _slowest_swim(material.fit), color=colour)
         here = column == number
         panel.plot(
             trials.phi[here], CM * trials.speed_m_s[here], MARKERS[number % len(MARKERS)], color=colour,
             label=f"{omega:g}", **POINT,
         )  # fmt: skip
-    _beside(panel, material, "phi")
+    _published_points(panel, material, "phi")
     panel.set_xlabel("volume fraction φ")
     panel.set_ylabel("mean speed (cm/s)")
     panel.set_ylim(bottom=0)
@@ -61,24 +61,24 @@ def phi_panel(panel: "Axes", material: Material) -> None:
 
 
 def against_omega(material: Material, width_mm: float) -> "tuple[Figure, str]":
-    """Fig. 2a, dashed the simple model as the paper fits it."""
+    """Fig. 2a; dashed: the simple model, fitted as in the paper."""
     figure, (panel,) = sheet(width_mm, 0.8 * width_mm)
     omega_panel(panel, material, first=material.simple)
     best = [float(np.nanmax(material.cells.mean[band.cells, 0])) for band in bands(material.cells)]
     return figure, (
-        f"Mean speed against leg frequency, points trials, lines {_named(material.fit)}; grey dashes the simple model, "
-        "fitted to mean speeds up to the largest of each φ, as in the paper. The largest mean speed rises from "
+        f"Mean speed against leg frequency; points: trials, lines: {_model_name(material.fit)}, grey dashes: simple "
+        "model, fitted to mean speeds up to the largest of each φ, as in the paper. The largest mean speed rises from "
         f"{CM * best[0]:.1f} cm/s at φ {material.cells.level_phi[0]:.3f} to {CM * best[-1]:.1f} cm/s at "
         f"{material.cells.level_phi[-1]:.3f}. {CONVENTION}"
     )
 
 
 def omega_panel(panel: "Axes", material: Material, first: Fit | None = None) -> None:
-    """Mean speed against ω: one line and colour a φ; ``first`` is dashed."""
+    """Mean speed against ω: one line and colour per φ; ``first`` is dashed."""
     _lines(panel, material, material.fit, first=first)
     _points(panel, material)
-    _beside(panel, material, "omega_rad_s")
-    _of_omega(panel, material)
+    _published_points(panel, material, "omega_rad_s")
+    _omega_axes(panel, material)
     key(panel, "φ", loc="upper left")
 
 
@@ -90,7 +90,7 @@ def simple_and_full(material: Material, width_mm: float) -> "tuple[Figure, str]"
     _points(panel, material)
     omega = np.array([0.0, 1.05 * material.cells.omega.max()])
     panel.plot(omega, CM * material.robot.leg_radius_m * omega / np.pi, **GHOST)
-    _of_omega(panel, material)
+    _omega_axes(panel, material)
     simple, full = (fit.parameters["delta_t_s"] for fit in (material.simple, material.full))
     return figure, (
         f"The simple (dotted, Δt = {simple.value:.2f} s) and the full model (solid, Δt = {full.value:.2f} s), each "
@@ -105,7 +105,7 @@ def _lines(panel: "Axes", material: Material, fit: Fit, first: Fit | None = None
         for which, how in ((first, GHOST), (fit, {"color": colour, **looks})):
             if which is not None:
                 found = which.predict(np.full_like(omega, band.phi), omega, cells.clock[band.cells[0]])
-                speed_line(panel, omega, found, _swim(which), **how)
+                speed_line(panel, omega, found, _slowest_swim(which), **how)
 
 
 def _points(panel: "Axes", material: Material) -> None:
@@ -119,16 +119,16 @@ def _points(panel: "Axes", material: Material) -> None:
         )  # fmt: skip
 
 
-def _beside(panel: "Axes", material: Material, along: str) -> None:
-    """Published points, open."""
-    if material.beside is not None:
+def _published_points(panel: "Axes", material: Material, along: str) -> None:
+    """Published points, as open circles."""
+    if material.published is not None:
         panel.plot(
-            getattr(material.beside, along), CM * material.beside.speed_m_s, "o", linestyle="none", markersize=4,
-            markerfacecolor="none", markeredgecolor=INK, markeredgewidth=0.7, label=material.beside.source,
+            getattr(material.published, along), CM * material.published.speed_m_s, "o", linestyle="none", markersize=4,
+            markerfacecolor="none", markeredgecolor=INK, markeredgewidth=0.7, label=material.published.source,
         )  # fmt: skip
 
 
-def _of_omega(panel: "Axes", material: Material) -> None:
+def _omega_axes(panel: "Axes", material: Material) -> None:
     omegas, _ = frequencies(material.cells)
     panel.set_xlabel("leg frequency ω (rad/s)")
     panel.set_ylabel("mean speed (cm/s)")
@@ -137,8 +137,8 @@ def _of_omega(panel: "Axes", material: Material) -> None:
     panel.set_ylim(0, 1.12 * CM * float(np.nanmax(material.trials.speed_m_s)))
 
 
-def _of_phi(material: Material, omegas: Floats) -> str:
-    """How much of its speed the robot loses between two neighbouring φ, where it loses most."""
+def _phi_caption(material: Material, omegas: Floats) -> str:
+    """Caption of Fig. 1e, with the largest relative loss of speed between two neighbouring φ."""
     cells = material.cells
     column = same_within(cells.omega, OMEGA_TOLERANCE)
     worst = (1.0, "")
@@ -157,17 +157,18 @@ def _of_phi(material: Material, omegas: Floats) -> str:
                     ),
                 )
     return (
-        f"Mean speed against volume fraction, one colour a leg frequency; points trials, lines {_named(material.fit)}."
+        f"Mean speed against volume fraction, one colour per leg frequency; points: trials, lines: "
+        f"{_model_name(material.fit)}."
         f"{worst[1]} {CONVENTION}"
     )
 
 
-def _named(fit: Fit) -> str:
+def _model_name(fit: Fit) -> str:
     return " + ".join([f"the {fit.model.base} model", *(name.replace("_", " ") for name in fit.effects)])
 
 
-def _swim(fit: Fit) -> float:
-    """What is drawn for swimming at the least: the fitted speed, 0 where swimming is an effect's affair."""
+def _slowest_swim(fit: Fit) -> float:
+    """Lowest speed drawn for swimming: the fitted swimming speed, or 0 where an effect models swimming."""
     estimate = fit.parameters.get("v_swim_m_s")
     return 0.0 if estimate is None else estimate.value
 

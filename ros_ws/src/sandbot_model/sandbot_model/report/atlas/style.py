@@ -1,4 +1,4 @@
-"""How a plate looks: journal widths, 8 point type, colours of φ and ω in order, the switch from walk to swim."""
+"""Style of the plates: journal widths, 8 point type, sequential colours of φ and ω, the switch to swimming."""
 
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
@@ -9,7 +9,7 @@ from plotly.colors import sample_colorscale
 from sandbot_model.data.conditions import Floats
 from sandbot_model.physics.observables import CM
 from sandbot_model.physics.walking import Prediction
-from sandbot_model.report.printed import FONT, matplotlib, rgb
+from sandbot_model.report.print_figures import FONT, matplotlib, rgb
 from sandbot_model.report.theme import LIGHT
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MM_PER_INCH = 25.4
 S_IS_R_RAD = np.pi / 6
-"""Angle of a leg that takes a step of R: s = 2R sin θ."""
+"""Stance angle at which the step is R: s = 2R sin θ."""
 TYPE = FONT | {
     "axes.labelsize": 8, "xtick.labelsize": 7, "ytick.labelsize": 7, "legend.fontsize": 6.5, "axes.linewidth": 0.6,
     "lines.linewidth": 1.2, "svg.fonttype": "none", "pdf.fonttype": 42,
@@ -26,11 +26,11 @@ TYPE = FONT | {
 INK, FAINT, ACCENT, GRID = LIGHT.ink, LIGHT.faint, LIGHT.accent, LIGHT.grid
 MARKERS = "osD^vP*X"
 SWITCH = {"linestyle": (0, (1, 1.5)), "linewidth": 0.9}
-CONVENTION = "Where a step would carry the body slower than it swims, swimming is drawn; dots mark the switch."
+CONVENTION = "Where walking would be slower than swimming, swimming is drawn; dots mark the switch."
 
 
 def sheet(width_mm: float, height_mm: float, columns: int = 1) -> "tuple[Figure, list[Axes]]":
-    """An empty figure of so many panels beside each other."""
+    """An empty figure with ``columns`` panels side by side."""
     _, figure_class = matplotlib("atlas")
     figure = figure_class(figsize=(width_mm / MM_PER_INCH, height_mm / MM_PER_INCH), layout="constrained")
     panels = list(np.atleast_1d(figure.subplots(1, columns)))
@@ -41,13 +41,13 @@ def sheet(width_mm: float, height_mm: float, columns: int = 1) -> "tuple[Figure,
 
 
 def typography() -> "AbstractContextManager[None]":
-    """Draw and save within it: type and lines are as small as a journal has them."""
+    """Context for drawing and saving, with type and line sizes of a journal."""
     context: AbstractContextManager[None] = matplotlib("atlas")[0](TYPE)
     return context
 
 
 def key(panel: "Axes", title: str, columns: int = 1, **where: Any) -> None:
-    """The legend, small, its title above."""
+    """A small legend with its title above."""
     panel.legend(
         title=title, title_fontsize=7, frameon=False, handletextpad=0.3, ncols=columns, columnspacing=0.8,
         labelspacing=0.25, handlelength=1.2, **where,
@@ -59,7 +59,7 @@ ABOVE = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0
 
 
 def phi_colours(count: int) -> list[tuple[float, ...]]:
-    """One colour for each φ level, loosest first: as everywhere."""
+    """One colour for each φ level, loosest first, as on the page."""
     return [rgb(colour) for colour in LIGHT.phi_colours(count)]
 
 
@@ -70,7 +70,7 @@ def omega_colours(count: int) -> list[tuple[float, ...]]:
 
 
 def speed_line(panel: "Axes", x: Floats, found: Prediction, swim_m_s: float, **looks: Any) -> None:
-    """Mean speed [cm/s] along x: walking and swimming as pieces, dotted where one becomes the other."""
+    """Mean speed [cm/s] along x: walking and swimming as separate pieces, with a dotted line at each switch."""
     walks = np.asarray(found.walking) & (found.speed_m_s > swim_m_s)
     speed = CM * np.where(found.walking, np.maximum(found.speed_m_s, swim_m_s), found.speed_m_s)
     edges = np.flatnonzero(np.diff(walks.astype(int))) + 1
@@ -81,10 +81,10 @@ def speed_line(panel: "Axes", x: Floats, found: Prediction, swim_m_s: float, **l
         panel.plot(np.full(2, x[ends].mean()), speed[ends], **{**looks, **SWITCH})
 
 
-def stepped_line(panel: "Axes", x: Floats, y: Floats, least: float, **looks: Any) -> None:
-    """A line with jumps: where y changes by more than ``least`` within one step of the grid, a dotted upright."""
-    edges = np.flatnonzero(np.abs(np.diff(y)) > least) + 1
-    # Neighbouring steps that change are one jump; a grid point amid it belongs to neither side.
+def stepped_line(panel: "Axes", x: Floats, y: Floats, threshold: float, **looks: Any) -> None:
+    """A line with jumps: a dotted vertical where y changes by more than ``threshold`` within one grid step."""
+    edges = np.flatnonzero(np.abs(np.diff(y)) > threshold) + 1
+    # Consecutive large changes are one jump; grid points within it belong to neither side.
     jumps = [(run[0] - 1, run[-1]) for run in np.split(edges, np.flatnonzero(np.diff(edges) > 1) + 1) if len(run)]
     uprights = [(x[before] + x[after]) / 2 for before, after in jumps]
     starts, ends = [0, *(after for _, after in jumps)], [*(before for before, _ in jumps), len(x) - 1]

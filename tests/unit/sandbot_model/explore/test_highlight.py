@@ -1,6 +1,6 @@
 """The chosen cell is marked wherever a point says that it is that cell."""
 
-from sandbot_model.explore.chosen import SIZE, mark
+from sandbot_model.explore.highlight import SIZE, mark
 from sandbot_model.report.theme import LIGHT
 
 

@@ -1,4 +1,4 @@
-"""From trials, fits and bags to what an atlas is drawn from."""
+"""Collects the material of an atlas from trials, fits and bags."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -19,31 +19,31 @@ from sandbot_model.report.atlas.material import Material, Motion, Published
 from sandbot_record.trials.table import Trials
 
 USUAL_OMEGA = 16.0
-"""Leg frequency [rad/s] and volume fraction of the paper's pair of trials, as near as the data have them."""
+"""Leg frequency [rad/s] and loose volume fraction of the paper's pair of trials; the nearest in the data are used."""
 LOOSE_PHI = 0.600
 
 
-def gathered(
-    trials: Trials, fits: Sequence[Fit], bags: Mapping[str, Path], beside: Published | None = None
+def collect(
+    trials: Trials, fits: Sequence[Fit], bags: Mapping[str, Path], published: Published | None = None
 ) -> Material:
-    """What the plates need: ``fits`` is the ladder, ``bags`` are those of the trials by name, as far as there are any.
+    """The material of the plates. ``fits`` is the ladder; ``bags`` are the trials' by name, possibly empty.
 
-    The simple and the full model are fitted as the paper fits them: to mean speeds up to the largest of each φ.
+    The simple and the full model are fitted as in the paper: to mean speeds up to the largest of each φ.
     """
     trials = trials.select(trials.usable)
     cells = fits[0].cells
     rising = cells_of(_speeds_only(trials.select(_up_to_the_fastest(trials))))
     effects = {effect.identifier: effect for effect in CATALOGUE}
     simple, full = (fit(model_of(base, (), effects, cells.robot), rising) for base in ("simple", "full"))
-    return Material(trials, cells, tuple(fits), simple, full, _motions(bags, trials), beside)
+    return Material(trials, cells, tuple(fits), simple, full, _motions(bags, trials), published)
 
 
 def _up_to_the_fastest(trials: Trials) -> NDArray[np.bool_]:
-    """The trials at each φ up to the leg frequency of its largest mean speed: what the paper fits."""
+    """The trials at each φ up to the leg frequency of its largest mean speed, as fitted in the paper."""
     level = phi_levels(trials.phi)
     keep = np.zeros(len(trials), dtype=bool)
-    for one in np.unique(level):
-        here = np.flatnonzero(level == one)
+    for phi_level in np.unique(level):
+        here = np.flatnonzero(level == phi_level)
         omegas = np.unique(np.round(trials.omega_rad_s[here], 3))
         means = [np.nanmean(trials.speed_m_s[here][np.isclose(trials.omega_rad_s[here], w, rtol=5e-3)]) for w in omegas]
         keep[here] = trials.omega_rad_s[here] <= omegas[int(np.nanargmax(means))] * 1.005
@@ -56,7 +56,7 @@ def _speeds_only(trials: Trials) -> Trials:
 
 
 def _motions(bags: Mapping[str, Path], trials: Trials) -> tuple[Motion, ...]:
-    """Two trials that have bags, at one leg frequency: the closest packed, and one near the paper's loose φ."""
+    """Two trials with bags at one leg frequency: the closest packed, and the one nearest the paper's loose φ."""
     have = np.flatnonzero([str(name) in bags for name in trials.trial_id])
     if len(have) < 2:
         return ()

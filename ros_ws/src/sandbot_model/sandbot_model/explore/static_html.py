@@ -1,7 +1,7 @@
-"""Parts of the page in which nothing changes by itself, as one element each.
+"""Static parts of the page, each rendered as a single Dash element.
 
-Dash asks every element of its own, at every change of any other, whether it has changed, too: a table of symbols or
-the words of an effect, made of such elements, cost more of a click than its figure.
+At each update Dash checks every one of its elements for changes: a table of symbols or the text of an effect, built of
+Dash elements, would delay a click by more than its figure does.
 """
 
 from html import escape
@@ -11,18 +11,18 @@ from dash import html
 from dash.development.base_component import Component
 
 ATTRIBUTES = {"className": "class", "htmlFor": "for", "tabIndex": "tabindex"}
-"""What HTML calls an attribute for which React has a name of its own."""
+"""React's name of an attribute → its name in HTML."""
 VOID = {"br", "img"}
-"""Elements without an end."""
+"""Elements without an end tag."""
 
 
-def still(*parts: Any, **attributes: Any) -> html.Span:
-    """One element that holds the parts; explore.js puts them there."""
+def static(*parts: Any, **attributes: Any) -> html.Span:
+    """One element with the HTML of the parts in an attribute, from which explore.js inserts it."""
     return html.Span(**attributes, **{"data-html": to_html(parts)})
 
 
 def to_html(part: Any) -> str:
-    """HTML of Dash's elements, of words, and of lists of these."""
+    """HTML of Dash elements, of text, and of lists of these."""
     if part is None:
         return ""
     if isinstance(part, list | tuple):

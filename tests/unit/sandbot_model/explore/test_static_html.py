@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from sandbot_model.discovery.choice import Selection
 from sandbot_model.explore.app import Explorer
-from sandbot_model.explore.still import still, to_html
+from sandbot_model.explore.static_html import static, to_html
 
 
 class Read(HTMLParser):
@@ -42,7 +42,7 @@ def test_what_is_html_already_stays_and_void_elements_have_no_end():
     assert to_html([html.Br(), html.Img(alt=""), html.Span(**{"data-html": "<math/>"})]) == (
         '<br><img alt=""><span><math/></span>'
     )
-    assert still(html.B("<i>"), className="x").to_plotly_json()["props"] == {
+    assert static(html.B("<i>"), className="x").to_plotly_json()["props"] == {
         "children": None,
         "className": "x", "data-html": "<b>&lt;i&gt;</b>",
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a discovery found, or how far it is, as parts of the page."""
+"""The result of a discovery, or its progress, as parts of the page."""
 
 import math
 from typing import Any
@@ -41,18 +41,18 @@ def suggestion(found: Discovery, why: str = "/why") -> list[Any]:
 
 
 def progress(stage: str, done: int, total: int, before: Selection | None = None) -> list[Any]:
-    """How far a discovery is; ``before`` is what another page asked for, where that comes first."""
+    """Progress of a discovery; ``before`` is a selection queued ahead of it by another page."""
     first = "" if before is None else f"Trying the {before.model} model first{_with_formulas(before)}. "
     label = html.Label(f"{first}Trying {stage}: {done} of {total}")
     return [label, html.Progress(value=str(done), max=str(max(total, 1)))]
 
 
 def _with_formulas(selection: Selection) -> str:
-    """What tells two questions of one base model apart."""
+    """The number of user formulas, by which two discoveries of one base model differ."""
     count = len(selection.formulas)
     return f", with {text.counted(count, 'formula')}" if count else ""
 
 
 def _gap(expected_sd: float) -> str:
-    """The gap a trial is to show; none where it is to show the scatter itself."""
+    """The expected gap; where the trial is to measure the scatter itself there is none."""
     return f"{expected_sd:.1f} s.d." if math.isfinite(expected_sd) else "scatter"

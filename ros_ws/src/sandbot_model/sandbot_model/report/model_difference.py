@@ -1,4 +1,4 @@
-"""Where models differ: the difference of two over φ × ω, and where rivals differ most, with the next trials on it."""
+"""Maps over φ × ω: the difference of two models, and the largest difference between rivals with the next trials."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,26 +11,26 @@ from sandbot_model.fitting.fit import Fit
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.observables import CM, NAMES, Observable
 from sandbot_model.report import text
-from sandbot_model.report.captions import at
+from sandbot_model.report.captions import condition_label
 from sandbot_model.report.figures import as_json, model_name
-from sandbot_model.report.map_text import words_on
+from sandbot_model.report.map_text import cell_labels
 from sandbot_model.report.residual_map import MAX_LABELLED_COLUMNS, column_label
 from sandbot_model.report.theme import Spec, Theme, category_axis, layout, note
 from sandbot_model.report.view import Step, bands, frequencies, observable_label
 
-LEAST_END_SD = 10.0
-DECADES = (1, 3, 10, 30, 100, 300, 1000)
-"""Labels of the separation's colour bar, which is logarithmic: gaps of 3 and of 300 stand side by side."""
+MIN_SCALE_END_SD = 10.0
+SCALE_TICKS_SD = (1, 3, 10, 30, 100, 300, 1000)
+"""Tick labels of the separation map's colour bar, which is logarithmic: gaps range from 3 to 300."""
 
 
 def difference(first: Step, second: Step, observable: str) -> Array:
-    """First minus second model's prediction of each cell mean [SI], (n,)."""
+    """The first model's predictions of the cell means minus the second's [SI], (n,)."""
     column = Observable[observable]
     return np.asarray(first.fit.predicted[:, column] - second.fit.predicted[:, column])
 
 
 def difference_map(first: Step, second: Step, observable: str, theme: Theme) -> Spec:
-    """First minus second over the conditions measured, in the reader's unit."""
+    """First minus second model over the measured conditions, in readers' units."""
     cells = first.fit.cells
     rows = bands(cells)
     omegas, columns = frequencies(cells)
@@ -45,73 +45,73 @@ def difference_map(first: Step, second: Step, observable: str, theme: Theme) -> 
         [column_label(omega) for omega in omegas], [band.label for band in rows], z, theme.residual_scale(), -end, end,
         f"difference ({unit})",
     ) | {
-        "name": _less(first, second),
+        "name": _difference_name(first, second),
         "customdata": np.stack([as_json(z), index], axis=-1).tolist(),
         "hovertemplate": f"%{{y}}, ω %{{x}} rad/s<br>%{{z:.2f}} {unit}<extra></extra>",
     }  # fmt: skip
-    labels = [words_on(heat, shown, theme)] if len(omegas) <= 2 * MAX_LABELLED_COLUMNS else []
+    labels = [cell_labels(heat, shown, theme)] if len(omegas) <= 2 * MAX_LABELLED_COLUMNS else []
     spec = _map([*labels, heat], len(rows), theme)
-    words = f"<b>{observable_label(observable)}</b><br>{_less(first, second)}"
+    words = f"<b>{observable_label(observable)}</b><br>{_difference_name(first, second)}"
     spec["layout"]["annotations"] = [_heading(words)]
     return spec
 
 
-def difference_says(first: Step, second: Step, observable: str) -> str:
-    """Where the two differ most."""
+def difference_caption(first: Step, second: Step, observable: str) -> str:
+    """Caption: where the two differ most."""
     cells, away = first.fit.cells, difference(first, second, observable)
     if not np.isfinite(away).any():
         return f"{observable_label(observable).capitalize()} was not measured."
     most = int(np.nanargmax(np.abs(away)))
     return (
-        f"{observable_label(observable).capitalize()}, {_less(first, second)}. The largest difference is "
+        f"{observable_label(observable).capitalize()}, {_difference_name(first, second)}. The largest difference is "
         f"{text.number(CM * away[most], 2)} {Observable[observable].readers_unit}, at "
-        f"{at(cells, most)}."
+        f"{condition_label(cells, most)}."
     )
 
 
-def _less(first: Step, second: Step) -> str:
-    """Which is taken from which."""
-    return f"model {model_name(first)} less {model_name(second)}".replace("model simple", "simple")
+def _difference_name(first: Step, second: Step) -> str:
+    """The two models in words, first minus second."""
+    return f"model {model_name(first)} minus {model_name(second)}".replace("model simple", "simple")
 
 
 @dataclass(frozen=True, eq=False)
 class Gaps:
-    """Where rivals differ: at each (φ, ω) the trial that separates a pair of them best."""
+    """Differences between rivals: for each (φ, ω) the trial that best separates a pair of them."""
 
     phi: Array
-    """Of the levels."""
+    """φ of the levels."""
     omega: Array
-    """Frequencies [rad/s], finer than those measured."""
+    """Frequencies [rad/s], a finer grid than those measured."""
     best: Mapping[tuple[float, float], NextTrial]
-    """Without the places where no pair differs by more than scatter."""
+    """Omits (φ, ω) where no pair differs by more than scatter."""
 
 
 def gaps(fits: Sequence[Fit]) -> Gaps:
-    """Of all pairs, two at least."""
+    """The best separating trials over all pairs of two or more fits."""
     predicted = [Predicted.by(fit) for fit in fits]
     best: dict[tuple[float, float], NextTrial] = {}
     for pair in combinations(predicted, 2):
         for trial in between(*pair):
-            at = (trial.phi, trial.omega_rad_s)
-            if trial.observable in NAMES and (at not in best or best[at].expected_gap_sd < trial.expected_gap_sd):
-                best[at] = trial
+            place = (trial.phi, trial.omega_rad_s)
+            if trial.observable in NAMES and (place not in best or best[place].expected_gap_sd < trial.expected_gap_sd):
+                best[place] = trial
     return Gaps(predicted[0].phi, predicted[0].omega, best)
 
 
 def separation_map(found: Gaps, trials: Sequence[NextTrial], theme: Theme) -> Spec:
-    """By how many standard deviations of one trial rivals differ at most, over φ × ω; stars are the next trials."""
+    """Largest difference between rivals, in standard deviations of one trial, over φ × ω; stars are the next trials."""
     phi, omega = found.phi, found.omega
     at = [[found.best.get((p, w)) for w in omega] for p in phi]
     z = np.array([[trial.expected_gap_sd if trial else 0.0 for trial in row] for row in at])
     rows = [f"φ {value:.3f}" for value in phi]
     heat = _heat(
         as_json(omega), rows, np.log10(np.maximum(z, 1.0)), theme.gap_scale(), 0.0,
-        float(np.log10(max(LEAST_END_SD, z.max()))), "difference (standard<br>deviations of a trial)",
+        float(np.log10(max(MIN_SCALE_END_SD, z.max()))), "difference (standard<br>deviations of a trial)",
     )  # fmt: skip
-    heat["colorbar"] |= {"tickvals": np.log10(DECADES).tolist(), "ticktext": [str(sd) for sd in DECADES]}
+    heat["colorbar"] |= {"tickvals": np.log10(SCALE_TICKS_SD).tolist(), "ticktext": [str(sd) for sd in SCALE_TICKS_SD]}
     heat |= {
         "name": "where they differ most",
-        "customdata": [[[trial.expected_gap_sd if trial else 0.0, _watched(trial)] for trial in row] for row in at],
+        "customdata": [[[trial.expected_gap_sd if trial else 0.0, _hover_text(trial)] for trial in row] for row in at],
         "hovertemplate": "%{y}, ω %{x:.3g} rad/s<br>%{customdata[0]:.1f} s.d. %{customdata[1]}<extra></extra>",
     }  # fmt: skip
     walks = [trial for trial in trials if trial.observable != PENETRATION]
@@ -122,7 +122,7 @@ def separation_map(found: Gaps, trials: Sequence[NextTrial], theme: Theme) -> Sp
         "text": [str(n) for n, _ in enumerate(walks, start=1)], "textposition": "middle right",
         "textfont": {"size": 14, "color": theme.ink},
         "marker": {"symbol": "star", "size": 15, "color": theme.paper, "line": {"color": theme.ink, "width": 1.5}},
-        "customdata": [[trial.expected_gap_sd, _watched(trial)] for trial in walks],
+        "customdata": [[trial.expected_gap_sd, _hover_text(trial)] for trial in walks],
         "hovertemplate": "next: %{y}, ω %{x:.3g} rad/s<br>%{customdata[0]:.1f} s.d. %{customdata[1]}<extra></extra>",
     }  # fmt: skip
     spec = _map([heat, stars], len(rows), theme)
@@ -131,26 +131,26 @@ def separation_map(found: Gaps, trials: Sequence[NextTrial], theme: Theme) -> Sp
     return spec
 
 
-def separation_says(found: Gaps, trials: Sequence[NextTrial]) -> str:
-    """Where they differ most, by what, and what is proposed."""
+def separation_caption(found: Gaps, trials: Sequence[NextTrial]) -> str:
+    """Caption: where they differ most, by how much, and how many measurements are proposed."""
     best = found.best
     if not best:
         return "Within this range of φ and ω no trial tells these models apart."
     most = max(best.values(), key=lambda trial: trial.expected_gap_sd)
-    one, other = (name.replace("_", " ") for name in most.separates)
+    first, second = (name.replace("_", " ") for name in most.separates)
     proposed = f" {len(trials)} measurements are proposed." if trials else ""
     return (
-        f"They differ most at {most.where}: {one} from {other} by {text.number(most.expected_gap_sd)} standard "
+        f"They differ most at {most.where}: {first} from {second} by {text.number(most.expected_gap_sd)} standard "
         f"deviations of a trial, in {observable_label(most.observable).lower()}.{proposed}"
     )
 
 
-def _watched(trial: NextTrial | None) -> str:
-    """What to watch, and what it tells apart."""
+def _hover_text(trial: NextTrial | None) -> str:
+    """The observable to watch and the pair of models that it separates, for the hover text."""
     if trial is None:
         return ""
-    one, other = (name.replace("_", " ") for name in trial.separates)
-    return f"of {observable_label(trial.observable)}<br>{one} from {other}"
+    first, second = (name.replace("_", " ") for name in trial.separates)
+    return f"of {observable_label(trial.observable)}<br>{first} from {second}"
 
 
 def _heat(x: list[str], y: list[str], z: Array, scale: list[list[object]], low: float, high: float, title: str) -> Spec:

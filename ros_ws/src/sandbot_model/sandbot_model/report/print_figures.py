@@ -1,4 +1,4 @@
-"""Figures for print and notebooks, by Matplotlib; those of the page are Plotly's (``figures``)."""
+"""Matplotlib figures for print and notebooks; those of the page are Plotly's (``figures``)."""
 
 import io
 import math
@@ -24,9 +24,9 @@ FONT = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 8, "font.family"
 
 
 def speed(steps: Sequence[Step]) -> "Figure":
-    """Mean speed against ω, one panel a φ: cell means ± s.d. of one trial, the last step's model, the first as a ghost.
+    """Mean speed against ω, one panel per φ: cell means ± s.d. of one trial, the last step's model, the first faint.
 
-    The figure is tied to no window and no pyplot state; ``savefig`` writes it. Raises InputError without Matplotlib.
+    The figure is independent of pyplot; ``savefig`` writes it. Raises InputError without Matplotlib.
     """
     rc_context, figure_class = matplotlib("plot")
     with rc_context(FONT):
@@ -54,9 +54,9 @@ def _drawn(figure_class: type["Figure"], steps: Sequence[Step]) -> "Figure":
 
 
 def matplotlib(asker: str) -> tuple[Any, type["Figure"]]:
-    """Matplotlib's settings for a while, and a figure that a notebook shows without pyplot's state.
+    """Matplotlib's ``rc_context``, and a figure class that notebooks display without pyplot.
 
-    Raises InputError in the name of who asks, where there is no Matplotlib.
+    Raises InputError, naming the ``asker``, where Matplotlib is not installed.
     """
     try:
         from matplotlib import rc_context
@@ -74,7 +74,7 @@ def matplotlib(asker: str) -> tuple[Any, type["Figure"]]:
 
 
 def _panels(figure_class: type["Figure"], count: int) -> tuple["Figure", "list[Axes]"]:
-    """A figure with so many panels on common axes."""
+    """A figure with ``count`` panels on shared axes."""
     columns = min(COLUMNS, count)
     lines = math.ceil(count / columns)
     figure = figure_class(figsize=(WIDTH_IN, 0.6 + PANEL_HEIGHT_IN * lines), layout="constrained")
@@ -85,7 +85,7 @@ def _panels(figure_class: type["Figure"], count: int) -> tuple["Figure", "list[A
     for number, panel in enumerate(panels[:count]):
         panel.spines[["top", "right"]].set_visible(False)
         panel.grid(color=LIGHT.grid, linewidth=0.6)
-        # Below the last panel of a column that ends early nothing else carries its ticks.
+        # In a column that ends early, the last panel carries the tick labels.
         panel.tick_params(labelbottom=number + columns >= count, direction="out", length=2.5)
     return figure, panels[:count]
 
@@ -110,7 +110,7 @@ def _points(panel: "Axes", step: Step, band: Band, colour: Any) -> None:
 
 
 def _legend(steps: Sequence[Step]) -> list[Any]:
-    """Entries in ink: colours mean φ."""
+    """Entries in ink, since colours encode φ."""
     from matplotlib.lines import Line2D
 
     entries = [
@@ -125,6 +125,6 @@ def _legend(steps: Sequence[Step]) -> list[Any]:
 
 
 def rgb(colour: str) -> tuple[float, ...]:
-    """A Plotly colour, ``rgb(r, g, b)``, as Matplotlib has it."""
+    """A Plotly colour, ``rgb(r, g, b)``, in Matplotlib's form."""
     red, green, blue = (float(part) / 255 for part in colour.removeprefix("rgb(").removesuffix(")").split(","))
     return red, green, blue

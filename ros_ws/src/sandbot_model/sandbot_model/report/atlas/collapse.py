@@ -1,4 +1,4 @@
-"""How walking ends: critical frequency and best speed against φ (Li09 Fig. 2b, c), step over radius (Fig. 3d)."""
+"""The end of walking: critical frequency and largest speed against φ (Li09 Fig. 2b, c), step over radius (Fig. 3d)."""
 
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TRANSITION = (0.9, 1.0)
-"""s/R at which the paper sees walking end."""
+"""Range of s/R at which walking ends in the paper."""
 
 
 def critical(material: Material, width_mm: float) -> "tuple[Figure, str]":
@@ -37,14 +37,14 @@ def critical(material: Material, width_mm: float) -> "tuple[Figure, str]":
         panel.set_ylim(bottom=0)
         panel.legend(frameon=False, loc="upper left")
     return figure, (
-        "Where walking ends: bars span from the last leg frequency that walks to the first that swims (left); the "
+        "The end of walking: bars span from the last leg frequency that walks to the first that swims (left); the "
         f"largest mean speed over ω (right). From φ {phis[0]:.3f} to {phis[-1]:.3f} the largest speed goes from "
         f"{CM * seen.peak_speed_m_s[0]:.1f} to {CM * seen.peak_speed_m_s[-1]:.1f} cm/s."
     )
 
 
 def step_over_radius(material: Material, width_mm: float) -> "tuple[Figure, str]":
-    """Fig. 3d: s/R = πv̄/(ωR) of every trial; the band is where the paper sees walking end."""
+    """Fig. 3d: s/R = πv̄/(ωR) of every trial; the band is where walking ends in the paper."""
     figure, (panel,) = sheet(width_mm, 0.8 * width_mm)
     trials, cells, radius = material.trials, material.cells, material.robot.leg_radius_m
     ratio = np.pi * trials.speed_m_s / trials.omega_rad_s / radius
@@ -66,13 +66,12 @@ def step_over_radius(material: Material, width_mm: float) -> "tuple[Figure, str]
     panel.set_xticks(omegas, [f"{omega:g}" for omega in omegas])
     panel.set_ylim(bottom=0)
     key(panel, "φ", columns=4, **ABOVE)
-    return figure, "Step length over leg radius, s/R = πv̄/(ωR), of every trial; lines join the means. " + _last(
-        material
-    )
+    caption = "Step length over leg radius, s/R = πv̄/(ωR), of every trial; lines join the means."
+    return figure, f"{caption} {_last_steps(material)}"
 
 
-def _last(material: Material) -> str:
-    """The step of the last condition that walks, at each φ where one swims beyond it."""
+def _last_steps(material: Material) -> str:
+    """The range over φ of s/R in the last condition that walks, where a faster one swims."""
     cells, seen = material.cells, collapse(material.cells)
     radius = material.robot.leg_radius_m
     found = []
@@ -81,5 +80,5 @@ def _last(material: Material) -> str:
             at = band.cells[np.argmin(np.abs(cells.omega[band.cells] - last))]
             found.append(np.pi * cells.mean[at, 0] / last / radius)
     if not found:
-        return "At no φ measured does walking end."
+        return "Walking ends at none of the φ measured."
     return f"The last step before swimming is {min(found):.2f} to {max(found):.2f} R (grey: the paper's 0.9 to 1)."

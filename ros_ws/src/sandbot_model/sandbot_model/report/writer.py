@@ -1,4 +1,4 @@
-"""Puts the page of a discovery or of fits together and writes it."""
+"""Assembles and writes the page of a discovery or of fits."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,10 +23,10 @@ def write_report(
     data: Sequence[Path] = (),
     command: str = "",
 ) -> None:
-    """Write the page of a discovery to ``path``, whole or not at all.
+    """Write the page of a discovery to ``path``, atomically.
 
-    ``frames`` are (JPEG or PNG bytes, caption) of tracked video. Recordings in ``data`` that gave no trial are listed
-    with the reason. ``command`` is what was typed.
+    ``frames`` are (JPEG or PNG bytes, caption) of tracked video. Recordings in ``data`` that yielded no trial are
+    listed with the reason. ``command`` is the command line as typed.
     """
     bags = bags_of(data)
     shown = steps(discovery.steps)
@@ -54,7 +54,7 @@ def write_comparison(
     data: Sequence[Path] = (),
     command: str = "",
 ) -> None:
-    """Write the page of one or more fits to the same trials, in the order given, whole or not at all.
+    """Write the page of one or more fits to the same trials, in the order given, atomically.
 
     ``frames``, ``data`` and ``command`` as in ``write_report``.
     """
