@@ -7,7 +7,7 @@ import pytest
 from sandbot_common.errors import InputError
 from sandbot_model.physics.catalogue import catalogue
 from sandbot_model.physics.predictor import PredictorParameters, predictor_of
-from sandbot_model.physics.variants import under
+from sandbot_model.physics.variants import with_variants
 from sandbot_model.physics.walking import Inputs, Walker
 
 PARAMETERS = PredictorParameters()
@@ -88,7 +88,7 @@ def test_a_result_is_run_under_the_convention_that_was_fitted(tmp_path, kept):
         return predictor_of(PredictorParameters(result=str(path))).mean_speed(0.6, 16.0)
 
     found = speed(convention, {}) if kept == "step" else speed({}, convention)
-    variant = under(convention["variants"], catalogue())["cable_drag"]
+    variant = with_variants(convention["variants"], catalogue())["cable_drag"]
     assert found == Walker((variant,)).predict(Inputs(205.0, 16.0, 0.4), [{"f_c_n": 0.5}]).speed_m_s
     assert abs(found - speed({}, {})) > 0.01
 

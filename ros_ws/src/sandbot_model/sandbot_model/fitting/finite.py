@@ -8,7 +8,7 @@ import numpy as np
 from sandbot_common.errors import InputError
 from sandbot_model.data.conditions import Cells
 from sandbot_model.physics.arrays import Array, Bool
-from sandbot_model.physics.effect import of_catalogue
+from sandbot_model.physics.effect import is_from_catalogue
 from sandbot_model.physics.first_run import shown
 from sandbot_model.physics.geometry import critical_k_n_per_m
 from sandbot_model.physics.model import Model
@@ -20,7 +20,7 @@ FIRM = 1.2
 
 def check_finite(model: Model, cells: Cells) -> None:
     """Try every parameter of users' effects where it starts and at both ends of its range. Raises InputError."""
-    users = [effect.identifier for effect in model.walker.effects if not of_catalogue(effect)]
+    users = [effect.identifier for effect in model.walker.effects if not is_from_catalogue(effect)]
     if not users:
         return
     at = [i for i, name in enumerate(model.names) if name.partition(".")[0] in users]

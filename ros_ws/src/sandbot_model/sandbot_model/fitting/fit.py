@@ -183,6 +183,6 @@ def fitted_at(model: Model, cells: Cells, point: Point, nuisances: Nuisances | N
         stderr=stderr[:own],
         covariance=covariance[:own, :own],
         goodness=goodness.goodness(problem, state, jacobian),
-        nuisances=nuisances and replace(nuisances, about=np.array(values)),
+        nuisances=nuisances and replace(nuisances, initial=np.array(values)),
         shared=tuple(Estimate(value, error) for value, error in zip(values, stderr[own:].tolist(), strict=True)),
     )

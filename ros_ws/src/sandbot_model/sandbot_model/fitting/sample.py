@@ -86,15 +86,15 @@ def _held(problem: Problem, begin: States, index: int) -> States:
     rows = np.zeros(len(values), dtype=np.int64)
     theta, ln_k, slope, bed = begin.theta[rows], begin.ln_k[rows], begin.slope[rows], problem.bed(begin)[rows]
     theta[:, index] = values
-    for one in (*(_rougher(problem, ln_k_sd) for ln_k_sd in ROUGH), problem):
+    for one in (*(_with_k_scatter(problem, ln_k_sd) for ln_k_sd in ROUGH), problem):
         found = descend(one, one.states(theta, ln_k, slope, bed), ITERATIONS, fixed=[index])
         theta, ln_k, bed = found.theta, found.ln_k, one.bed(found)
     return found
 
 
-def _rougher(problem: Problem, ln_k_sd: float) -> Problem:
+def _with_k_scatter(problem: Problem, ln_k_sd: float) -> Problem:
     own = problem.nuisances or _none(len(problem.cells))
-    return replace(problem, nuisances=own.rougher(ln_k_sd))
+    return replace(problem, nuisances=own.with_k_scatter(ln_k_sd))
 
 
 def _none(cells: int) -> Nuisances:

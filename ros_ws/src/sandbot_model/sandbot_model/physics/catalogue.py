@@ -13,7 +13,7 @@ import numpy as np
 
 from sandbot_common.errors import InputError
 from sandbot_model.physics import effect as effect_module
-from sandbot_model.physics.effect import REPLACEABLE, STAGES, Effect, Parameter, named_twice
+from sandbot_model.physics.effect import REPLACEABLE, STAGES, Effect, Parameter, duplicate_name
 from sandbot_model.physics.effects import CATALOGUE
 from sandbot_model.physics.first_run import changes_something
 from sandbot_model.physics.formula import formula_effect
@@ -111,7 +111,7 @@ def _check_parameters(effect: Effect, where: str) -> None:
             raise InputError(f"{where}: {parameter.name}: from {low!r} to {high!r} is no range, low < high is needed")
         if not low <= start <= high:
             raise InputError(f"{where}: {parameter.name}: start {start!r} is not within {low!r} to {high!r}")
-    if twice := named_twice(effect.parameters):
+    if twice := duplicate_name(effect.parameters):
         raise InputError(f"{where}: {type(effect).__name__}: parameter {twice!r} is there twice")
     if not (isinstance(effect.replaces, tuple) and set(effect.replaces) <= set(REPLACEABLE)):
         can = ", ".join(map(repr, REPLACEABLE))

@@ -58,7 +58,7 @@ class Parameter:
         return replace(self, low=value, high=value, start=value, hard_low=value, hard_high=value)
 
 
-def named_twice(parameters: Sequence[Parameter]) -> str:
+def duplicate_name(parameters: Sequence[Parameter]) -> str:
     """The first name that two parameters have; empty where each has its own."""
     names = [parameter.name for parameter in parameters]
     return next((name for name in names if names.count(name) > 1), "")
@@ -98,6 +98,6 @@ class Effect:
         raise NotImplementedError
 
 
-def of_catalogue(effect: Effect) -> bool:
+def is_from_catalogue(effect: Effect) -> bool:
     """Whether an effect is the catalogue's, under whatever convention; not one that a user has put in its place."""
     return bool(effect.variant) or type(effect).__module__.startswith(f"{__package__}.effects.")

@@ -25,7 +25,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.suggest import did_you_mean, near
 from sandbot_model.physics.arrays import Array
 from sandbot_model.physics.chain import Chain
-from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values, named_twice
+from sandbot_model.physics.effect import STAGES, Effect, Parameter, Values, duplicate_name
 from sandbot_model.physics.first_run import changes_something
 from sandbot_model.physics.symbols import CONSTANTS, get, put, readable, settable, stage_of
 from sandbot_model.physics.walking import Inputs, Walker
@@ -84,7 +84,7 @@ def formula_effect(text: str, *, tried: bool = False) -> Effect:
         raise InputError(f"--effect {text!r}: no stage {stage!r}{did_you_mean(stage, STAGES)}")
     more = [part.strip() for part in declared if _ASSIGNMENT.fullmatch(part)]
     parameters = tuple(_parameter(part, text) for part in declared if part.strip() and part.strip() not in more)
-    if twice := named_twice(parameters):
+    if twice := duplicate_name(parameters):
         raise InputError(f"--effect {text!r}: parameter {twice!r} is declared twice")
     effect = _Formula(name, stage, tuple(_sets(part, stage, text) for part in (body, *more)), parameters)
     return effect if tried else _checked(effect, text)

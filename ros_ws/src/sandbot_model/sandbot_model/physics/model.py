@@ -13,7 +13,7 @@ from sandbot_common.errors import InputError
 from sandbot_common.robot import SANDBOT, Robot
 from sandbot_common.suggest import did_you_mean
 from sandbot_model.physics.arrays import Array
-from sandbot_model.physics.effect import Effect, Parameter, of_catalogue
+from sandbot_model.physics.effect import Effect, Parameter, is_from_catalogue
 from sandbot_model.physics.gait import EVEN, Clock, slow_phase_ratio
 from sandbot_model.physics.walking import BASES, V_SWIM_M_S, Inputs, Params, Walker
 
@@ -65,7 +65,7 @@ class Model:
 
         walker = self.walker
         # A user may change an effect of his own between two models.
-        known = all(map(of_catalogue, walker.effects))
+        known = all(map(is_from_catalogue, walker.effects))
         return recorded(pickle.dumps((walker.effects, walker.robot))) if known else record(walker)
 
     @cached_property

@@ -20,7 +20,7 @@ from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.gait import clock
 from sandbot_model.physics.geometry import stance_angle, step_from_lift
 from sandbot_model.physics.model import Model, model_of
-from sandbot_model.physics.variants import under
+from sandbot_model.physics.variants import with_variants
 from sandbot_model.physics.walking import BASES, KCurve, Prediction
 
 
@@ -145,7 +145,7 @@ def predictor_from_json(
         stated = content.get("robot")
         own = robot_from_mapping(stated, f"{path}: robot") if stated is not None else robot or SANDBOT
         # Older files say it once for all steps.
-        known = under(step.get("variants", content.get("variants", {})), known)
+        known = with_variants(step.get("variants", content.get("variants", {})), known)
         if absent := [name for name in step["effects"] if name not in known]:
             raise InputError(f"effect {absent[0]!r} is not in the catalogue; effect or effects_from gives your own")
         model = model_of(content["model"], step["effects"], known, own)

@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 from sandbot_model.physics.chain import Chain
-from sandbot_model.physics.effect import Effect, Parameter, Values, of_catalogue
+from sandbot_model.physics.effect import Effect, Parameter, Values, is_from_catalogue
 from sandbot_model.physics.formula import formula_effect
 
 _POWER = "; power [1] in {}..{}"
@@ -205,7 +205,7 @@ class Variant(Effect):
 
 def variants_of(effect: Effect) -> tuple[Variant, ...]:
     """The other conventions of a family; none of an effect that a user has put in its place."""
-    return () if effect.variant or not of_catalogue(effect) else _variants(effect)
+    return () if effect.variant or not is_from_catalogue(effect) else _variants(effect)
 
 
 @lru_cache(maxsize=64)
@@ -213,7 +213,7 @@ def _variants(effect: Effect) -> tuple[Variant, ...]:
     return tuple(Variant(effect, name, text) for name, text in VARIANTS.get(effect.identifier, {}).items())
 
 
-def under(conventions: Mapping[str, str], effects: Mapping[str, Effect]) -> dict[str, Effect]:
+def with_variants(conventions: Mapping[str, str], effects: Mapping[str, Effect]) -> dict[str, Effect]:
     """A catalogue with some effects under other conventions, by their names. Raises KeyError for one that is none."""
     by_name = {name: {one.variant: one for one in variants_of(effects[name])} for name in conventions}
     return {**effects, **{name: by_name[name][variant] for name, variant in conventions.items()}}
