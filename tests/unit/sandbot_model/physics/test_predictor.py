@@ -146,8 +146,11 @@ def test_effects_and_values_by_name():
         ({"phi": (0.6, 0.58), "k_n_per_m": (200.0, 210.0)}, "phi must rise"),
         ({"phi": (0.58, 0.6)}, "as many values"),
         ({"result": "none.json"}, "no such file"),
-        ({"result": "res.json", "model": "full"}, "model: result res.json tells the whole model; leave one of the two"),
-        ({"result": "res.json", "delta_t_s": 0.3}, "delta_t_s: result res.json tells the whole model"),
+        (
+            {"result": "res.json", "model": "full"},
+            "model: result res.json specifies the whole model; leave one of the two",
+        ),
+        ({"result": "res.json", "delta_t_s": 0.3}, "delta_t_s: result res.json specifies the whole model"),
     ],
 )
 def test_refuses_what_does_not_fit(given, message):

@@ -57,8 +57,8 @@ class Evaluation(NamedTuple):
 
 
 class CellMeans:
-    """θ is ``(rows, parameters)``, ln k and dk/dφ are ``(rows, levels)``; ``moved (rows or 1, cells)`` is the offset of a
-    cell's ln k from its level's, ``ln_k_sd (cells,)`` the sd of ln k that a cell's replicates share."""
+    """θ is ``(rows, parameters)``, ln k and dk/dφ are ``(rows, levels)``; ``moved (rows or 1, cells)`` is the offset of
+    a cell's ln k from its level's, ``ln_k_sd (cells,)`` the sd of ln k that a cell's replicates share."""
 
     def __init__(self, model: Model, cells: Cells, measured: Measured, ln_k_sd: Array) -> None:
         self.cells, self.measured, self.ln_k_sd = cells, measured, ln_k_sd

@@ -181,7 +181,7 @@ def at_bounds(problem: Problem, theta: Array) -> tuple[str, ...]:
 
 
 def implausible(model: Model, estimates: Mapping[str, Estimate]) -> tuple[str, ...]:
-    """Shared parameters outside their plausible range by more than ``PLAUSIBLE_SIGMAS`` standard errors, or by more than
+    """Shared parameters outside their plausible range by more than ``PLAUSIBLE_SIGMAS`` standard errors or by
     ``FAR_OUT`` of its width: an error as wide as the range excuses no value.
     """
     found = []

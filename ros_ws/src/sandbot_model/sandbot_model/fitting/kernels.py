@@ -77,7 +77,7 @@ def _whitened(mean, predicted, measured, whiten, residual):
 
 @_compiled
 def _widen(spread, of, here):
-    """Add the scatter of a cell's nodes to its covariance and update the whitening; returns the ln of its determinant."""
+    """Add the scatter of a cell's nodes to its covariance, update the whitening, return ln |covariance|."""
     values, mean, weights = spread
     share, replicates = of
     measured, covariance, whiten = here
@@ -309,7 +309,7 @@ def _least(same, cross, k_grid):
 
 @_compiled
 def _track_average(table, k_grid, sigma, nodes, weights):
-    """A cell's predictions ``(4, k)`` averaged along the track; lift is the median step's, peak speed the best step's."""
+    """A cell's predictions ``(4, k)`` averaged along the track; lift is the median step's, peak the best step's."""
     found = np.zeros(table.shape)
     for at in range(len(k_grid)):
         found[1, at], found[2, at] = table[1, at], -np.inf

@@ -77,7 +77,7 @@ def leave_one_out(problem: Problem, state: States, jacobian: Array) -> LeaveOneO
 
 
 def _linear_step(problem: Problem, state: States, jacobian: Array) -> tuple[Array, Array, Array, Array]:
-    """θ ``(cells, parameters)``, ln k ``(cells, levels)`` and nuisances ``(cells, nuisances)`` fitted without each cell,
+    """θ ``(cells, parameters)``, ln k ``(cells, levels)``, nuisances ``(cells, nuisances)`` fitted without each cell,
     and the standard deviation of its predicted speed [m/s] ``(cells,)``.
 
     Removing the rows J_c, r_c of the cells left out together from the normal equations moves the minimum by

@@ -1,7 +1,7 @@
 """One model against one set of cells: predictions and their deviance.
 
 The unknowns are the shared parameters θ and one ln k per φ level. The bed's φ scatters by σ_φ about its set point, so a
-cell mean is an average over k(φ); with G nodes x_g, w_g of Gauss-Hermite quadrature and the slope dk/dφ of the fitted curve,
+cell mean is an average over k(φ); with G nodes x_g, w_g of Gauss-Hermite quadrature and the fitted curve's slope dk/dφ,
 
     ȳ_c = Σ_g w_g y(k + dk/dφ σ_φ x_g, ω),   V_c = V_c0 + (scatter of y over the nodes)/n if the cell straddles a switch
 
@@ -181,8 +181,8 @@ class Problem:
         return CellByCell(predicted, self.widening(cells.covariance[0]), deviance, walks)
 
     def widening(self, covariance: Array) -> Array:
-        """Standard deviation of a cell mean over that of pure error, the largest of its observables ``(cells,)``: above 1
-        near a switch. Speed alone hardly shows one where walking is no faster than swimming."""
+        """Standard deviation of a cell mean over that of pure error ``(cells,)``, above 1 near a switch: the largest of
+        its observables, since speed alone shows no switch where walking is no faster than swimming."""
         own, wider = (np.diagonal(each, axis1=1, axis2=2) for each in (self.covariance, covariance))
         return np.asarray(np.sqrt(np.where(self.measured, wider / own, 1.0).max(axis=1)))
 

@@ -76,7 +76,7 @@ def _lowest_below(problem: Problem, state: States, theta: Array, ln_k: Array) ->
 
 
 def scan_bed(problem: Problem, state: States) -> States:
-    """Shift every offset of the bed, those without a common cell at once; keep the best combination of gains. One row."""
+    """Shift every offset of the bed, those without a common cell together; keep all gains or one group's. One row."""
     if problem.nuisances is None or not problem.nuisances.moves_k.any():
         return state
     shared, sd, own = problem.shared(state), problem.nuisances.sd, problem.nuisances.by_ln_k != 0

@@ -20,7 +20,7 @@ from sandbot_model.physics.model import Model
 
 K_GRID = 48
 K_RANGE = (0.55, 4.0)
-"""k over mg/(2R - h): from ground whose linear law never carries the robot, to ground so stiff that more has no effect."""
+"""k over mg/(2R - h): from ground that by a linear law never carries the robot, to effectively rigid ground."""
 CHUNK = 8
 MIN_DISTANCE = 0.15
 """Starts closer than this in every parameter, as a share of its plausible range, count as the same."""
@@ -57,7 +57,7 @@ def starts(problem: Problem, slope: Array, k_curve: Array, also: Array | None = 
 def resample(problem: Problem, theta: Array, ln_k: Array, slope: Array) -> list[Start]:
     """Starts with Δt near that of θ ``(parameters,)`` and the effects' parameters anywhere in their ranges.
 
-    A switch shows only in a narrow range of an effect's parameters, which a wide sample misses unless Δt is nearly right.
+    A switch shows only in a narrow range of an effect's parameters, which a sample misses unless Δt is nearly right.
     """
     model = problem.model
     at = [i for i, name in enumerate(model.names) if "." in name]
@@ -107,7 +107,7 @@ def _narrowed(k: Array, k_grid: Array) -> Array:
 
 
 def profile(problem: Problem, theta: Array, slope: Array, k_curve: Array, k_grid: Array) -> tuple[Array, Array]:
-    """The deviance minimised over all k for each θ ``(m, parameters)``, ``(m,)``, and the ln k there ``(m, levels)``."""
+    """Deviance minimised over all k for each θ ``(m, parameters)``, ``(m,)``, and the ln k there ``(m, levels)``."""
     same = np.zeros((len(theta), len(problem.cells.level_phi), len(k_grid)))
     cross = np.zeros((*same.shape[:2], len(k_grid) - 1))
     if problem.cells.pressed is not None:
