@@ -109,7 +109,7 @@ def interpolated(x, xp, fp):
 
 @_compiled
 def _run(code, begin, end, reg, n, tables, phi, k):  # noqa: C901
-    """Do operations ``begin`` to ``end`` at the first ``n`` points; ``phi (levels,)`` and ``k`` are the fitted curve."""
+    """Do operations ``begin`` to ``end`` at the first ``n`` points; ``phi (levels,)`` and ``k`` are the curve k(φ)."""
     for line in range(begin, end):
         operation, out, a, b, c = code[line, 0], code[line, 1], code[line, 2], code[line, 3], code[line, 4]
         points = n if code[line, 5] == EACH else 1
@@ -288,8 +288,8 @@ def _margins(program, moved, points, depth, pairs, depths, rows):
 
 @_compiled
 def _margins_on(scan, levels, points, depth, pairs, grid):
-    """The same at the depths of a ``grid``, by a program sorted as in ``footing``: what consecutive pairs, ordered by row
-    and cell, have in common is done once."""
+    """The same at the depths of a ``grid``, by a program sorted as in ``footing``: what consecutive pairs, ordered by
+    row and cell, have in common is done once."""
     code, inputs, outputs, count, constants, tables = scan
     row, cell, below = pairs
     theta, conditions, k, phi, curve = points

@@ -17,7 +17,7 @@ from sandbot_model.physics.arrays import Array, Ints
 from sandbot_model.physics.chain import Chain
 from sandbot_model.physics.effect import Effect
 from sandbot_model.physics.guarded import Replaced
-from sandbot_model.physics.machine import COMPARISONS, EACH, LOGICAL, NUMBER, OF_ROW, ONCE, BROADCAST, UNARY
+from sandbot_model.physics.machine import BROADCAST, COMPARISONS, EACH, LOGICAL, NUMBER, OF_ROW, ONCE, UNARY
 from sandbot_model.physics.stages import through
 from sandbot_model.physics.walking import Walker, observables
 
