@@ -46,7 +46,7 @@ def bootstrap(
     of new trials; the result is corrected for it. Raises InputError if draws < 2 or no cell has replicates.
     """
     if draws < 2:
-        raise InputError(f"--bootstrap: {draws} draws tell no spread; 2 or more")
+        raise InputError(f"--bootstrap: {draws} draws give no spread; 2 or more are needed")
     trials = trials.select(trials.usable)
     batches = _batches(trials)
     groups = batches or _cells(trials)

@@ -173,7 +173,7 @@ def p_of_readings(state: States) -> dict[str, float]:
 
 
 def at_bounds(problem: Problem, theta: Array) -> tuple[str, ...]:
-    """Shared parameters at an end of their search range; a held one is none."""
+    """Shared parameters at an end of their search range, held ones excepted."""
     low, high = bounds(problem)
     edge = AT_BOUND * (high - low)
     pressed = ((theta <= low + edge) | (theta >= high - edge)) & (low < high)

@@ -122,8 +122,8 @@ def _axis_profile(fit: Fit, index: int) -> States:
 def _best_neighbour(deviance: Array) -> Ints:
     """Index of the least of each value and its two neighbours."""
     every = np.pad(deviance, 1, constant_values=np.inf)
-    beside = np.stack([every[1:-1], every[:-2], every[2:]])
-    return np.asarray(np.arange(len(deviance)) + np.array([0, -1, 1])[beside.argmin(axis=0)])
+    candidates = np.stack([every[1:-1], every[:-2], every[2:]])
+    return np.asarray(np.arange(len(deviance)) + np.array([0, -1, 1])[candidates.argmin(axis=0)])
 
 
 def _held(parameter: Parameter, here: float, error: float) -> Array:

@@ -75,7 +75,7 @@ def switches_of(
 
 
 def share_of_nodes(found: Sequence[tuple[str, Switches]], shape: tuple[int, ...]) -> Array:
-    """The share of a cell's trials that each node stands for ``(rows, cells, nodes)``; their sum is 1."""
+    """The share of a cell's trials that each node represents ``(rows, cells, nodes)``; they add up to 1."""
     share = np.empty(shape)
     share[:] = WEIGHTS
     for _, these in found:

@@ -64,9 +64,9 @@ class Model:
         from sandbot_model.physics.tape import record, recorded
 
         walker = self.walker
-        # A user may change an effect of his own between two models.
-        known = all(map(is_from_catalogue, walker.effects))
-        return recorded(pickle.dumps((walker.effects, walker.robot))) if known else record(walker)
+        # Recordings of a user's effect are not cached: it may change between two models.
+        cached = all(map(is_from_catalogue, walker.effects))
+        return recorded(pickle.dumps((walker.effects, walker.robot))) if cached else record(walker)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

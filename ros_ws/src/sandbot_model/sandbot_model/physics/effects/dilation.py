@@ -25,7 +25,7 @@ class Dilation(Effect):
             0.3,
             1.0,
             0.6,
-            "share of the way to phi_c that disturbance takes φ",
+            "fraction of the way to phi_c by which disturbance changes φ",
             neutral=0.0,
             hard_low=0.0,
             hard_high=1.2,

@@ -1,4 +1,4 @@
-"""Looser ground brings the body to leg speed in another time."""
+"""How long it takes to bring the body to leg speed depends on the volume fraction."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from sandbot_model.physics.effect import Effect, Parameter, Values
 
 
 class PhiDependentResponse(Effect):
-    """Δt depends linearly on the volume fraction."""
+    """Δt is linear in the volume fraction."""
 
     identifier = "phi_dependent_response"
     stage = "balance"
