@@ -82,7 +82,7 @@ class Found:
 
 
 def solve(task: tuple[Model, Cells, WarmStart | None]) -> Point:
-    """The global minimum; never above that of ``near``, a smaller model's fit."""
+    """The global minimum; its deviance is never above that of the warm start, a smaller model's fit."""
     return solve_with_nuisances((*task, None))
 
 
@@ -121,9 +121,7 @@ def solve_near_further(task: tuple[Model, Cells, tuple[WarmStart, ...], Point]) 
 def solve_jumping(task: tuple[Model, Cells, Point]) -> Found:
     """Last part of ``solve``, from the result of the second: basin hopping, for models with many local minima."""
     model, cells, point = task
-    return _found(
-        problem := Problem(model, cells), _plausible(problem, _basin_hopped(problem, _state_at(problem, point)))
-    )
+    return _found(problem := Problem(model, cells), _plausible(problem, _basin_hop(problem, _state_at(problem, point))))
 
 
 def worth_jumps(model: Model, cells: Cells, deviance: float) -> bool:
@@ -170,7 +168,7 @@ def best_state(problem: Problem, near: WarmStart | None = None) -> States:
     """The global minimum as a state; never above that of ``near`` if this model contains that one. One row."""
     states = _refined(problem, _first_look(problem, near), near)
     if worth_jumps(problem.model, problem.cells, float(states.deviance[0])):
-        states = _basin_hopped(problem, states)
+        states = _basin_hop(problem, states)
     return _plausible(problem, states)
 
 
@@ -231,7 +229,7 @@ def _refined(problem: Problem, states: States, near: WarmStart | None) -> States
     return _plausible(problem, close if close.deviance[0] < found.deviance[0] else found)
 
 
-def _basin_hopped(problem: Problem, states: States) -> States:
+def _basin_hop(problem: Problem, states: States) -> States:
     """Basin hopping (Wales & Doye 1997, J. Phys. Chem. A 101, 5111) at temperature zero, ``HOP_ROWS`` jumps a hop.
 
     One row; deterministic.

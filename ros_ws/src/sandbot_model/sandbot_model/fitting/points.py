@@ -17,7 +17,7 @@ from sandbot_model.physics.walking import Footing, Inputs, KCurve, Params, Walke
 Feet = Iterable[Any]
 """The fields of a ``Footing``, arrays ``(rows, cells, nodes)``."""
 Pairs = tuple[Ints, Ints, Ints]
-"""Rows, cells and nodes ``(pairs,)``; of a pair of neighbouring nodes the lower one."""
+"""Rows, cells and nodes ``(pairs,)``; of a pair of neighbouring nodes the softer one."""
 CONDITIONS = ("phi", "omega", "slow_phase_ratio", "swing_ratio", "slow_begin", "slow_end")
 """Inputs of a chain that depend on the cell."""
 SEEN = (*NAMES, "margin", "virgin_margin")
